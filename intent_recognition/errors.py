@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One exception family; every message names the argument, what was expected, what came and the cure."""
+
+
+class IntentError(Exception):
+    """Base of every error this package raises on purpose."""
+
+
+class ArgumentError(IntentError, ValueError):
+    """A value is outside what the function can take."""
+
+
+class ShapeError(ArgumentError):
+    """An array has the wrong shape."""
+
+
+class DofError(IntentError):
+    """A DOF file is malformed, or disagrees with a model or a recording."""
+
+
+class BagError(IntentError):
+    """A recording is damaged, incomplete or does not hold what was asked of it."""
+
+
+class MessageError(BagError):
+    """A single message cannot be read or lacks a field or a joint."""
+
+
+class ModelError(IntentError):
+    """A model file cannot be used: unknown version, missing array, wrong shape, non-finite value."""
+
+
+class TrainingError(IntentError):
+    """The demonstrations cannot be learned from."""
+
+
+class TrajectoryError(IntentError):
+    """A trajectory command cannot be executed as it was sent."""
+
+
+class KinematicsError(IntentError):
+    """A pose cannot be reached, or a joint vector is outside the limits."""
+
+
+class ResourceBusyError(IntentError):
+    """A port, a ROS domain or a file is in use or cannot be opened."""
+
+
+def describe(argument: str, expected: str, got: object, cure: str) -> str:
+    """Build the message every error of this package carries.
+
+    Args:
+        argument: name of the argument, file or topic at fault.
+        expected: what would have been right.
+        got: what came instead.
+        cure: what the caller can do about it, as a sentence.
+    """
+    return f"{argument}: expected {expected}, got {got}. {cure}"

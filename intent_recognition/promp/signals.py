@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The samples of some degrees of freedom over time, as they were measured: irregular, with gaps."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Samples of the DOFs of one topic; gaps stay gaps, nothing is imputed.
+
+    Attributes:
+        names: names of the d DOFs.
+        stamps_ns: time of measurement of each sample, int64 (T,), strictly increasing.
+        values: float64 (T, d), in `unit`.
+        unit: unit of all d DOFs, "m" or "rad" as a rule.
+
+    Raises:
+        ShapeError: the arrays do not fit each other or the names.
+        ArgumentError: stamps do not increase, or a value is not finite.
+    """
+
+    names: tuple[str, ...]
+    stamps_ns: np.ndarray
+    values: np.ndarray
+    unit: str
+
+    def __post_init__(self):
+        stamps = np.array(self.stamps_ns, dtype=np.int64)
+        values = np.array(self.values, dtype=np.float64)
+        if values.shape != (stamps.size, len(self.names)):
+            raise ShapeError(
+                describe(
+                    "values",
+                    f"shape ({stamps.size}, {len(self.names)}): one row a stamp, one column a name",
+                    values.shape,
+                    "Stack the samples in time, then by DOF.",
+                )
+            )
+        if stamps.size > 1 and np.min(np.diff(stamps)) <= 0:
+            at = int(np.argmin(np.diff(stamps)))
+            raise ArgumentError(
+                describe(
+                    "stamps_ns",
+                    "strictly increasing stamps",
+                    f"{stamps[at]} then {stamps[at + 1]}",
+                    "Sort the samples and drop duplicates.",
+                )
+            )
+        if not np.all(np.isfinite(values)):
+            raise ArgumentError(
+                describe("values", "finite numbers", "NaN or infinity", "Leave such samples out.")
+            )
+        stamps.setflags(write=False)
+        values.setflags(write=False)
+        object.__setattr__(self, "stamps_ns", stamps)
+        object.__setattr__(self, "values", values)
+
+    def seconds(self, start_ns: int) -> np.ndarray:
+        """Times of the samples in seconds after `start_ns`, (T,)."""
+        return (self.stamps_ns - np.int64(start_ns)) * 1e-9
+
+    def between(self, start_ns: int, end_ns: int) -> "Signal":
+        """The samples with start_ns <= stamp <= end_ns."""
+        first, last = np.searchsorted(self.stamps_ns, [start_ns, end_ns + 1])
+        return Signal(self.names, self.stamps_ns[first:last], self.values[first:last], self.unit)
