@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node's health on `/diagnostics`: measured rates, rejected inputs by reason, latencies."""
+
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+PERIOD_S = 1.0
+LATENCY_WINDOW = 2000
+
+
+class Diagnostics:
+    """One DiagnosticStatus a second, named after the node, whatever the node's own clock does.
+
+    Keys are `rate <stream> [Hz]` (measured over the last period), `received <stream>` (total),
+    `rejected <reason>` (total), `latency p50|p95|p99 [ms]` (over the last 2000 samples) and what
+    the node set with `value`. Publishing runs on a steady clock, so that it goes on while
+    simulated time stands still.
+
+    Args:
+        node: the node reported on; a lifecycle node reports in every state.
+        period_s: seconds between two reports.
+        clock: seconds, monotonic; tests pass their own.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        *,
+        period_s: float = PERIOD_S,
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        self._node = node
+        self._clock = clock
+        self._name = node.get_fully_qualified_name().lstrip("/")
+        self._counts: Counter[str] = Counter()
+        self._totals: Counter[str] = Counter()
+        self._in_period: Counter[str] = Counter()
+        self._period_start_s = clock()
+        self._latencies_s: deque[float] = deque(maxlen=LATENCY_WINDOW)
+        self._values: dict[str, str] = {}
+        self._logged_s: dict[str, float] = {}
+        self._level = DiagnosticStatus.OK
+        self._message = "running"
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._timer = node.create_timer(
+            period_s, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+    def count(self, reason: str, amount: int = 1) -> None:
+        """Count rejected inputs under `reason`; the total is published as `rejected <reason>`."""
+        self._counts[reason] += amount
+
+    def reject(self, reason: str, text: str) -> None:
+        """Count a rejected input and log it, at most once a second for each reason."""
+        self.count(reason)
+        now_s = self._clock()
+        if now_s - self._logged_s.get(reason, -np.inf) >= 1.0:
+            self._logged_s[reason] = now_s
+            self._node.get_logger().warning(f"{reason}: {text} ({self._counts[reason]} so far)")
+
+    def rejected(self, reason: str) -> int:
+        """How many inputs were rejected for `reason` so far."""
+        return self._counts[reason]
+
+    def tick(self, stream: str) -> None:
+        """Note one message of `stream`, for its measured rate."""
+        self._totals[stream] += 1
+        self._in_period[stream] += 1
+
+    def latency(self, seconds: float) -> None:
+        """Note the time one input took from arrival to output."""
+        self._latencies_s.append(float(seconds))
+
+    def value(self, key: str, value: object) -> None:
+        """Report `value` under `key` from now on; the latest wins."""
+        self._values[key] = str(value)
+
+    def status(self, level: int | bytes, message: str) -> None:
+        """Set level (0 ok, 1 warn, 2 error, 3 stale) and message, until set again."""
+        self._level = bytes(level) if isinstance(level, bytes) else bytes([level])
+        self._message = message
+
+    def report(self) -> DiagnosticStatus:
+        """The status as it would be published now; starts a new period for the rates."""
+        now_s = self._clock()
+        elapsed_s = max(now_s - self._period_start_s, 1e-9)
+        rows: dict[str, str] = {}
+        for stream in sorted(self._totals):
+            rows[f"rate {stream} [Hz]"] = f"{self._in_period[stream] / elapsed_s:.1f}"
+            rows[f"received {stream}"] = str(self._totals[stream])
+        rows |= {f"rejected {reason}": str(n) for reason, n in sorted(self._counts.items())}
+        if self._latencies_s:
+            percentiles = np.percentile(np.array(self._latencies_s) * 1e3, (50, 95, 99))
+            for name, value in zip(("p50", "p95", "p99"), percentiles, strict=True):
+                rows[f"latency {name} [ms]"] = f"{value:.3f}"
+        rows |= self._values
+        self._in_period.clear()
+        self._period_start_s = now_s
+        return DiagnosticStatus(
+            level=self._level,
+            name=self._name,
+            message=self._message,
+            values=[KeyValue(key=key, value=value) for key, value in rows.items()],
+        )
+
+    def publish(self) -> None:
+        """Publish one report."""
+        message = DiagnosticArray(status=[self.report()])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)

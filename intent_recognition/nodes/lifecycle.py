@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A lifecycle node that starts active by itself and never loses an exception."""
+
+import traceback
+from collections.abc import Callable
+
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+
+from intent_recognition.errors import IntentError
+from intent_recognition.nodes.runtime import parameter
+
+
+class ManagedNode(LifecycleNode):
+    """Base of the nodes that can be configured, activated and deactivated at run time.
+
+    A subclass overrides `configure`, `activate`, `deactivate` and `cleanup` (plain methods that
+    raise on failure) and calls `self.start()` as the last line of its constructor. With the
+    parameter `autostart` (default true) the node is then active, and an IntentError raised on
+    the way goes on to the caller; otherwise it waits for `~/change_state`.
+
+    rclpy swallows what lifecycle callbacks raise; here an IntentError is logged in one line and
+    the transition fails (the node stays in the state it came from), anything else is logged
+    with its traceback and the transition goes through error processing to unconfigured.
+    """
+
+    def __init__(self, name: str, **kwargs):
+        super().__init__(name, **kwargs)
+        self._failure: Exception | None = None
+        self._autostart = parameter(
+            self, "autostart", True, "Configure and activate at start.", read_only=True
+        )
+
+    def configure(self) -> None:
+        """Load what is needed; called on the way from unconfigured to inactive."""
+
+    def activate(self) -> None:
+        """Begin to act; called on the way from inactive to active."""
+
+    def deactivate(self) -> None:
+        """Stop acting, safely; called on the way from active to inactive or finalized."""
+
+    def cleanup(self) -> None:
+        """Let go of what `configure` loaded."""
+
+    @property
+    def active(self) -> bool:
+        """Whether the node is in the state `active`."""
+        return self._state_machine.current_state[1] == "active"
+
+    def start(self) -> None:
+        """Configure and activate if `autostart` is set.
+
+        Raises:
+            Exception: what `configure` or `activate` raised.
+        """
+        if not self._autostart:
+            return
+        for trigger in (self.trigger_configure, self.trigger_activate):
+            if trigger() != TransitionCallbackReturn.SUCCESS:
+                raise self._failure or RuntimeError("a lifecycle transition failed")
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Handle the transition to inactive."""
+        return self._guard(self.configure, super().on_configure, state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Handle the transition to active."""
+        return self._guard(self.activate, super().on_activate, state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Handle the transition back to inactive."""
+        return self._guard(self.deactivate, super().on_deactivate, state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Handle the transition back to unconfigured."""
+        return self._guard(self.cleanup, super().on_cleanup, state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Handle the transition to finalized; an active node is deactivated first."""
+        hook = self.deactivate if state.label == "active" else _nothing
+        return self._guard(hook, super().on_shutdown, state)
+
+    def _guard(
+        self,
+        hook: Callable[[], None],
+        default: Callable[[LifecycleState], TransitionCallbackReturn],
+        state: LifecycleState,
+    ) -> TransitionCallbackReturn:
+        self._failure = None
+        try:
+            hook()
+        except IntentError as error:
+            self._failure = error
+            self.get_logger().error(f"{hook.__name__}: {error}")
+            return TransitionCallbackReturn.FAILURE
+        except Exception as error:
+            self._failure = error
+            self.get_logger().error(f"{hook.__name__} failed:\n{traceback.format_exc()}")
+            return TransitionCallbackReturn.ERROR
+        return default(state)
+
+
+def _nothing() -> None:
+    """Do nothing."""

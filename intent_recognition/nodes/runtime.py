@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starting, spinning and ending a node, and declaring its parameters."""
+
+import math
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.utilities import try_shutdown
+
+from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.nodes.diagnostics import Diagnostics
+
+__all__ = ["Diagnostics", "make_executor", "parameter", "run"]
+
+SPIN_PERIOD_S = 0.1
+_START_ERRORS = (
+    IntentError,
+    ParameterException,
+    NameValidationException,
+    rclpy_implementation.RCLError,
+)
+
+
+def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int:
+    """Run one node until it is done, is interrupted or is asked to terminate.
+
+    The node ends its process by setting an attribute `done` to True, by `rclpy.try_shutdown()`,
+    or by raising an IntentError; an attribute `exit_code` on the node, if any, is returned.
+    SIGINT and SIGTERM end it with 0.
+
+    Args:
+        make_node: builds the node; called once, after `rclpy.init`.
+        args: command line with `--ros-args ...`; None takes the process's own.
+
+    Returns:
+        The exit code: 1 with one line on stderr, and no traceback, if the node could not start
+        or gave up with an IntentError.
+    """
+    os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+    node = None
+    try:
+        rclpy.init(args=None if args is None else list(args))
+        node = make_node()
+        _spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except _START_ERRORS as error:
+        name = getattr(make_node, "__name__", "node") if node is None else node.get_name()
+        sys.stderr.write(f"{name}: {_one_line(error)}\n")
+        return 1
+    finally:
+        _close(node)
+    return int(getattr(node, "exit_code", 0) or 0)
+
+
+def make_executor() -> Executor:
+    """EventsExecutor where this rclpy has one (lowest latency), else the single-threaded one.
+
+    Call `spin_once(timeout_sec=...)` on it in a loop: in the wheels of rclpy 7.1 its `spin()`
+    burns a core and dispatches nothing.
+    """
+    try:
+        from rclpy.experimental import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
+
+
+def parameter(
+    node: Node,
+    name: str,
+    default: object,
+    description: str,
+    *,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    read_only: bool = False,
+) -> object:
+    """Declare a parameter with type, range and description, and return its value.
+
+    Args:
+        node: the node that owns it.
+        name: parameter name.
+        default: its default, whose type it keeps. An empty list means a list of strings; for
+            an empty list of another type pass `Parameter.Type.DOUBLE_ARRAY` or the like.
+        description: one sentence for `ros2 param describe`.
+        minimum: smallest value allowed (numbers only).
+        maximum: largest value allowed (numbers only).
+        read_only: True if it cannot change after start.
+
+    Returns:
+        The value, with overrides applied. An integer given for a float (`rate:=0`) is taken as
+        a float; an unset list is `[]`.
+
+    Raises:
+        ArgumentError: an override has the wrong type or lies outside the range.
+    """
+    descriptor = ParameterDescriptor(description=description, read_only=read_only)
+    if minimum is not None or maximum is not None:
+        _add_range(descriptor, default, minimum, maximum)
+    if isinstance(default, (list, tuple)) and not default:
+        default = Parameter.Type.STRING_ARRAY
+    if isinstance(default, float):
+        _accept_integer_override(node, name)
+    try:
+        declared = node.declare_parameter(name, default, descriptor)
+    except ParameterException as error:
+        raise ArgumentError(f"parameter {name}: {_one_line(error)}. {description}") from error
+    if isinstance(declared.value, float) and not math.isfinite(declared.value):
+        raise ArgumentError(
+            describe(f"parameter {name}", "a finite number", declared.value, description)
+        )
+    if declared.type_ == Parameter.Type.NOT_SET:
+        return []
+    return list(declared.value) if isinstance(default, (list, tuple)) else declared.value
+
+
+def _add_range(descriptor, default, minimum, maximum) -> None:
+    if isinstance(default, float):
+        descriptor.floating_point_range = [
+            FloatingPointRange(
+                from_value=float(-sys.float_info.max if minimum is None else minimum),
+                to_value=float(sys.float_info.max if maximum is None else maximum),
+                step=0.0,
+            )
+        ]
+    else:
+        descriptor.integer_range = [
+            IntegerRange(
+                from_value=int(-(2**63) if minimum is None else minimum),
+                to_value=int(2**63 - 1 if maximum is None else maximum),
+                step=1,
+            )
+        ]
+
+
+def _accept_integer_override(node: Node, name: str) -> None:
+    override = node._parameter_overrides.get(name)
+    if override is not None and override.type_ == Parameter.Type.INTEGER:
+        value = Parameter(name, Parameter.Type.DOUBLE, float(override.value))
+        node._parameter_overrides[name] = value
+
+
+def _spin(node: Node) -> None:
+    executor = make_executor()
+    executor.add_node(node)
+    try:
+        while rclpy.ok() and not getattr(node, "done", False):
+            executor.spin_once(timeout_sec=SPIN_PERIOD_S)
+    finally:
+        executor.shutdown()
+
+
+def _close(node: Node | None) -> None:
+    """Destroy and shut down; a second Ctrl-C meanwhile must not leave a traceback."""
+    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        if node is not None:
+            node.destroy_node()
+        try_shutdown()
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid transforms between a tracker's frame and the world, quaternions as (x, y, z, w)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+
+
+def normalise_quaternion(quaternion: np.ndarray) -> np.ndarray | None:
+    """Scale a finite quaternion (4,) to unit length; None if it is zero (no orientation)."""
+    quaternion = np.asarray(quaternion, dtype=np.float64)
+    largest = np.max(np.abs(quaternion))
+    if largest < 1e-6:
+        return None
+    scaled = quaternion / largest
+    return scaled / np.linalg.norm(scaled)
+
+
+def multiply_quaternions(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Hamilton product (4,) of two quaternions xyzw: the rotation `right`, then `left`."""
+    x1, y1, z1, w1 = left
+    x2, y2, z2, w2 = right
+    return np.array(
+        [
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+        ]
+    )
+
+
+def rotation_matrix(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation matrix (3, 3) of a unit quaternion xyzw."""
+    x, y, z, w = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class RigidTransform:
+    """Pose of a frame in its parent: x_parent = R x_child + t.
+
+    Attributes:
+        translation: origin of the child in the parent (3,) [m].
+        quaternion: orientation of the child in the parent (4,) xyzw; normalised here.
+
+    Raises:
+        ShapeError: an array has the wrong length.
+        ArgumentError: a value is not finite, or the quaternion is zero.
+    """
+
+    translation: np.ndarray
+    quaternion: np.ndarray
+
+    def __post_init__(self):
+        translation = np.array(self.translation, dtype=np.float64)
+        quaternion = np.array(self.quaternion, dtype=np.float64)
+        for name, array, size in (
+            ("translation", translation, 3),
+            ("quaternion", quaternion, 4),
+        ):
+            if array.shape != (size,):
+                raise ShapeError(
+                    describe(name, f"{size} numbers", array.shape, "Give x y z and qx qy qz qw.")
+                )
+            if not np.all(np.isfinite(array)):
+                raise ArgumentError(
+                    describe(name, "finite numbers", array.tolist(), "Correct the extrinsics.")
+                )
+        unit = normalise_quaternion(quaternion)
+        if unit is None:
+            raise ArgumentError(
+                describe("quaternion", "a rotation", "all zeros", "Use 0 0 0 1 for none.")
+            )
+        for array in (translation, unit):
+            array.setflags(write=False)
+        object.__setattr__(self, "translation", translation)
+        object.__setattr__(self, "quaternion", unit)
+
+    @classmethod
+    def identity(cls) -> "RigidTransform":
+        """The transform that changes nothing."""
+        return cls(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+
+    @cached_property
+    def rotation(self) -> np.ndarray:
+        """Rotation matrix (3, 3)."""
+        return rotation_matrix(self.quaternion)
+
+    def apply(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the child frame, in the parent frame [m]."""
+        return np.asarray(points) @ self.rotation.T + self.translation
+
+    def inverse(self) -> "RigidTransform":
+        """Pose of the parent in the child."""
+        conjugate = self.quaternion * np.array([-1.0, -1.0, -1.0, 1.0])
+        return RigidTransform(-self.rotation.T @ self.translation, conjugate)
