@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How hard the demonstrations are: a shortcut on the position against the whole history.
+
+Both classifiers know the phase. The shortcut takes the nearest task mean of the wrist position at
+a share of the movement. The other is a Gaussian per task with a common covariance over what was
+seen up to there: where the wrist started and its displacement from there.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_bridge.coworker.demonstration import WristDemonstration, plan_demonstration
+from sim_bridge.coworker.styles import TASKS
+
+TRAINING_COUNTS = {TASKS[0]: 15, TASKS[1]: 20, TASKS[2]: 13}
+TEST_COUNTS = dict.fromkeys(TASKS, 4)
+
+
+@dataclass(frozen=True)
+class Hardness:
+    """Accuracies at one share of the movement, phase known.
+
+    Attributes:
+        share: share of the movement's time that was seen.
+        position_leave_one_out: nearest task mean of the position, leave-one-out on training.
+        position_test: the same, trained on all of training, on the test demonstrations.
+        history_leave_one_out: Gaussian on start and displacement, leave-one-out on training.
+        history_test: the same on the test demonstrations.
+        separation_m: smallest distance between two tasks' mean displacement from the start.
+    """
+
+    share: float
+    position_leave_one_out: float
+    position_test: float
+    history_leave_one_out: float
+    history_test: float
+    separation_m: float
+
+
+def wrist_at(demonstration: WristDemonstration, shares: Sequence[float]) -> np.ndarray:
+    """Measured wrist positions (S, 3) at shares of the movement's time, interpolated over gaps."""
+    samples = demonstration.samples
+    span = demonstration.end_s - demonstration.onset_s
+    times = demonstration.onset_s + span * np.asarray(shares)
+    seen = samples.visible
+    return np.column_stack(
+        [np.interp(times, samples.times_s[seen], samples.positions_m[seen, k]) for k in range(3)]
+    )
+
+
+def nearest_mean_labels(train: np.ndarray, labels: np.ndarray, test: np.ndarray) -> np.ndarray:
+    """Index of the nearest class mean, for each row of `test` (n, d)."""
+    means = np.array([train[labels == label].mean(axis=0) for label in np.unique(labels)])
+    distances = np.linalg.norm(test[:, None] - means, axis=2)
+    return np.unique(labels)[np.argmin(distances, axis=1)]
+
+
+def gaussian_labels(train: np.ndarray, labels: np.ndarray, test: np.ndarray) -> np.ndarray:
+    """Index of the most probable class under Gaussians with a pooled, slightly shrunk covariance."""
+    classes = np.unique(labels)
+    means = np.array([train[labels == label].mean(axis=0) for label in classes])
+    residuals = train - means[np.searchsorted(classes, labels)]
+    covariance = residuals.T @ residuals / (len(train) - len(classes))
+    covariance += 0.01 * np.diag(np.diag(covariance))
+    difference = test[:, None] - means
+    solved = np.linalg.solve(covariance, difference.reshape(-1, test.shape[1]).T).T
+    distances = np.sum(difference * solved.reshape(difference.shape), axis=2)
+    return classes[np.argmin(distances, axis=1)]
+
+
+def _history(demonstrations: Sequence[WristDemonstration], share: float) -> np.ndarray:
+    """Start and displacements from it at thirds of the share, (n, 12)."""
+    rows = []
+    for demonstration in demonstrations:
+        seen = wrist_at(demonstration, [0.0, share / 3, 2 * share / 3, share])
+        rows.append(np.concatenate([seen[0], *(seen[1:] - seen[0])]))
+    return np.array(rows)
+
+
+def _leave_one_out(classify, features: np.ndarray, labels: np.ndarray) -> float:
+    hits = 0
+    for k in range(len(labels)):
+        rest = np.arange(len(labels)) != k
+        hits += int(classify(features[rest], labels[rest], features[k : k + 1])[0] == labels[k])
+    return hits / len(labels)
+
+
+def measure_hardness(
+    train: Sequence[WristDemonstration], test: Sequence[WristDemonstration], share: float = 0.3
+) -> Hardness:
+    """Score both classifiers on what has been seen at `share` of the movement."""
+    labels = np.array([TASKS.index(d.reach.task) for d in train])
+    truth = np.array([TASKS.index(d.reach.task) for d in test])
+    position = np.array([wrist_at(d, [share])[0] for d in train])
+    test_position = np.array([wrist_at(d, [share])[0] for d in test])
+    history, test_history = _history(train, share), _history(test, share)
+    moved = [history[labels == k, -3:].mean(axis=0) for k in range(len(TASKS))]
+    gaps = [np.linalg.norm(moved[a] - moved[b]) for a in range(3) for b in range(a)]
+    return Hardness(
+        share,
+        _leave_one_out(nearest_mean_labels, position, labels),
+        float(np.mean(nearest_mean_labels(position, labels, test_position) == truth)),
+        _leave_one_out(gaussian_labels, history, labels),
+        float(np.mean(gaussian_labels(history, labels, test_history) == truth)),
+        float(min(gaps)),
+    )
+
+
+def draw_set(seed: int, counts: Mapping[str, int], purpose: int) -> list[WristDemonstration]:
+    """The wrist demonstrations of one set; `purpose` keeps training (0) and test (1) apart."""
+    return [
+        plan_demonstration(demonstration_rng(seed, purpose, task, index), task)
+        for task, count in counts.items()
+        for index in range(count)
+    ]
+
+
+def demonstration_rng(seed: int, purpose: int, task: str, index: int) -> np.random.Generator:
+    """The generator of one demonstration: the same whatever else is drawn, and in any order."""
+    return np.random.default_rng([seed, purpose, TASKS.index(task), index])

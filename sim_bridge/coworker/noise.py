@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What makes a movement human and a measurement a measurement: noise, tremor, occlusions.
+
+All processes are sampled at a fixed rate and drawn from the generator handed in.
+"""
+
+import numpy as np
+
+from sim_bridge.coworker.reach import minimum_jerk
+
+TREMOR_HZ = 10.0
+TREMOR_BANDWIDTH_HZ = 1.0
+TREMOR_STD_M = 0.0004
+SWAY_STD_M = 0.0012
+SIGNAL_DEPENDENT_GAIN = 0.06
+MARKER_STD_M = 0.001
+MARKER_ANGLE_STD_RAD = 0.006
+
+
+def smooth_noise(rng: np.random.Generator, count: int, rate_hz: float, cutoff_hz: float):
+    """Gaussian noise (count, 3) of unit variance: two equal first-order low passes in series.
+
+    Stationary from the first sample on, since the filter runs before the part that is returned.
+    """
+    decay = np.exp(-2.0 * np.pi * cutoff_hz / rate_hz)
+    warm_up = int(np.ceil(8.0 / (1.0 - decay)))
+    white = rng.standard_normal((count + warm_up, 3))
+    return _recursive(white, 2.0 * decay, -(decay**2))[warm_up:]
+
+
+def tremor(rng: np.random.Generator, count: int, rate_hz: float) -> np.ndarray:
+    """Physiological tremor (count, 3) in metres: a narrow band around 10 Hz, below a millimetre."""
+    radius = np.exp(-np.pi * TREMOR_BANDWIDTH_HZ / rate_hz)
+    warm_up = int(np.ceil(8.0 / (1.0 - radius)))
+    white = rng.standard_normal((count + warm_up, 3))
+    feedback = 2.0 * radius * np.cos(2.0 * np.pi * TREMOR_HZ / rate_hz)
+    return TREMOR_STD_M * _recursive(white, feedback, -(radius**2))[warm_up:]
+
+
+def _recursive(white: np.ndarray, first: float, second: float) -> np.ndarray:
+    """y_k = first y_{k-1} + second y_{k-2} + white_k, scaled to unit stationary variance."""
+    variance = (1.0 - second) / ((1.0 + second) * ((1.0 - second) ** 2 - first**2))
+    out = np.zeros_like(white)
+    previous, before = np.zeros(3), np.zeros(3)
+    for k, value in enumerate(white):
+        out[k] = first * previous + second * before + value
+        before, previous = previous, out[k]
+    return out / np.sqrt(variance)
+
+
+def signal_dependent(rng: np.random.Generator, positions: np.ndarray, rate_hz: float):
+    """Deviation (T, 3) of one movement whose velocity noise grows with speed (Harris and Wolpert).
+
+    The person corrects on the way: the accumulated deviation is taken back smoothly, so that the
+    movement still starts and ends where `positions` (T, 3) does.
+    """
+    count = len(positions)
+    velocity = np.gradient(positions, 1.0 / rate_hz, axis=0)
+    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+    error = SIGNAL_DEPENDENT_GAIN * speed * smooth_noise(rng, count, rate_hz, 1.5)
+    deviation = np.cumsum(error, axis=0) / rate_hz
+    taken_back = minimum_jerk(np.linspace(0.0, 1.0, count))[:, None]
+    return deviation - taken_back * deviation[-1]
+
+
+def occlusions(
+    rng: np.random.Generator, count: int, rate_hz: float, gaps_per_s: float, drop_rate: float
+) -> np.ndarray:
+    """Which of `count` samples the tracker sees, bool (count,).
+
+    Gaps of 0.05 to 0.35 s begin at random, `gaps_per_s` on average; single samples are lost with
+    probability `drop_rate`.
+    """
+    visible = rng.uniform(size=count) >= drop_rate
+    for _ in range(rng.poisson(gaps_per_s * count / rate_hz)):
+        first = int(rng.uniform(0, count))
+        length = round(rng.uniform(0.05, 0.35) * rate_hz)
+        visible[first : first + length] = False
+    return visible

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One reach of the wrist: minimum jerk along an individual curve, with hesitation.
+
+Minimum jerk (Flash and Hogan 1985): progress s(tau) = 10 tau^3 - 15 tau^4 + 6 tau^5, with zero
+velocity and acceleration at both ends.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from sim_bridge.coworker.styles import (
+    DURATION_RANGE_S,
+    LONGEST_MOVEMENT_S,
+    REST_CENTRE_M,
+    REST_HALF_WIDTH_M,
+    STYLES,
+)
+
+HESITATION_PROBABILITY = 0.35
+_GRID = 2001
+
+
+@dataclass(frozen=True)
+class Hesitation:
+    """A slow-down within a movement.
+
+    Attributes:
+        centre: progress in undisturbed time, in (0, 1), at which it is slowest.
+        width: standard deviation of the slow-down in the same unit.
+        extra_s: time it adds to the movement.
+    """
+
+    centre: float
+    width: float
+    extra_s: float
+
+
+@dataclass(frozen=True)
+class Reach:
+    """One movement of the wrist from rest to rest.
+
+    Attributes:
+        task: label, or "" for a movement that belongs to no task.
+        start_m: where the wrist rests before, (3,), world.
+        goal_m: where it stops, (3,), world.
+        nominal_s: duration without hesitation.
+        bow_m: deviation from the straight line where it is largest, (3,).
+        skew: exponent of the bow's decay, >= 1; the bow peaks at progress 1 / (1 + skew).
+        turn_rad: rotation vector of the wrist relative to its rest orientation at the goal, (3,).
+        hesitations: slow-downs on the way.
+    """
+
+    task: str
+    start_m: np.ndarray
+    goal_m: np.ndarray
+    nominal_s: float
+    bow_m: np.ndarray
+    skew: float
+    turn_rad: np.ndarray
+    hesitations: tuple[Hesitation, ...] = ()
+
+    @property
+    def duration_s(self) -> float:
+        """Time from onset to end, hesitation included."""
+        return self.nominal_s + sum(h.extra_s for h in self.hesitations)
+
+
+def minimum_jerk(tau: np.ndarray) -> np.ndarray:
+    """Progress s in [0, 1] at normalised time tau, clipped to the movement; any shape."""
+    tau = np.clip(tau, 0.0, 1.0)
+    return tau**3 * (10.0 + tau * (-15.0 + 6.0 * tau))
+
+
+def bow_profile(progress: np.ndarray, skew: float) -> np.ndarray:
+    """Deviation from the straight line: 0 at both ends, 1 at progress 1 / (1 + skew)."""
+    peak = 1.0 / (1.0 + skew)
+    return progress * (1.0 - progress) ** skew / (peak * (1.0 - peak) ** skew)
+
+
+def normalised_time(reach: Reach, time_s: np.ndarray) -> np.ndarray:
+    """Undisturbed time in [0, 1] at `time_s` after the onset: slower where the person hesitates.
+
+    Each hesitation stretches time by a Gaussian in undisturbed time, so that the map is smooth and
+    strictly increasing and the movement ends at `reach.duration_s` exactly.
+    """
+    time_s = np.asarray(time_s, dtype=np.float64)
+    tau = np.linspace(0.0, 1.0, _GRID)
+    elapsed = reach.nominal_s * tau
+    for hesitation in reach.hesitations:
+        bump = np.exp(-0.5 * ((tau - hesitation.centre) / hesitation.width) ** 2)
+        area = np.concatenate(([0.0], np.cumsum(0.5 * (bump[1:] + bump[:-1]))))
+        elapsed = elapsed + hesitation.extra_s * area / area[-1]
+    return np.interp(time_s, elapsed, tau)
+
+
+def progress_at(reach: Reach, time_s: np.ndarray) -> np.ndarray:
+    """Progress along the straight line, 0 before the onset and 1 after the end."""
+    return minimum_jerk(normalised_time(reach, time_s))
+
+
+def reach_positions(reach: Reach, time_s: np.ndarray) -> np.ndarray:
+    """Planned wrist positions (T, 3) in the world at `time_s` (T,) after the onset."""
+    progress = progress_at(reach, time_s)[:, None]
+    straight = reach.start_m + (reach.goal_m - reach.start_m) * progress
+    return straight + reach.bow_m * bow_profile(progress, reach.skew)
+
+
+def draw_rest(rng: np.random.Generator) -> np.ndarray:
+    """A resting place of the wrist (3,), uniform in the rest region common to all tasks."""
+    return REST_CENTRE_M + REST_HALF_WIDTH_M * rng.uniform(-1.0, 1.0, 3)
+
+
+def draw_reach(
+    rng: np.random.Generator, task: str, start_m: np.ndarray, nominal_s: float | None = None
+) -> Reach:
+    """Draw a reach of a task from `start_m` to a new goal of its region.
+
+    Args:
+        rng: source of the individual variation.
+        task: one of the labels of STYLES.
+        start_m: resting place (3,), world.
+        nominal_s: duration without hesitation; drawn log-uniformly from 1.6 to 4.0 s if None.
+
+    Raises:
+        ArgumentError: the task is unknown.
+    """
+    if task not in STYLES:
+        raise ArgumentError(
+            describe("task", f"one of {sorted(STYLES)}", repr(task), "Correct the label.")
+        )
+    style = STYLES[task]
+    goal = style.goal_centre_m + style.goal_half_width_m * rng.uniform(-1.0, 1.0, 3)
+    bow = style.bow_m + style.bow_std_m * rng.standard_normal(3)
+    skew = rng.uniform(1.0, 1.8)
+    turn = style.turn_rad + 0.12 * rng.standard_normal(3)
+    low, high = np.log(DURATION_RANGE_S)
+    drawn_s = float(np.exp(rng.uniform(low, high)))
+    hesitations = _draw_hesitations(rng)
+    reach = Reach(task, start_m, goal, nominal_s or drawn_s, bow, skew, turn, hesitations)
+    if reach.duration_s > LONGEST_MOVEMENT_S:
+        reach = Reach(task, start_m, goal, reach.nominal_s, bow, skew, turn)
+    return reach
+
+
+def draw_retract(rng: np.random.Generator, start_m: np.ndarray) -> Reach:
+    """Draw the way back from `start_m` to a new resting place."""
+    bow = np.array([0.0, 0.0, 0.02]) + 0.015 * rng.standard_normal(3)
+    turn = 0.1 * rng.standard_normal(3)
+    return Reach("", start_m, draw_rest(rng), rng.uniform(1.1, 1.7), bow, 1.0, turn)
+
+
+def _draw_hesitations(rng: np.random.Generator) -> tuple[Hesitation, ...]:
+    """None as a rule, else one or two slow-downs within the movement."""
+    hesitates = rng.uniform() < HESITATION_PROBABILITY
+    count = 1 + int(rng.uniform() < 0.25)
+    drawn = tuple(
+        Hesitation(rng.uniform(0.3, 0.75), rng.uniform(0.03, 0.06), rng.uniform(0.15, 0.45))
+        for _ in range(count)
+    )
+    return drawn if hesitates else ()

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How each task of the toolbox assembly is reached for: goal regions, curvature, wrist turn.
+
+The goal regions overlap on purpose and the hand starts anywhere in one rest region common to all
+tasks, so that where the wrist is says little; how it moves away from its own start says which
+task it is: a plate is received from above, a screwdriver is fetched with a sweep to the side, and
+a screwdriver is handed over low.
+
+World frame: robot base at the origin, x toward the worker, z up; metres, radians.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+PLATE = "plate_handover"
+SCREW = "screw_handover"
+HOLD = "hold_screwdriver"
+TASKS = (PLATE, SCREW, HOLD)
+
+REST_CENTRE_M = np.array([1.05, 0.0, 0.27])
+REST_HALF_WIDTH_M = np.array([0.06, 0.10, 0.09])
+
+DURATION_RANGE_S = (1.6, 4.0)
+LONGEST_MOVEMENT_S = 4.8
+
+
+@dataclass(frozen=True)
+class TaskStyle:
+    """What the reaches of one task have in common.
+
+    Attributes:
+        goal_centre_m: middle of the region of goals of the wrist, (3,).
+        goal_half_width_m: half edges of that box, (3,).
+        bow_m: mean of the deviation from the straight line where it is largest, (3,).
+        bow_std_m: individual variation of the bow, (3,).
+        turn_rad: rotation vector of the wrist from its rest orientation to the goal, (3,).
+    """
+
+    goal_centre_m: np.ndarray
+    goal_half_width_m: np.ndarray
+    bow_m: np.ndarray
+    bow_std_m: np.ndarray
+    turn_rad: np.ndarray
+
+
+def _style(centre, half_width, bow, bow_std, turn) -> TaskStyle:
+    arrays = [np.array(value, dtype=np.float64) for value in (centre, half_width, bow, bow_std, turn)]
+    for array in arrays:
+        array.setflags(write=False)
+    return TaskStyle(*arrays)
+
+
+STYLES = {
+    PLATE: _style(
+        (0.745, 0.00, 0.32), (0.08, 0.12, 0.08), (0.01, 0.00, 0.080), (0.01, 0.010, 0.010),
+        (0.9, 0.0, 0.2),
+    ),
+    SCREW: _style(
+        (0.735, 0.02, 0.30), (0.08, 0.12, 0.08), (0.0, 0.085, 0.010), (0.01, 0.010, 0.010),
+        (-0.2, 0.4, 0.1),
+    ),
+    HOLD: _style(
+        (0.740, -0.02, 0.30), (0.08, 0.12, 0.08), (0.0, -0.035, -0.055), (0.01, 0.010, 0.010),
+        (0.3, -0.3, -0.3),
+    ),
+}

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From movements on a time line to the samples a marker tracker would deliver."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_bridge.coworker.noise import (
+    MARKER_ANGLE_STD_RAD,
+    MARKER_STD_M,
+    SWAY_STD_M,
+    occlusions,
+    signal_dependent,
+    smooth_noise,
+    tremor,
+)
+from sim_bridge.coworker.orientation import quaternions
+from sim_bridge.coworker.reach import Reach, progress_at, reach_positions
+
+RATE_HZ = 100.0
+
+
+@dataclass(frozen=True)
+class WristSamples:
+    """The wrist, sampled at 100 Hz.
+
+    Attributes:
+        times_s: seconds since the first sample, (T,).
+        positions_m: measured positions (T, 3), world.
+        orientations: measured orientations (T, 4), quaternion xyzw, world.
+        visible: False where the tracker lost the marker, (T,): such samples are never delivered.
+        true_positions_m: where the wrist really was (T, 3): movement, sway and tremor.
+    """
+
+    times_s: np.ndarray
+    positions_m: np.ndarray
+    orientations: np.ndarray
+    visible: np.ndarray
+    true_positions_m: np.ndarray
+
+
+def sample_wrist(
+    rng: np.random.Generator,
+    movements: Sequence[tuple[float, Reach]],
+    length_s: float,
+    *,
+    gaps_per_s: float,
+    drop_rate: float = 0.002,
+) -> WristSamples:
+    """Sample the wrist over `length_s` seconds of rest, movements and holds.
+
+    Args:
+        rng: source of noise and occlusions.
+        movements: (onset in seconds, movement) in order of time, each starting where the one
+            before ended and after it has ended; the wrist rests in between.
+        length_s: length of the whole in seconds.
+        gaps_per_s: occlusions per second, on average.
+        drop_rate: probability that a single sample is lost.
+    """
+    count = round(length_s * RATE_HZ) + 1
+    times = np.arange(count) / RATE_HZ
+    planned = np.tile(movements[0][1].start_m, (count, 1))
+    rotation = np.zeros((count, 3))
+    for onset_s, reach in movements:
+        first = int(np.searchsorted(times, onset_s))
+        last = int(np.searchsorted(times, onset_s + reach.duration_s, side="right"))
+        local = times[first:] - onset_s
+        planned[first:] = reach_positions(reach, local)
+        planned[first:last] += signal_dependent(rng, planned[first:last], RATE_HZ)
+        progress = progress_at(reach, local)[:, None]
+        before = rotation[first - 1] if first else np.zeros(3)
+        rotation[first:] = before + (reach.turn_rad - before) * progress
+    sway = SWAY_STD_M * smooth_noise(rng, count, RATE_HZ, 0.25)
+    true = planned + sway + tremor(rng, count, RATE_HZ)
+    measured = true + MARKER_STD_M * rng.standard_normal((count, 3))
+    rotation = rotation + MARKER_ANGLE_STD_RAD * rng.standard_normal((count, 3))
+    visible = occlusions(rng, count, RATE_HZ, gaps_per_s, drop_rate)
+    return WristSamples(times, measured, quaternions(rotation), visible, true)
