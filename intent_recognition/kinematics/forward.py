@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Forward kinematics and geometric Jacobian of the LWR 4+, batched over joint vectors.
+
+Frames are the Denavit-Hartenberg frames of `lwr.DH`; frame 0 is the arm's base, frame 7 the hand.
+"""
+
+import numpy as np
+
+from intent_recognition.errors import ShapeError, describe
+from intent_recognition.kinematics.lwr import DH, N_JOINTS
+
+_COS_ALPHA = np.round(np.cos(DH.alpha_rad))  # all angles are multiples of 90 degrees: exact
+_SIN_ALPHA = np.round(np.sin(DH.alpha_rad))
+
+
+def joint_vector(q: np.ndarray, argument: str = "q") -> np.ndarray:
+    """Return q as float64 of shape (..., 7), or raise ShapeError."""
+    array = np.asarray(q, dtype=np.float64)
+    if array.ndim == 0 or array.shape[-1] != N_JOINTS:
+        raise ShapeError(
+            describe(argument, "shape (..., 7)", array.shape, "Give seven joint angles in rad.")
+        )
+    return array
+
+
+def frame_poses(q: np.ndarray) -> np.ndarray:
+    """Return the poses of frames 0..7 in the base frame, shape (..., 8, 4, 4).
+
+    Args:
+        q: joint angles (..., 7) [rad].
+    """
+    q = joint_vector(q)
+    cos, sin = np.cos(q), np.sin(q)
+    step = np.zeros((*q.shape, 4, 4))
+    step[..., 0, 0] = cos
+    step[..., 0, 1] = -sin * _COS_ALPHA
+    step[..., 0, 2] = sin * _SIN_ALPHA
+    step[..., 1, 0] = sin
+    step[..., 1, 1] = cos * _COS_ALPHA
+    step[..., 1, 2] = -cos * _SIN_ALPHA
+    step[..., 2, 1] = _SIN_ALPHA
+    step[..., 2, 2] = _COS_ALPHA
+    step[..., 2, 3] = DH.d_m
+    step[..., 3, 3] = 1.0
+    poses = np.empty((*q.shape[:-1], N_JOINTS + 1, 4, 4))
+    poses[..., 0, :, :] = np.eye(4)
+    for i in range(N_JOINTS):
+        poses[..., i + 1, :, :] = poses[..., i, :, :] @ step[..., i, :, :]
+    return poses
+
+
+def forward_kinematics(q: np.ndarray) -> np.ndarray:
+    """Return the hand's pose in the base frame, shape (..., 4, 4), for q (..., 7) [rad]."""
+    return frame_poses(q)[..., N_JOINTS, :, :]
+
+
+def hand_position(q: np.ndarray) -> np.ndarray:
+    """Return the hand's position in the base frame, shape (..., 3) [m], for q (..., 7) [rad]."""
+    return forward_kinematics(q)[..., :3, 3]
+
+
+def jacobian(q: np.ndarray, point_m: np.ndarray | None = None) -> np.ndarray:
+    """Return the geometric Jacobian in base axes, shape (..., 6, 7).
+
+    Rows 0-2 map joint velocities to the linear velocity [m/s] of the point, rows 3-5 to the
+    angular velocity [rad/s] of the hand.
+
+    Args:
+        q: joint angles (..., 7) [rad].
+        point_m: a point fixed in the hand frame (3,) [m]; the hand's origin if left out.
+    """
+    poses = frame_poses(q)
+    axes = poses[..., :N_JOINTS, :3, 2]
+    origins = poses[..., :N_JOINTS, :3, 3]
+    tip = poses[..., N_JOINTS, :3, 3]
+    if point_m is not None:
+        tip = tip + poses[..., N_JOINTS, :3, :3] @ np.asarray(point_m, dtype=np.float64)
+    linear = np.cross(axes, tip[..., None, :] - origins)
+    return np.swapaxes(np.concatenate([linear, axes], axis=-1), -1, -2)

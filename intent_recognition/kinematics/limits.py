@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint limits of an arm as immutable arrays, and checks against them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, describe
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """Limits per joint, each array of shape (n_joints,), not writable.
+
+    Attributes:
+        lower: smallest position [rad].
+        upper: largest position [rad].
+        velocity: largest speed [rad/s], symmetric.
+        acceleration: largest acceleration [rad/s^2], symmetric.
+        torque: largest torque [Nm], symmetric.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    torque: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Copy, check and freeze the arrays."""
+        for name in ("lower", "upper", "velocity", "acceleration", "torque"):
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if array.ndim != 1 or array.shape != np.shape(self.lower):
+                raise ShapeError(
+                    describe(
+                        name,
+                        f"shape {np.shape(self.lower)}",
+                        array.shape,
+                        "Give one value per joint.",
+                    )
+                )
+            if not np.all(np.isfinite(array)):
+                raise ArgumentError(
+                    describe(name, "finite values", array, "Use a large number for no limit.")
+                )
+            if name not in ("lower", "upper") and np.any(array <= 0.0):
+                raise ArgumentError(
+                    describe(name, "positive values", array, "Limits are symmetric magnitudes.")
+                )
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        if np.any(self.lower >= self.upper):
+            raise ArgumentError(
+                describe("lower", f"values below upper {self.upper}", self.lower, "Swap them.")
+            )
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints."""
+        return self.lower.shape[0]
+
+
+def within_position_limits(
+    q: np.ndarray, limits: JointLimits, tolerance_rad: float = 1e-9
+) -> np.ndarray:
+    """Return whether each joint vector of q (..., n) [rad] is inside; shape (...,), bool."""
+    q = np.asarray(q, dtype=np.float64)
+    inside = (q >= limits.lower - tolerance_rad) & (q <= limits.upper + tolerance_rad)
+    return np.all(inside, axis=-1)
+
+
+def clamp_position(q: np.ndarray, limits: JointLimits) -> np.ndarray:
+    """Return q (..., n) [rad] with every joint moved to the nearest allowed position."""
+    return np.clip(np.asarray(q, dtype=np.float64), limits.lower, limits.upper)
+
+
+def position_violation(q: np.ndarray, limits: JointLimits) -> np.ndarray:
+    """Return by how much each joint of q (..., n) is outside [rad], 0 where it is inside."""
+    q = np.asarray(q, dtype=np.float64)
+    return np.maximum(np.maximum(limits.lower - q, q - limits.upper), 0.0)
+
+
+def check_position(
+    q: np.ndarray, limits: JointLimits, names: Sequence[str] | None = None, argument: str = "q"
+) -> None:
+    """Raise KinematicsError naming the worst joint of q (..., n) [rad] outside its limits."""
+    excess = position_violation(q, limits)
+    if not np.all(np.isfinite(excess)):
+        raise KinematicsError(describe(argument, "finite values", q, "Check where it came from."))
+    if not np.any(excess > 1e-9):
+        return
+    index = np.unravel_index(np.argmax(excess), excess.shape)
+    joint = index[-1]
+    name = names[joint] if names is not None else f"joint {joint}"
+    raise KinematicsError(
+        describe(
+            argument,
+            f"{name} in [{limits.lower[joint]:.4f}, {limits.upper[joint]:.4f}] rad",
+            f"{np.asarray(q)[index]:.4f} rad",
+            "Clamp the position or choose another solution.",
+        )
+    )
