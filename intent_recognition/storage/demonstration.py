@@ -3,7 +3,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 from intent_recognition.promp.signals import Signal
 
@@ -35,8 +34,8 @@ class Demonstration:
     rejected: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self):
-        object.__setattr__(self, "metadata", MappingProxyType(dict(self.metadata)))
-        object.__setattr__(self, "rejected", MappingProxyType(dict(self.rejected)))
+        object.__setattr__(self, "metadata", dict(self.metadata))
+        object.__setattr__(self, "rejected", dict(self.rejected))
 
     @property
     def duration_s(self) -> float:

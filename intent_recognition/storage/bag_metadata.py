@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""metadata.yaml of a rosbag2 directory, version 9 (Jazzy): read, write."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from intent_recognition.errors import BagError, describe
+
+FILE_NAME = "metadata.yaml"
+VERSION = 9
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """One topic of a bag.
+
+    Attributes:
+        name: topic name as recorded, with its leading slash.
+        type: full message type.
+        message_count: messages recorded.
+        type_hash: RIHS01 hash of the type.
+        offered_qos_profiles: rosbag2's list of QoS profiles, empty when unknown.
+    """
+
+    name: str
+    type: str
+    message_count: int = 0
+    type_hash: str = ""
+    offered_qos_profiles: tuple[Mapping, ...] = ()
+
+
+@dataclass(frozen=True)
+class BagMetadata:
+    """What metadata.yaml says; `start_ns` and `duration_ns` are log times."""
+
+    files: tuple[str, ...]
+    start_ns: int = 0
+    duration_ns: int = 0
+    topics: tuple[TopicInfo, ...] = ()
+    custom_data: Mapping[str, str] = field(default_factory=dict)
+    storage: str = "mcap"
+    compression: str = ""
+
+    @property
+    def message_count(self) -> int:
+        """Messages over all topics."""
+        return sum(topic.message_count for topic in self.topics)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Indents lists inside mappings, as rosbag2 does."""
+
+    def increase_indent(self, flow=False, indentless=False):
+        return super().increase_indent(flow, False)
+
+
+def dump_yaml(content: object) -> str:
+    """YAML in the style of rosbag2: block style, order kept, lists indented."""
+    return yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=10**6)
+
+
+def write_metadata(folder: Path, metadata: BagMetadata) -> None:
+    """Write `folder`/metadata.yaml in one step: the old file or the new one, never half of it.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    target = folder / FILE_NAME
+    temporary = folder / f".{FILE_NAME}.new"
+    with temporary.open("w", encoding="utf-8") as stream:
+        stream.write(dump_yaml({"rosbag2_bagfile_information": _to_dict(metadata)}))
+        stream.flush()
+        os.fsync(stream.fileno())
+    temporary.replace(target)
+
+
+def read_metadata(folder: Path) -> BagMetadata:
+    """Read `folder`/metadata.yaml, of version 9 or older.
+
+    Raises:
+        BagError: it is missing, no YAML, or not of a bag.
+    """
+    path = folder / FILE_NAME
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return _from_dict(content["rosbag2_bagfile_information"])
+    except (OSError, UnicodeDecodeError) as error:
+        raise _error(path, "a readable file", error) from error
+    except yaml.YAMLError as error:
+        raise _error(path, "YAML", " ".join(str(error).split())) from error
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise _error(path, "the keys of a rosbag2 bag", repr(error)) from error
+
+
+def _to_dict(metadata: BagMetadata) -> dict[str, object]:
+    start = {"nanoseconds_since_epoch": metadata.start_ns}
+    duration = {"nanoseconds": metadata.duration_ns}
+    count = metadata.message_count
+    return {
+        "version": VERSION,
+        "storage_identifier": metadata.storage,
+        "duration": dict(duration),
+        "starting_time": dict(start),
+        "message_count": count,
+        "topics_with_message_count": [_topic_to_dict(topic) for topic in metadata.topics],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": list(metadata.files),
+        "files": [
+            {
+                "path": name,
+                "starting_time": dict(start),
+                "duration": dict(duration),
+                "message_count": count,
+            }
+            for name in metadata.files
+        ],
+        "custom_data": {str(k): str(v) for k, v in metadata.custom_data.items()},
+        "ros_distro": "jazzy",
+    }
+
+
+def _topic_to_dict(topic: TopicInfo) -> dict[str, object]:
+    return {
+        "topic_metadata": {
+            "name": topic.name,
+            "type": topic.type,
+            "serialization_format": "cdr",
+            "offered_qos_profiles": [dict(profile) for profile in topic.offered_qos_profiles],
+            "type_description_hash": topic.type_hash,
+        },
+        "message_count": topic.message_count,
+    }
+
+
+def _from_dict(info: Mapping) -> BagMetadata:
+    return BagMetadata(
+        files=tuple(str(name) for name in info["relative_file_paths"] or ()),
+        start_ns=int(info["starting_time"]["nanoseconds_since_epoch"]),
+        duration_ns=int(info["duration"]["nanoseconds"]),
+        topics=tuple(_topic_from_dict(t) for t in info["topics_with_message_count"] or ()),
+        custom_data={str(k): str(v) for k, v in (info.get("custom_data") or {}).items()},
+        storage=str(info["storage_identifier"]),
+        compression=str(info.get("compression_format") or ""),
+    )
+
+
+def _topic_from_dict(item: Mapping) -> TopicInfo:
+    topic = item["topic_metadata"]
+    return TopicInfo(
+        str(topic["name"]),
+        str(topic["type"]),
+        int(item["message_count"]),
+        str(topic.get("type_description_hash") or ""),
+        parse_qos(topic.get("offered_qos_profiles")),
+    )
+
+
+def parse_qos(profiles: object) -> tuple[Mapping, ...]:
+    """The list of QoS profiles, whether written as YAML (version 9) or as a text of YAML."""
+    if isinstance(profiles, str):
+        try:
+            profiles = yaml.safe_load(profiles)
+        except yaml.YAMLError:
+            profiles = None
+    return tuple(p for p in profiles or () if isinstance(p, Mapping))
+
+
+def _error(path: Path, expected: str, got: object) -> BagError:
+    cure = "Save the messages with `intent recover`, which writes a new metadata.yaml."
+    return BagError(describe(str(path), expected, got, cure))
