@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The environment every test runs in, set before anything imports rclpy."""
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DOMAINS = range(60, 102)
+
+os.environ.update(
+    ROS_DOMAIN_ID=str(DOMAINS[os.getpid() % len(DOMAINS)]),
+    ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+    ROS_PYTHON_CHECK_FIELDS="1",
+    ROS_LOG_DIR=tempfile.mkdtemp(prefix="intent_recognition_test_log_"),
+    FASTDDS_DEFAULT_PROFILES_FILE=str(ROOT / "config" / "fastdds.xml"),
+    MPLBACKEND="Agg",
+)
+os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+for path in (str(ROOT), str(ROOT / "test")):
+    if path not in sys.path:
+        sys.path.insert(0, path)
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """Root of the checkout."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of the real recordings, which are not part of the repository."""
+    folder = Path(os.environ.get("INTENT_SHARED_DATA", ROOT.parent / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip(f"the real recordings are not at {folder} (set INTENT_SHARED_DATA)")
+    return folder
+
+
+@pytest.fixture
+def harness():
+    """A running rclpy with one executor; see ros_harness.Harness."""
+    from ros_harness import Harness
+
+    with Harness() as running:
+        yield running

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Spins nodes of a test in one process until something has happened; never sleeps."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from intent_recognition.nodes.runtime import make_executor
+
+DEADLINE_S = 30.0
+
+
+class Harness:
+    """rclpy up, one executor for all nodes, everything destroyed at the end.
+
+    Use as a context manager, or through the fixture `harness`.
+    """
+
+    def __enter__(self):
+        rclpy.init(args=[])
+        self.executor = make_executor()
+        self.nodes: list[Node] = []
+        self.probe = self.add(Node("probe"))
+        return self
+
+    def __exit__(self, *_):
+        for node in self.nodes:
+            self.executor.remove_node(node)
+            node.destroy_node()
+        self.executor.shutdown()
+        rclpy.try_shutdown()
+
+    def add(self, node: Node) -> Node:
+        """Spin `node` from now on; it is destroyed at the end."""
+        self.executor.add_node(node)
+        self.nodes.append(node)
+        return node
+
+    def spin_until(
+        self, predicate: Callable[[], object], deadline_s: float = DEADLINE_S, what: str = ""
+    ):
+        """Dispatch events until `predicate()` is true and return its value.
+
+        Raises:
+            TimeoutError: it was not true after `deadline_s` seconds.
+        """
+        end_s = time.monotonic() + deadline_s
+        while not (value := predicate()):
+            if time.monotonic() > end_s:
+                raise TimeoutError(f"not within {deadline_s} s: {what or predicate}")
+            self.executor.spin_once(timeout_sec=0.05)
+        return value
+
+    def collect(self, message_type: type, topic: str, qos: QoSProfile | int = 10) -> list:
+        """A list that grows with every message received on `topic`."""
+        received: list = []
+        self.probe.create_subscription(message_type, topic, received.append, qos)
+        return received
+
+    def publisher(self, message_type: type, topic: str, qos: QoSProfile | int = 10):
+        """A publisher of the probe node; see `connect`."""
+        return self.probe.create_publisher(message_type, topic, qos)
+
+    def connect(self, *publishers, subscribers: int = 1) -> None:
+        """Spin until each publisher is matched by `subscribers` subscriptions."""
+        self.spin_until(
+            lambda: all(p.get_subscription_count() >= subscribers for p in publishers),
+            what="publishers matched",
+        )
+
+    def call(self, service_type: type, name: str, request, deadline_s: float = DEADLINE_S):
+        """Call a service from the probe node and return the response."""
+        client = self.probe.create_client(service_type, name)
+        try:
+            self.spin_until(client.service_is_ready, deadline_s, f"service {name}")
+            future = client.call_async(request)
+            self.spin_until(future.done, deadline_s, f"answer of {name}")
+            return future.result()
+        finally:
+            self.probe.destroy_client(client)
+
+
+class NodeProcess:
+    """One node in its own process, interrupted (SIGINT) at the end of the `with` block.
+
+    Args:
+        command: an executable file, or a module with `main`, e.g.
+            "intent_recognition.nodes.mocap_ingest".
+        arguments: what follows it, e.g. "--ros-args", "-p", "rate:=0.0".
+    """
+
+    def __init__(self, command: str | Path, *arguments: str, environment: dict | None = None):
+        start = [str(command)]
+        if not Path(command).is_file():
+            start = [sys.executable, "-c", f"import sys, {command} as m; sys.exit(m.main())"]
+        self.process = subprocess.Popen(
+            [*start, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, **(environment or {})},
+        )
+        self.output = self.errors = ""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.stop()
+
+    def wait(self, timeout_s: float = DEADLINE_S) -> int:
+        """Wait for the process to end by itself; returns its exit code."""
+        try:
+            output, errors = self.process.communicate(timeout=timeout_s)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.communicate()
+            raise
+        self.output, self.errors = output, errors
+        return self.process.returncode
+
+    def stop(self, signal_number: int = signal.SIGINT) -> int:
+        """Signal the process, if it still runs, and wait; returns its exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal_number)
+        return self.wait() if not self.process.stdout.closed else self.process.returncode
