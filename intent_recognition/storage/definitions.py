@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +35,7 @@ def jazzy_types():
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-@lru_cache(maxsize=None)
+@cache
 def definition(type_name: str) -> Definition:
     """Definition of a message type: Jazzy's own, else that of the installed package.
 

@@ -1,0 +1,353 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Walk an MCAP file record by record, through damage: what is whole, what is not, and where."""
+
+import mmap
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Message, Schema, Statistics
+
+from intent_recognition.errors import BagError, describe
+
+MAGIC = b"\x89MCAP0\r\n"
+RECORD_HEADER = struct.Struct("<BQ")
+CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, compression length
+FOOTER = struct.Struct("<QQI")
+LONGEST_COMPRESSION = 16
+CHUNK_START = re.compile(
+    rb"(?=\x06.{36}(?:\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4|\x00\x00\x00\x00))", re.DOTALL
+)
+PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError)
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A part of the file that cannot be read; times are 0 when unknown."""
+
+    offset: int
+    reason: str
+    start_ns: int = 0
+    end_ns: int = 0
+
+
+@dataclass(frozen=True)
+class Block:
+    """One chunk, or one message outside of chunks.
+
+    Attributes:
+        offset: of the record in the file.
+        length: of its content, the 9 bytes of opcode and length not counted.
+        start_ns: log time of the first message, as the record's header says.
+        end_ns: log time of the last message.
+        is_chunk: chunk or bare message.
+        is_cut: the file ends inside of this chunk.
+    """
+
+    offset: int
+    length: int
+    start_ns: int
+    end_ns: int
+    is_chunk: bool = True
+    is_cut: bool = False
+
+
+@dataclass
+class Scan:
+    """What a walk over the file found.
+
+    Attributes:
+        blocks: where the messages are, in file order.
+        damage: what is broken, in file order; empty for a whole file.
+        schemas: by id. From the checked summary, else from wherever they stood.
+        channels: by id.
+        is_finished: the recording was closed in good order.
+        statistics: of the summary, None without it.
+    """
+
+    blocks: list[Block] = field(default_factory=list)
+    damage: list[Damage] = field(default_factory=list)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    is_finished: bool = False
+    statistics: Statistics | None = None
+
+
+def scan_file(path: Path) -> Scan:
+    """Find all chunks and definitions of a file; chunks are not decompressed yet.
+
+    Raises:
+        BagError: the file cannot be opened or is empty.
+    """
+    scan = Scan()
+    try:
+        with path.open("rb") as stream:
+            size = stream.seek(0, 2)
+            if size == 0:
+                raise BagError(
+                    describe(str(path), "an MCAP file", "an empty file", "Record again.")
+                )
+            with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as view:
+                _walk(view, scan)
+                _read_summary(view, scan)
+    except OSError as error:
+        raise BagError(describe(str(path), "a readable file", error, "Check the path.")) from error
+    return scan
+
+
+def read_block(view: bytes | mmap.mmap, block: Block) -> list[Schema | Channel | Message]:
+    """Schemas, channels and messages of one block, its checksum verified.
+
+    Of a chunk cut off by the end of the file all that can be decompressed is returned.
+
+    Raises:
+        ValueError, McapError, zstandard.ZstdError, struct.error, RuntimeError: it is damaged.
+            `PARSE_ERRORS` lists them all.
+    """
+    start = block.offset + RECORD_HEADER.size
+    content = bytes(view[start : start + block.length])
+    if not block.is_chunk:
+        return [Message.read(ReadDataStream(BytesIO(content)), len(content))]
+    _, _, size, crc, name_length = CHUNK_HEADER.unpack_from(content)
+    at = CHUNK_HEADER.size
+    compression = content[at : at + name_length].decode()
+    data = _decompress(compression, content[at + name_length + 8 :], size, block.is_cut)
+    if not block.is_cut:
+        if len(data) != size:
+            raise ValueError(f"chunk of {len(data)} bytes says it has {size}")
+        if crc and zlib.crc32(data) != crc:
+            raise ValueError("checksum of the chunk does not match")
+    return list(_chunk_records(data, block.is_cut))
+
+
+def open_view(path: Path) -> mmap.mmap:
+    """The bytes of a file for `read_block`; close it after use."""
+    with path.open("rb") as stream:
+        return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+
+
+def _walk(view: mmap.mmap, scan: Scan) -> None:
+    position = previous = len(MAGIC)
+    if view[: len(MAGIC)] != MAGIC:
+        scan.damage.append(Damage(0, "the file does not begin as an MCAP file"))
+    while position < len(view):
+        end = _read_record(view, position, scan)
+        if end is None:
+            found = _resynchronise(view, previous if previous != position else position + 1)
+            _note_damage(view, position, found, scan)
+            if found is None:
+                return
+            previous = position = found
+            continue
+        if view[position] == Opcode.FOOTER:
+            scan.is_finished = True
+            if view[end : end + len(MAGIC)] != MAGIC:
+                scan.damage.append(Damage(end, "the file does not end as an MCAP file"))
+            return
+        # What a chunk's length spans is known to be right; of others only what follows shows it.
+        previous = end if view[position] == Opcode.CHUNK else position + 1
+        position = end
+
+
+def _note_damage(view: mmap.mmap, position: int, found: int | None, scan: Scan) -> None:
+    last_ns = scan.blocks[-1].end_ns if scan.blocks else 0
+    if found is not None:
+        scan.damage.append(Damage(position, f"unreadable up to byte {found}", last_ns))
+        return
+    block = _cut_chunk(view, position)
+    if block:
+        scan.blocks.append(block)
+        last_ns = block.start_ns
+    reason = f"truncated or unreadable after byte {position} of {len(view)}"
+    scan.damage.append(Damage(position, reason, last_ns))
+
+
+def _read_record(view: mmap.mmap, position: int, scan: Scan) -> int | None:
+    """Take in the record at `position`; its end, or None when there is no sound record."""
+    start = position + RECORD_HEADER.size
+    if start > len(view):
+        return None
+    opcode, length = RECORD_HEADER.unpack_from(view, position)
+    if start + length > len(view):
+        return None
+    try:
+        sound = _take_record(view, position, opcode, length, scan)
+    except PARSE_ERRORS:
+        return None
+    return start + length if sound else None
+
+
+def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan: Scan) -> bool:
+    start = position + RECORD_HEADER.size
+    if opcode == Opcode.CHUNK:
+        block = _chunk_block(view, position, length)
+        if block:
+            scan.blocks.append(block)
+        return block is not None
+    if opcode == Opcode.MESSAGE:
+        if length < 22:
+            return False
+        (log_ns,) = struct.unpack_from("<Q", view, start + 6)
+        scan.blocks.append(Block(position, length, log_ns, log_ns, is_chunk=False))
+    elif opcode == Opcode.MESSAGE_INDEX:
+        return length >= 6 and struct.unpack_from("<I", view, start + 2)[0] == length - 6
+    elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+        _take_definition(_definition(opcode, bytes(view[start : start + length])), scan)
+    elif opcode == Opcode.FOOTER:
+        return length == FOOTER.size
+    elif opcode == Opcode.DATA_END:
+        return length == 4
+    elif opcode == Opcode.STATISTICS:
+        scan.statistics = Statistics.read(ReadDataStream(BytesIO(view[start : start + length])))
+    else:
+        return Opcode.HEADER <= opcode <= Opcode.DATA_END or opcode >= 0x80
+    return True
+
+
+def _chunk_block(view: mmap.mmap, position: int, length: int) -> Block | None:
+    """The chunk at `position` when its own lengths agree with `length`."""
+    start = position + RECORD_HEADER.size
+    head = CHUNK_HEADER.size
+    if length < head + 8:
+        return None
+    first, last, _, _, name_length = CHUNK_HEADER.unpack_from(view, start)
+    if name_length > LONGEST_COMPRESSION or length < head + name_length + 8:
+        return None
+    (data_length,) = struct.unpack_from("<Q", view, start + head + name_length)
+    if head + name_length + 8 + data_length != length:
+        return None
+    return Block(position, length, first, last)
+
+
+def _cut_chunk(view: mmap.mmap, position: int) -> Block | None:
+    """The chunk at `position` that the end of the file cuts off."""
+    start = position + RECORD_HEADER.size
+    if len(view) < start + CHUNK_HEADER.size + LONGEST_COMPRESSION + 8:
+        return None
+    opcode, length = RECORD_HEADER.unpack_from(view, position)
+    if (
+        opcode != Opcode.CHUNK
+        or start + length <= len(view)
+        or not CHUNK_START.match(view, position)
+    ):
+        return None
+    block = _chunk_block(view, position, length)
+    return block and Block(position, len(view) - start, block.start_ns, block.end_ns, is_cut=True)
+
+
+def _resynchronise(view: mmap.mmap, position: int) -> int | None:
+    """Offset of the next whole chunk at or after `position`."""
+    for match in CHUNK_START.finditer(view, position):
+        at = match.start()
+        _, length = RECORD_HEADER.unpack_from(view, at)
+        whole = at + RECORD_HEADER.size + length <= len(view)
+        if (whole and _chunk_block(view, at, length)) or _cut_chunk(view, at):
+            return at
+    return None
+
+
+def _decompress(compression: str, data: bytes, size: int, is_cut: bool) -> bytes:
+    if compression == "zstd":
+        if is_cut:
+            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+    if compression == "lz4":
+        if is_cut:
+            return lz4.frame.LZ4FrameDecompressor().decompress(data)
+        return lz4.frame.decompress(data)
+    if compression == "":
+        return data
+    raise ValueError(f"unknown compression {compression!r}")
+
+
+def _chunk_records(data: bytes, is_cut: bool) -> Iterator[Schema | Channel | Message]:
+    position = 0
+    while position < len(data):
+        start = position + RECORD_HEADER.size
+        if start > len(data):
+            break
+        opcode, length = RECORD_HEADER.unpack_from(data, position)
+        position = start + length
+        if position > len(data):
+            break
+        if opcode == Opcode.MESSAGE:
+            stream = ReadDataStream(BytesIO(data[start:position]))
+            yield Message.read(stream, length)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            yield _definition(opcode, data[start:position])
+    if position != len(data) and not is_cut:
+        raise ValueError("the chunk ends inside of a record")
+
+
+def _definition(opcode: int, data: bytes) -> Schema | Channel:
+    stream = ReadDataStream(BytesIO(data))
+    return Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
+
+
+def _take_definition(found: Schema | Channel, scan: Scan) -> None:
+    known = scan.schemas if isinstance(found, Schema) else scan.channels
+    known.setdefault(found.id, found)
+
+
+def _read_summary(view: mmap.mmap, scan: Scan) -> None:
+    """Trust the summary's definitions when its checksum holds, else those inside the chunks."""
+    summary = _checked_summary(view) if scan.is_finished else None
+    if summary is None:
+        if scan.is_finished:
+            scan.damage.append(Damage(len(view), "checksum of the summary does not match"))
+        scan.statistics = None
+        _definitions_of_chunks(view, scan)
+        return
+    records = list(_summary_definitions(summary))
+    for found in records:
+        known = scan.schemas if isinstance(found, Schema) else scan.channels
+        known[found.id] = found
+    if scan.statistics and scan.statistics.chunk_count != sum(b.is_chunk for b in scan.blocks):
+        said = f"{scan.statistics.chunk_count} chunks were written, not all of them are found"
+        scan.damage.append(Damage(len(view), said))
+
+
+def _checked_summary(view: mmap.mmap) -> bytes | None:
+    footer = len(view) - len(MAGIC) - FOOTER.size
+    if footer < RECORD_HEADER.size:
+        return None
+    start, _, crc = FOOTER.unpack_from(view, footer)
+    if not 0 < start <= footer:
+        return None
+    summary = bytes(view[start : footer - RECORD_HEADER.size])
+    covered = bytes(view[start : footer + FOOTER.size - 4])
+    return summary if crc == 0 or zlib.crc32(covered) == crc else None
+
+
+def _summary_definitions(summary: bytes) -> Iterator[Schema | Channel]:
+    position = 0
+    while position + RECORD_HEADER.size <= len(summary):
+        opcode, length = RECORD_HEADER.unpack_from(summary, position)
+        start = position + RECORD_HEADER.size
+        position = start + length
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and position <= len(summary):
+            yield _definition(opcode, summary[start:position])
+
+
+def _definitions_of_chunks(view: mmap.mmap, scan: Scan) -> None:
+    for block in scan.blocks:
+        if not block.is_chunk:
+            continue
+        try:
+            records = read_block(view, block)
+        except PARSE_ERRORS:
+            continue
+        for found in records:
+            if isinstance(found, Schema):
+                scan.schemas[found.id] = found
+            elif isinstance(found, Channel):
+                scan.channels[found.id] = found
