@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quintic polynomials: an offset that decays to zero, and moves from a moving start to rest."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+# Rows: what one unit of start position, velocity (times T) and acceleration (times T^2) leaves
+# at the share tau = t / T of the way; columns: powers tau^0 .. tau^5. All end at zero position,
+# velocity and acceleration: the quintic boundary value problem solved once.
+_BASIS = np.array(
+    [
+        [1.0, 0.0, 0.0, -10.0, 15.0, -6.0],
+        [0.0, 1.0, 0.0, -6.0, 8.0, -3.0],
+        [0.0, 0.0, 0.5, -1.5, 1.5, -0.5],
+    ]
+)
+_POWERS = np.arange(6)
+_FIRST = _BASIS[:, 1:] * _POWERS[1:]
+_SECOND = _FIRST[:, 1:] * _POWERS[1:5]
+
+
+def _tables(tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Basis, first and second derivative in tau at shares tau (T,), each (3, T)."""
+    powers = tau[None, :] ** _POWERS[:, None]
+    return _BASIS @ powers, _FIRST @ powers[:5], _SECOND @ powers[:4]
+
+
+_SEARCH = _tables(np.linspace(0.0, 1.0, 25))
+
+
+class Offset(NamedTuple):
+    """A difference that decays to zero within `duration_s`, smooth in acceleration.
+
+    `position`, `velocity`, `acceleration` are its values at time 0, each (n,).
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    duration_s: float
+
+    def sample(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Position and velocity at times_s (T,), each (T, n); zero from duration_s on."""
+        span = self.duration_s
+        tau = np.minimum(np.asarray(times_s) / span, 1.0)
+        position, velocity, _ = _tables(tau)
+        start = np.stack([self.position, self.velocity * span, self.acceleration * span**2])
+        q, v = position.T @ start, velocity.T @ start / span
+        q[tau >= 1.0] = 0.0
+        v[tau >= 1.0] = 0.0
+        return q, v
+
+    def largest(self) -> tuple[np.ndarray, np.ndarray]:
+        """Largest speed and acceleration of each joint, each (n,), on a grid of 25 samples."""
+        speed, acceleration = _largest(
+            self.position, self.velocity, self.acceleration, np.array([self.duration_s])
+        )
+        return speed[0], acceleration[0]
+
+
+def _largest(position, velocity, acceleration, durations_s):
+    """Largest speed and acceleration (M, n) for each of the durations (M,)."""
+    span = durations_s[:, None, None]
+    start = np.stack(
+        [
+            np.broadcast_to(position, (len(durations_s), len(position))),
+            velocity * span[:, 0],
+            acceleration * span[:, 0] ** 2,
+        ],
+        axis=1,
+    )
+    _, first, second = _SEARCH
+    speed = np.abs(first.T @ start).max(axis=1) / span[:, 0]
+    sharpness = np.abs(second.T @ start).max(axis=1) / span[:, 0] ** 2
+    return speed, sharpness
+
+
+def decay(
+    position: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+    *,
+    max_velocity: np.ndarray,
+    max_acceleration: np.ndarray,
+    shortest_s: float,
+    longest_s: float = 8.0,
+    n_candidates: int = 28,
+) -> Offset:
+    """The quickest decay of an offset that keeps within a speed and an acceleration, per joint.
+
+    A start velocity above max_velocity is allowed to fall from where it is. When no duration
+    keeps the start acceleration within bounds, the offset starts without it: the sum of motions
+    then jumps in acceleration, by a bounded amount, never in position or velocity.
+
+    Args:
+        position: offset at time 0, (n,) [rad].
+        velocity: its velocity, (n,) [rad/s].
+        acceleration: its acceleration, (n,) [rad/s^2].
+        max_velocity: bound on its speed, (n,).
+        max_acceleration: bound on its acceleration, (n,).
+        shortest_s: the shortest duration to try.
+        longest_s: the longest one, taken when none keeps the bounds.
+        n_candidates: durations tried between the two, in a geometric series.
+    """
+    durations = np.geomspace(shortest_s, max(longest_s, shortest_s), n_candidates)
+    speed_bound = np.maximum(max_velocity, np.abs(velocity)) * (1.0 + 1e-9)
+    acceleration = np.clip(acceleration, -0.5 * max_acceleration, 0.5 * max_acceleration)
+    for start in (acceleration, np.zeros_like(acceleration)):
+        speed, sharpness = _largest(position, velocity, start, durations)
+        fits = np.all((speed <= speed_bound) & (sharpness <= max_acceleration), axis=1)
+        if fits.any():
+            return Offset(position, velocity, start, float(durations[np.argmax(fits)]))
+    return Offset(position, velocity, np.zeros_like(acceleration), float(durations[-1]))
