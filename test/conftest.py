@@ -16,7 +16,7 @@ os.environ.update(
     ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
     ROS_PYTHON_CHECK_FIELDS="1",
     ROS_LOG_DIR=tempfile.mkdtemp(prefix="intent_recognition_test_log_"),
-    FASTDDS_DEFAULT_PROFILES_FILE=str(ROOT / "config" / "fastdds.xml"),
+    FASTRTPS_DEFAULT_PROFILES_FILE=str(ROOT / "config" / "fastdds.xml"),
     MPLBACKEND="Agg",
 )
 os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)

@@ -245,7 +245,7 @@ def _follow(settings, state, sample) -> tuple[IngestState, Rejected | None, bool
     """Extend the track by a sample; returns state, why not, and whether it began anew."""
     if not state.recent:
         return IngestState(recent=(sample,)), None, False
-    stamp_ns, position = sample
+    stamp_ns = sample[0]
     last_ns = state.recent[-1][0]
     if stamp_ns <= last_ns:
         in_order = state.late_ns is not None and stamp_ns > state.late_ns

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages to arrays and back, with exact types: ROS does not check them by default."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Duration, Time
+from geometry_msgs.msg import Point, Pose, Quaternion
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from intent_recognition.errors import MessageError, ShapeError, describe
+
+NANOSECONDS = 1_000_000_000
+
+
+def stamp_ns(message: object) -> int:
+    """Stamp in integer nanoseconds of a message with a header, a Header or a Time."""
+    stamp = getattr(message, "header", message)
+    stamp = getattr(stamp, "stamp", stamp)
+    return stamp.sec * NANOSECONDS + stamp.nanosec
+
+
+def to_stamp(time_ns: int) -> Time:
+    """Time message of integer nanoseconds."""
+    sec, nanosec = divmod(int(time_ns), NANOSECONDS)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def to_duration(seconds: float) -> Duration:
+    """Duration message of seconds, rounded to the nanosecond."""
+    sec, nanosec = divmod(round(float(seconds) * NANOSECONDS), NANOSECONDS)
+    return Duration(sec=sec, nanosec=nanosec)
+
+
+def duration_s(duration: Duration) -> float:
+    """Seconds of a Duration message."""
+    return duration.sec + duration.nanosec * 1e-9
+
+
+def position_array(pose: Pose) -> np.ndarray:
+    """Position (3,) [m] of a Pose message."""
+    p = pose.position
+    return np.array((p.x, p.y, p.z), dtype=np.float64)
+
+
+def orientation_array(pose: Pose) -> np.ndarray:
+    """Quaternion (4,) xyzw of a Pose message, as it came."""
+    q = pose.orientation
+    return np.array((q.x, q.y, q.z, q.w), dtype=np.float64)
+
+
+def to_point(position: np.ndarray) -> Point:
+    """Point message of (3,) [m]."""
+    x, y, z = (float(value) for value in position)
+    return Point(x=x, y=y, z=z)
+
+
+def to_quaternion(quaternion: np.ndarray) -> Quaternion:
+    """Quaternion message of (4,) xyzw."""
+    x, y, z, w = (float(value) for value in quaternion)
+    return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def to_pose(position: np.ndarray, quaternion: np.ndarray) -> Pose:
+    """Pose message of (3,) [m] and (4,) xyzw."""
+    return Pose(position=to_point(position), orientation=to_quaternion(quaternion))
+
+
+def to_joint_state(
+    names: Sequence[str],
+    position: Iterable[float],
+    velocity: Iterable[float] = (),
+    effort: Iterable[float] = (),
+    *,
+    time_ns: int,
+    frame_id: str = "",
+) -> JointState:
+    """JointState message, also in its use as a stamped named vector; arrays (d,) or empty."""
+    message = JointState(
+        name=[str(name) for name in names],
+        position=_floats(position),
+        velocity=_floats(velocity),
+        effort=_floats(effort),
+    )
+    message.header.stamp = to_stamp(time_ns)
+    message.header.frame_id = frame_id
+    return message
+
+
+def joint_values(message: JointState, joints: Sequence[str], field: str = "position") -> np.ndarray:
+    """Values (d,) of `joints` in the order asked for, found by name.
+
+    Raises:
+        MessageError: a joint is missing, or the field is shorter than the names.
+    """
+    values = getattr(message, field)
+    if len(values) != len(message.name):
+        raise MessageError(
+            describe(field, f"{len(message.name)} values, one a name", len(values), "Fill it.")
+        )
+    index = {name: i for i, name in enumerate(message.name)}
+    missing = [joint for joint in joints if joint not in index]
+    if missing:
+        raise MessageError(
+            describe(
+                "joint_states", f"joints {missing}", list(message.name), "Check the joint names."
+            )
+        )
+    return np.array([values[index[joint]] for joint in joints], dtype=np.float64)
+
+
+class TrajectoryBuilder:
+    """JointTrajectory messages of a fixed number of joints, built by overwriting one message.
+
+    Building 50 points of 7 joints afresh costs about 20 times as much. The message returned is
+    the same object each time: publish it before the next call, and copy it to keep it.
+
+    Args:
+        names: joint names, in the order of the columns.
+    """
+
+    def __init__(self, names: Sequence[str]):
+        self._message = JointTrajectory(joint_names=[str(name) for name in names])
+        self._joints = len(self._message.joint_names)
+        self._points: list[JointTrajectoryPoint] = []
+        self._views: list[dict[str, np.ndarray]] = []
+
+    def build(
+        self,
+        time_ns: int,
+        times_s: np.ndarray,
+        positions: np.ndarray,
+        velocities: np.ndarray | None = None,
+        efforts: np.ndarray | None = None,
+        *,
+        accelerations: np.ndarray | None = None,
+        frame_id: str = "",
+    ) -> JointTrajectory:
+        """Fill the message.
+
+        Args:
+            time_ns: header stamp.
+            times_s: time_from_start of each point (T,) [s], not negative.
+            positions: (T, d) [rad].
+            velocities: (T, d) [rad/s], or None to leave the field empty.
+            efforts: (T, d), or None to leave the field empty.
+            accelerations: (T, d) [rad/s^2], or None to leave the field empty.
+            frame_id: header frame.
+
+        Returns:
+            The message, the same object at every call.
+
+        Raises:
+            ShapeError: an array is not (T, d).
+        """
+        count = len(times_s)
+        self._grow(count)
+        columns = {
+            "positions": positions,
+            "velocities": velocities,
+            "accelerations": accelerations,
+            "effort": efforts,
+        }
+        for field, values in columns.items():
+            self._fill(field, values, count)
+        nanoseconds = np.rint(np.asarray(times_s, dtype=np.float64) * 1e9).astype(np.int64)
+        for point, time in zip(self._points, nanoseconds.tolist(), strict=False):
+            start = point.time_from_start
+            start.sec, start.nanosec = divmod(time, NANOSECONDS)
+        self._message.header.stamp = to_stamp(time_ns)
+        self._message.header.frame_id = frame_id
+        self._message.points = self._points[:count]
+        return self._message
+
+    def _grow(self, count: int) -> None:
+        for _ in range(count - len(self._points)):
+            self._points.append(JointTrajectoryPoint())
+            self._views.append({})
+
+    def _fill(self, field: str, values: np.ndarray | None, count: int) -> None:
+        if values is None:
+            for point, views in zip(self._points[:count], self._views, strict=False):
+                if views.pop(field, None) is not None:
+                    setattr(point, field, [])
+            return
+        values = np.ascontiguousarray(values, dtype=np.float64)
+        if values.shape != (count, self._joints):
+            raise ShapeError(
+                describe(field, f"shape {(count, self._joints)}", values.shape, "One row a time.")
+            )
+        for row, point, views in zip(values, self._points, self._views, strict=False):
+            if field not in views:
+                setattr(point, field, row.tolist())
+                views[field] = np.frombuffer(getattr(point, field), dtype=np.float64)
+            else:
+                views[field][:] = row
+
+
+def build_joint_trajectory(
+    names: Sequence[str],
+    times_s: np.ndarray,
+    positions: np.ndarray,
+    velocities: np.ndarray | None = None,
+    efforts: np.ndarray | None = None,
+    *,
+    time_ns: int = 0,
+) -> JointTrajectory:
+    """A JointTrajectory of its own, built once; `TrajectoryBuilder` reuses it at a high rate.
+
+    Args:
+        names: joint names (d,).
+        times_s: time_from_start of each point (T,) [s].
+        positions: (T, d) [rad].
+        velocities: (T, d) [rad/s], or None.
+        efforts: (T, d), or None.
+        time_ns: header stamp.
+    """
+    return TrajectoryBuilder(names).build(time_ns, times_s, positions, velocities, efforts)
+
+
+def trajectory_arrays(
+    message: JointTrajectory,
+) -> tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]:
+    """Times (T,) [s], positions (T, d) and the other fields that are filled, each (T, d).
+
+    Raises:
+        MessageError: points with different numbers of values.
+    """
+    times_s = np.array([duration_s(point.time_from_start) for point in message.points])
+    rows = {
+        field: _stack(message, field)
+        for field in ("positions", "velocities", "accelerations", "effort")
+    }
+    positions = rows.pop("positions")
+    return times_s, positions, {field: row for field, row in rows.items() if row.shape[1]}
+
+
+def _stack(message: JointTrajectory, field: str) -> np.ndarray:
+    lengths = {len(getattr(point, field)) for point in message.points}
+    width = len(message.joint_names)
+    if not lengths <= {width, 0} or len(lengths) > 1 or (field == "positions" and 0 in lengths):
+        raise MessageError(
+            describe(
+                field, f"{width} values at every point", sorted(lengths), "Fill all points alike."
+            )
+        )
+    rows = [getattr(point, field) for point in message.points]
+    return np.array(rows, dtype=np.float64).reshape(len(rows), -1 if rows and lengths != {0} else 0)
+
+
+def _floats(values: Iterable[float]) -> list[float]:
+    return np.asarray(values, dtype=np.float64).ravel().tolist()

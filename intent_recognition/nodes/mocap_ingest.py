@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node: raw tracker poses `mocap/<body>/pose` to world-frame odometry `human/<body>`."""
+
+import time
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import (
+    orientation_array,
+    position_array,
+    stamp_ns,
+    to_pose,
+    to_stamp,
+)
+from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.tracking.ingest import (
+    IngestSettings,
+    IngestState,
+    Rejected,
+    TrackedPose,
+    ingest_pose,
+)
+
+UNKNOWN_VARIANCE = 1e6
+"""Variance of what was not measured (orientation, velocity before the third sample)."""
+
+
+class MocapIngest(Node):
+    """Translates messages to `tracking.ingest.ingest_pose` and back, one state per body."""
+
+    def __init__(self, **kwargs):
+        super().__init__("mocap_ingest", **kwargs)
+        bodies = _check_bodies(
+            parameter(
+                self, "bodies", ["wrist"], "Tracked bodies, one topic pair each.", read_only=True
+            )
+        )
+        self._settings = self._read_settings()
+        self._orientation_std_rad = parameter(
+            self,
+            "orientation_std_rad",
+            0.02,
+            "Standard deviation of a measured orientation [rad].",
+            minimum=1e-6,
+            maximum=3.2,
+            read_only=True,
+        )
+        self._diagnostics = Diagnostics(self)
+        self._states = dict.fromkeys(bodies, IngestState.initial())
+        self._outputs = {
+            body: self.create_publisher(Odometry, f"human/{body}", qos.SENSOR) for body in bodies
+        }
+        self._inputs = [
+            self.create_subscription(
+                PoseStamped, f"mocap/{body}/pose", partial(self._on_pose, body), qos.SENSOR
+            )
+            for body in bodies
+        ]
+
+    def _read_settings(self) -> IngestSettings:
+        def read(name, default, description, minimum=None, maximum=None):
+            return parameter(
+                self, name, default, description, minimum=minimum, maximum=maximum, read_only=True
+            )
+
+        return IngestSettings(
+            world_frame=read("world_frame", "world", "Frame of everything published."),
+            extrinsics=parse_extrinsics(
+                read(
+                    "extrinsics",
+                    [],
+                    "Pose of each tracker frame in the world, one string 'frame x y z qx qy qz qw'"
+                    " each [m, unit quaternion].",
+                )
+            ),
+            max_speed_m_s=read(
+                "max_speed", 6.0, "A step faster than this is an outlier [m/s].", 0.01, 1000.0
+            ),
+            max_gap_s=read(
+                "max_gap", 0.5, "After so long without a sample any is taken [s].", 0.001, 3600.0
+            ),
+            position_std_m=read(
+                "position_std", 0.002, "Standard deviation of a position [m].", 1e-6, 1.0
+            ),
+            reanchor_after=read(
+                "reanchor_after", 5, "So many consistent outliers on end are the truth.", 1, 100000
+            ),
+        )
+
+    def _on_pose(self, body: str, message: PoseStamped) -> None:
+        start_s = time.perf_counter()
+        self._diagnostics.tick(f"mocap/{body}/pose")
+        self._states[body], result = ingest_pose(
+            self._settings,
+            self._states[body],
+            stamp_ns(message),
+            position_array(message.pose),
+            orientation_array(message.pose),
+            message.header.frame_id,
+        )
+        if isinstance(result, Rejected):
+            self._diagnostics.reject(result.reason, f"{body}: {result.detail}")
+            return
+        if result.reanchored:
+            self._diagnostics.count("track_restarted")
+            self.get_logger().warning(f"{body}: track restarted at {result.position.round(3)} m")
+        odometry = to_odometry(
+            result, body, self._settings.world_frame, self._orientation_std_rad**2
+        )
+        self._outputs[body].publish(odometry)
+        self._diagnostics.tick(f"human/{body}")
+        self._diagnostics.latency(time.perf_counter() - start_s)
+
+
+def parse_extrinsics(entries: Sequence[str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Read the parameter `extrinsics`: entries 'frame x y z qx qy qz qw', empty ones ignored.
+
+    Raises:
+        ArgumentError: an entry does not have eight fields, a number is none, or a frame is twice.
+    """
+    extrinsics: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for entry in entries:
+        fields = entry.split()
+        if not fields:
+            continue
+        try:
+            frame, *numbers = fields
+            values = np.array([float(number) for number in numbers])
+        except ValueError:
+            values = np.empty(0)
+        if values.shape != (7,) or frame in extrinsics:
+            raise ArgumentError(
+                describe(
+                    "extrinsics",
+                    "one 'frame x y z qx qy qz qw' for each tracker frame",
+                    repr(entry),
+                    "Give each frame once, metres and a quaternion.",
+                )
+            )
+        extrinsics[frame] = (values[:3], values[3:])
+    return extrinsics
+
+
+def to_odometry(
+    pose: TrackedPose, body: str, world_frame: str, orientation_variance: float
+) -> Odometry:
+    """Odometry message of an accepted pose; what was not measured has variance 1e6."""
+    message = Odometry(child_frame_id=f"{body}_world_aligned")
+    message.header.stamp = to_stamp(pose.stamp_ns)
+    message.header.frame_id = world_frame
+    message.pose.pose = to_pose(pose.position, pose.orientation)
+    turn = orientation_variance if pose.orientation_measured else UNKNOWN_VARIANCE
+    message.pose.covariance = _covariance(pose.position_covariance, turn)
+    if pose.velocity is None:
+        message.twist.covariance = _covariance(np.eye(3) * UNKNOWN_VARIANCE, UNKNOWN_VARIANCE)
+    else:
+        linear = message.twist.twist.linear
+        linear.x, linear.y, linear.z = (float(value) for value in pose.velocity)
+        message.twist.covariance = _covariance(pose.velocity_covariance, UNKNOWN_VARIANCE)
+    return message
+
+
+def _covariance(linear: np.ndarray, angular_variance: float) -> np.ndarray:
+    """Row-major 6 x 6 covariance (36,), linear and angular parts independent."""
+    full = np.zeros((6, 6))
+    full[:3, :3] = linear
+    full[range(3, 6), range(3, 6)] = angular_variance
+    return full.ravel()
+
+
+def _check_bodies(bodies: Sequence[str]) -> list[str]:
+    names = [body for body in bodies if body]
+    if not names or len(set(names)) != len(names):
+        raise ArgumentError(
+            describe("parameter bodies", "different names", list(bodies), "Use e.g. [wrist].")
+        )
+    return names
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(MocapIngest, args)
