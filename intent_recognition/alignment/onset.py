@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When does a movement begin and end? The same causal rule in training, replay and the nodes.
+
+A signal moves when the slope of a line through its last `window_s` exceeds a share of the typical
+peak speed for `persistence_s`. A reach begins with displacement x ~ t^3 (minimum jerk, Flash &
+Hogan 1985), so it began 3 x / v before the moment it has displacement x and speed v.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+
+
+@dataclass(frozen=True)
+class OnsetSettings:
+    """How onset and rest are told apart.
+
+    Attributes:
+        reference_speed: typical peak speed of the observed DOFs' norm, per second.
+        start_share: share of it that counts as moving.
+        rest_share: share of it below which a signal rests.
+        window_s: length of the line fitted for the speed.
+        persistence_s: how long the speed must stay above (below) the threshold.
+        rest_s: how long a finished movement must rest before the next one may begin.
+        max_backdate_s: earliest onset before its detection.
+
+    Raises:
+        ArgumentError: a setting is not positive.
+    """
+
+    reference_speed: float
+    start_share: float = 0.15
+    rest_share: float = 0.1
+    window_s: float = 0.15
+    persistence_s: float = 0.08
+    rest_s: float = 0.3
+    max_backdate_s: float = 0.7
+
+    def __post_init__(self):
+        for name, value in vars(self).items():
+            if not (np.isfinite(value) and value > 0):
+                raise ArgumentError(
+                    describe(name, "a positive number", value, "See OnsetSettings for defaults.")
+                )
+
+
+def windowed_velocity(times_s: np.ndarray, values: np.ndarray, window_s: float) -> np.ndarray:
+    """Slope of a line through the samples of the last `window_s` at each sample, (T, d).
+
+    Causal. NaN where fewer than three samples, or less than half the window, are there.
+
+    Args:
+        times_s: (T,), increasing.
+        values: (T, d).
+        window_s: length of the window.
+    """
+    times_s = np.asarray(times_s, dtype=np.float64)
+    first = np.searchsorted(times_s, times_s - window_s - 1e-9)
+    last = np.arange(1, len(times_s) + 1)
+    centre = values - values[:1]
+
+    def window_sum(samples: np.ndarray) -> np.ndarray:
+        total = np.concatenate([np.zeros((1, samples.shape[1])), np.cumsum(samples, axis=0)])
+        return total[last] - total[first]
+
+    count = (last - first)[:, None].astype(np.float64)
+    t = (times_s - times_s[0])[:, None] if len(times_s) else times_s[:, None]
+    sum_t, sum_y = window_sum(t), window_sum(centre)
+    spread = window_sum(t * t) - sum_t**2 / count
+    covariance = window_sum(t * centre) - sum_t * sum_y / count
+    enough = (count >= 3) & ((times_s - times_s[first])[:, None] >= 0.5 * window_s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(enough, covariance / spread, np.nan)
+
+
+def peak_speed(times_s: np.ndarray, values: np.ndarray, window_s: float = 0.15) -> float:
+    """Largest norm of the windowed velocity; 0 for a signal too short to tell."""
+    if len(times_s) < 3:
+        return 0.0
+    speed = np.linalg.norm(windowed_velocity(times_s, values, window_s), axis=1)
+    return float(np.nanmax(speed)) if np.any(np.isfinite(speed)) else 0.0
+
+
+def detect_onset(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray) -> float | None:
+    """Time at which the movement began that is under way at the last sample, or None.
+
+    Args:
+        settings: thresholds.
+        times_s: (T,), the recent past, increasing.
+        values: (T, P), positions of the observed DOFs.
+    """
+    if len(times_s) < 4:
+        return None
+    speed = np.linalg.norm(windowed_velocity(times_s, values, settings.window_s), axis=1)
+    threshold = settings.start_share * settings.reference_speed
+    moving = speed > threshold
+    if not moving[-1]:
+        return None
+    still = np.flatnonzero(~moving)
+    first = int(still[-1]) + 1 if still.size else 0
+    if times_s[-1] - times_s[first] < settings.persistence_s - 1e-9:
+        return None
+    before = times_s <= times_s[first] - settings.window_s
+    recent = before & (times_s >= times_s[first] - settings.window_s - 0.3)
+    rest = values[recent if np.any(recent) else slice(0, 1)].mean(axis=0)
+    displacement = float(np.linalg.norm(values[-1] - rest))
+    backdate = 3.0 * displacement / max(float(speed[-1]), threshold)
+    onset = times_s[-1] - min(backdate, settings.max_backdate_s)
+    return float(np.clip(onset, times_s[0], times_s[first]))
+
+
+def at_rest(
+    settings: OnsetSettings,
+    times_s: np.ndarray,
+    values: np.ndarray,
+    rest_s: float | None = None,
+) -> bool:
+    """Whether the signal has rested for `rest_s` (the settings' own if None) up to its end."""
+    rest_s = settings.rest_s if rest_s is None else rest_s
+    if len(times_s) < 4 or times_s[-1] - times_s[0] < rest_s:
+        return False
+    speed = np.linalg.norm(windowed_velocity(times_s, values, settings.window_s), axis=1)
+    recent = speed[times_s >= times_s[-1] - rest_s]
+    limit = settings.rest_share * settings.reference_speed
+    return bool(np.all(recent < limit))
+
+
+def first_onset(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray) -> float | None:
+    """Onset of the first movement of a recording, found as it would have been online.
+
+    Equals `detect_onset` called at every sample in turn, until it answers.
+    """
+    speed = np.linalg.norm(windowed_velocity(times_s, values, settings.window_s), axis=1)
+    moving = speed > settings.start_share * settings.reference_speed
+    edges = np.flatnonzero(np.diff(np.r_[False, moving].astype(int)) == 1)
+    for edge in edges:
+        fallen = np.flatnonzero(~moving[edge:])
+        end = edge + fallen[0] if fallen.size else len(moving)
+        held = np.searchsorted(times_s[:end], times_s[edge] + settings.persistence_s - 1e-9)
+        if held < end:
+            return detect_onset(settings, times_s[: held + 1], values[: held + 1])
+    return None
+
+
+def last_motion(times_s: np.ndarray, values: np.ndarray, threshold: float, window_s: float) -> float:
+    """Time after which the signal stays slower than `threshold`; its first time if it never moved.
+
+    Not causal: for cutting recordings in training.
+    """
+    reverse_t, reverse_v = -times_s[::-1], values[::-1]
+    speed = np.linalg.norm(windowed_velocity(reverse_t, reverse_v, window_s), axis=1)
+    moving = np.flatnonzero(speed > threshold)
+    return float(-reverse_t[moving[0]]) if moving.size else float(times_s[0])

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The delicate numerics, once: symmetric positive definite factors, solves and log densities."""
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+
+LOG_2_PI = float(np.log(2.0 * np.pi))
+
+
+def symmetrize(matrix: np.ndarray) -> np.ndarray:
+    """Mean of a matrix and its transpose, (..., d, d)."""
+    return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))
+
+
+def cholesky(matrix: np.ndarray, *, name: str = "covariance") -> np.ndarray:
+    """Lower Cholesky factor of symmetric positive definite matrices, (..., d, d).
+
+    No jitter is added: a matrix that is not positive definite is the caller's to regularise.
+
+    Raises:
+        ArgumentError: the matrix is not positive definite.
+    """
+    try:
+        return np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        eigenvalues = np.linalg.eigvalsh(symmetrize(np.nan_to_num(matrix)))
+        raise ArgumentError(
+            describe(
+                name,
+                "a positive definite matrix",
+                f"smallest eigenvalue {np.min(eigenvalues):.3g}, largest {np.max(eigenvalues):.3g}",
+                "Regularise it, or raise the noise variance.",
+            )
+        ) from None
+
+
+def solve_lower(factor: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve L x = b for batches of small lower triangular L (..., d, d) and b (..., d, k).
+
+    Forward substitution in d steps, each vectorised over the batch.
+    """
+    d = factor.shape[-1]
+    solution = np.empty(np.broadcast_shapes(factor.shape[:-2], right.shape[:-2]) + right.shape[-2:])
+    for i in range(d):
+        row = right[..., i, :]
+        if i:
+            row = row - np.matmul(factor[..., i : i + 1, :i], solution[..., :i, :])[..., 0, :]
+        solution[..., i, :] = row / factor[..., i, i, None]
+    return solution
+
+
+def log_normalizer(factor: np.ndarray) -> np.ndarray:
+    """0.5 log det(2 pi S) from the Cholesky factor of S, (...)."""
+    diagonal = np.diagonal(factor, axis1=-2, axis2=-1)
+    return np.sum(np.log(diagonal), axis=-1) + 0.5 * factor.shape[-1] * LOG_2_PI

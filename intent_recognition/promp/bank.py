@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recursive conditioning of every (task, phase) hypothesis at once (Maeda et al. 2014, Eq. 6-11).
+
+Only the observed block of the weights is filtered: observations do not touch the rest, which is
+recovered by regression when asked for (`prediction.py`). No loop runs over hypotheses.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import ShapeError, describe
+from intent_recognition.gaussian.linalg import cholesky, log_normalizer, solve_lower
+from intent_recognition.promp.library import TaskLibrary
+
+N_SCALES = 15
+SCALE_SPAN = 2.5
+
+
+class Hypotheses(NamedTuple):
+    """The bank's grid: K + 1 tasks (none last) by S durations, flattened task by task; B of them.
+
+    Attributes:
+        n_scales: S.
+        duration_s: duration of the whole interaction under each hypothesis, (B,).
+        log_prior: log prior probability of each, (B,); sums to one as probabilities.
+    """
+
+    n_scales: int
+    duration_s: np.ndarray
+    log_prior: np.ndarray
+
+    def phase(self, elapsed_s: float | np.ndarray) -> np.ndarray:
+        """Phase of each hypothesis so long after onset, in [0, 1]: (..., B)."""
+        return np.clip(np.asarray(elapsed_s)[..., None] / self.duration_s, 0.0, 1.0)
+
+
+class FilterBank(NamedTuple):
+    """Filtered observed weights of B hypotheses.
+
+    Attributes:
+        mean: (B, P N).
+        covariance: (B, P N, P N).
+        log_evidence: log density of all observations so far under each hypothesis, (B,).
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    log_evidence: np.ndarray
+
+
+def make_hypotheses(
+    library: TaskLibrary, task_prior: np.ndarray | None = None, n_scales: int = N_SCALES
+) -> Hypotheses:
+    """Cover each task's timing prior by durations evenly spaced in their logarithm.
+
+    Args:
+        library: the learned tasks.
+        task_prior: p(s) of the K tasks, summing to one; the library's own when None.
+        n_scales: durations per task.
+    """
+    prior = library.task_prior if task_prior is None else task_prior
+    offsets = np.linspace(-SCALE_SPAN, SCALE_SPAN, n_scales) if n_scales > 1 else np.zeros(1)
+    log_weight = -0.5 * offsets**2
+    log_weight -= np.logaddexp.reduce(log_weight)
+    mean = np.r_[library.log_duration_mean, library.none_log_duration[0]]
+    std = np.r_[library.log_duration_std, library.none_log_duration[1]]
+    duration = np.exp(mean[:, None] + std[:, None] * offsets)
+    with np.errstate(divide="ignore"):
+        log_task = np.log(np.r_[prior * (1.0 - library.none_prior), library.none_prior])
+    return Hypotheses(n_scales, duration.ravel(), (log_task[:, None] + log_weight).ravel())
+
+
+def fixed_hypotheses(library: TaskLibrary, duration_s: float) -> Hypotheses:
+    """One hypothesis per task, all of a known duration: the phase is known."""
+    with np.errstate(divide="ignore"):
+        log_prior = np.log(
+            np.r_[library.task_prior * (1.0 - library.none_prior), library.none_prior]
+        )
+    return Hypotheses(1, np.full(library.n_tasks + 1, float(duration_s)), log_prior)
+
+
+def start_bank(library: TaskLibrary, hypotheses: Hypotheses) -> FilterBank:
+    """The bank before any observation."""
+    repeat = hypotheses.n_scales
+    return FilterBank(
+        np.repeat(library.observed_mean, repeat, axis=0),
+        np.repeat(library.observed_covariance, repeat, axis=0),
+        np.zeros(len(hypotheses.duration_s)),
+    )
+
+
+def condition_bank(
+    bank: FilterBank,
+    dofs: np.ndarray,
+    rows: np.ndarray,
+    values: np.ndarray,
+    noise_covariance: np.ndarray,
+) -> FilterBank:
+    """Condition every hypothesis on one observation of some DOFs; the argument is not changed.
+
+    Args:
+        bank: B hypotheses over P DOFs.
+        dofs: index of the DOF behind each observed value, (m,); a DOF may come twice (position
+            and velocity), and what is not observed has no entry.
+        rows: row of the observation matrix within that DOF's block, (B, m, N) or (B, 1, N) for
+            positions, whose row is the same for all DOFs.
+        values: observed values, (m,).
+        noise_covariance: (m, m), positive definite.
+
+    Raises:
+        ShapeError: the arrays do not fit each other.
+        ArgumentError: an innovation covariance is not positive definite.
+    """
+    m, n_basis = len(dofs), rows.shape[-1]
+    if np.shape(values) != (m,) or np.shape(noise_covariance) != (m, m):
+        raise ShapeError(
+            describe(
+                "values, noise_covariance",
+                f"shapes ({m},) and ({m}, {m}) for {m} observed values",
+                f"{np.shape(values)} and {np.shape(noise_covariance)}",
+                "Pass one value and one row and column of noise per entry of dofs.",
+            )
+        )
+    rows = np.broadcast_to(rows, (len(bank.mean), m, n_basis))
+    cross = np.empty((len(bank.mean), m, bank.mean.shape[1]))  # H S
+    innovation = np.empty((len(bank.mean), m))
+    for i, dof in enumerate(dofs):
+        block = slice(dof * n_basis, (dof + 1) * n_basis)
+        row = rows[:, i, :, None]
+        cross[:, i] = np.matmul(bank.covariance[:, :, block], row)[..., 0]
+        innovation[:, i] = values[i] - np.matmul(bank.mean[:, None, block], row)[:, 0, 0]
+    covariance = np.empty((len(bank.mean), m, m))
+    for j, dof in enumerate(dofs):
+        block = slice(dof * n_basis, (dof + 1) * n_basis)
+        covariance[:, :, j] = np.matmul(cross[:, :, block], rows[:, j, :, None])[..., 0]
+    covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2)) + noise_covariance
+    factor = cholesky(covariance, name="innovation covariance")
+    whitened = solve_lower(factor, innovation[..., None])
+    scaled_cross = solve_lower(factor, cross)
+    update = np.matmul(np.swapaxes(scaled_cross, 1, 2), whitened)[..., 0]
+    # S - V V^T with V V^T formed from one factor: symmetric, as cheap as the textbook's.
+    shrink = np.matmul(np.swapaxes(scaled_cross, 1, 2), scaled_cross)
+    log_density = -0.5 * np.sum(whitened[..., 0] ** 2, axis=1) - log_normalizer(factor)
+    return FilterBank(
+        bank.mean + update, bank.covariance - shrink, bank.log_evidence + log_density
+    )

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Normalised Gaussian basis functions of the phase (Maeda et al. 2014, Eq. 1)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+
+
+@dataclass(frozen=True)
+class NormalizedRBFBasis:
+    """N Gaussians evenly spaced over phase [0, 1], normalised to sum to one at every phase.
+
+    Attributes:
+        n_basis: number of basis functions N, at least 3.
+        width: standard deviation of each Gaussian in units of the spacing between centres.
+
+    Raises:
+        ArgumentError: fewer than 3 basis functions, or a width that is not positive.
+    """
+
+    n_basis: int = 20
+    width: float = 1.5
+
+    def __post_init__(self):
+        if self.n_basis < 3 or not self.width > 0:
+            raise ArgumentError(
+                describe(
+                    "n_basis, width",
+                    "at least 3 basis functions of positive width",
+                    f"{self.n_basis} of width {self.width}",
+                    "Try 20 of width 1.5.",
+                )
+            )
+
+    @property
+    def centers(self) -> np.ndarray:
+        """Phases of the centres, (N,)."""
+        return np.linspace(0.0, 1.0, self.n_basis)
+
+    @property
+    def scale(self) -> float:
+        """Standard deviation of each Gaussian, in phase."""
+        return self.width / (self.n_basis - 1)
+
+    def design_matrix(self, phase: np.ndarray) -> np.ndarray:
+        """Basis functions at phases (...,): (..., N). Phases outside [0, 1] are held at the ends."""
+        offset = (np.clip(phase, 0.0, 1.0)[..., None] - self.centers) / self.scale
+        exponent = -0.5 * offset**2
+        values = np.exp(exponent - np.max(exponent, axis=-1, keepdims=True))
+        return values / np.sum(values, axis=-1, keepdims=True)
+
+    def derivative_matrix(self, phase: np.ndarray) -> np.ndarray:
+        """d basis / d phase at phases (...,): (..., N); zero outside [0, 1].
+
+        A velocity is this times the phase rate dz/dt, so it depends on the movement's duration.
+        """
+        values = self.design_matrix(phase)
+        phase = np.asarray(phase, dtype=np.float64)
+        slope = -(np.clip(phase, 0.0, 1.0)[..., None] - self.centers) / self.scale**2
+        gradient = values * (slope - np.sum(values * slope, axis=-1, keepdims=True))
+        inside = (phase >= 0.0) & (phase <= 1.0)
+        return gradient * inside[..., None]

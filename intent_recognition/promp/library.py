@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What was learned: one interaction primitive per task, with timing, noise and the none model."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from intent_recognition.alignment.onset import OnsetSettings
+from intent_recognition.gaussian.linalg import symmetrize
+from intent_recognition.gaussian.normal import Gaussian, Regression, regression
+from intent_recognition.promp.basis import NormalizedRBFBasis
+
+NONE = "none"
+"""Label of the hypothesis that the movement is none of the known tasks."""
+
+
+@dataclass(frozen=True)
+class TaskLibrary:
+    """K interaction primitives over P observed and Q controlled DOFs, N basis functions each.
+
+    Weights are grouped by DOF, observed first (Maeda et al. 2014, Eq. 4); D = P + Q.
+
+    Attributes:
+        labels: names of the K tasks, sorted.
+        basis: the basis functions.
+        observed_names, controlled_names: names of the DOFs.
+        observed_units, controlled_units: their units.
+        weight_mean: (K, D N).
+        weight_covariance: predictive covariance of the next demonstration's weights, (K, D N, D N).
+        noise_variance: residual variance per DOF, (D,), as training left it unexplained.
+        noise_scale: factor of the observed DOFs' noise variance, from leave-one-out prediction.
+        correlation_time_s: time over which residuals are taken to be one piece of evidence.
+        log_duration_mean, log_duration_std: timing prior per task, log seconds, (K,).
+        task_prior: p(s), (K,), sums to one.
+        transition_prior: p(next task | last task), (K + 1, K); the last row is for no last task.
+        none_mean, none_covariance: observed weights of any human movement, (P N,), (P N, P N).
+        none_log_duration: mean and standard deviation of its timing, (2,).
+        none_prior: prior probability that a movement is none of the tasks.
+        n_demonstrations: per task, (K,).
+        observed_groups: number of DOFs of each observed signal, in order; they sum to P.
+        onset: how movement onset is detected, one for each observed signal.
+        provenance: where it came from: bags, settings, version, score.
+    """
+
+    labels: tuple[str, ...]
+    basis: NormalizedRBFBasis
+    observed_names: tuple[str, ...]
+    controlled_names: tuple[str, ...]
+    observed_units: tuple[str, ...]
+    controlled_units: tuple[str, ...]
+    weight_mean: np.ndarray
+    weight_covariance: np.ndarray
+    noise_variance: np.ndarray
+    noise_scale: float
+    correlation_time_s: float
+    log_duration_mean: np.ndarray
+    log_duration_std: np.ndarray
+    task_prior: np.ndarray
+    transition_prior: np.ndarray
+    none_mean: np.ndarray
+    none_covariance: np.ndarray
+    none_log_duration: np.ndarray
+    none_prior: float
+    n_demonstrations: np.ndarray
+    observed_groups: tuple[int, ...]
+    onset: tuple[OnsetSettings, ...]
+    provenance: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def n_tasks(self) -> int:
+        """Number of tasks K, without none."""
+        return len(self.labels)
+
+    @property
+    def n_observed(self) -> int:
+        """Number of observed DOFs P."""
+        return len(self.observed_names)
+
+    @property
+    def n_controlled(self) -> int:
+        """Number of controlled DOFs Q."""
+        return len(self.controlled_names)
+
+    @property
+    def n_observed_weights(self) -> int:
+        """P N."""
+        return self.n_observed * self.basis.n_basis
+
+    @property
+    def durations_s(self) -> np.ndarray:
+        """Median duration of each task in seconds, (K,)."""
+        return np.exp(self.log_duration_mean)
+
+    def primitive(self, task: int) -> Gaussian:
+        """Joint distribution of the weights of task number `task`."""
+        return Gaussian(self.weight_mean[task], self.weight_covariance[task])
+
+    @cached_property
+    def observed_mean(self) -> np.ndarray:
+        """Prior means of the observed weights, tasks then none, (K + 1, P N)."""
+        return np.vstack([self.weight_mean[:, : self.n_observed_weights], self.none_mean])
+
+    @cached_property
+    def observed_covariance(self) -> np.ndarray:
+        """Prior covariances of the observed weights, tasks then none, (K + 1, P N, P N)."""
+        size = self.n_observed_weights
+        return np.concatenate([self.weight_covariance[:, :size, :size], self.none_covariance[None]])
+
+    @cached_property
+    def recovery(self) -> tuple[Regression, ...]:
+        """Regression of the controlled weights on the observed ones, per task.
+
+        Observations touch only the observed weights, so the controlled ones are recovered when
+        asked for, exactly: N(A w_o + b, C).
+        """
+        return tuple(
+            regression(self.primitive(task), self.n_observed_weights)
+            for task in range(self.n_tasks)
+        )
+
+    def noise_covariance(self, dofs: np.ndarray, interval_s: float) -> np.ndarray:
+        """Noise of one observation of the observed DOFs `dofs`, (m, m).
+
+        What a primitive leaves unexplained is correlated in time. Samples closer together than
+        `correlation_time_s` share one piece of evidence: their variance grows as they get denser.
+
+        Args:
+            dofs: indices of the observed DOFs, (m,).
+            interval_s: time since the DOFs were last observed; infinite at the first.
+        """
+        crowding = max(1.0, self.correlation_time_s / max(interval_s, 1e-6))
+        return np.diag(self.noise_variance[dofs] * (self.noise_scale * crowding))
+
+    def control_noise_variance(self) -> np.ndarray:
+        """Residual variance of the controlled DOFs, (Q,)."""
+        return self.noise_variance[self.n_observed :]
+
+
+def pooled_none_model(
+    deviations: np.ndarray, mean: np.ndarray, extent: np.ndarray, spread: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Observed weights of any human movement: everything seen, spread wider, anywhere about.
+
+    Args:
+        deviations: (n, P, N) observed weights less the mean over all demonstrations.
+        mean: (P, N) that mean.
+        extent: range of each observed DOF over all demonstrations, (P,).
+        spread: factor of the variance.
+
+    Returns:
+        Mean (P N,) and covariance (P N, P N).
+    """
+    n, n_dofs, n_basis = deviations.shape
+    flat = deviations.reshape(n, -1)
+    isotropic = float(np.mean(extent**2))
+    somewhere = np.kron(isotropic * np.eye(n_dofs), np.ones((n_basis, n_basis)))
+    phase = np.linspace(0.0, 1.0, n_basis)
+    smooth = np.exp(-0.5 * ((phase[:, None] - phase[None, :]) / 0.25) ** 2)
+    anyhow = np.kron(0.25 * isotropic * np.eye(n_dofs), smooth + 1e-4 * np.eye(n_basis))
+    covariance = spread * flat.T @ flat / max(n - 1, 1) + somewhere + anyhow
+    return mean.reshape(-1), symmetrize(covariance)

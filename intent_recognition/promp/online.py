@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The online estimator: onset, recognition and prediction from one observation after the other.
+
+The node and `intent replay` run this same object, so that their numbers are equal. It knows no
+clock: all times are stamps of measurements.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.alignment.onset import at_rest, detect_onset
+from intent_recognition.errors import DofError, describe
+from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.bank import (
+    N_SCALES,
+    FilterBank,
+    Hypotheses,
+    make_hypotheses,
+    start_bank,
+)
+from intent_recognition.promp.library import NONE, TaskLibrary
+from intent_recognition.promp.observations import Observation, observe
+from intent_recognition.promp.prediction import (
+    Trajectory,
+    controlled_weights,
+    observed_weights,
+    rollout,
+)
+from intent_recognition.promp.recognition import TaskPosterior, task_posterior
+
+HISTORY_S = 2.0
+"""How much of the past the onset detector sees."""
+FINISHED_PHASE = 0.99
+PAUSE_S = 1.5
+"""Shortest rest in mid-movement that ends it; longer ones are allowed in long tasks."""
+PAUSE_SHARE = 0.3
+OVERTIME_S = 0.5
+"""How long after its expected end a movement that goes on is still taken for the same one."""
+
+
+class Estimate(NamedTuple):
+    """What is believed after an observation.
+
+    Attributes:
+        stamp_ns: of the observation.
+        moving: whether a movement is under way; when not, `none` is certain and the rest is zero.
+        onset_ns: when it began, 0 when idle.
+        probabilities: of the K tasks and none, (K + 1,).
+        phase: expected phase given each task, (K + 1,).
+        log_evidence: of each task since onset, (K + 1,).
+        posterior: the whole of it, None when idle.
+    """
+
+    stamp_ns: int
+    moving: bool
+    onset_ns: int
+    probabilities: np.ndarray
+    phase: np.ndarray
+    log_evidence: np.ndarray
+    posterior: TaskPosterior | None
+
+
+class Prediction(NamedTuple):
+    """Trajectory of one agent under the most probable task.
+
+    Attributes:
+        task: its label.
+        onset_ns: the stamp from which the trajectory's times count.
+        trajectory: means and spread.
+    """
+
+    task: str
+    onset_ns: int
+    trajectory: Trajectory
+
+
+class _Movement:
+    """The movement under way: its onset, its observations and the filtered bank."""
+
+    def __init__(self, library: TaskLibrary, hypotheses: Hypotheses, onset_ns: int):
+        self.library, self.hypotheses, self.onset_ns = library, hypotheses, onset_ns
+        self.bank: FilterBank = start_bank(library, hypotheses)
+        self.observations: list[Observation] = []
+        self._last: dict[int, int] = {}
+
+    def observe(self, observation: Observation) -> None:
+        previous = self._last.get(observation.group)
+        interval = np.inf if previous is None else (observation.stamp_ns - previous) * 1e-9
+        elapsed = (observation.stamp_ns - self.onset_ns) * 1e-9
+        self.bank = observe(
+            self.library, self.hypotheses, self.bank, observation, elapsed, interval
+        )
+        self.observations.append(observation)
+        self._last[observation.group] = observation.stamp_ns
+
+    def posterior(self, stamp_ns: int) -> TaskPosterior:
+        return task_posterior(self.bank, self.hypotheses, (stamp_ns - self.onset_ns) * 1e-9)
+
+
+class IntentEstimator:
+    """Recognises and predicts over a stream of observations of the human.
+
+    Args:
+        library: the learned tasks.
+        task_prior: p(s), (K,); the library's own when None.
+        n_scales: durations per task in the phase bank.
+    """
+
+    def __init__(
+        self,
+        library: TaskLibrary,
+        task_prior: np.ndarray | None = None,
+        n_scales: int = N_SCALES,
+    ):
+        self.library = library
+        self._n_scales = n_scales
+        self._hypotheses = make_hypotheses(library, task_prior, n_scales)
+        self._history: list[deque[Observation]] = [deque() for _ in library.observed_groups]
+        self._movement: _Movement | None = None
+        self._posterior: TaskPosterior | None = None
+        self._needs_rest = False
+
+    def reason_to_reject(self, observation: Observation) -> str | None:
+        """Why an observation cannot be used, as a diagnostics key, or None when it can."""
+        expected = self.library.observed_groups[observation.group]
+        if np.shape(observation.values) != (expected,):
+            return "wrong_size"
+        if not np.all(np.isfinite(observation.values)):
+            return "not_finite"
+        if observation.stamp_ns <= 0:
+            return "zero_stamp"
+        history = self._history[observation.group]
+        if history and observation.stamp_ns <= history[-1].stamp_ns:
+            return "stamp_not_increasing"
+        return None
+
+    def observe(self, observation: Observation) -> Estimate:
+        """Take one observation that `reason_to_reject` has nothing against."""
+        history = self._history[observation.group]
+        history.append(observation)
+        while observation.stamp_ns - history[0].stamp_ns > HISTORY_S * 1e9:
+            history.popleft()
+        if self._movement is None:
+            self._begin_if_moving()
+        elif observation.stamp_ns >= self._movement.onset_ns:
+            self._movement.observe(observation)
+        if self._movement is None:
+            return self._idle(observation.stamp_ns)
+        self._posterior = self._movement.posterior(observation.stamp_ns)
+        if self._finished(observation.stamp_ns, self._posterior):
+            self._movement = self._posterior = None
+            return self._idle(observation.stamp_ns)
+        return Estimate(
+            observation.stamp_ns,
+            True,
+            self._movement.onset_ns,
+            self._posterior.probabilities,
+            np.r_[self._posterior.phase[:-1], 0.0],
+            self._posterior.log_evidence,
+            self._posterior,
+        )
+
+    def predict_controlled(self, n_points: int = 50) -> Prediction | None:
+        """The controlled agent's whole interaction from onset, under the most probable task.
+
+        None while idle or while `none` leads.
+        """
+        if self._movement is None or self._posterior is None:
+            return None
+        task = int(np.argmax(self._posterior.probabilities))
+        if task == self.library.n_tasks:
+            return None
+        observed = self._observed(task)
+        weights = controlled_weights(self.library, task, observed)
+        noise = self.library.control_noise_variance()
+        return self._prediction(task, weights, noise, np.linspace(0.0, 1.0, n_points))
+
+    def predict_observed(self, n_points: int = 30) -> Prediction | None:
+        """The rest of the observed agent's movement, under the most probable hypothesis."""
+        if self._movement is None or self._posterior is None:
+            return None
+        task = int(np.argmax(self._posterior.probabilities))
+        noise = self.library.noise_variance[: self.library.n_observed]
+        phase = np.linspace(self._posterior.phase[task], 1.0, n_points)
+        return self._prediction(task, self._observed(task), noise, phase)
+
+    def _observed(self, task: int) -> Gaussian:
+        return observed_weights(self._movement.bank, self._posterior.scale_weights, task)
+
+    def _prediction(
+        self, task: int, weights: Gaussian, noise: np.ndarray, phase: np.ndarray
+    ) -> Prediction:
+        trajectory = rollout(
+            self.library.basis, weights, phase, float(self._posterior.duration_s[task]), noise
+        )
+        label = (*self.library.labels, NONE)[task]
+        return Prediction(label, self._movement.onset_ns, trajectory)
+
+    def reset(self) -> None:
+        """Forget the movement under way and the past."""
+        self._movement = self._posterior = None
+        self._needs_rest = False
+        for history in self._history:
+            history.clear()
+
+    def swap(self, library: TaskLibrary, task_prior: np.ndarray | None = None) -> None:
+        """Go on with another library; the movement under way is filtered anew from its onset.
+
+        Raises:
+            DofError: the other library observes or controls other DOFs.
+        """
+        for agent in ("observed_names", "controlled_names", "observed_groups"):
+            ours, theirs = getattr(self.library, agent), getattr(library, agent)
+            if ours != theirs:
+                raise DofError(
+                    describe(f"library {agent}", str(ours), str(theirs), "Train on the same DOFs.")
+                )
+        self.library = library
+        self._hypotheses = make_hypotheses(library, task_prior, self._n_scales)
+        if self._movement is not None:
+            before = self._movement
+            self._movement = _Movement(library, self._hypotheses, before.onset_ns)
+            for observation in before.observations:
+                self._movement.observe(observation)
+            self._posterior = self._movement.posterior(before.observations[-1].stamp_ns)
+
+    def _arrays(self, group: int) -> tuple[np.ndarray, np.ndarray]:
+        history = self._history[group]
+        start = history[0].stamp_ns
+        times = np.array([(o.stamp_ns - start) * 1e-9 for o in history])
+        return times, np.array([o.values for o in history])
+
+    def _begin_if_moving(self) -> None:
+        if self._needs_rest:
+            self._needs_rest = not self._at_rest()
+            return
+        onsets = []
+        for group, settings in enumerate(self.library.onset):
+            if self._history[group]:
+                onset = detect_onset(settings, *self._arrays(group))
+                if onset is not None:
+                    onsets.append(self._history[group][0].stamp_ns + round(onset * 1e9))
+        if not onsets:
+            return
+        self._movement = _Movement(self.library, self._hypotheses, min(onsets))
+        past = [o for history in self._history for o in history if o.stamp_ns >= min(onsets)]
+        for observation in sorted(past, key=lambda o: (o.stamp_ns, o.group)):
+            self._movement.observe(observation)
+
+    def _at_rest(self, rest_s: float | None = None) -> bool:
+        return all(
+            not self._history[group] or at_rest(settings, *self._arrays(group), rest_s)
+            for group, settings in enumerate(self.library.onset)
+        )
+
+    def _finished(self, stamp_ns: int, posterior: TaskPosterior) -> bool:
+        """Whether the movement is over: done and at rest, stopped half-way, or overdue."""
+        elapsed = (stamp_ns - self._movement.onset_ns) * 1e-9
+        duration = float(posterior.probabilities @ posterior.duration_s)
+        phase = float(posterior.probabilities @ posterior.phase)
+        if elapsed > duration + OVERTIME_S and phase >= FINISHED_PHASE:
+            self._needs_rest = not self._at_rest()
+            return True
+        none_leads = int(np.argmax(posterior.probabilities)) == self.library.n_tasks
+        if phase >= FINISHED_PHASE or none_leads:
+            return self._at_rest()
+        return self._at_rest(min(max(PAUSE_S, PAUSE_SHARE * duration), HISTORY_S - 0.1))
+
+    def _idle(self, stamp_ns: int) -> Estimate:
+        size = self.library.n_tasks + 1
+        certain = np.zeros(size)
+        certain[-1] = 1.0
+        return Estimate(stamp_ns, False, 0, certain, np.zeros(size), np.zeros(size), None)

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bayes over tasks in log space, with the phase marginalised (Maeda et al. 2014, Eq. 9-11).
+
+Eq. 11 as printed forgets the past; here the posterior after one observation is the prior of the
+next, which in log space is a running sum.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.promp.bank import FilterBank, Hypotheses
+
+
+class TaskPosterior(NamedTuple):
+    """What is believed about task and phase after some observations.
+
+    Attributes:
+        probabilities: of the K tasks and none, (K + 1,); sums to one.
+        log_evidence: log p(observations | task), phase marginalised, (K + 1,).
+        phase: expected phase given the task, (K + 1,).
+        duration_s: expected duration given the task, (K + 1,).
+        scale_weights: p(duration | task, observations), (K + 1, S); rows sum to one.
+    """
+
+    probabilities: np.ndarray
+    log_evidence: np.ndarray
+    phase: np.ndarray
+    duration_s: np.ndarray
+    scale_weights: np.ndarray
+
+
+def task_posterior(bank: FilterBank, hypotheses: Hypotheses, elapsed_s: float) -> TaskPosterior:
+    """Posterior of the tasks so long after onset, marginal over the durations."""
+    shape = (-1, hypotheses.n_scales)
+    log_prior = hypotheses.log_prior.reshape(shape)
+    log_joint = log_prior + bank.log_evidence.reshape(shape)
+    log_task_prior = np.logaddexp.reduce(log_prior, axis=1)
+    log_task = np.logaddexp.reduce(log_joint, axis=1)
+    possible = np.isfinite(log_task)
+    with np.errstate(invalid="ignore"):
+        log_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
+        scale_weights = np.exp(log_joint - log_task[:, None])
+    scale_weights[~possible] = 1.0 / hypotheses.n_scales
+    scale_weights /= scale_weights.sum(axis=1, keepdims=True)
+    probabilities = np.exp(log_task - np.max(log_task))
+    probabilities /= probabilities.sum()
+    phase = hypotheses.phase(elapsed_s).reshape(shape)
+    duration = hypotheses.duration_s.reshape(shape)
+    return TaskPosterior(
+        probabilities,
+        log_evidence,
+        np.sum(scale_weights * phase, axis=1),
+        np.sum(scale_weights * duration, axis=1),
+        scale_weights,
+    )

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Choose the regularisation by leave-one-out prediction of the controlled agent.
+
+For every demonstration left out of its own task, the controlled agent's trajectory is predicted
+from evenly spaced samples of the observed one, after each of `FRACTIONS` of the movement. The pair
+(strength of the target, scale of the noise) with the smallest mean negative log density wins. The
+target is pooled over all tasks and not recomputed without the one left out.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.gaussian.linalg import LOG_2_PI, symmetrize
+from intent_recognition.promp.prior import shrunk_covariance
+
+STRENGTHS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 300.0)
+NOISE_SCALES = (1.0, 4.0, 16.0, 64.0)
+FRACTIONS = (0.25, 0.5, 1.0)
+SCORED_PHASES = 20
+
+
+class Candidate(NamedTuple):
+    """A pair of hyperparameters and its leave-one-out score (nats per DOF and sample, lower wins)."""
+
+    strength: float
+    noise_scale: float
+    score: float
+
+
+class TaskSamples(NamedTuple):
+    """Evenly spaced samples of the demonstrations of one task, for scoring.
+
+    Attributes:
+        weights: (n, D, N), observed DOFs first.
+        observed: samples of the observed DOFs, (n, m, P).
+        design: basis at the samples' phases, (n, m, N).
+        phase: their phases, (n, m), increasing.
+        controlled: truth of the controlled DOFs at the scored phases, (n, s, Q).
+    """
+
+    weights: np.ndarray
+    observed: np.ndarray
+    design: np.ndarray
+    phase: np.ndarray
+    controlled: np.ndarray
+
+
+def leave_one_out_scores(
+    samples: TaskSamples,
+    target: np.ndarray,
+    noise_variance: np.ndarray,
+    scored_design: np.ndarray,
+    strength: float,
+    noise_scales: tuple[float, ...] = NOISE_SCALES,
+) -> np.ndarray:
+    """Summed negative log density of the controlled samples per noise scale, (len(noise_scales),).
+
+    Args:
+        samples: the demonstrations of one task, at least two.
+        target: (D N, D N).
+        noise_variance: residual variance per DOF, (D,).
+        scored_design: basis at the scored phases, (s, N).
+        strength: the target's worth in demonstrations.
+        noise_scales: factors of the observed DOFs' noise variance to try.
+    """
+    n, n_dofs, n_basis = samples.weights.shape
+    n_observed = samples.observed.shape[2]
+    split = n_observed * n_basis
+    flat = samples.weights.reshape(n, -1)
+    mean = (flat.sum(axis=0) - flat) / (n - 1)
+    deviation = flat - flat.mean(axis=0)
+    # Scatter without demonstration i: total less n/(n-1) times its own outer product.
+    scatter = deviation.T @ deviation - (n / (n - 1)) * np.einsum("id,ie->ide", deviation, deviation)
+    covariance = shrunk_covariance(scatter, n - 1, target, strength)
+    s_oo, s_oc = covariance[:, :split, :split], covariance[:, :split, split:]
+    precision = symmetrize(np.linalg.inv(s_oo))
+    gain = np.swapaxes(np.matmul(precision, s_oc), 1, 2)  # (n, QN, PN)
+    residual = symmetrize(covariance[:, split:, split:] - np.matmul(gain, s_oc))
+    n_controlled = n_dofs - n_observed
+    per_dof = gain.reshape(n, n_controlled, n_basis, split)
+    response = np.einsum("sk,nqkp->nqsp", scored_design, per_dof).reshape(n, -1, split)
+    blocks = residual.reshape(n, n_controlled, n_basis, n_controlled, n_basis)
+    own = np.einsum("sk,nqkql,sl->nqs", scored_design, blocks, scored_design).reshape(n, -1)
+    own += np.repeat(noise_variance[n_observed:], len(scored_design))
+    controlled_mean = np.einsum(
+        "sk,nqk->nqs", scored_design, mean[:, split:].reshape(n, n_controlled, n_basis)
+    ).reshape(n, -1)
+    truth = np.swapaxes(samples.controlled, 1, 2).reshape(n, -1)
+    centred = samples.observed - np.einsum(
+        "nmk,npk->nmp", samples.design, mean[:, :split].reshape(n, n_observed, n_basis)
+    )
+    scores = np.zeros(len(noise_scales))
+    for fraction in FRACTIONS:
+        seen = samples.design * (samples.phase <= fraction + 1e-9)[:, :, None]
+        gram = np.einsum("nmk,nml->nkl", seen, seen)
+        moment = np.einsum("nmk,nmp->npk", seen, centred)
+        for index, scale in enumerate(noise_scales):
+            r = scale * noise_variance[:n_observed]
+            information = precision.copy()
+            for p in range(n_observed):
+                block = slice(p * n_basis, (p + 1) * n_basis)
+                information[:, block, block] += gram / r[p]
+            posterior = np.linalg.inv(information)
+            update = np.matmul(posterior, (moment / r[None, :, None]).reshape(n, split, 1))
+            error = truth - controlled_mean - np.matmul(response, update)[..., 0]
+            variance = own + np.einsum("nap,nap->na", np.matmul(response, posterior), response)
+            scores[index] += 0.5 * np.sum(error**2 / variance + np.log(variance) + LOG_2_PI)
+    return scores
+
+
+def select(
+    tasks: list[TaskSamples],
+    target: np.ndarray,
+    noise_variance: np.ndarray,
+    scored_design: np.ndarray,
+) -> tuple[Candidate, tuple[Candidate, ...]]:
+    """The best pair of strength and noise scale, and all that were tried.
+
+    Tasks of one demonstration cannot be left out and do not vote; when none can, the middle of both
+    grids is taken, with a score of NaN.
+
+    Args:
+        tasks: samples of each task.
+        target: (D N, D N).
+        noise_variance: residual variance per DOF, (D,).
+        scored_design: basis at the scored phases, (s, N).
+    """
+    voting = [samples for samples in tasks if len(samples.weights) > 1]
+    if not voting:
+        middle = Candidate(
+            STRENGTHS[len(STRENGTHS) // 2], NOISE_SCALES[len(NOISE_SCALES) // 2], float("nan")
+        )
+        return middle, (middle,)
+    count = len(FRACTIONS) * sum(samples.controlled.size for samples in voting)
+    tried = []
+    for strength in STRENGTHS:
+        scores = sum(
+            leave_one_out_scores(samples, target, noise_variance, scored_design, strength)
+            for samples in voting
+        )
+        tried += [
+            Candidate(strength, scale, float(score) / count)
+            for scale, score in zip(NOISE_SCALES, scores, strict=True)
+        ]
+    return min(tried, key=lambda candidate: candidate.score), tuple(tried)

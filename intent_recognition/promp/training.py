@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From demonstrations to a `TaskLibrary`."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from intent_recognition.alignment.onset import OnsetSettings
+from intent_recognition.alignment.segment import movement_span, onset_settings
+from intent_recognition.errors import ArgumentError, TrainingError, describe
+from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.library import NONE, TaskLibrary, pooled_none_model
+from intent_recognition.promp.prior import (
+    FLOOR_OF_RANGE,
+    shrunk_covariance,
+    structured_target,
+    weight_floor,
+)
+from intent_recognition.promp.selection import SCORED_PHASES, Candidate, TaskSamples, select
+from intent_recognition.promp.signals import Signal
+from intent_recognition.promp.weights import MIN_SAMPLES, fit_weights
+
+SAMPLES_PER_MOVEMENT = 30
+"""Samples of one movement that count as independent evidence; denser ones share it."""
+SEGMENTATIONS = ("movement", "recording")
+MIN_DURATION_S = 0.2
+
+
+class Recorded(Protocol):
+    """What training needs of a demonstration (`storage.Demonstration` has it)."""
+
+    name: str
+    task: str | None
+    observed: tuple[Signal, ...]
+    controlled: tuple[Signal, ...]
+    start_ns: int
+    end_ns: int
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How a library is learned.
+
+    Attributes:
+        n_basis: basis functions per DOF.
+        width: their width in units of their spacing.
+        ridge: relative curvature penalty of the weights' regression.
+        segmentation: "movement" cuts each recording to the interaction, as the online detector
+            would; "recording" takes it whole.
+        none_prior: prior probability that a movement is none of the tasks.
+        none_spread: variance of the none model relative to everything seen.
+
+    Raises:
+        ArgumentError: a setting is out of range.
+    """
+
+    n_basis: int = 20
+    width: float = 1.0
+    ridge: float = 3e-3
+    segmentation: str = "movement"
+    none_prior: float = 0.05
+    none_spread: float = 2.0
+
+    def __post_init__(self):
+        if self.segmentation not in SEGMENTATIONS:
+            raise ArgumentError(
+                describe("segmentation", f"one of {SEGMENTATIONS}", self.segmentation, "Choose one.")
+            )
+        if not 0 < self.none_prior < 1 or not self.none_spread > 0:
+            raise ArgumentError(
+                describe(
+                    "none_prior, none_spread",
+                    "a probability between 0 and 1 and a positive factor",
+                    f"{self.none_prior}, {self.none_spread}",
+                    "Try 0.05 and 2.",
+                )
+            )
+
+
+class Example(NamedTuple):
+    """One demonstration as weights.
+
+    Attributes:
+        name: of the recording.
+        task: its label.
+        weights: (D, N), observed DOFs first.
+        residual_variance: (D,).
+        duration_s: of the interaction.
+        observed: samples at evenly spaced phases, (m, P).
+        controlled: at the scored phases, (s, Q).
+    """
+
+    name: str
+    task: str
+    weights: np.ndarray
+    residual_variance: np.ndarray
+    duration_s: float
+    observed: np.ndarray
+    controlled: np.ndarray
+
+
+class TrainingReport(NamedTuple):
+    """What came of the demonstrations.
+
+    Attributes:
+        used: names of those learned from.
+        rejected: (name, reason) of those left out.
+        chosen: the hyperparameters taken.
+        tried: all that were scored.
+    """
+
+    used: tuple[str, ...]
+    rejected: tuple[tuple[str, str], ...]
+    chosen: Candidate
+    tried: tuple[Candidate, ...]
+
+
+def sample_phases() -> np.ndarray:
+    """Phases of the samples that hyperparameters are scored on, (m,)."""
+    return (np.arange(SAMPLES_PER_MOVEMENT) + 0.5) / SAMPLES_PER_MOVEMENT
+
+
+def scored_phases() -> np.ndarray:
+    """Phases at which the controlled agent's prediction is scored, (s,)."""
+    return np.linspace(0.0, 1.0, SCORED_PHASES)
+
+
+def make_example(
+    recorded: Recorded,
+    basis: NormalizedRBFBasis,
+    ridge: float,
+    start_ns: int,
+    end_ns: int,
+) -> Example:
+    """Weights of one demonstration between two moments.
+
+    Raises:
+        TrainingError: too short, or a DOF has too few samples.
+    """
+    duration = (end_ns - start_ns) * 1e-9
+    if duration < MIN_DURATION_S:
+        raise TrainingError(
+            describe("demonstration", f"at least {MIN_DURATION_S} s", f"{duration:.3f} s", "Re-record.")
+        )
+    weights, residuals, samples = [], [], {True: [], False: []}
+    for observed, signal in [(True, s) for s in recorded.observed] + [
+        (False, s) for s in recorded.controlled
+    ]:
+        part = signal.between(start_ns, end_ns)
+        if len(part.stamps_ns) < MIN_SAMPLES:
+            raise TrainingError(
+                describe(
+                    ", ".join(signal.names),
+                    f"at least {MIN_SAMPLES} samples during the movement",
+                    len(part.stamps_ns),
+                    "Record it again, or leave it out.",
+                )
+            )
+        phase = part.seconds(start_ns) / duration
+        fit = fit_weights(basis, phase, part.values, ridge)
+        weights.append(fit.weights)
+        residuals.append(fit.residual_variance)
+        at = sample_phases() if observed else scored_phases()
+        samples[observed].append(
+            np.stack([np.interp(at, phase, column) for column in part.values.T], axis=1)
+        )
+    return Example(
+        recorded.name,
+        str(recorded.task),
+        np.vstack(weights),
+        np.concatenate(residuals),
+        duration,
+        np.hstack(samples[True]),
+        np.hstack(samples[False]),
+    )
+
+
+def learn(
+    demonstrations: Sequence[Recorded],
+    settings: TrainingSettings | None = None,
+    provenance: Mapping[str, object] | None = None,
+) -> tuple[TaskLibrary, TrainingReport]:
+    """Learn one interaction primitive per label.
+
+    Args:
+        demonstrations: labelled recordings with the same DOFs.
+        settings: how to learn.
+        provenance: what to remember about their origin.
+
+    Raises:
+        TrainingError: nothing usable, or no task with at least two demonstrations.
+    """
+    settings = settings or TrainingSettings()
+    basis = NormalizedRBFBasis(settings.n_basis, settings.width)
+    rejected: list[tuple[str, str]] = []
+    labelled = []
+    for recorded in demonstrations:
+        if recorded.task is None:
+            rejected.append((recorded.name, "it has no label `task`"))
+        elif recorded.task == NONE:
+            rejected.append((recorded.name, f"the label {NONE!r} is reserved"))
+        else:
+            labelled.append(recorded)
+    observed_settings: tuple[OnsetSettings, ...] = ()
+    examples = []
+    if labelled:
+        observed_settings = onset_settings([recorded.observed for recorded in labelled])
+        controlled_settings = onset_settings([recorded.controlled for recorded in labelled])
+    for recorded in labelled:
+        try:
+            start_ns, end_ns = recorded.start_ns, recorded.end_ns
+            if settings.segmentation == "movement":
+                start_ns, end_ns = movement_span(
+                    recorded.observed,
+                    recorded.controlled,
+                    observed_settings,
+                    controlled_settings,
+                    start_ns,
+                    end_ns,
+                )
+            examples.append(make_example(recorded, basis, settings.ridge, start_ns, end_ns))
+        except TrainingError as error:
+            rejected.append((recorded.name, str(error)))
+    if not examples:
+        raise TrainingError(
+            describe(
+                "demonstrations",
+                "at least two usable, labelled demonstrations of a task",
+                f"none of {len(demonstrations)}"
+                + "".join(f"; {name}: {reason}" for name, reason in rejected[:3]),
+                "Check the labels and the DOF file.",
+            )
+        )
+    library, chosen, tried = _fit(
+        examples, labelled[0], basis, settings, observed_settings, provenance or {}
+    )
+    used = tuple(example.name for example in examples)
+    return library, TrainingReport(used, tuple(rejected), chosen, tried)
+
+
+def _fit(
+    examples: list[Example],
+    first: Recorded,
+    basis: NormalizedRBFBasis,
+    settings: TrainingSettings,
+    onset: tuple[OnsetSettings, ...],
+    provenance: Mapping[str, object],
+) -> tuple[TaskLibrary, Candidate, tuple[Candidate, ...]]:
+    labels = tuple(sorted({example.task for example in examples}))
+    groups = [[e for e in examples if e.task == label] for label in labels]
+    degrees_of_freedom = len(examples) - len(labels)
+    if degrees_of_freedom < 1:
+        raise TrainingError(
+            describe(
+                "demonstrations",
+                "at least two demonstrations of one of the tasks",
+                f"one of each of {len(labels)}",
+                "Record more: 5 to 20 of each task are usual.",
+            )
+        )
+    weights = [np.array([e.weights for e in group]) for group in groups]
+    everything = np.concatenate(weights)
+    floor = weight_floor(everything)
+    deviations = np.concatenate([w - w.mean(axis=0) for w in weights])
+    target = structured_target(deviations, degrees_of_freedom, floor).covariance()
+    residual = np.mean([e.residual_variance for e in examples], axis=0)
+    noise = np.maximum(residual, floor)
+    samples = [
+        TaskSamples(
+            w,
+            np.array([e.observed for e in group]),
+            np.repeat(basis.design_matrix(sample_phases())[None], len(group), axis=0),
+            np.repeat(sample_phases()[None], len(group), axis=0),
+            np.array([e.controlled for e in group]),
+        )
+        for w, group in zip(weights, groups, strict=True)
+    ]
+    chosen, tried = select(samples, target, noise, basis.design_matrix(scored_phases()))
+    n = np.array([len(group) for group in groups])
+    scatters = [np.einsum("id,ie->de", *(2 * [_flat(w)])) for w in weights]
+    covariance = np.array(
+        [
+            shrunk_covariance(scatter, count, target, chosen.strength)
+            for scatter, count in zip(scatters, n, strict=True)
+        ]
+    )
+    log_mean, log_std = _timing([[e.duration_s for e in group] for group in groups])
+    n_observed = examples[0].observed.shape[1]
+    task_means = np.array([w.mean(axis=0)[:n_observed] for w in weights])
+    centre = task_means.mean(axis=0)
+    observed = everything[:, :n_observed]
+    none_mean, none_covariance = pooled_none_model(
+        observed - centre, centre, np.sqrt(floor[:n_observed]) / FLOOR_OF_RANGE, settings.none_spread
+    )
+    all_logs = np.log([e.duration_s for e in examples])
+    library = TaskLibrary(
+        labels=labels,
+        basis=basis,
+        observed_names=tuple(name for s in first.observed for name in s.names),
+        controlled_names=tuple(name for s in first.controlled for name in s.names),
+        observed_units=tuple(s.unit for s in first.observed for _ in s.names),
+        controlled_units=tuple(s.unit for s in first.controlled for _ in s.names),
+        weight_mean=np.array([w.mean(axis=0).ravel() for w in weights]),
+        weight_covariance=covariance,
+        noise_variance=noise,
+        noise_scale=chosen.noise_scale,
+        correlation_time_s=float(np.exp(all_logs).mean()) / SAMPLES_PER_MOVEMENT,
+        log_duration_mean=log_mean,
+        log_duration_std=log_std,
+        task_prior=np.full(len(labels), 1.0 / len(labels)),
+        transition_prior=np.full((len(labels) + 1, len(labels)), 1.0 / len(labels)),
+        none_mean=none_mean,
+        none_covariance=none_covariance,
+        none_log_duration=np.array([all_logs.mean(), max(float(all_logs.std()), 0.2)]),
+        none_prior=settings.none_prior,
+        n_demonstrations=n,
+        observed_groups=tuple(len(s.names) for s in first.observed),
+        onset=onset,
+        provenance={**provenance, "settings": asdict(settings), "chosen": chosen._asdict()},
+    )
+    return library, chosen, tried
+
+
+def _flat(weights: np.ndarray) -> np.ndarray:
+    """Deviations from the mean, flattened: (n, D N)."""
+    return (weights - weights.mean(axis=0)).reshape(len(weights), -1)
+
+
+def _timing(durations: list[list[float]]) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation of log duration per task; the spread leans on all tasks."""
+    logs = [np.log(values) for values in durations]
+    scatter = np.array([np.sum((x - x.mean()) ** 2) for x in logs])
+    n = np.array([len(x) for x in logs])
+    pooled = scatter.sum() / max(n.sum() - len(n), 1)
+    worth = 4.0
+    variance = (scatter + worth * pooled) / (n - 1 + worth) * (1 + 1 / n)
+    return np.array([x.mean() for x in logs]), np.sqrt(np.maximum(variance, 0.05**2))

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Weights of one demonstration by ridge regression, and what they leave unexplained."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from intent_recognition.errors import ArgumentError, TrainingError, describe
+from intent_recognition.promp.basis import NormalizedRBFBasis
+
+MIN_SAMPLES = 4
+
+
+class WeightFit(NamedTuple):
+    """Weights of d DOFs and their residuals.
+
+    Attributes:
+        weights: (d, N).
+        residual_variance: mean squared residual per DOF, (d,), squared units of the DOF.
+    """
+
+    weights: np.ndarray
+    residual_variance: np.ndarray
+
+
+def fit_weights(
+    basis: NormalizedRBFBasis, phase: np.ndarray, values: np.ndarray, ridge: float = 1e-4
+) -> WeightFit:
+    """Ridge regression of trajectories on the basis (Maeda et al. 2014, Eq. 1).
+
+    The penalty is on curvature (second differences of neighbouring weights), so that a straight
+    line is left alone and a gap is bridged smoothly; `ridge` is relative to the data's share of one
+    basis function, so it means the same at any sampling rate.
+
+    Args:
+        basis: the basis functions.
+        phase: (T,) phases in [0, 1] of the samples, any order, gaps allowed.
+        values: (T, d) samples.
+        ridge: relative weight of the penalty, positive.
+
+    Raises:
+        TrainingError: fewer than four samples.
+        ArgumentError: `ridge` is not positive.
+    """
+    if not ridge > 0:
+        raise ArgumentError(describe("ridge", "a positive number", ridge, "Try 1e-4."))
+    if len(phase) < MIN_SAMPLES:
+        raise TrainingError(
+            describe(
+                "demonstration",
+                f"at least {MIN_SAMPLES} samples of every DOF",
+                len(phase),
+                "Record it again, or leave it out.",
+            )
+        )
+    design = basis.design_matrix(phase)
+    curvature = np.diff(np.eye(basis.n_basis), 2, axis=0)
+    penalty = ridge * len(phase) / basis.n_basis
+    normal = design.T @ design + penalty * (curvature.T @ curvature)
+    normal += 1e-9 * len(phase) / basis.n_basis * np.eye(basis.n_basis)
+    weights = cho_solve(cho_factor(normal), design.T @ values).T
+    residuals = values - design @ weights.T
+    return WeightFit(weights, np.mean(residuals**2, axis=0))
