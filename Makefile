@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+# Needs Python 3.11, git and make; everything else goes into $(VENV).
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV ?= .venv
+DEMO_ARGS ?=
+TEST_ARGS ?=
+BENCH_ARGS ?=
+
+BIN := $(VENV)/bin
+SOURCES := setup.py setup.cfg pyproject.toml package.xml
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+export MPLBACKEND ?= Agg
+
+.PHONY: help venv demo test lint format bench clean
+.DEFAULT_GOAL := help
+
+help:
+	@echo "make demo   watch the simulated coworker and the arm (DEMO_ARGS='--headless --seed 1')"
+	@echo "make test   run the tests (TEST_ARGS='-k ingest')"
+	@echo "make lint   check style and formatting"
+	@echo "make bench  measure against the required figures"
+	@echo "make venv   only create $(VENV)"
+
+venv: $(VENV)/.dev
+
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.runtime: requirements.txt $(SOURCES) | $(BIN)/python
+	$(PIP) install --quiet -r requirements.txt
+	$(PIP) install --quiet --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/.dev: requirements-dev.txt $(VENV)/.runtime
+	$(PIP) install --quiet -r requirements-dev.txt
+	@touch $@
+
+demo: $(VENV)/.runtime
+	$(BIN)/intent demo $(DEMO_ARGS)
+
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest $(TEST_ARGS)
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+format: $(VENV)/.dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(VENV)/.runtime
+	$(BIN)/python -m benchmarks $(BENCH_ARGS)
+
+clean:
+	rm -rf $(VENV) build install log *.egg-info

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One tree for pip, colcon and ros2 run; settings that colcon reads must stand here."""
+
+import re
+from pathlib import Path
+
+from setuptools import Distribution, find_packages, setup
+
+PACKAGE = "intent_recognition"
+SHARE = f"share/{PACKAGE}"
+ROOT = Path(__file__).resolve().parent
+
+NODES = {
+    "mocap_ingest": PACKAGE,
+    "intent_estimator": PACKAGE,
+    "primitive_activation": PACKAGE,
+    "bag_recorder": PACKAGE,
+    "bag_player": PACKAGE,
+    "lwr_sim": "sim_bridge",
+    "coworker_sim": "sim_bridge",
+}
+
+
+class DistributionWithDataFiles(Distribution):
+    """Makes `pip install -e .` install the data files too."""
+
+    def has_data(self):
+        """Whether `install_data` runs."""
+        return self.has_data_files()
+
+
+def version() -> str:
+    """The version, which stands in the package's `__init__.py`."""
+    text = (ROOT / PACKAGE / "__init__.py").read_text(encoding="utf-8")
+    return re.search(r'^__version__ = "([^"]+)"', text, re.MULTILINE)[1]
+
+
+def tree(folder: str) -> list[tuple[str, list[str]]]:
+    """Data files below `folder`, each in the same place below the share directory."""
+    by_folder: dict[str, list[str]] = {}
+    for path in sorted((ROOT / folder).rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            relative = path.relative_to(ROOT)
+            by_folder.setdefault(f"{SHARE}/{relative.parent}", []).append(str(relative))
+    return sorted(by_folder.items())
+
+
+setup(
+    name=PACKAGE,
+    version=version(),
+    description="Recognise a coworker's task from first motion and move the robot in time.",
+    long_description=(ROOT / "README.md").read_text(encoding="utf-8")
+    if (ROOT / "README.md").is_file()
+    else "",
+    long_description_content_type="text/markdown",
+    license="Apache-2.0",
+    maintainer="Intent recognition maintainers",
+    maintainer_email="maintainers@example.org",
+    python_requires=">=3.10",
+    packages=find_packages(include=[f"{PACKAGE}*", "sim_bridge*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (SHARE, ["package.xml"]),
+        *tree("config"),
+        *tree("launch"),
+        *tree("bags"),
+    ],
+    # ROS itself comes from the distribution or, without one, from the extra `ros`.
+    install_requires=[
+        "matplotlib",
+        "lz4",
+        "mcap>=1.1",
+        "mcap-ros2-support>=0.5",
+        "numpy>=1.26",
+        "pybullet>=3.2.5",
+        "PyYAML",
+        "rich",
+        "rosbags>=0.10",
+        "scipy>=1.11",
+        "zstandard",
+    ],
+    extras_require={
+        "ros": [
+            "ros-rclpy[fastrtps]==7.1.6",
+            "ros-common-interfaces==5.3.6",
+            "ros-rmw-fastrtps-cpp==8.4.3",
+        ],
+        "test": ["pytest", "hypothesis"],
+    },
+    zip_safe=True,
+    entry_points={
+        "console_scripts": [
+            "intent = intent_recognition.cli.main:main",
+            *(f"{name} = {room}.nodes.{name}:main" for name, room in NODES.items()),
+        ]
+    },
+    distclass=DistributionWithDataFiles,
+)
