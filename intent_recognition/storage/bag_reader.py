@@ -19,6 +19,7 @@ from intent_recognition.storage.bag_metadata import (
     parse_qos,
     read_metadata,
 )
+from intent_recognition.storage.definitions import Definition
 from intent_recognition.storage.mcap_scan import (
     PARSE_ERRORS,
     Block,
@@ -184,6 +185,18 @@ class BagReader:
         except Exception as error:  # the parser of definitions raises what it meets
             raise self._no_decoder(topic, type_name, error) from error
         raise self._no_decoder(topic, type_name, "no ros2msg definition of it")
+
+    def definition_of(self, topic: str) -> Definition | None:
+        """The definition the bag itself holds of a topic's type, None when it holds none."""
+        for _, scan in self._scans:
+            for channel in scan.channels.values():
+                schema = scan.schemas.get(channel.schema_id)
+                if channel.topic == topic and schema is not None:
+                    text = schema.data.decode(errors="replace")
+                    return Definition(
+                        schema.name, text, self.topics[topic].type_hash, schema.encoding
+                    )
+        return None
 
     def _no_decoder(self, topic: str, type_name: str, error: object) -> MessageError:
         expected = f"a usable definition of {type_name or 'its type'}"

@@ -18,7 +18,7 @@ from intent_recognition.storage.bag_metadata import (
     dump_yaml,
     write_metadata,
 )
-from intent_recognition.storage.definitions import definition, serialize
+from intent_recognition.storage.definitions import Definition, definition, serialize
 
 FLUSH_PERIOD_S = 0.5
 MIN_FREE_BYTES = 16 * 2**20
@@ -87,8 +87,20 @@ class BagWriter:
         """Messages written so far, over all topics."""
         return sum(self._counts.values())
 
-    def add_topic(self, topic: str, type_name: str, qos: Sequence[Mapping] = ()) -> str:
+    def add_topic(
+        self,
+        topic: str,
+        type_name: str,
+        qos: Sequence[Mapping] = (),
+        found: Definition | None = None,
+    ) -> str:
         """Declare a topic, once; `write` does it by itself when no QoS is to be kept.
+
+        Args:
+            topic: name, stored absolute.
+            type_name: "package/msg/Name".
+            qos: the publishers' QoS profiles in rosbag2's form.
+            found: definition of the type, looked up when not given.
 
         Returns:
             The name under which the topic is stored: absolute.
@@ -100,10 +112,10 @@ class BagWriter:
         name = "/" + topic.lstrip("/")
         known = self._topics.get(name)
         if known is None:
-            found = definition(type_name)
+            found = found or definition(type_name)
             self._topics[name] = TopicInfo(name, type_name, 0, found.type_hash, tuple(qos))
             self._counts[name] = 0
-            self._register(name, type_name, found.text, qos)
+            self._register(name, found, qos)
         elif known.type != type_name:
             cure = "Record the two under different names."
             raise BagError(describe(f"topic {name}", f"type {known.type}", type_name, cure))
@@ -214,14 +226,15 @@ class BagWriter:
         self._flushed_s = self._clock()
         self._write_metadata()
 
-    def _register(self, name: str, type_name: str, text: str, qos: Sequence[Mapping]) -> None:
+    def _register(self, name: str, found: Definition, qos: Sequence[Mapping]) -> None:
         """Add schema and channel to the chunk in progress, and once more outside of it."""
         builder = RecordBuilder()
-        if type_name not in self._schemas:
-            number = self._writer.register_schema(type_name, "ros2msg", text.encode())
-            self._schemas[type_name] = number
-        number = self._schemas[type_name]
-        Schema(data=text.encode(), encoding="ros2msg", id=number, name=type_name).write(builder)
+        text, encoding = found.text.encode(), found.encoding
+        if found.type not in self._schemas:
+            number = self._writer.register_schema(found.type, encoding, text)
+            self._schemas[found.type] = number
+        number = self._schemas[found.type]
+        Schema(data=text, encoding=encoding, id=number, name=found.type).write(builder)
         metadata = {
             "offered_qos_profiles": dump_yaml([dict(p) for p in qos]).strip(),
             "topic_type_hash": self._topics[name].type_hash,

@@ -27,6 +27,7 @@ class Definition:
     type: str
     text: str
     type_hash: str
+    encoding: str = "ros2msg"
 
 
 @lru_cache(maxsize=1)

@@ -142,7 +142,7 @@ def _walk(view: mmap.mmap, scan: Scan) -> None:
     while position < len(view):
         end = _read_record(view, position, scan)
         if end is None:
-            found = _resynchronise(view, previous if previous != position else position + 1)
+            found = _resynchronise(view, min(previous, position + 1), position)
             _note_damage(view, position, found, scan)
             if found is None:
                 return
@@ -244,11 +244,13 @@ def _cut_chunk(view: mmap.mmap, position: int) -> Block | None:
     return block and Block(position, len(view) - start, block.start_ns, block.end_ns, is_cut=True)
 
 
-def _resynchronise(view: mmap.mmap, position: int) -> int | None:
-    """Offset of the next whole chunk at or after `position`."""
+def _resynchronise(view: mmap.mmap, position: int, failed: int) -> int | None:
+    """Offset of the next chunk at or after `position`, but for the one that `failed`."""
     for match in CHUNK_START.finditer(view, position):
         at = match.start()
         _, length = RECORD_HEADER.unpack_from(view, at)
+        if at == failed:
+            continue
         whole = at + RECORD_HEADER.size + length <= len(view)
         if (whole and _chunk_block(view, at, length)) or _cut_chunk(view, at):
             return at
