@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What pose ingest lets through, what it drops and how it recovers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.tracking.ingest import (
+    REASONS,
+    IngestSettings,
+    IngestState,
+    Rejected,
+    TrackedPose,
+    ingest_pose,
+)
+
+T0 = 10**18
+STEP = 10**7
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+DEFAULT = IngestSettings()
+
+
+def feed(samples, setting=DEFAULT, state=None, frame="world"):
+    """Results of (index, position) samples at 100 Hz, and the last state."""
+    state = state or IngestState.initial()
+    results = []
+    for index, position in samples:
+        state, result = ingest_pose(
+            setting, state, T0 + round(index * STEP), np.array(position), UPRIGHT, frame
+        )
+        results.append(result)
+    return results, state
+
+
+def walk(count, start=0, offset=0.0):
+    """A point moving at 1 m/s along x."""
+    return [(start + i, [offset + 0.01 * (start + i), 0.2, 0.3]) for i in range(count)]
+
+
+def reasons(results):
+    return [result.reason if isinstance(result, Rejected) else None for result in results]
+
+
+def test_steady_motion_passes_unchanged():
+    results, _ = feed(walk(50))
+    assert reasons(results) == [None] * 50
+    np.testing.assert_array_equal(results[7].position, [0.07, 0.2, 0.3])
+    assert results[7].stamp_ns == T0 + 7 * STEP
+    np.testing.assert_allclose(results[-1].velocity, [1.0, 0.0, 0.0], atol=1e-9)
+    assert results[1].velocity is None
+
+
+def test_velocity_covariance_holds_its_sample_variance():
+    generator = np.random.default_rng(1)
+    errors, variances = [], []
+    for _ in range(200):
+        samples = [(i, np.array(p) + generator.normal(0.0, 0.002, 3)) for i, p in walk(11)]
+        results, _ = feed(samples)
+        errors.append(results[-1].velocity - [1.0, 0.0, 0.0])
+        variances.append(np.diag(results[-1].velocity_covariance))
+    ratio = np.mean(np.square(errors)) / np.mean(variances)
+    assert 0.8 < ratio < 1.25
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
+@pytest.mark.parametrize("place", range(3))
+def test_unusable_position(bad, place):
+    position = np.zeros(3)
+    position[place] = bad
+    state, result = ingest_pose(DEFAULT, IngestState(), T0, position, UPRIGHT, "world")
+    assert result.reason == "not_finite"
+    assert state == IngestState()
+
+
+def test_nan_orientation_is_not_finite():
+    _, result = ingest_pose(
+        DEFAULT, IngestState(), T0, np.zeros(3), np.array([0, 0, np.nan, 1.0]), "world"
+    )
+    assert result.reason == "not_finite"
+
+
+def test_zero_orientation_is_an_unmeasured_one():
+    _, result = ingest_pose(DEFAULT, IngestState(), T0, np.zeros(3), np.zeros(4), "world")
+    assert isinstance(result, TrackedPose)
+    assert not result.orientation_measured
+    np.testing.assert_array_equal(result.orientation, UPRIGHT)
+
+
+@pytest.mark.parametrize("stamp_ns", [0, -5])
+def test_zero_stamp(stamp_ns):
+    _, result = ingest_pose(DEFAULT, IngestState(), stamp_ns, np.zeros(3), UPRIGHT, "world")
+    assert result.reason == "zero_stamp"
+
+
+def test_duplicate_and_late_stamps():
+    results, _ = feed([*walk(5), (4, [0.04, 0.2, 0.3]), (2, [0.02, 0.2, 0.3]), *walk(2, 5)])
+    late = "stamp_not_increasing"
+    assert reasons(results) == [None] * 5 + [late, late, None, None]
+
+
+def test_unknown_frame():
+    results, _ = feed(walk(1), frame="camera")
+    assert results[0].reason == "unknown_frame"
+    assert "camera" in results[0].detail
+
+
+def test_leading_slash_is_ignored():
+    results, _ = feed(walk(1), frame="/world")
+    assert reasons(results) == [None]
+
+
+def test_known_frame_is_transformed():
+    turn = Rotation.from_euler("z", 90, degrees=True).as_quat()
+    setting = IngestSettings(
+        extrinsics={"camera": (np.array([1.0, 2.0, 3.0]), turn)},
+        position_std_m=np.array([0.001, 0.002, 0.003]),
+    )
+    results, _ = feed([(0, [0.5, 0.0, 0.0])], setting, frame="camera")
+    np.testing.assert_allclose(results[0].position, [1.0, 2.5, 3.0], atol=1e-12)
+    np.testing.assert_allclose(results[0].orientation, turn, atol=1e-12)
+    np.testing.assert_allclose(
+        results[0].position_covariance, np.diag([4e-6, 1e-6, 9e-6]), atol=1e-15
+    )
+
+
+def test_single_outlier_is_dropped_and_forgotten():
+    samples = walk(20)
+    samples[10] = (10, [3.0, 0.2, 0.3])
+    results, _ = feed(samples)
+    assert reasons(results) == [None] * 10 + ["jump"] + [None] * 9
+    clean, _ = feed([s for i, s in enumerate(walk(20)) if i != 10])
+    np.testing.assert_array_equal(results[-1].position, clean[-1].position)
+    np.testing.assert_array_equal(results[-1].velocity, clean[-1].velocity)
+
+
+def test_wild_outliers_never_become_the_track():
+    generator = np.random.default_rng(0)
+    samples = walk(20) + [(20 + i, generator.uniform(-50, 50, 3)) for i in range(20)] + walk(5, 40)
+    results, _ = feed(samples)
+    assert reasons(results) == [None] * 20 + ["jump"] * 20 + [None] * 5
+
+
+def test_new_place_after_an_occlusion_is_accepted():
+    results, _ = feed(walk(10) + walk(10, 70, offset=5.0))
+    assert reasons(results) == [None] * 20
+    assert results[10].velocity is None
+
+
+def test_gate_widens_with_time():
+    results, _ = feed([*walk(10), (20, [0.09 + 0.55, 0.2, 0.3])])
+    assert reasons(results)[-1] is None
+    results, _ = feed([*walk(10), (10, [0.09 + 0.55, 0.2, 0.3])])
+    assert reasons(results)[-1] == "jump"
+
+
+def test_consistent_jumps_are_a_new_position():
+    results, _ = feed(walk(10) + walk(10, 10, offset=2.0))
+    assert reasons(results) == [None] * 10 + ["jump"] * 4 + [None] * 6
+    assert [r.reanchored for r in results[14:]] == [True] + [False] * 5
+
+
+def test_first_sample_may_be_an_outlier():
+    results, _ = feed([(0, [9.0, 9.0, 9.0]), *walk(10, 1)])
+    assert reasons(results) == [None] + ["jump"] * 4 + [None] * 6
+
+
+def test_clock_set_back_is_followed_in_the_end():
+    setting = replace(DEFAULT, clock_reset_after=10)
+    results, _ = feed(walk(5, 1000) + walk(30), setting)
+    late = "stamp_not_increasing"
+    assert reasons(results) == [None] * 5 + [late] * 9 + [None] * 21
+
+
+def test_state_is_never_modified():
+    _, state = feed(walk(10))
+    before = repr(state)
+    feed([(10, [9.0, 0.0, 0.0]), (9, [0.0, 0.0, 0.0]), *walk(3, 11)], state=state)
+    assert repr(state) == before
+
+
+numbers = st.one_of(
+    st.floats(-2.0, 2.0), st.sampled_from([np.nan, np.inf, -np.inf, 1e308, 5e-324, 1e5])
+)
+events = st.tuples(
+    st.integers(-2, 200), st.lists(numbers, min_size=7, max_size=7), st.sampled_from("ab")
+)
+
+
+@settings(max_examples=200)
+@given(st.lists(events, max_size=60))
+def test_whatever_comes_in_what_goes_out_is_sound(sequence):
+    setting = IngestSettings(world_frame="a")
+    state, last_ns = IngestState.initial(), 0
+    for index, values, frame in sequence:
+        position, orientation = np.array(values[:3]), np.array(values[3:])
+        before = state
+        state, result = ingest_pose(setting, state, index * STEP, position, orientation, frame)
+        if isinstance(result, Rejected):
+            assert result.reason in REASONS
+            assert state.recent == before.recent
+            continue
+        assert frame == "a"
+        assert result.stamp_ns > last_ns
+        last_ns = result.stamp_ns
+        np.testing.assert_array_equal(result.position, position)
+        assert np.linalg.norm(result.orientation) == pytest.approx(1.0)
+        assert np.all(np.linalg.eigvalsh(result.position_covariance) > 0)
+        if result.velocity is not None:
+            assert np.all(np.isfinite(result.velocity))
+            assert np.all(np.isfinite(result.velocity_covariance))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"max_speed_m_s": 0.0},
+        {"max_gap_s": np.nan},
+        {"position_std_m": -1.0},
+        {"position_std_m": np.ones(2)},
+        {"reanchor_after": 0},
+        {"extrinsics": {"camera": ([0, 0, 0], [0, 0, 0, 0])}},
+    ],
+)
+def test_settings_are_checked(wrong):
+    with pytest.raises(ArgumentError):
+        IngestSettings(**wrong)
+
+
+def test_wrong_shape_is_the_callers_fault():
+    with pytest.raises(ShapeError):
+        ingest_pose(DEFAULT, IngestState(), T0, np.zeros(2), UPRIGHT, "world")
