@@ -18,7 +18,7 @@ SCREW = "screw_handover"
 HOLD = "hold_screwdriver"
 TASKS = (PLATE, SCREW, HOLD)
 
-REST_CENTRE_M = np.array([1.05, 0.0, 0.27])
+REST_CENTRE_M = np.array([1.10, 0.0, 0.27])
 REST_HALF_WIDTH_M = np.array([0.06, 0.10, 0.09])
 
 DURATION_RANGE_S = (1.6, 4.0)
@@ -45,7 +45,8 @@ class TaskStyle:
 
 
 def _style(centre, half_width, bow, bow_std, turn) -> TaskStyle:
-    arrays = [np.array(value, dtype=np.float64) for value in (centre, half_width, bow, bow_std, turn)]
+    values = (centre, half_width, bow, bow_std, turn)
+    arrays = [np.array(value, dtype=np.float64) for value in values]
     for array in arrays:
         array.setflags(write=False)
     return TaskStyle(*arrays)
@@ -53,15 +54,24 @@ def _style(centre, half_width, bow, bow_std, turn) -> TaskStyle:
 
 STYLES = {
     PLATE: _style(
-        (0.745, 0.00, 0.32), (0.08, 0.12, 0.08), (0.01, 0.00, 0.080), (0.01, 0.010, 0.010),
+        (0.795, 0.00, 0.32),
+        (0.08, 0.12, 0.08),
+        (0.01, 0.00, 0.080),
+        (0.01, 0.010, 0.010),
         (0.9, 0.0, 0.2),
     ),
     SCREW: _style(
-        (0.735, 0.02, 0.30), (0.08, 0.12, 0.08), (0.0, 0.085, 0.010), (0.01, 0.010, 0.010),
+        (0.785, 0.02, 0.30),
+        (0.08, 0.12, 0.08),
+        (0.0, 0.085, 0.010),
+        (0.01, 0.010, 0.010),
         (-0.2, 0.4, 0.1),
     ),
     HOLD: _style(
-        (0.740, -0.02, 0.30), (0.08, 0.12, 0.08), (0.0, -0.035, -0.055), (0.01, 0.010, 0.010),
+        (0.790, -0.02, 0.30),
+        (0.08, 0.12, 0.08),
+        (0.0, -0.035, -0.055),
+        (0.01, 0.010, 0.010),
         (0.3, -0.3, -0.3),
     ),
 }

@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bodies of the toolbox assembly, and the gripper that takes them and lets them go.
+
+An object is fixed to whoever holds it by a constraint: to its stand, to the arm's hand, or to the
+worker's hand, which is a body without mass that is put where the worker is.
+"""
+
+from enum import Enum
+
+import numpy as np
+import pybullet
+
+from intent_recognition.errors import ArgumentError, describe
+from sim_bridge.arm import LwrArm
+from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS
+from sim_bridge.scene import OBJECT_MASS_KG, STANDS_M, stand_pose
+
+GRASP_RADIUS_M = 0.03
+GRASP_SPEED_M_S = 0.12
+RELEASE_SPEED_M_S = 0.03
+RELEASE_REST_S = 0.25
+CARRIED_M = 0.12
+
+# Where an object's centre is in the hand frame, and half its edges there.
+_GRASP_M = {PLATE: (0.0, 0.0, 0.09), SCREW: (0.0, 0.0, 0.03), HOLD: (0.0, 0.0, 0.05)}
+_HALF_EDGES_M = {
+    PLATE: (0.06, 0.004, 0.08),
+    SCREW: (0.004, 0.004, 0.012),
+    HOLD: (0.1, 0.014, 0.014),
+}
+_COLOURS = {
+    PLATE: (0.2, 0.4, 0.8, 1.0),
+    SCREW: (0.9, 0.5, 0.1, 1.0),
+    HOLD: (0.2, 0.7, 0.3, 1.0),
+}
+_NO_TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+class Holder(Enum):
+    """Who holds an object."""
+
+    STAND = "stand"
+    ROBOT = "robot"
+    WORKER = "worker"
+
+
+class ToolboxObjects:
+    """Plate, screw and screwdriver as bodies with mass in the arm's world.
+
+    Args:
+        arm: the arm whose world they join; its base stands at the world's origin.
+        furniture: also build stands and a bench, for pictures.
+    """
+
+    def __init__(self, arm: LwrArm, *, furniture: bool = False) -> None:
+        self._arm = arm
+        self._client = arm.client
+        self._constraints: dict[str, int | None] = dict.fromkeys(TASKS)
+        self.holders: dict[str, Holder] = {}
+        self.worker = self._body(0.0, pybullet.GEOM_SPHERE, (0.035,), (0.9, 0.7, 0.6, 1.0))
+        self.bodies = {
+            task: self._body(
+                OBJECT_MASS_KG[task], pybullet.GEOM_BOX, _HALF_EDGES_M[task], _COLOURS[task]
+            )
+            for task in TASKS
+        }
+        self.move_worker(np.array([1.1, 0.0, 0.27]))
+        if furniture:
+            self._furniture()
+        for task in TASKS:
+            self.put_back(task)
+
+    def move_worker(self, position_m: np.ndarray) -> None:
+        """Put the worker's hand at a position (3,) in the world."""
+        self._client.resetBasePositionAndOrientation(
+            self.worker, [float(value) for value in position_m], _NO_TURN
+        )
+
+    def position(self, task: str) -> np.ndarray:
+        """Where the centre of a task's object is (3,), world."""
+        return np.array(self._client.getBasePositionAndOrientation(self._checked(task))[0])
+
+    def put_back(self, task: str) -> None:
+        """Put plate or screw back into its stand, the screwdriver into the worker's hand."""
+        body = self._checked(task)
+        self._let_go(task)
+        if task in STANDS_M:
+            target = stand_pose(task)
+            centre = target[:3, 3] + target[:3, :3] @ np.array(_GRASP_M[task])
+            self._place(body, centre, _quaternion(target[:3, :3]))
+            self._fix(task, -1, -1)
+            self.holders[task] = Holder.STAND
+        else:
+            position, _ = self._client.getBasePositionAndOrientation(self.worker)
+            self._place(body, np.array(position) - np.array([0.1, 0.0, 0.0]), _NO_TURN)
+            self._fix(task, self.worker, -1)
+            self.holders[task] = Holder.WORKER
+
+    def give_to_robot(self, task: str) -> None:
+        """Fix a task's object in the arm's hand, and let the arm carry its weight."""
+        body = self._checked(task)
+        self._let_go(task)
+        position, orientation = self._arm.hand_pose()
+        centre, turn = self._client.multiplyTransforms(
+            position.tolist(), orientation.tolist(), _GRASP_M[task], _NO_TURN
+        )
+        self._place(body, centre, turn)
+        self._fix(task, self._arm.body, self._arm.hand_link)
+        self._arm.set_payload(OBJECT_MASS_KG[task], _GRASP_M[task])
+        self.holders[task] = Holder.ROBOT
+
+    def give_to_worker(self, task: str) -> None:
+        """Release a task's object from the arm: the worker has it now."""
+        self._checked(task)
+        self._let_go(task)
+        self._fix(task, self.worker, -1)
+        self._arm.set_payload(0.0)
+        self.holders[task] = Holder.WORKER
+
+    def _checked(self, task: str) -> int:
+        if task not in self.bodies:
+            raise ArgumentError(
+                describe("task", f"one of {TASKS}", repr(task), "Correct the label.")
+            )
+        return self.bodies[task]
+
+    def _body(self, mass_kg: float, shape: int, size: tuple[float, ...], colour) -> int:
+        key = "radius" if shape == pybullet.GEOM_SPHERE else "halfExtents"
+        value = size[0] if shape == pybullet.GEOM_SPHERE else list(size)
+        collision = self._client.createCollisionShape(shape, **{key: value})
+        visual = self._client.createVisualShape(shape, rgbaColor=colour, **{key: value})
+        body = self._client.createMultiBody(mass_kg, collision, visual)
+        self._client.setCollisionFilterGroupMask(body, -1, 0, 0)
+        self._client.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0)
+        return body
+
+    def _place(self, body: int, position, orientation) -> None:
+        self._client.resetBasePositionAndOrientation(
+            body, [float(value) for value in position], [float(value) for value in orientation]
+        )
+        self._client.resetBaseVelocity(body, [0.0] * 3, [0.0] * 3)
+
+    def _fix(self, task: str, parent: int, link: int) -> None:
+        """Constrain an object to a link, where it is; parent -1 is the world."""
+        position, orientation = self._client.getBasePositionAndOrientation(self.bodies[task])
+        if parent < 0:
+            frame = (position, orientation)
+        else:
+            if link >= 0:
+                state = self._client.getLinkState(parent, link, computeForwardKinematics=1)
+                origin, turn = state[0], state[1]
+            else:
+                origin, turn = self._client.getBasePositionAndOrientation(parent)
+            inverse = self._client.invertTransform(origin, turn)
+            frame = self._client.multiplyTransforms(*inverse, position, orientation)
+        arguments = (self.bodies[task], -1, -1, -1) if parent < 0 else None
+        if arguments:
+            self._constraints[task] = self._client.createConstraint(
+                *arguments, pybullet.JOINT_FIXED, [0, 0, 0], [0, 0, 0], frame[0], _NO_TURN,
+                frame[1],
+            )  # fmt: skip
+            return
+        self._constraints[task] = self._client.createConstraint(
+            parent, link, self.bodies[task], -1, pybullet.JOINT_FIXED, [0, 0, 0], frame[0],
+            [0, 0, 0], frame[1], _NO_TURN,
+        )  # fmt: skip
+
+    def _let_go(self, task: str) -> None:
+        constraint = self._constraints[task]
+        if constraint is not None:
+            self._client.removeConstraint(constraint)
+            self._constraints[task] = None
+
+    def _furniture(self) -> None:
+        grey = (0.6, 0.6, 0.6, 1.0)
+        bench = self._body(0.0, pybullet.GEOM_BOX, (0.3, 0.5, 0.02), (0.75, 0.65, 0.5, 1.0))
+        self._place(bench, (0.75, 0.0, 0.05), _NO_TURN)
+        for task, hand in STANDS_M.items():
+            centre = stand_pose(task)[:3, :3] @ np.array(_GRASP_M[task]) + hand
+            half = 0.5 * (centre[2] - 0.05 - _HALF_EDGES_M[task][0])
+            post = self._body(0.0, pybullet.GEOM_BOX, (0.012, 0.012, half), grey)
+            self._place(post, (centre[0], centre[1], 0.05 + half), _NO_TURN)
+
+
+class Gripper:
+    """Decides when the hand takes an object and when it lets it go, from where the hand is.
+
+    Plate and screw are taken when the hand passes the stand slowly, and released when it has
+    come to rest away from the stand. The screwdriver is taken from the worker when the hand has
+    come to rest away from where it was when the task became active, and returned when the task
+    ends.
+
+    Args:
+        arm: the arm.
+        objects: the bodies in its world.
+    """
+
+    def __init__(self, arm: LwrArm, objects: ToolboxObjects) -> None:
+        self._arm = arm
+        self._objects = objects
+        self._task = ""
+        self._start_m = np.zeros(3)
+        self._rest_since_s: float | None = None
+        self._done = False
+
+    @property
+    def held(self) -> str:
+        """Label of the object in the hand, "" if none."""
+        held = [t for t, holder in self._objects.holders.items() if holder is Holder.ROBOT]
+        return held[0] if held else ""
+
+    def set_task(self, task: str) -> None:
+        """Take note of the task being executed, "" when idle; unknown labels count as idle."""
+        task = task if task in TASKS else ""
+        if task == self._task:
+            return
+        if self.held:
+            self._objects.give_to_worker(self.held)
+        if task:
+            self._objects.put_back(task)
+        self._task, self._done = task, False
+        self._start_m = self._arm.hand_pose().position
+        self._rest_since_s = None
+
+    def update(self) -> None:
+        """Look at the hand, and take or release; call it every few milliseconds."""
+        if not self._task or self._done:
+            return
+        hand = self._arm.hand_pose().position
+        speed = float(np.linalg.norm(self._arm.hand_velocity()))
+        if self._task in STANDS_M and not self.held:
+            near = np.linalg.norm(hand - STANDS_M[self._task]) < GRASP_RADIUS_M
+            if near and speed < GRASP_SPEED_M_S:
+                self._objects.give_to_robot(self._task)
+                self._start_m = hand
+            return
+        if self.held == HOLD or not self._at_rest(hand, speed):
+            return
+        if self._task == HOLD:
+            self._objects.give_to_robot(HOLD)
+        else:
+            self._objects.give_to_worker(self._task)
+            self._done = True
+
+    def _at_rest(self, hand: np.ndarray, speed: float) -> bool:
+        """Whether the hand has rested for a while away from where it took or began."""
+        away = np.linalg.norm(hand - self._start_m) > CARRIED_M
+        if not away or speed > RELEASE_SPEED_M_S:
+            self._rest_since_s = None
+            return False
+        if self._rest_since_s is None:
+            self._rest_since_s = self._arm.time_s
+        return self._arm.time_s - self._rest_since_s >= RELEASE_REST_S
+
+
+def _quaternion(rotation: np.ndarray) -> tuple[float, ...]:
+    """Quaternion xyzw of a rotation matrix (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return tuple(Rotation.from_matrix(rotation).as_quat())
