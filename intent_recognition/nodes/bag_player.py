@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Replay a bag: the recorded bytes on the recorded topics, in the recorded rhythm."""
+
+import gc
+import struct
+import threading
+import time
+from collections.abc import Iterable, Sequence
+
+from builtin_interfaces.msg import Time
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import (
+    QoSDurabilityPolicy,
+    QoSHistoryPolicy,
+    QoSProfile,
+    QoSReliabilityPolicy,
+)
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
+
+from intent_recognition.errors import BagError, describe
+from intent_recognition.nodes.bag_recorder import message_type
+from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.storage.bag_metadata import TopicInfo
+from intent_recognition.storage.bag_reader import BagReader, RawMessage
+from intent_recognition.storage.qos_profiles import policy
+
+DEPTH = 1000
+IN_MEMORY_BYTES = 2**26
+CLOCK_PERIOD_S = 0.01
+SETTLE_S = 0.2
+UNCHANGED_S = 1.0
+WARN, ERROR = 1, 2
+LATCHED_TOPICS = ("robot_description", "intent/active_task")
+SENSOR_TOPICS = ("mocap/", "human/")
+
+
+class BagPlayer(Node):
+    """Publishes a bag from a thread of its own, against an absolute schedule: errors do not add up.
+
+    Topic names are taken relative, so that namespace and remapping apply. Before the first
+    message it waits for subscribers: it starts 0.2 s after every played topic has one; or, when
+    only some have one, as soon as that has not changed for a second; at the latest after
+    `wait_for_subscribers` seconds. Stamps are those of the recording unless `restamp`; with
+    `loop` they therefore begin anew each round.
+
+    Attributes:
+        done: everything was played and `exit_at_end` holds.
+        finished: set when everything was played.
+        published: messages published so far.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__("bag_player", **kwargs)
+        bag = parameter(self, "bag", "", "the bag to play", read_only=True)
+        self._rate = parameter(
+            self, "rate", 1.0, "speed of replay; 0 = as fast as possible", minimum=0.0
+        )
+        self._loop = parameter(self, "loop", False, "begin again at the end")
+        paused = parameter(
+            self, "start_paused", False, "wait for ~/resume before the first message"
+        )
+        self._wait_s = parameter(
+            self, "wait_for_subscribers", 3.0, "longest wait for subscribers in s", minimum=0.0
+        )
+        self._exit_at_end = parameter(self, "exit_at_end", True, "end the process after the bag")
+        self._restamp = parameter(self, "restamp", False, "shift header stamps to the present")
+        use_clock = parameter(self, "clock", False, "publish the recorded time on /clock")
+        self.done = False
+        self.exit_code = 0
+        self.published = 0
+        self.finished = threading.Event()
+        self._stopping = threading.Event()
+        self._running = threading.Event()
+        if not paused:
+            self._running.set()
+        self._diagnostics = Diagnostics(self)
+        self._reader = _open(bag)
+        self._publishers: dict[str, Publisher] = {}
+        self._stamped: set[str] = set()
+        for info in self._reader.topics.values():
+            self._add_publisher(info)
+        self._clock_publisher = self.create_publisher(Clock, "/clock", 1) if use_clock else None
+        self.create_service(Trigger, "~/pause", self._on_pause)
+        self.create_service(Trigger, "~/resume", self._on_resume)
+        self._messages = self._load()
+        self._thread = threading.Thread(target=self._play, name="bag_player", daemon=True)
+        self._thread.start()
+
+    def destroy_node(self) -> None:
+        """Stop the thread, then close the node."""
+        self._stopping.set()
+        self._running.set()
+        self._thread.join()
+        super().destroy_node()
+
+    def _add_publisher(self, info: TopicInfo) -> None:
+        if info.message_count == 0:
+            return
+        try:
+            kind = message_type(info.type)
+        except BagError as error:
+            self._diagnostics.reject("unknown_type", f"{info.name} is not played: {error}")
+            return
+        topic = info.name.lstrip("/")
+        name = info.name if topic in ("clock", "diagnostics") else topic
+        if topic == "clock" and self.get_parameter("clock").value:
+            return
+        self._publishers[info.name] = self.create_publisher(kind, name, player_qos(info))
+        fields = list(kind.get_fields_and_field_types().items())
+        if fields and fields[0] == ("header", "std_msgs/Header"):
+            self._stamped.add(info.name)
+
+    def _load(self) -> Iterable[RawMessage]:
+        """The messages in memory, so that reading costs no time later; a stream of big bags."""
+        size = sum(f.stat().st_size for f in self._reader.path.glob("*.mcap"))
+        if size > IN_MEMORY_BYTES:
+            return ()
+        messages = list(self._reader.raw_messages(self._publishers))
+        gc.freeze()
+        return messages
+
+    def _play(self) -> None:
+        try:
+            self._wait_for_subscribers()
+            while not self._stopping.is_set():
+                self._play_once()
+                if not self._loop:
+                    break
+            self._wait_for_acknowledgements()
+        except BagError as error:
+            self.get_logger().error(str(error))
+            self._diagnostics.status(ERROR, str(error))
+            self.exit_code = 1
+        for damage in self._reader.damage:
+            self.get_logger().warning(f"not played: {damage.reason} (byte {damage.offset})")
+        self._diagnostics.value("published", self.published)
+        self.finished.set()
+        self.done = self._exit_at_end
+
+    def _play_once(self) -> None:
+        origin_ns = offset_s = None
+        latest_s = 0.0
+        for message in self._messages or self._reader.raw_messages(self._publishers):
+            if origin_ns is None or not self._running.is_set():
+                if not self._wait_while_paused():
+                    return
+                origin_ns, offset_s = message.log_time_ns, time.monotonic()
+                wall_ns = time.time_ns()
+            if self._rate > 0.0:
+                due_s = offset_s + (message.log_time_ns - origin_ns) * 1e-9 / self._rate
+                if not self._sleep_until(due_s, message.log_time_ns):
+                    if self._stopping.is_set():
+                        return
+                    if not self._wait_while_paused():
+                        return
+                    origin_ns, offset_s = message.log_time_ns, time.monotonic()
+                    wall_ns, due_s = time.time_ns(), offset_s
+                latest_s = max(latest_s, time.monotonic() - due_s)
+            elif self._stopping.is_set():
+                return
+            self._publish(message, origin_ns, wall_ns)
+        self._diagnostics.value("largest lateness [ms]", f"{latest_s * 1e3:.2f}")
+
+    def _publish(self, message: RawMessage, origin_ns: int, wall_ns: int) -> None:
+        data = message.data
+        if self._restamp and message.topic in self._stamped:
+            rate = self._rate or 1.0
+            data = shift_stamp(data, lambda ns: wall_ns + round((ns - origin_ns) / rate))
+        if self._clock_publisher and self._rate <= 0.0:
+            self._publish_clock(message.log_time_ns)
+        self._publishers[message.topic].publish(data)
+        self.published += 1
+        self._diagnostics.tick(message.topic.lstrip("/"))
+
+    def _sleep_until(self, due_s: float, log_time_ns: int) -> bool:
+        """Sleep; False when paused or stopped meanwhile."""
+        while True:
+            remaining_s = due_s - time.monotonic()
+            if self._stopping.is_set() or not self._running.is_set():
+                return False
+            if self._clock_publisher:
+                self._publish_clock(log_time_ns - round(max(remaining_s, 0.0) * self._rate * 1e9))
+            if remaining_s <= 0.0:
+                return True
+            time.sleep(min(remaining_s, CLOCK_PERIOD_S if self._clock_publisher else 0.05))
+
+    def _wait_while_paused(self) -> bool:
+        """Wait for ~/resume; False when the node is to end."""
+        self._running.wait()
+        return not self._stopping.is_set()
+
+    def _publish_clock(self, now_ns: int) -> None:
+        seconds, nanoseconds = divmod(max(now_ns, 0), 1_000_000_000)
+        self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+
+    def _wait_for_subscribers(self) -> None:
+        end_s = time.monotonic() + self._wait_s
+        matched, changed_s = 0, time.monotonic()
+        while not self._stopping.is_set() and time.monotonic() < end_s:
+            now = sum(p.get_subscription_count() > 0 for p in self._publishers.values())
+            if now != matched:
+                matched, changed_s = now, time.monotonic()
+            if matched == len(self._publishers):
+                break
+            if matched and time.monotonic() - changed_s > UNCHANGED_S:
+                break
+            self._stopping.wait(0.01)
+        if self._wait_s > 0.0:
+            self._stopping.wait(min(SETTLE_S, self._wait_s))
+        alone = [t for t, p in self._publishers.items() if p.get_subscription_count() == 0]
+        if alone:
+            self.get_logger().info(f"nobody listens to {', '.join(sorted(alone))}")
+
+    def _wait_for_acknowledgements(self) -> None:
+        for publisher in self._publishers.values():
+            if not self._stopping.is_set():
+                publisher.wait_for_all_acked(Duration(seconds=1.0))
+
+    def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._running.clear()
+        response.success, response.message = True, f"paused after {self.published} messages"
+        return response
+
+    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._running.set()
+        response.success, response.message = True, "playing"
+        return response
+
+
+def player_qos(info: TopicInfo) -> QoSProfile:
+    """As the recorded publishers offered; without a record, as the contract has it."""
+    topic = info.name.lstrip("/")
+    latched = topic.endswith(LATCHED_TOPICS)
+    sensor = any(f"/{part}" in f"/{topic}" for part in SENSOR_TOPICS)
+    depth = DEPTH
+    offered = info.offered_qos_profiles
+    if offered:
+        latched = all(policy(p, "durability") == "transient_local" for p in offered)
+        sensor = any(policy(p, "reliability") == "best_effort" for p in offered)
+        depth = max(1, *(int(p.get("depth") or 0) for p in offered)) if latched else DEPTH
+    elif latched:
+        depth = 1
+    return QoSProfile(
+        history=QoSHistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=(QoSReliabilityPolicy.BEST_EFFORT if sensor else QoSReliabilityPolicy.RELIABLE),
+        durability=(
+            QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE
+        ),
+    )
+
+
+def shift_stamp(data: bytes, shift) -> bytes:
+    """CDR bytes whose first field is a Header, with the stamp replaced by `shift(stamp_ns)`."""
+    layout = struct.Struct("<iI" if data[1] & 1 else ">iI")
+    seconds, nanoseconds = layout.unpack_from(data, 4)
+    stamp_ns = shift(seconds * 1_000_000_000 + nanoseconds)
+    return data[:4] + layout.pack(*divmod(stamp_ns, 1_000_000_000)) + data[12:]
+
+
+def _open(bag: str) -> BagReader:
+    if not bag:
+        raise BagError(describe("bag", "the path of a bag", "nothing", "Set the parameter `bag`."))
+    return BagReader(bag, tolerant=True)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the player."""
+    return run(BagPlayer, args)
