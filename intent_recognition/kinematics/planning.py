@@ -76,7 +76,7 @@ def plan_interaction(
     phase: float,
     phase_rate: float,
     limits: JointLimits,
-    settings: PlanSettings = PlanSettings(),  # noqa: B008 (frozen)
+    settings: PlanSettings = PlanSettings(),
 ) -> JointPlan | None:
     """Follow a predicted interaction from where the arm's reference is.
 
@@ -102,7 +102,7 @@ def stop_plan(
     phase: float,
     phase_rate: float,
     limits: JointLimits,
-    settings: PlanSettings = PlanSettings(),  # noqa: B008 (frozen)
+    settings: PlanSettings = PlanSettings(),
 ) -> JointPlan:
     """Slow to a stand along the path as fast as the limits allow; always gives a plan."""
     plan = _along(path, None, start, phase, phase_rate, limits, settings, "stop")
@@ -113,7 +113,7 @@ def brake_plan(
     start: Reference,
     phase: float,
     limits: JointLimits,
-    settings: PlanSettings = PlanSettings(),  # noqa: B008 (frozen)
+    settings: PlanSettings = PlanSettings(),
 ) -> JointPlan:
     """Constant deceleration of all joints to a stand, straight on in joint space.
 
@@ -137,7 +137,7 @@ def home_plan(
     start: Reference,
     home: np.ndarray,
     limits: JointLimits,
-    settings: PlanSettings = PlanSettings(),  # noqa: B008 (frozen)
+    settings: PlanSettings = PlanSettings(),
     *,
     speed_share: float = 0.6,
     longest_s: float = 30.0,

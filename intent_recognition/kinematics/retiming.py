@@ -38,7 +38,7 @@ class SpeedLimits(NamedTuple):
     a: np.ndarray
     b: np.ndarray
     ceiling: np.ndarray
-    cap: np.ndarray
+    cap: tuple[float, ...]
 
 
 class Progress(NamedTuple):
@@ -77,21 +77,25 @@ def speed_limits(
     b = second * np.where(first < 0.0, -1.0, 1.0) / slope
     own = np.full((N_GRID, 1), rate_ratio_per_s / path.duration_s)
     share = np.broadcast_to(share, (N_GRID,))
+    room = _largest_with_room(a, b, rate_ratio_per_s / path.duration_s)
     a = np.hstack([a[:-1], a[1:], own]) * share[:, None]
     b = np.hstack([b[:-1], b[1:], np.zeros_like(own)])
     fastest = np.minimum((max_velocity / slope).min(axis=1), max_rate_ratio / path.duration_s) ** 2
     fastest = np.minimum(fastest[:-1], fastest[1:]) * share**2
-    ceiling = np.minimum(fastest, _largest_with_room(a, b))
-    return SpeedLimits(a, b, ceiling, _backward(a, b, ceiling))
+    ceiling = np.minimum(fastest, np.minimum(room[:-1], room[1:]) * share)
+    return SpeedLimits(a, b, ceiling, tuple(_backward(a, b, ceiling).tolist()))
 
 
-def _largest_with_room(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Largest x (G,) at which every lower bound on s'' lies below every upper bound."""
-    difference = b[:, :, None] - b[:, None, :]
-    room = a[:, :, None] + a[:, None, :]
-    with np.errstate(divide="ignore", over="ignore"):
-        x = np.where(difference > 0.0, room / difference, np.inf)
-    return x.min(axis=(1, 2))
+def _largest_with_room(a: np.ndarray, b: np.ndarray, own: float) -> np.ndarray:
+    """Largest x (G + 1,) at which every lower bound on s'' lies below every upper bound.
+
+    a, b are those of the joints at the grid points, (G + 1, n); own bounds s'' itself.
+    """
+    a = np.hstack([a, np.full((len(a), 1), own)])
+    b = np.hstack([b, np.zeros((len(b), 1))])
+    difference = np.maximum(b[:, :, None] - b[:, None, :], 1e-300)
+    with np.errstate(over="ignore"):
+        return ((a[:, :, None] + a[:, None, :]) / difference).min(axis=(1, 2))
 
 
 def _backward(a: np.ndarray, b: np.ndarray, ceiling: np.ndarray) -> np.ndarray:
@@ -113,7 +117,7 @@ def largest_rate(limits: SpeedLimits, phase: float) -> float:
     """Largest phase rate [1/s] allowed at a phase."""
     i = min(int(phase * N_GRID), N_GRID - 1)
     share = phase * N_GRID - i
-    return max(float(limits.cap[i] * (1.0 - share) + limits.cap[i + 1] * share), 0.0) ** 0.5
+    return max(limits.cap[i] * (1.0 - share) + limits.cap[i + 1] * share, 0.0) ** 0.5
 
 
 def run(

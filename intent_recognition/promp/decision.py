@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When a recognised task is sure enough to act on, and when to let go of it again.
+
+One pure function, used by the activation node and by a replay of a recording alike:
+
+- a task activates when its probability has been at or above `threshold` for `n_observations`
+  observations on end and the standard deviation of its predicted end point is at most
+  `max_end_std_rad`;
+- once active it stays so, also while the human holds still, until the interaction is over (the
+  estimator reports idle) or the evidence turns against it;
+- evidence turns against it when its probability has been below `release_below` for
+  `n_observations` observations on end. If another task fulfils the conditions above by then, it
+  takes over ("switched"), otherwise nothing is active ("withdrawn": none of the tasks, or not
+  yet clear which) until some task fulfils them.
+
+Both counts make a single odd observation harmless; the gap between `threshold` and
+`release_below` keeps a task from flickering.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+
+NONE = "none"
+
+
+@dataclass(frozen=True)
+class DecisionSettings:
+    """When to act.
+
+    Attributes:
+        threshold: probability a task must reach, in (0.5, 1].
+        n_observations: observations on end for which it must hold (or fail), at least 1.
+        max_end_std_rad: largest standard deviation of the predicted end point over the
+            controlled DOFs, in their unit; infinity acts without looking at it.
+        release_below: probability below which the active task is let go, in [0, threshold).
+        idle_margin: idle means probability of `none` >= 1 - idle_margin.
+    """
+
+    threshold: float = 0.9
+    n_observations: int = 5
+    max_end_std_rad: float = 0.35
+    release_below: float = 0.5
+    idle_margin: float = 1e-12
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0.5 < self.threshold <= 1.0:
+            _refuse("threshold", "a probability in (0.5, 1]", self.threshold)
+        if self.n_observations < 1:
+            _refuse("n_observations", "at least 1", self.n_observations)
+        if not self.max_end_std_rad > 0.0:
+            _refuse("max_end_std_rad", "a positive number", self.max_end_std_rad)
+        if not 0.0 <= self.release_below < self.threshold:
+            _refuse("release_below", "a probability below threshold", self.release_below)
+
+
+class DecisionState(NamedTuple):
+    """What the decision remembers from one observation to the next.
+
+    Attributes:
+        active: label of the active task, empty when there is none.
+        candidate: label that was at or above the threshold at the last observation, or empty.
+        n_for: for how many observations on end.
+        n_against: for how many observations on end the active task was below release_below.
+        event: what the last observation did: "activated", "switched", "withdrawn", "over"
+            (the interaction ended: the estimator is idle) or empty.
+        idle: whether the last observation found the estimator idle.
+    """
+
+    active: str = ""
+    candidate: str = ""
+    n_for: int = 0
+    n_against: int = 0
+    event: str = ""
+    idle: bool = True
+
+
+def decide(
+    settings: DecisionSettings,
+    state: DecisionState,
+    labels: Sequence[str],
+    probabilities: np.ndarray,
+    end_std: float | None,
+) -> tuple[DecisionState, str]:
+    """Take one observation into account.
+
+    Args:
+        settings: when to act.
+        state: as returned for the observation before; `DecisionState()` at the start.
+        labels: task labels, `none` among them.
+        probabilities: their probabilities, (n_labels,), summing to 1.
+        end_std: largest standard deviation over the controlled DOFs at the predicted end of the
+            most probable task; None if it was not predicted, which never suffices to activate
+            unless max_end_std_rad is infinite, and changes nothing for an active task.
+
+    Returns:
+        The new state, and its active task (empty when there is none).
+
+    Raises:
+        ShapeError: labels and probabilities differ in number.
+        ArgumentError: `none` is missing, or a probability is no probability.
+    """
+    p = _checked(labels, probabilities)
+    if p[list(labels).index(NONE)] >= 1.0 - settings.idle_margin:
+        event = "over" if state.active else ""
+        return DecisionState(event=event, idle=True), ""
+    best = int(np.argmax(p))
+    leads = labels[best] != NONE and p[best] >= settings.threshold
+    candidate = labels[best] if leads else ""
+    n_for = (state.n_for + 1 if candidate == state.candidate else 1) if candidate else 0
+    certain = np.isinf(settings.max_end_std_rad) or (
+        end_std is not None and end_std <= settings.max_end_std_rad
+    )
+    ready = candidate if n_for >= settings.n_observations and certain else ""
+    active, n_against, event = _follow(settings, state, labels, p, ready)
+    return DecisionState(active, candidate, n_for, n_against, event, False), active
+
+
+def _follow(settings, state, labels, p, ready: str) -> tuple[str, int, str]:
+    """Active task, its count of contrary observations, and what happened."""
+    if not state.active:
+        return ready, 0, "activated" if ready else ""
+    own = float(p[list(labels).index(state.active)]) if state.active in labels else 0.0
+    n_against = state.n_against + 1 if own < settings.release_below else 0
+    if n_against < settings.n_observations:
+        return state.active, n_against, ""
+    return ready, 0, "switched" if ready else "withdrawn"
+
+
+def _checked(labels: Sequence[str], probabilities: np.ndarray) -> np.ndarray:
+    p = np.asarray(probabilities, dtype=np.float64)
+    if p.shape != (len(labels),):
+        cure = "Give one probability per label."
+        raise ShapeError(describe("probabilities", f"shape ({len(labels)},)", p.shape, cure))
+    if NONE not in labels:
+        _refuse("labels", f"'{NONE}' among the labels", list(labels))
+    if not np.all((p >= -1e-9) & (p <= 1.0 + 1e-9)) or abs(float(p.sum()) - 1.0) > 1e-6:
+        _refuse("probabilities", "numbers in [0, 1] that sum to 1", p)
+    return p
+
+
+def _refuse(argument: str, expected: str, got: object) -> None:
+    raise ArgumentError(describe(argument, expected, got, "Check the sender and its settings."))
