@@ -8,8 +8,6 @@ another base position is given. Units: m, rad, s, N, Nm.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +23,9 @@ from sim_bridge.controllers import (
     impedance_torque,
     limit_torque,
 )
-from sim_bridge.urdf import HAND_LINK, lwr_urdf
+from sim_bridge.trajectory_follower import Reference
+from sim_bridge.urdf import lwr_urdf
+from sim_bridge.urdf_loading import free_joints, load_urdf
 
 TIME_STEP_S = 0.001
 GRAVITY_M_S2 = 9.81
@@ -47,14 +47,6 @@ class HandPose(NamedTuple):
 
     position: np.ndarray
     orientation: np.ndarray
-
-
-class Reference(NamedTuple):
-    """What the joints should do: q [rad], qd [rad/s], qdd [rad/s^2], all (7,)."""
-
-    q: np.ndarray
-    qd: np.ndarray
-    qdd: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -120,8 +112,8 @@ class LwrArm:
         mode = pybullet.DIRECT if headless else pybullet.GUI
         self.client = client if client is not None else BulletClient(mode)
         self.urdf = lwr_urdf()
-        self.body = _load(self.client, self.urdf, base_position_m)
-        self.joint_indices, self.hand_link = _prepare(self.client, self.body)
+        self.body = load_urdf(self.client, self.urdf, base_position_m)
+        self.joint_indices, self.hand_link = free_joints(self.client, self.body)
         self.client.setTimeStep(TIME_STEP_S)
         self.client.setGravity(0.0, 0.0, -GRAVITY_M_S2)
         self._payload_mass_kg = 0.0
@@ -322,36 +314,6 @@ class LwrArm:
         states = self.client.getJointStates(self.body, self.joint_indices)
         self._q = np.array([joint[0] for joint in states])
         self._qd = np.array([joint[1] for joint in states])
-
-
-def _load(client: BulletClient, urdf: str, base_position_m: tuple[float, float, float]) -> int:
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "lwr.urdf"
-        path.write_text(urdf, encoding="utf-8")
-        return client.loadURDF(
-            str(path),
-            basePosition=base_position_m,
-            useFixedBase=True,
-            flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
-        )
-
-
-def _prepare(client: BulletClient, body: int) -> tuple[list[int], int]:
-    """Free the joints of PyBullet's motors and damping; return their indices and the hand's."""
-    joints: dict[str, int] = {}
-    hand = -1
-    for index in range(client.getNumJoints(body)):
-        info = client.getJointInfo(body, index)
-        joints[info[1].decode()] = index
-        if info[12].decode() == HAND_LINK:
-            hand = index
-    indices = [joints[name] for name in JOINT_NAMES]
-    client.setJointMotorControlArray(
-        body, indices, pybullet.VELOCITY_CONTROL, forces=[0.0] * N_JOINTS
-    )
-    for index in range(-1, client.getNumJoints(body)):
-        client.changeDynamics(body, index, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0)
-    return indices, hand
 
 
 def _joint_array(values: np.ndarray | tuple[float, ...], argument: str) -> np.ndarray:

@@ -99,6 +99,7 @@ def inverse_kinematics(
 
     All swivels and branches are searched, so that a path followed with each solution as the next
     seed stays on its branch and passes the shoulder's and wrist's singularities without a flip.
+    Exactly in a singular posture, where two joints line up, they share their rotation arbitrarily.
 
     Args:
         pose: the hand's pose (4, 4) in the base frame.

@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `lwr_sim`: a torque-controlled KUKA LWR 4+ in PyBullet, 1 kHz physics."""
+
+import os
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.errors import ResourceBusyError, describe
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
+from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from sim_bridge.arm import TIME_STEP_S, LwrArm, SensorNoise
+from sim_bridge.controllers import ControllerGains
+from sim_bridge.pacing import Pacer
+from sim_bridge.scene import HOME
+from sim_bridge.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
+from sim_bridge.trajectory_follower import TrajectoryFollower
+
+TICK_S = 0.002
+STEP_NS = 1_000_000
+PUSH_STEPS = 100
+LARGEST_PUSH_N = 500.0
+WORLD_FRAME = "world"
+
+
+class LwrSim(Node):
+    """Physics paced by a steady clock; its state goes out, trajectories and pushes come in.
+
+    In: `joint_trajectory`; `~/push` (a force at the hand in world axes, held for 0.1 s after
+    each message; torques are ignored); `~/gravity_compensation`. Out: `joint_states`,
+    `robot_description`, `/clock` if `publish_clock`, `/diagnostics`.
+
+    Stamps are simulated time (from zero at start) if `publish_clock`, else ROS time. With
+    `use_sim_time` and another node's `/clock` the physics follows that clock.
+    """
+
+    def __init__(self, **kwargs) -> None:
+        super().__init__("lwr_sim", **kwargs)
+        self._declare()
+        self.arm = self._make_arm()
+        self.follower = TrajectoryFollower(self.arm.reference.q, self.arm.limits)
+        self.arm.before_step.append(self._control)
+        self.diagnostics = Diagnostics(self)
+        self._push_n, self._push_until = np.zeros(3), 0
+        self._tracking_error_rad = 0.0
+        self._message = JointState(name=list(JOINT_NAMES))
+        self._make_topics()
+        self._external_clock = (
+            self.get_parameter("use_sim_time").value and not self._publishes_clock
+        )
+        self._pacer: Pacer | None = None
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._pacing_timers = [
+            self.create_timer(TICK_S, self._tick, clock=steady),
+            self.create_timer(0.5, self._report, clock=steady),
+        ]
+
+    def destroy_node(self) -> None:
+        """Close the world with the node."""
+        super().destroy_node()
+        self.arm.close()
+
+    def _declare(self) -> None:
+        """Declare all parameters; none can change while the physics runs."""
+
+        def get(name: str, default: object, text: str, low=None, high=None) -> object:
+            return parameter(self, name, default, text, minimum=low, maximum=high, read_only=True)
+
+        self._rate_hz = get("joint_state_rate", 200.0, "JointState per simulated second.", 1, 1000)
+        self._factor = get("real_time_factor", 1.0, "Simulated per real second.", 0.01, 50.0)
+        self._publishes_clock = get("publish_clock", False, "Publish /clock and stamp with it.")
+        self._headless = get("headless", True, "False opens PyBullet's window.")
+        self._initial = get("initial_position", HOME.tolist(), "Seven joint angles [rad].")
+        self._stiffness_scale = get(
+            "stiffness_scale", 1.0, "Factor on the joint stiffness; 1 is compliant.", 0.05, 20.0
+        )
+        self._noisy = get("sensor_noise", False, "Add noise to the measured joint state.")
+        self._seed = get("seed", 0, "Seed of the sensor noise.", 0)
+
+    def _make_arm(self) -> LwrArm:
+        if not self._headless and not os.environ.get("DISPLAY"):
+            raise ResourceBusyError(
+                describe("headless", "a display for the window", "none", "Set headless:=true.")
+            )
+        return LwrArm(
+            self._initial,
+            gains=ControllerGains().scaled(self._stiffness_scale),
+            noise=SensorNoise() if self._noisy else None,
+            rng=np.random.default_rng(self._seed),
+            headless=self._headless,
+        )
+
+    def _make_topics(self) -> None:
+        self._states = self.create_publisher(JointState, "joint_states", STATE)
+        description = self.create_publisher(String, "robot_description", LATCHED)
+        description.publish(String(data=self.arm.urdf))
+        self._clock_out = None
+        if self._publishes_clock:
+            self._clock_out = self.create_publisher(ClockMessage, "/clock", STATE)
+        self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND)
+        self.create_subscription(WrenchStamped, "~/push", self._on_push, SENSOR)
+        self.create_service(SetBool, "~/gravity_compensation", self._on_gravity_compensation)
+
+    def _control(self, arm: LwrArm) -> None:
+        """Set the reference and the push of the coming step."""
+        if not arm.gravity_compensation:
+            reference = self.follower.sample(arm.time_s)
+            arm.set_reference(*reference)
+        if arm.n_steps < self._push_until:
+            arm.apply_force(self._push_n)
+
+    def _now_s(self) -> float:
+        """Return the clock that paces the physics [s]."""
+        if self._external_clock:
+            return self.get_clock().now().nanoseconds * 1e-9
+        return time.monotonic()
+
+    def _tick(self) -> None:
+        """Do the steps that are due, publishing after those that end a period."""
+        now_s = self._now_s()
+        if self._pacer is None:
+            if now_s > 0.0:
+                factor = 1.0 if self._external_clock else self._factor
+                self._pacer = Pacer(TIME_STEP_S, factor, now_s)
+            return
+        n_due = self._pacer.due(now_s, self.arm.n_steps)
+        if n_due == 0:
+            return
+        end_ns = self._ros_time_ns(now_s) if not self._publishes_clock else 0
+        for _ in range(n_due):
+            self.arm.step()
+            n = self.arm.n_steps
+            if int(n * TIME_STEP_S * self._rate_hz + 1e-9) != int(
+                (n - 1) * TIME_STEP_S * self._rate_hz + 1e-9
+            ):
+                self._publish(end_ns)
+
+    def _ros_time_ns(self, now_s: float) -> int:
+        """Return the ROS time at which the physics' time zero was, were it paced without a gap."""
+        lag_s = self._pacer.lag(now_s, self.arm.n_steps)
+        real_s = (lag_s + self.arm.time_s) / self._pacer.factor
+        return self.get_clock().now().nanoseconds - int(real_s * 1e9)
+
+    def _stamp_ns(self, zero_ns: int) -> int:
+        n = self.arm.n_steps
+        if self._publishes_clock:
+            return n * STEP_NS
+        return zero_ns + int(n * STEP_NS / self._pacer.factor)
+
+    def _publish(self, zero_ns: int) -> None:
+        stamp = Time(nanoseconds=self._stamp_ns(zero_ns)).to_msg()
+        state = self.arm.state()
+        message = self._message
+        message.header.stamp = stamp
+        message.position = state.q.tolist()
+        message.velocity = state.qd.tolist()
+        message.effort = state.torque.tolist()
+        if self._clock_out is not None:
+            self._clock_out.publish(ClockMessage(clock=stamp))
+        self._states.publish(message)
+        self.diagnostics.tick("joint_states")
+        if not self.arm.gravity_compensation:
+            error = float(np.abs(self.arm.reference.q - state.q).max())
+            self._tracking_error_rad = max(self._tracking_error_rad, error)
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        self.diagnostics.tick("joint_trajectory")
+        if self.arm.gravity_compensation:
+            self.diagnostics.reject("gravity_compensation", "joint_trajectory while guided")
+            return
+        try:
+            command = self._command(message)
+        except RejectedTrajectoryError as error:
+            self.diagnostics.reject(error.reason, str(error))
+            return
+        self.follower.accept(command, self.arm.time_s)
+
+    def _command(self, message: JointTrajectory) -> TrajectoryCommand:
+        points = message.points
+        return TrajectoryCommand.validated(
+            message.joint_names,
+            [p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in points],
+            [p.positions for p in points],
+            [p.velocities for p in points],
+            [p.accelerations for p in points],
+            start_s=self._start_s(Time.from_msg(message.header.stamp).nanoseconds),
+            now_s=self.arm.time_s,
+            limits=self.arm.limits,
+        )
+
+    def _start_s(self, stamp_ns: int) -> float | None:
+        """Return when a stamp is on the physics' clock [s]; None for a zero stamp."""
+        if stamp_ns == 0:
+            return None
+        if self._publishes_clock:
+            return stamp_ns * 1e-9
+        factor = self._pacer.factor if self._pacer is not None else 1.0
+        ahead_ns = stamp_ns - self.get_clock().now().nanoseconds
+        return self.arm.time_s + ahead_ns * 1e-9 * factor
+
+    def _on_push(self, message: WrenchStamped) -> None:
+        force = message.wrench.force
+        push = np.array([force.x, force.y, force.z])
+        if message.header.frame_id not in ("", WORLD_FRAME):
+            self.diagnostics.reject("unknown_frame", f"push in {message.header.frame_id!r}")
+        elif not np.all(np.isfinite(push)):
+            self.diagnostics.reject("not_finite", f"push of {push.tolist()} N")
+        elif np.linalg.norm(push) > LARGEST_PUSH_N:
+            self.diagnostics.reject("push_too_strong", f"push of {push.tolist()} N")
+        else:
+            self._push_n, self._push_until = push, self.arm.n_steps + PUSH_STEPS
+
+    def _on_gravity_compensation(
+        self, request: SetBool.Request, response: SetBool.Response
+    ) -> SetBool.Response:
+        self.arm.set_gravity_compensation(request.data)
+        if not request.data:
+            self.follower.hold(self.arm.reference.q)
+        else:
+            self._tracking_error_rad = 0.0
+        response.success = True
+        response.message = "guide the arm by hand" if request.data else "holding"
+        return response
+
+    def _report(self) -> None:
+        """Bring the numbers of the diagnostics up to date."""
+        if self._pacer is None:
+            self.diagnostics.status(1, "waiting for /clock")
+            return
+        achieved = self._pacer.achieved_factor(self._now_s(), self.arm.n_steps)
+        values = self.diagnostics.value
+        values("real time factor", f"{achieved:.3f}")
+        values("simulated time [s]", f"{self.arm.time_s:.3f}")
+        values("simulated time dropped [s]", f"{self._pacer.dropped_s:.3f}")
+        values("largest tracking error [rad]", f"{self._tracking_error_rad:.5f}")
+        values("steps with saturated torque", self.arm.saturated_steps)
+        values("gravity compensation", self.arm.gravity_compensation)
+        self._tracking_error_rad = 0.0
+        if self._publishes_clock and self.count_publishers("/clock") > 1:
+            self.diagnostics.status(2, "another node publishes /clock: allow only one")
+        elif achieved < 0.95 * self._pacer.factor:
+            self.diagnostics.status(1, f"slower than asked: {achieved:.2f} x real time")
+        else:
+            self.diagnostics.status(0, "running")
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node until it is interrupted."""
+    return run(LwrSim, args)

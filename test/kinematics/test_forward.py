@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Forward kinematics and Jacobian against independent computations."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis.extra.numpy import arrays
+from hypothesis.strategies import floats
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.errors import ShapeError
+from intent_recognition.kinematics.forward import (
+    forward_kinematics,
+    frame_poses,
+    hand_position,
+    jacobian,
+)
+from intent_recognition.kinematics.lwr import LWR_LIMITS
+
+angles = arrays(np.float64, 7, elements=floats(-3.1, 3.1))
+
+
+def sphere_roll_sphere_pose(q):
+    """Hand pose from the rotation form Rz Ry Rz Ry Rz Ry Rz, written without DH parameters."""
+
+    def turn(axis, angle):
+        return Rotation.from_euler(axis, angle).as_matrix()
+
+    upper = turn("z", q[0]) @ turn("y", -q[1])
+    lower = upper @ turn("z", q[2]) @ turn("y", q[3])
+    hand = lower @ turn("z", q[4]) @ turn("y", -q[5])
+    z = np.array([0.0, 0.0, 1.0])
+    position = 0.3105 * z + 0.4 * upper @ z + 0.39 * lower @ z + 0.078 * hand @ z
+    return position, hand @ turn("z", q[6])
+
+
+def test_straight_up():
+    pose = forward_kinematics(np.zeros(7))
+    assert np.allclose(pose[:3, 3], [0.0, 0.0, 1.1785], atol=1e-15)
+    assert np.allclose(pose[:3, :3], np.eye(3), atol=1e-15)
+
+
+@given(angles)
+def test_matches_rotation_form(q):
+    position, rotation = sphere_roll_sphere_pose(q)
+    pose = forward_kinematics(q)
+    assert np.allclose(pose[:3, 3], position, atol=1e-12)
+    assert np.allclose(pose[:3, :3], rotation, atol=1e-12)
+
+
+@given(angles)
+def test_rotations_are_orthonormal(q):
+    R = frame_poses(q)[:, :3, :3]
+    assert np.allclose(R @ np.swapaxes(R, -1, -2), np.eye(3), atol=1e-12)
+    assert np.allclose(np.linalg.det(R), 1.0)
+
+
+def test_batch_equals_single():
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-2.0, 2.0, (4, 3, 7))
+    assert forward_kinematics(q).shape == (4, 3, 4, 4)
+    assert jacobian(q).shape == (4, 3, 6, 7)
+    assert np.array_equal(forward_kinematics(q)[2, 1], forward_kinematics(q[2, 1]))
+    assert np.allclose(jacobian(q)[2, 1], jacobian(q[2, 1]), atol=1e-15)
+    assert hand_position(q).shape == (4, 3, 3)
+
+
+@given(angles)
+def test_jacobian_matches_finite_differences(q):
+    step = 1e-6
+    J = jacobian(q)
+    for j in range(7):
+        dq = np.zeros(7)
+        dq[j] = step
+        after, before = forward_kinematics(q + dq), forward_kinematics(q - dq)
+        velocity = (after[:3, 3] - before[:3, 3]) / (2 * step)
+        turn = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).as_rotvec() / (2 * step)
+        assert np.allclose(J[:3, j], velocity, atol=1e-8)
+        assert np.allclose(J[3:, j], turn, atol=1e-8)
+
+
+def test_jacobian_of_a_point_in_the_hand():
+    rng = np.random.default_rng(2)
+    q, qd, point = rng.uniform(-1, 1, 7), rng.uniform(-1, 1, 7), np.array([0.1, -0.05, 0.2])
+
+    def place(angles):
+        pose = forward_kinematics(angles)
+        return pose[:3, 3] + pose[:3, :3] @ point
+
+    velocity = (place(q + 1e-6 * qd) - place(q - 1e-6 * qd)) / 2e-6
+    assert np.allclose(jacobian(q, point)[:3] @ qd, velocity, atol=1e-8)
+
+
+@pytest.mark.parametrize("bad", [0.0, np.zeros(6), np.zeros((7, 2))])
+def test_wrong_shape(bad):
+    with pytest.raises(ShapeError, match="seven"):
+        forward_kinematics(bad)
+
+
+def test_matches_pybullet():
+    """Link states of the generated URDF agree to PyBullet's single-precision storage."""
+    from sim_bridge.arm import LwrArm
+
+    rng = np.random.default_rng(3)
+    with LwrArm() as arm:
+        for _ in range(20):
+            q = rng.uniform(LWR_LIMITS.lower, LWR_LIMITS.upper)
+            arm.reset(q)
+            frames = frame_poses(q)
+            for i, joint in enumerate(arm.joint_indices):
+                origin = arm.client.getLinkState(arm.body, joint, computeForwardKinematics=1)[4]
+                assert np.allclose(origin, frames[i, :3, 3], atol=1e-6)
+            pose = arm.hand_pose()
+            assert np.allclose(pose.position, frames[7, :3, 3], atol=1e-6)
+            R = Rotation.from_quat(pose.orientation).as_matrix()
+            assert np.allclose(R, frames[7, :3, :3], atol=1e-6)

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inverse kinematics: round trips, branches, continuity, refusal out of reach."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis.strategies import builds, floats, sampled_from, tuples
+
+from intent_recognition.errors import KinematicsError, ShapeError
+from intent_recognition.kinematics.forward import forward_kinematics, hand_position
+from intent_recognition.kinematics.inverse import (
+    BRANCHES,
+    branch_of,
+    inverse_kinematics,
+    reach_position,
+    refine,
+    solve,
+    swivel_angle,
+)
+from intent_recognition.kinematics.limits import within_position_limits
+from intent_recognition.kinematics.lwr import LWR_LIMITS
+
+shares = tuples(*[floats(-0.98, 0.98)] * 7)
+postures = builds(lambda share: np.array(share) * LWR_LIMITS.upper, shares)
+READY = np.array([0.2, -0.5, 0.1, 1.5, 0.2, -1.0, 0.3])
+
+
+@given(postures, floats(-3.1, 3.1), sampled_from(BRANCHES))
+def test_every_closed_form_solution_reaches_the_pose(q, swivel, branch):
+    pose = forward_kinematics(q)
+    assert np.allclose(forward_kinematics(solve(pose, swivel, branch)), pose, atol=1e-7)
+
+
+@given(postures)
+def test_swivel_and_branch_give_the_posture_back(q):
+    """Away from the singular postures, where joints line up and share a rotation."""
+    if np.abs(np.sin(q[[1, 3, 5]])).min() < 1e-2 or np.hypot(*hand_position(q)[:2]) < 1e-2:
+        return
+    assert np.allclose(solve(forward_kinematics(q), swivel_angle(q), branch_of(q)), q, atol=1e-6)
+
+
+def test_eight_branches_differ_and_reach_the_same_pose():
+    pose = forward_kinematics(READY)
+    solutions = [solve(pose, 0.4, branch) for branch in BRANCHES]
+    assert [branch_of(q) for q in solutions] == list(BRANCHES)
+    for q in solutions:
+        assert np.allclose(forward_kinematics(q), pose, atol=1e-12)
+
+
+def test_swivel_leaves_the_hand_where_it_is():
+    pose = forward_kinematics(READY)
+    q = solve(pose, np.linspace(-3, 3, 25), branch_of(READY))
+    assert np.allclose(forward_kinematics(q), pose, atol=1e-12)
+    assert np.allclose([swivel_angle(row) for row in q], np.linspace(-3, 3, 25), atol=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(postures, shares)
+def test_nearest_solution_is_inside_limits_and_not_farther_than_a_known_one(q, nudge):
+    seed = np.clip(q + 0.1 * np.array(nudge), LWR_LIMITS.lower, LWR_LIMITS.upper)
+    found = inverse_kinematics(forward_kinematics(q), seed)
+    assert within_position_limits(found, LWR_LIMITS)
+    assert np.allclose(forward_kinematics(found), forward_kinematics(q), atol=1e-7)
+    if np.abs(np.sin(q[[1, 3, 5]])).min() < 0.05:
+        return  # where joints line up, their shares of the rotation are arbitrary
+    # The grid of swivels may end a hair from the optimum.
+    assert np.linalg.norm(found - seed) <= np.linalg.norm(q - seed) + 2e-2
+
+
+def test_following_a_path_never_flips():
+    """A line through the shoulder's singularity (q2 = 0) stays continuous in the joints."""
+    start = forward_kinematics(READY)
+    shift = np.array([-0.12, 0.25, 0.05])
+    q, largest = READY, 0.0
+    for share in np.linspace(0.0, 1.0, 100):
+        pose = start.copy()
+        pose[:3, 3] += share * shift
+        after = inverse_kinematics(pose, q)
+        largest = max(largest, float(np.abs(after - q).max()))
+        q = after
+    assert largest < 0.05
+
+
+@settings(deadline=None)
+@given(postures, shares)
+def test_refinement_reaches_a_near_pose(q, nudge):
+    inside = np.clip(q, 0.8 * LWR_LIMITS.lower, 0.8 * LWR_LIMITS.upper)
+    if np.abs(np.sin(inside[[1, 3, 5]])).min() < 0.1:
+        return
+    seed = inside + 0.05 * np.array(nudge)
+    found = refine(forward_kinematics(inside), seed, n_iterations=300)
+    assert np.allclose(forward_kinematics(found), forward_kinematics(inside), atol=1e-4)
+
+
+def test_reach_position_leaves_the_orientation_free():
+    target = hand_position(READY) + np.array([0.05, -0.1, 0.08])
+    q = reach_position(target, READY)
+    assert np.allclose(hand_position(q), target, atol=1e-6)
+    assert np.abs(q - READY).max() < 0.5
+
+
+@pytest.mark.parametrize(
+    ("position", "distance"), [((2.0, 0.0, 0.3885), 1.2100), ((0.0, 0.0, 0.3105 + 0.078), 0.0100)]
+)
+def test_out_of_reach_names_the_distance(position, distance):
+    pose = np.eye(4)
+    pose[:3, 3] = position
+    with pytest.raises(KinematicsError, match=f"{distance:.3f}"):
+        inverse_kinematics(pose, READY)
+
+
+def test_folded_beyond_the_elbow_limit():
+    pose = np.eye(4)
+    pose[:3, 3] = (0.2, 0.0, 0.3105 + 0.078)
+    with pytest.raises(KinematicsError, match="joint limits"):
+        inverse_kinematics(pose, READY)
+
+
+def test_refinement_out_of_reach_names_the_distance():
+    with pytest.raises(KinematicsError, match=r"m away"):
+        reach_position(np.array([1.5, 0.0, 0.3]), READY)
+
+
+def test_bad_poses():
+    with pytest.raises(ShapeError):
+        inverse_kinematics(np.eye(3), READY)
+    with pytest.raises(KinematicsError, match="finite"):
+        inverse_kinematics(np.full((4, 4), np.nan), READY)

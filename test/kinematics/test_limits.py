@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint limits."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
+from intent_recognition.kinematics.limits import (
+    JointLimits,
+    check_position,
+    clamp_position,
+    position_violation,
+    within_position_limits,
+)
+from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS, lwr_limits
+
+
+def test_values_of_the_lwr():
+    assert np.allclose(np.degrees(LWR_LIMITS.upper), [170, 120, 170, 120, 170, 120, 170])
+    assert np.array_equal(LWR_LIMITS.lower, -LWR_LIMITS.upper)
+    assert LWR_LIMITS.torque.tolist() == [176, 176, 100, 100, 100, 38, 38]
+    assert np.allclose(np.degrees(LWR_LIMITS.velocity), [110, 110, 128, 128, 204, 184, 184])
+    assert lwr_limits(5.0).acceleration.tolist() == [5.0] * 7
+
+
+def test_arrays_are_frozen_copies():
+    lower = -np.ones(2)
+    limits = JointLimits(lower, np.ones(2), np.ones(2), np.ones(2), np.ones(2))
+    lower[0] = 5.0
+    assert limits.lower[0] == -1.0
+    with pytest.raises(ValueError, match="read-only"):
+        limits.upper[0] = 3.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        limits.upper = np.ones(2)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "error"),
+    [
+        ("lower", np.full(7, 9.0), ArgumentError),
+        ("upper", np.full(7, np.nan), ArgumentError),
+        ("velocity", np.zeros(7), ArgumentError),
+        ("torque", np.ones(6), ShapeError),
+    ],
+)
+def test_bad_limits(field, value, error):
+    with pytest.raises(error):
+        dataclasses.replace(LWR_LIMITS, **{field: value})
+
+
+def test_checks_and_clamping():
+    q = np.zeros((3, 7))
+    q[1, 3] = 2.5
+    assert within_position_limits(q, LWR_LIMITS).tolist() == [True, False, True]
+    clamped = clamp_position(q, LWR_LIMITS)
+    assert within_position_limits(clamped, LWR_LIMITS).all()
+    excess = position_violation(q, LWR_LIMITS)
+    assert excess[1, 3] == pytest.approx(2.5 - LWR_LIMITS.upper[3])
+    assert np.count_nonzero(excess) == 1
+    assert np.allclose(clamped + excess, q)
+    check_position(clamped, LWR_LIMITS, JOINT_NAMES)
+    with pytest.raises(KinematicsError, match=r"lwr_a4_joint.*2\.5000"):
+        check_position(q, LWR_LIMITS, JOINT_NAMES)
+    with pytest.raises(KinematicsError, match="finite"):
+        check_position(np.full(7, np.nan), LWR_LIMITS)
