@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Conditioning, marginals and regression against textbook formulas and scipy densities."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+
+from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.gaussian.normal import (
+    Gaussian,
+    condition,
+    gaussian,
+    log_density,
+    marginal,
+    regression,
+)
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_gaussian(rng: np.random.Generator, d: int) -> Gaussian:
+    root = rng.normal(size=(d, d))
+    return Gaussian(rng.normal(size=d), root @ root.T + 0.1 * np.eye(d))
+
+
+def random_observation(rng: np.random.Generator, d: int, m: int):
+    """H (m, d), y (m,) and a full noise covariance (m, m)."""
+    root = rng.normal(size=(m, m))
+    return rng.normal(size=(m, d)), rng.normal(size=m), root @ root.T + 0.1 * np.eye(m)
+
+
+def textbook(prior: Gaussian, H, y, R) -> Gaussian:
+    """Information form with explicit inverses: another route to the same posterior."""
+    precision = np.linalg.inv(prior.covariance) + H.T @ np.linalg.inv(R) @ H
+    covariance = np.linalg.inv(precision)
+    shift = H.T @ np.linalg.inv(R) @ (y - H @ prior.mean)
+    return Gaussian(prior.mean + covariance @ shift, covariance)
+
+
+@given(seeds, st.integers(1, 8), st.integers(1, 5))
+def test_posterior_equals_the_information_form(seed, d, m):
+    rng = np.random.default_rng(seed)
+    prior, (H, y, R) = random_gaussian(rng, d), random_observation(rng, d, m)
+    posterior, _ = condition(prior, H, y, R)
+    expected = textbook(prior, H, y, R)
+    np.testing.assert_allclose(posterior.mean, expected.mean, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(posterior.covariance, expected.covariance, rtol=1e-6, atol=1e-6)
+
+
+@given(seeds, st.integers(1, 8), st.integers(1, 5))
+def test_log_evidence_is_the_log_density_of_the_observation(seed, d, m):
+    rng = np.random.default_rng(seed)
+    prior, (H, y, R) = random_gaussian(rng, d), random_observation(rng, d, m)
+    _, log_evidence = condition(prior, H, y, R)
+    expected = multivariate_normal(H @ prior.mean, H @ prior.covariance @ H.T + R).logpdf(y)
+    assert log_evidence == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@given(seeds, st.integers(2, 8), st.integers(2, 5), st.randoms(use_true_random=False))
+def test_one_after_the_other_in_any_order_equals_all_at_once(seed, d, m, order_source):
+    rng = np.random.default_rng(seed)
+    prior = random_gaussian(rng, d)
+    H, y = rng.normal(size=(m, d)), rng.normal(size=m)
+    R = np.diag(rng.uniform(0.1, 2.0, size=m))
+    together, log_together = condition(prior, H, y, R)
+    order = list(range(m))
+    order_source.shuffle(order)
+    one_by_one, total = prior, 0.0
+    for i in order:
+        one_by_one, log_evidence = condition(one_by_one, H[[i]], y[[i]], R[[i]][:, [i]])
+        total += log_evidence
+    np.testing.assert_allclose(one_by_one.mean, together.mean, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(one_by_one.covariance, together.covariance, rtol=1e-8, atol=1e-8)
+    assert total == pytest.approx(log_together, rel=1e-9, abs=1e-8)
+
+
+@given(seeds, st.integers(1, 8), st.integers(1, 5))
+def test_posterior_is_symmetric_and_never_wider_than_the_prior(seed, d, m):
+    rng = np.random.default_rng(seed)
+    prior = random_gaussian(rng, d)
+    posterior, _ = condition(prior, *random_observation(rng, d, m))
+    assert np.array_equal(posterior.covariance, posterior.covariance.T)
+    assert np.linalg.eigvalsh(prior.covariance - posterior.covariance).min() > -1e-9
+    assert np.linalg.eigvalsh(posterior.covariance).min() > 0
+
+
+@given(seeds, st.integers(1, 6), st.integers(1, 4))
+def test_no_information_leaves_the_prior_and_perfect_information_replaces_it(seed, d, m):
+    rng = np.random.default_rng(seed)
+    prior, (H, y, _) = random_gaussian(rng, d), random_observation(rng, d, m)
+    nothing, _ = condition(prior, H, y, 1e18 * np.eye(m))
+    np.testing.assert_allclose(nothing.mean, prior.mean, atol=1e-6)
+    np.testing.assert_allclose(nothing.covariance, prior.covariance, atol=1e-6)
+    everything, _ = condition(prior, np.eye(d), np.arange(d, dtype=float), 1e-12 * np.eye(d))
+    np.testing.assert_allclose(everything.mean, np.arange(d), atol=1e-6)
+
+
+def test_arguments_are_not_modified(rng):
+    prior, (H, y, R) = random_gaussian(rng, 4), random_observation(rng, 4, 2)
+    before = [np.copy(a) for a in (*prior, H, y, R)]
+    condition(prior, H, y, R)
+    for argument, copy in zip((*prior, H, y, R), before, strict=True):
+        assert np.array_equal(argument, copy)
+
+
+@given(seeds, st.integers(1, 8))
+def test_log_density_equals_scipy(seed, d):
+    rng = np.random.default_rng(seed)
+    distribution, value = random_gaussian(rng, d), rng.normal(size=d)
+    expected = multivariate_normal(*distribution).logpdf(value)
+    assert log_density(distribution, value) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@given(seeds, st.integers(2, 8), st.data())
+def test_marginal_takes_the_elements_in_the_order_asked_for(seed, d, data):
+    rng = np.random.default_rng(seed)
+    distribution = random_gaussian(rng, d)
+    index = data.draw(st.permutations(range(d)))[: data.draw(st.integers(1, d))]
+    part = marginal(distribution, index)
+    selection = np.eye(d)[index]
+    assert np.array_equal(part.mean, selection @ distribution.mean)
+    np.testing.assert_allclose(part.covariance, selection @ distribution.covariance @ selection.T)
+
+
+@given(seeds, st.integers(1, 5), st.integers(1, 5))
+def test_density_factors_into_marginal_and_regression(seed, n_source, n_target):
+    rng = np.random.default_rng(seed)
+    joint = random_gaussian(rng, n_source + n_target)
+    value = rng.normal(size=n_source + n_target)
+    matrix, offset, covariance = regression(joint, n_source)
+    source = marginal(joint, np.arange(n_source))
+    conditional = Gaussian(offset + matrix @ value[:n_source], covariance)
+    total = log_density(source, value[:n_source]) + log_density(conditional, value[n_source:])
+    assert total == pytest.approx(log_density(joint, value), rel=1e-7, abs=1e-7)
+
+
+@settings(max_examples=30)
+@given(seeds)
+def test_regression_after_filtering_the_source_equals_conditioning_the_whole(seed):
+    rng = np.random.default_rng(seed)
+    joint = random_gaussian(rng, 7)
+    H, y, R = random_observation(rng, 3, 2)
+    source, log_source = condition(marginal(joint, np.arange(3)), H, y, R)
+    matrix, offset, covariance = regression(joint, 3)
+    whole, log_whole = condition(joint, np.hstack([H, np.zeros((2, 4))]), y, R)
+    np.testing.assert_allclose(matrix @ source.mean + offset, whole.mean[3:], atol=1e-7)
+    recovered = covariance + matrix @ source.covariance @ matrix.T
+    np.testing.assert_allclose(recovered, whole.covariance[3:, 3:], atol=1e-7)
+    assert log_source == pytest.approx(log_whole, rel=1e-9)
+
+
+def test_gaussian_copies_what_it_checks():
+    mean, covariance = np.zeros(2), np.eye(2)
+    checked = gaussian(mean, covariance)
+    mean[0] = covariance[0, 0] = 5.0
+    assert checked.mean[0] == 0.0
+    assert checked.covariance[0, 0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("mean", "covariance", "error", "words"),
+    [
+        ([0.0, 0.0], np.eye(3), ShapeError, r"covariance: expected shape \(2, 2\).*got \(3, 3\)"),
+        ([[0.0]], np.eye(1), ShapeError, r"covariance: .*mean of shape \(1, 1\)"),
+        ([0.0, np.nan], np.eye(2), ArgumentError, "mean, covariance: expected finite.*Clean"),
+        ([0.0, 0.0], [[1.0, np.inf], [np.inf, 1.0]], ArgumentError, "expected finite"),
+        (
+            [0.0, 0.0],
+            [[1.0, 0.5], [0.0, 1.0]],
+            ArgumentError,
+            "covariance: .*symmetric.*Symmetrise",
+        ),
+    ],
+)
+def test_gaussian_says_what_is_wrong(mean, covariance, error, words):
+    with pytest.raises(error, match=words):
+        gaussian(mean, covariance)
+
+
+@pytest.mark.parametrize(
+    ("H", "y", "R"),
+    [
+        (np.ones((1, 3)), np.ones(1), np.eye(1)),
+        (np.ones((2, 2)), np.ones(1), np.eye(2)),
+        (np.ones((2, 2)), np.ones(2), np.eye(1)),
+        (np.ones((1, 2)), np.ones((1, 1)), np.eye(1)),
+    ],
+)
+def test_condition_refuses_shapes_that_do_not_fit(H, y, R):
+    with pytest.raises(ShapeError, match=r"observation: expected .*got .*one row per observed"):
+        condition(Gaussian(np.zeros(2), np.eye(2)), H, y, R)
+
+
+def test_condition_refuses_a_noise_that_is_not_positive_definite():
+    H = np.array([[1.0, 0.0], [1.0, 0.0]])
+    with pytest.raises(ArgumentError, match="innovation covariance: .*raise the noise variance"):
+        condition(Gaussian(np.zeros(2), np.eye(2)), H, np.zeros(2), np.zeros((2, 2)))
