@@ -19,10 +19,10 @@ def cholesky(matrix: np.ndarray, *, name: str = "covariance") -> np.ndarray:
     No jitter is added: a matrix that is not positive definite is the caller's to regularise.
 
     Raises:
-        ArgumentError: the matrix is not positive definite.
+        ArgumentError: the matrix is not positive definite or not finite.
     """
     try:
-        return np.linalg.cholesky(matrix)
+        factor = np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:
         eigenvalues = np.linalg.eigvalsh(symmetrize(np.nan_to_num(matrix)))
         raise ArgumentError(
@@ -33,6 +33,11 @@ def cholesky(matrix: np.ndarray, *, name: str = "covariance") -> np.ndarray:
                 "Regularise it, or raise the noise variance.",
             )
         ) from None
+    if not np.isfinite(np.sum(factor)):  # LAPACK lets NaN and infinity pass
+        raise ArgumentError(
+            describe(name, "finite numbers", "NaN or infinity", "Leave such measurements out.")
+        )
+    return factor
 
 
 def solve_lower(factor: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -83,7 +83,11 @@ def condition(
         ArgumentError: the innovation covariance is not positive definite.
     """
     m, d = np.shape(observation_matrix)
-    if np.shape(observation) != (m,) or np.shape(noise_covariance) != (m, m) or d != prior.mean.size:
+    if (
+        np.shape(observation) != (m,)
+        or np.shape(noise_covariance) != (m, m)
+        or d != prior.mean.size
+    ):
         raise ShapeError(
             describe(
                 "observation",
