@@ -2,6 +2,7 @@
 """Record demonstrations and sessions: any topic of any installed type, bit for bit."""
 
 import importlib
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,10 +15,10 @@ from rclpy.qos import (
     QoSProfile,
     QoSReliabilityPolicy,
 )
-from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe
+from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
 from intent_recognition.storage.bag_writer import BagWriter, DiskFullError
 from intent_recognition.storage.qos_profiles import rosbag2_profile
@@ -35,11 +36,10 @@ class _Source:
 
     name: str
     type: str
-    subscription: Subscription
     reliability: QoSReliabilityPolicy
     durability: QoSDurabilityPolicy
     profiles: list[dict]
-    latched: list[tuple[bytes, int, int]] = field(default_factory=list)
+    latched: list[tuple[bytes, int]] = field(default_factory=list)
 
 
 class BagRecorder(Node):
@@ -58,10 +58,12 @@ class BagRecorder(Node):
         self._wanted = parameter(self, "topics", [], "topics to record; none means all there are")
         self._sources: dict[str, _Source] = {}
         self._writer: BagWriter | None = None
+        self._lock = threading.RLock()
         self.done = False
         self.exit_code = 0
         self._diagnostics = Diagnostics(self)
         self._diagnostics.status(OK, "idle")
+        self._listener = BagListener(self, self._on_message, self._on_error)
         self.create_service(Trigger, "~/start", self._on_start)
         self.create_service(Trigger, "~/stop", self._on_stop)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -97,11 +99,12 @@ class BagRecorder(Node):
         if not output:
             cure = "Set the parameter `output`."
             raise BagError(describe("output", "the directory of a new bag", "nothing", cure))
-        self._writer = BagWriter(output, {"task": task} if task else {})
-        for source in self._sources.values():
-            self._declare(source)
-            for data, _, sent_ns in source.latched:
-                self._write(source, data, time.time_ns(), sent_ns)
+        with self._lock:
+            self._writer = BagWriter(output, {"task": task} if task else {})
+            for source in self._sources.values():
+                self._declare(source)
+                for data, sent_ns in source.latched:
+                    self._write(source, data, time.time_ns(), sent_ns)
         self._diagnostics.status(OK, f"recording to {output}")
         self.get_logger().info(f"recording to {output}")
         return str(output)
@@ -114,15 +117,17 @@ class BagRecorder(Node):
         """
         if self._writer is None:
             raise BagError(describe("~/stop", "a recording", "none", "Start one first."))
-        writer, self._writer = self._writer, None
-        self._diagnostics.status(OK, "idle")
-        writer.close()
+        with self._lock:
+            writer, self._writer = self._writer, None
+            self._diagnostics.status(OK, "idle")
+            writer.close()
         text = f"{writer.message_count} messages in {writer.path}"
         self.get_logger().info(text)
         return text
 
     def destroy_node(self) -> None:
         """Close the bag, then the node."""
+        self._listener.close()
         if self._writer is not None:
             try:
                 self.stop()
@@ -177,7 +182,6 @@ class BagRecorder(Node):
             weaker = (known.reliability, known.durability) != (reliability, durability)
             if not weaker or _is_stronger(reliability, durability, known):
                 return
-            self.destroy_subscription(known.subscription)
         self._subscribe(resolved, stored, type_name, reliability, durability, offers)
 
     def _subscribe(self, resolved, stored, type_name, reliability, durability, offers) -> None:
@@ -192,30 +196,28 @@ class BagRecorder(Node):
             reliability=reliability,
             durability=durability,
         )
-        subscription = self.create_subscription(
-            kind,
-            resolved,
-            lambda data, info, at=resolved: self._on_message(at, data, info),
-            profile,
-            raw=True,
-        )
         profiles = [
             rosbag2_profile(o.reliability.name.lower(), o.durability.name.lower(), o.depth)
             for o in offers
         ]
-        source = _Source(stored, type_name, subscription, reliability, durability, profiles)
-        self._sources[resolved] = source
-        if self._writer is not None:
-            self._declare(source)
+        with self._lock:
+            source = _Source(stored, type_name, reliability, durability, profiles)
+            self._sources[resolved] = source
+            if self._writer is not None:
+                self._declare(source)
+        self._listener.subscribe(resolved, kind, resolved, profile)
 
-    def _on_message(self, resolved: str, data: bytes, info: dict) -> None:
-        source = self._sources[resolved]
-        received_ns = int(info.get("received_timestamp") or 0) or time.time_ns()
-        sent_ns = int(info.get("source_timestamp") or 0) or received_ns
-        if source.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL:
-            source.latched = [(bytes(data), received_ns, sent_ns)]
-        if self._writer is not None:
-            self._write(source, bytes(data), received_ns, sent_ns)
+    def _on_message(self, resolved: str, data: bytes, received_ns: int, sent_ns: int) -> None:
+        received_ns = received_ns or time.time_ns()
+        with self._lock:
+            source = self._sources[resolved]
+            if source.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL:
+                source.latched = [(data, sent_ns or received_ns)]
+            if self._writer is not None:
+                self._write(source, data, received_ns, sent_ns or received_ns)
+
+    def _on_error(self, error: Exception) -> None:
+        self._diagnostics.reject("unexpected", repr(error))
 
     def _declare(self, source: _Source) -> None:
         try:
@@ -234,14 +236,15 @@ class BagRecorder(Node):
             self._diagnostics.tick(source.name.lstrip("/"))
 
     def _flush(self) -> None:
-        if self._writer is None:
-            return
-        try:
-            self._writer.flush()
-        except DiskFullError as error:
-            self._give_up(error)
-        else:
-            self._diagnostics.value("messages", self._writer.message_count)
+        with self._lock:
+            if self._writer is None:
+                return
+            try:
+                self._writer.flush()
+            except DiskFullError as error:
+                self._give_up(error)
+            else:
+                self._diagnostics.value("messages", self._writer.message_count)
 
     def _give_up(self, error: DiskFullError) -> None:
         """Report and stop; what was written is a whole bag."""

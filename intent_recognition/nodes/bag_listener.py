@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Raw subscriptions with the middleware's time stamps, drained by a thread of their own.
+
+The EventsExecutor of rclpy 7.1 raises SystemError for a callback that asks for the message info,
+and the info holds the times of sending and reception. So these subscriptions belong to no
+executor: a thread waits for them and takes what there is, however busy the node is otherwise.
+"""
+
+import threading
+from collections.abc import Callable, Hashable
+from contextlib import ExitStack
+
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.type_support import check_is_valid_msg_type
+
+WAIT_NS = 20_000_000
+
+
+class BagListener:
+    """Calls `on_message(key, data, received_ns, sent_ns)` for every message, in its thread.
+
+    Args:
+        node: owner of the subscriptions.
+        on_message: times are in nanoseconds, 0 where the middleware does not know them.
+        on_error: called with what `on_message` raised; listening goes on.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        on_message: Callable[[Hashable, bytes, int, int], None],
+        on_error: Callable[[Exception], None],
+    ):
+        self._node = node
+        self._on_message = on_message
+        self._on_error = on_error
+        self._lock = threading.Lock()
+        self._handles: dict[Hashable, tuple[object, type]] = {}
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._listen, name="bag_listener", daemon=True)
+        self._thread.start()
+
+    def subscribe(self, key: Hashable, kind: type, topic: str, profile: QoSProfile) -> None:
+        """Listen to `topic` from now on; replaces what was listened to under `key`."""
+        check_is_valid_msg_type(kind)
+        with self._node.handle:
+            handle = _rclpy.Subscription(
+                self._node.handle, kind, topic, profile.get_c_qos_profile()
+            )
+        with self._lock:
+            previous, _ = self._handles.pop(key, (None, None))
+            self._handles[key] = (handle, kind)
+        if previous is not None:
+            previous.destroy_when_not_in_use()
+
+    def close(self) -> None:
+        """End the thread and the subscriptions."""
+        self._stopping.set()
+        self._thread.join()
+        for handle, _ in self._handles.values():
+            handle.destroy_when_not_in_use()
+        self._handles.clear()
+
+    def _listen(self) -> None:
+        while not self._stopping.is_set() and self._node.context.ok():
+            with self._lock:
+                sources = list(self._handles.items())
+            if not sources:
+                self._stopping.wait(WAIT_NS * 1e-9)
+                continue
+            try:
+                self._wait_and_take(sources)
+            except (_rclpy.RCLError, _rclpy.InvalidHandle) as error:
+                # The context was shut down, or a subscription replaced, while waiting.
+                if self._node.context.ok() and not isinstance(error, _rclpy.InvalidHandle):
+                    self._on_error(error)
+
+    def _wait_and_take(self, sources: list) -> None:
+        with ExitStack() as in_use:  # nothing is destroyed while it is waited for
+            in_use.enter_context(self._node.context.handle)
+            for _, (handle, _) in sources:
+                in_use.enter_context(handle)
+            wait_set = _rclpy.WaitSet(len(sources), 0, 0, 0, 0, 0, self._node.context.handle)
+            in_use.enter_context(wait_set)
+            wait_set.clear_entities()
+            places = [wait_set.add_subscription(handle) for _, (handle, _) in sources]
+            wait_set.wait(WAIT_NS)
+            ready = [wait_set.is_ready("subscription", place) for place in places]
+        for is_ready, (key, (handle, kind)) in zip(ready, sources, strict=True):
+            if is_ready:
+                self._drain(key, handle, kind)
+
+    def _drain(self, key: Hashable, handle, kind: type) -> None:
+        with handle:
+            while not self._stopping.is_set():
+                taken = handle.take_message(kind, True)
+                if taken is None:
+                    return
+                data, info = taken
+                received_ns = int(info.get("received_timestamp") or 0)
+                sent_ns = int(info.get("source_timestamp") or 0)
+                try:
+                    self._on_message(key, data, received_ns, sent_ns)
+                except Exception as error:  # the thread must outlive one message
+                    self._on_error(error)

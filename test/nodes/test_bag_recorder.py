@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the recorder writes is what was sent: bit for bit, with its stamps, for any type."""
+
+import signal
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from rclpy.parameter import Parameter
+from ros_harness import Harness, NodeProcess
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Empty, String
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from intent_recognition.nodes.bag_recorder import BagRecorder, message_type
+from intent_recognition.nodes.qos import LATCHED, SENSOR, STATE
+from intent_recognition.storage import BagReader
+
+MODULE = "intent_recognition.nodes.bag_recorder"
+
+
+def recorder(**values) -> BagRecorder:
+    overrides = [Parameter(name, value=value) for name, value in values.items()]
+    return BagRecorder(parameter_overrides=overrides)
+
+
+def pose(index: int) -> PoseStamped:
+    message = PoseStamped()
+    message.header.frame_id = "world"
+    message.header.stamp.sec, message.header.stamp.nanosec = 7, index
+    message.pose.position.x = 0.1 * index
+    return message
+
+
+def joint_state(index: int) -> JointState:
+    return JointState(name=["a", "b"], position=[0.1 * index, -1.0])
+
+
+def record_between(harness: Harness, node: BagRecorder, publishers: dict, messages: dict) -> None:
+    """Publish `messages` by topic once the recorder listens, and stop when all have arrived."""
+    harness.spin_until(lambda: all(f"/{t}" in node.listening for t in publishers))
+    harness.connect(*publishers.values())
+    for topic, items in messages.items():
+        for item in items:
+            publishers[topic].publish(item)
+    total = sum(map(len, messages.values()))
+    harness.spin_until(lambda: node._writer.message_count >= total, what="all messages written")
+    node.stop()
+
+
+def test_bytes_and_order_are_those_sent(harness, tmp_path):
+    publishers = {
+        "mocap/wrist/pose": harness.publisher(PoseStamped, "mocap/wrist/pose", STATE),
+        "joint_states": harness.publisher(JointState, "joint_states", STATE),
+        "nothing": harness.publisher(Empty, "nothing", STATE),
+        "markers": harness.publisher(MarkerArray, "markers", STATE),
+    }
+    sent = {
+        "mocap/wrist/pose": [pose(i) for i in range(8)],
+        "joint_states": [joint_state(i) for i in range(8)],
+        "nothing": [Empty()],
+        "markers": [MarkerArray()],
+    }
+    node = harness.add(recorder(output=str(tmp_path / "bag"), topics=list(sent), task="handing"))
+    record_between(harness, node, publishers, sent)
+    with AnyReader([tmp_path / "bag"]) as independent:
+        for connection in independent.connections:
+            topic = connection.topic.lstrip("/")
+            raw = [data for _, _, data in independent.messages([connection])]
+            assert [bytes(r) for r in raw] == [wire_bytes(harness, m) for m in sent[topic]]
+        assert independent.message_count == sum(map(len, sent.values()))
+    assert BagReader(tmp_path / "bag").task == "handing"
+
+
+def wire_bytes(harness, message) -> bytes:
+    """The bytes a raw subscription of our own sees for `message`."""
+    seen = []
+    topic = f"echo_{type(message).__name__.lower()}"
+    subscription = harness.probe.create_subscription(
+        type(message), topic, lambda data: seen.append(bytes(data)), STATE, raw=True
+    )
+    publisher = harness.publisher(type(message), topic, STATE)
+    harness.connect(publisher)
+    publisher.publish(message)
+    harness.spin_until(lambda: seen)
+    harness.probe.destroy_subscription(subscription)
+    harness.probe.destroy_publisher(publisher)
+    return seen[0]
+
+
+def test_a_burst_of_a_thousand_is_written_without_loss(harness, tmp_path):
+    publisher = harness.publisher(PoseStamped, "mocap/wrist/pose", 2000)
+    node = harness.add(recorder(output=str(tmp_path / "bag"), topics=["mocap/wrist/pose"]))
+    record_between(
+        harness,
+        node,
+        {"mocap/wrist/pose": publisher},
+        {"mocap/wrist/pose": [pose(i) for i in range(1000)]},
+    )
+    stamps = [m.stamp_ns for m in BagReader(tmp_path / "bag").messages()]
+    assert stamps == [7_000_000_000 + i for i in range(1000)]
+
+
+def test_sender_stamps_come_before_reception(harness, tmp_path):
+    publisher = harness.publisher(PoseStamped, "p", STATE)
+    before_ns = harness.probe.get_clock().now().nanoseconds
+    node = harness.add(recorder(output=str(tmp_path / "bag"), topics=["p"]))
+    record_between(harness, node, {"p": publisher}, {"p": [pose(0), pose(1)]})
+    after_ns = harness.probe.get_clock().now().nanoseconds
+    for message in BagReader(tmp_path / "bag").raw_messages():
+        assert before_ns <= message.publish_time_ns <= message.log_time_ns <= after_ns
+
+
+def test_services_start_and_stop_with_the_parameters_of_the_moment(harness, tmp_path):
+    publisher = harness.publisher(PoseStamped, "p", STATE)
+    node = harness.add(recorder(topics=["p"]))
+    refused = harness.call(Trigger, "bag_recorder/start", Trigger.Request())
+    assert not refused.success and "output" in refused.message
+    for task in ("one", "two"):
+        node.set_parameters(
+            [Parameter("output", value=str(tmp_path / task)), Parameter("task", value=task)]
+        )
+        assert harness.call(Trigger, "bag_recorder/start", Trigger.Request()).success
+        record_between(harness, node, {"p": publisher}, {"p": [pose(0)]})
+        assert BagReader(tmp_path / task).task == task
+    again = harness.call(Trigger, "bag_recorder/start", Trigger.Request())
+    assert not again.success and "never overwritten" in again.message
+    stopped = harness.call(Trigger, "bag_recorder/stop", Trigger.Request())
+    assert not stopped.success
+
+
+def test_latched_message_from_before_the_start_is_recorded(harness, tmp_path):
+    publisher = harness.publisher(String, "robot_description", LATCHED)
+    publisher.publish(String(data="<robot/>"))
+    node = harness.add(recorder(topics=["robot_description"]))
+    harness.spin_until(lambda: any(s.latched for s in node._sources.values()))
+    node.set_parameters([Parameter("output", value=str(tmp_path / "bag"))])
+    node.start()
+    node.stop()
+    (message,) = BagReader(tmp_path / "bag").messages()
+    assert message.message.data == "<robot/>"
+    (profile,) = BagReader(tmp_path / "bag").topics["/robot_description"].offered_qos_profiles
+    assert profile["durability"] == "transient_local"
+
+
+def test_without_topics_everything_that_appears_is_recorded(harness, tmp_path):
+    node = harness.add(recorder(output=str(tmp_path / "bag")))
+    publisher = harness.publisher(PoseStamped, "late/topic", SENSOR)
+    harness.spin_until(lambda: "/late/topic" in node.listening)
+    assert "/rosout" not in node.listening
+    harness.connect(publisher)
+    publisher.publish(pose(3))
+    harness.spin_until(lambda: node._writer._counts.get("/late/topic"))
+    node.stop()
+    assert BagReader(tmp_path / "bag").topics["/late/topic"].message_count == 1
+
+
+def test_a_best_effort_publisher_joining_later_is_heard(harness, tmp_path):
+    node = harness.add(recorder(output=str(tmp_path / "bag"), topics=["p"]))
+    first = harness.publisher(PoseStamped, "p", STATE)
+    harness.connect(first)
+    second = harness.publisher(PoseStamped, "p", SENSOR)
+    harness.connect(first, second)
+    second.publish(pose(1))
+    harness.spin_until(lambda: node._writer.message_count)
+
+
+def test_full_disk_is_reported_and_ends_the_recording_whole(harness, tmp_path, monkeypatch):
+    publisher = harness.publisher(PoseStamped, "p", STATE)
+    node = harness.add(recorder(output=str(tmp_path / "bag"), topics=["p"]))
+    reports = harness.collect(DiagnosticArray, "/diagnostics")
+    harness.connect(publisher)
+    publisher.publish(pose(0))
+    harness.spin_until(lambda: node._writer.message_count)
+    monkeypatch.setattr(node._writer, "_disk_usage", lambda _: type("U", (), {"free": 0}))
+    harness.spin_until(lambda: node.done, what="the recorder to give up")
+    assert node.exit_code == 1
+    assert len(list(BagReader(tmp_path / "bag").messages())) == 1
+    harness.spin_until(
+        lambda: any("MiB" in s.message for r in reports for s in r.status if s.level == b"\x02")
+    )
+
+
+def test_namespace_is_left_out_of_the_bag(harness, tmp_path):
+    publisher = harness.publisher(PoseStamped, "/lab/mocap/wrist/pose", STATE)
+    overrides = [
+        Parameter("output", value=str(tmp_path / "bag")),
+        Parameter("topics", value=["mocap/wrist/pose"]),
+    ]
+    node = harness.add(BagRecorder(namespace="lab", parameter_overrides=overrides))
+    harness.connect(publisher)
+    publisher.publish(pose(0))
+    harness.spin_until(lambda: node._writer.message_count)
+    node.stop()
+    assert list(BagReader(tmp_path / "bag").topics) == ["/mocap/wrist/pose"]
+
+
+@pytest.mark.parametrize("name", ["no_such_package/msg/Thing", "std_msgs/msg/Thing", "nonsense"])
+def test_unknown_type_is_named(name):
+    with pytest.raises(Exception, match="installed message type"):
+        message_type(name)
+
+
+def start_process(harness: Harness, path: Path) -> tuple[NodeProcess, object]:
+    arguments = ["--ros-args", "-p", f"output:={path}", "-p", "topics:=[p]"]
+    publisher = harness.publisher(PoseStamped, "p", STATE)
+    process = NodeProcess(MODULE, *arguments)
+    harness.connect(publisher)
+    return process, publisher
+
+
+@pytest.mark.parametrize("stop_signal", [signal.SIGINT, signal.SIGTERM])
+def test_signals_finish_the_bag(harness, tmp_path, stop_signal):
+    process, publisher = start_process(harness, tmp_path / "bag")
+    with process:
+        for i in range(50):
+            publisher.publish(pose(i))
+        harness.spin_until(lambda: BagReader(tmp_path / "bag").message_count == 50)
+        assert process.stop(stop_signal) == 0, process.errors
+    reader = BagReader(tmp_path / "bag")
+    assert reader.is_finished and reader.metadata.message_count == 50
+    assert "Traceback" not in process.errors
+
+
+def test_killed_recorder_leaves_all_but_the_last_second(harness, tmp_path):
+    process, publisher = start_process(harness, tmp_path / "bag")
+    with process:
+        for i in range(50):
+            publisher.publish(pose(i))
+        harness.spin_until(lambda: BagReader(tmp_path / "bag").message_count == 50)
+        process.stop(signal.SIGKILL)
+    reader = BagReader(tmp_path / "bag")
+    assert not reader.is_finished
+    assert [m.stamp_ns for m in reader.messages()] == [7_000_000_000 + i for i in range(50)]
+
+
+def test_existing_output_is_one_line_and_exit_code_one(tmp_path):
+    (tmp_path / "bag").mkdir()
+    with NodeProcess(MODULE, "--ros-args", "-p", f"output:={tmp_path / 'bag'}") as process:
+        assert process.wait() == 1
+    assert "never overwritten" in process.errors and "Traceback" not in process.errors
+    assert list((tmp_path / "bag").iterdir()) == []
