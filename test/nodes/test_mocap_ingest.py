@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node mocap_ingest on its topics."""
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import stamp_ns, to_pose, to_stamp
+from intent_recognition.nodes.mocap_ingest import MocapIngest, parse_extrinsics
+
+T0 = 1_700_000_000_123_456_789
+STEP = 10_000_000
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+def pose(index, position, frame="world", orientation=UPRIGHT):
+    message = PoseStamped(pose=to_pose(position, orientation))
+    message.header.frame_id = frame
+    message.header.stamp = to_stamp(T0 + index * STEP)
+    return message
+
+
+def start(harness, **overrides):
+    parameters = [Parameter(name, value=value) for name, value in overrides.items()]
+    return harness.add(MocapIngest(parameter_overrides=parameters))
+
+
+def exchange(harness, messages, count, body="wrist"):
+    """Publish poses one by one and return the first `count` odometry messages."""
+    received = harness.collect(Odometry, f"human/{body}", qos.SENSOR)
+    publisher = harness.publisher(PoseStamped, f"mocap/{body}/pose", qos.SENSOR)
+    harness.connect(publisher)
+    harness.spin_until(lambda: harness.probe.count_publishers(f"human/{body}"))
+    for message in messages:
+        publisher.publish(message)
+        harness.executor.spin_once(timeout_sec=0.01)
+    harness.spin_until(lambda: len(received) >= count, what="odometry")
+    return received
+
+
+def test_odometry_follows_the_contract(harness):
+    start(harness)
+    received = exchange(harness, [pose(i, (0.01 * i, 0.5, 1.0)) for i in range(5)], 5)
+    last = received[-1]
+    assert stamp_ns(last) == T0 + 4 * STEP
+    assert last.header.frame_id == "world"
+    assert last.child_frame_id == "wrist_world_aligned"
+    assert last.pose.pose == to_pose((0.04, 0.5, 1.0), UPRIGHT)
+    covariance = np.reshape(last.pose.covariance, (6, 6))
+    np.testing.assert_allclose(covariance[:3, :3], np.eye(3) * 4e-6)
+    np.testing.assert_allclose(covariance[3:, 3:], np.eye(3) * 4e-4)
+    assert last.twist.twist.linear.x == pytest.approx(1.0)
+    twist = np.reshape(last.twist.covariance, (6, 6))
+    assert 0.0 < twist[0, 0] < 0.1
+    assert received[0].twist.covariance[0] == 1e6
+
+
+def test_extrinsics_are_applied(harness):
+    half = 0.5**0.5
+    start(harness, world_frame="cell", extrinsics=[f"optitrack 1 0 2 0 0 {half} {half}"])
+    (odometry,) = exchange(harness, [pose(0, (0.5, 0.0, 0.0), "optitrack")], 1)
+    position = odometry.pose.pose.position
+    np.testing.assert_allclose((position.x, position.y, position.z), (1.0, 0.5, 2.0), atol=1e-12)
+    assert odometry.header.frame_id == "cell"
+
+
+def test_bad_input_is_counted_and_harms_nothing(harness):
+    start(harness)
+    good = [pose(i, (0.01 * i, 0.5, 1.0)) for i in range(20)]
+    unstamped = pose(0, (0.0, 0.5, 1.0))
+    unstamped.header.stamp.sec = unstamped.header.stamp.nanosec = 0
+    bad = [
+        pose(10, (float("nan"), 0.5, 1.0)),
+        unstamped,
+        pose(9, (0.09, 0.5, 1.0)),
+        pose(10, (4.0, 0.5, 1.0)),
+        pose(10, (0.1, 0.5, 1.0), frame="camera"),
+    ]
+    reports = harness.collect(DiagnosticArray, "/diagnostics")
+    received = exchange(harness, good[:10] + bad + good[10:], 20)
+    assert [stamp_ns(message) for message in received] == [stamp_ns(m) for m in good]
+    assert [m.pose.pose.position.x for m in received] == [m.pose.position.x for m in good]
+
+    def counts():
+        values = [row for report in reports for status in report.status for row in status.values]
+        return {row.key: row.value for row in values if row.key.startswith("rejected")}
+
+    expected = {
+        f"rejected {reason}": "1"
+        for reason in ("not_finite", "zero_stamp", "stamp_not_increasing", "jump", "unknown_frame")
+    }
+    harness.spin_until(lambda: counts() == expected, what="all five reasons counted")
+
+
+def test_bodies_are_independent(harness):
+    start(harness, bodies=["wrist", "elbow"])
+    exchange(harness, [pose(0, (0.0, 0.0, 0.0))], 1)
+    far = exchange(harness, [pose(0, (5.0, 0.0, 0.0))], 1, body="elbow")
+    assert far[0].child_frame_id == "elbow_world_aligned"
+
+
+def test_namespace_applies(harness):
+    harness.add(MocapIngest(namespace="/cell"))
+    publisher = harness.publisher(PoseStamped, "/cell/mocap/wrist/pose", qos.SENSOR)
+    harness.connect(publisher)
+
+
+@pytest.mark.parametrize(
+    "entry", ["cam 1 2 3", "cam 0 0 0 0 0 0 x", "0 0 0 0 0 0 1", "cam 0 0 0 0 0 0 1 1"]
+)
+def test_malformed_extrinsics_are_refused(entry):
+    with pytest.raises(ArgumentError, match="extrinsics"):
+        parse_extrinsics([entry])
+
+
+def test_extrinsics_are_read():
+    parsed = parse_extrinsics(["cam 1 2 3 0 0 0 1", ""])
+    assert list(parsed) == ["cam"]
+    np.testing.assert_array_equal(parsed["cam"][0], [1.0, 2.0, 3.0])
+    with pytest.raises(ArgumentError):
+        parse_extrinsics(["cam 1 2 3 0 0 0 1"] * 2)

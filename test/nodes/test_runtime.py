@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starting and ending nodes, their parameters, diagnostics and lifecycle."""
+
+import signal
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from ros_harness import NodeProcess
+
+from intent_recognition.errors import ArgumentError, ModelError
+from intent_recognition.nodes.lifecycle import ManagedNode
+from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+
+
+class Quitter(Node):
+    """Is done at its first timer event."""
+
+    def __init__(self):
+        super().__init__("quitter")
+        self.exit_code = 3
+        self.create_timer(0.001, self._quit)
+
+    def _quit(self):
+        self.done = True
+
+
+def test_done_ends_the_process_with_the_nodes_exit_code():
+    assert run(Quitter, []) == 3
+
+
+def test_start_error_is_one_line(capfd):
+    def broken():
+        raise ModelError("model:\n expected a file")
+
+    assert run(broken, []) == 1
+    assert capfd.readouterr().err.splitlines() == ["broken: model: expected a file"]
+
+
+def test_error_while_running_is_one_line(capfd):
+    class Failing(Quitter):
+        def _quit(self):
+            raise ModelError("disk full")
+
+    assert run(Failing, []) == 1
+    assert capfd.readouterr().err.splitlines()[-1] == "quitter: disk full"
+
+
+def test_programming_errors_are_not_hidden():
+    class Buggy(Quitter):
+        def _quit(self):
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run(Buggy, [])
+
+
+@pytest.mark.parametrize(
+    "override", ["max_speed:=-1.0", "max_speed:=fast", "max_gap:=.nan", "bodies:=[a, a]"]
+)
+def test_bad_parameter_is_one_line(override):
+    node = NodeProcess("intent_recognition.nodes.mocap_ingest", "--ros-args", "-p", override)
+    with node:
+        assert node.wait() == 1
+    assert len(node.errors.splitlines()) == 1
+    assert override.split(":")[0] in node.errors
+
+
+@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_a_node_quietly(harness, signal_number):
+    reports = harness.collect(DiagnosticArray, "/diagnostics")
+    with NodeProcess("intent_recognition.nodes.mocap_ingest") as node:
+        harness.spin_until(lambda: reports, what="diagnostics")
+        assert node.stop(signal_number) == 0
+    assert "Traceback" not in node.errors
+
+
+def node_with(harness, **overrides):
+    return harness.add(
+        Node("owner", parameter_overrides=[Parameter(k, value=v) for k, v in overrides.items()])
+    )
+
+
+def test_parameter_returns_default_or_override(harness):
+    node = node_with(harness, rate=7, names=["a"])
+    assert parameter(node, "rate", 1.0, "a rate", minimum=0.0) == 7.0
+    assert isinstance(node.get_parameter("rate").value, float)
+    assert parameter(node, "count", 4, "a count", minimum=1, maximum=9) == 4
+    assert parameter(node, "names", [], "names") == ["a"]
+    assert parameter(node, "others", [], "names") == []
+    assert parameter(node, "bodies", ["wrist"], "names") == ["wrist"]
+
+
+def test_parameter_describes_itself(harness):
+    node = node_with(harness)
+    parameter(node, "rate", 1.0, "how often", minimum=0.5, maximum=2.0, read_only=True)
+    descriptor = node.describe_parameter("rate")
+    assert descriptor.description == "how often"
+    assert descriptor.read_only
+    assert descriptor.floating_point_range[0].from_value == 0.5
+    assert descriptor.floating_point_range[0].to_value == 2.0
+    assert not node.set_parameters([Parameter("rate", value=1.5)])[0].successful
+
+
+@pytest.mark.parametrize("value", [0.1, float("nan"), float("inf"), "fast"])
+def test_parameter_refuses(harness, value):
+    node = node_with(harness, rate=value)
+    with pytest.raises(ArgumentError, match="rate"):
+        parameter(node, "rate", 1.0, "how often", minimum=0.5, maximum=2.0)
+
+
+class FakeClock:
+    """Seconds under the test's control."""
+
+    def __init__(self):
+        self.now_s = 100.0
+
+    def __call__(self):
+        return self.now_s
+
+
+def rows(status):
+    return {row.key: row.value for row in status.values}
+
+
+def test_diagnostics_measure(harness):
+    clock = FakeClock()
+    diagnostics = Diagnostics(node_with(harness), clock=clock)
+    for _ in range(50):
+        diagnostics.tick("pose")
+    for i in range(1, 101):
+        diagnostics.latency(i * 1e-3)
+    diagnostics.count("jump", 2)
+    diagnostics.value("task", "plate")
+    diagnostics.status(1, "no input")
+    clock.now_s += 0.5
+    status = diagnostics.report()
+    assert status.name == "owner"
+    assert status.level == b"\x01"
+    assert status.message == "no input"
+    values = rows(status)
+    assert values["rate pose [Hz]"] == "100.0"
+    assert values["rejected jump"] == "2"
+    assert values["task"] == "plate"
+    assert float(values["latency p50 [ms]"]) == pytest.approx(50.5)
+    assert float(values["latency p99 [ms]"]) == pytest.approx(99.01)
+    clock.now_s += 1.0
+    values = rows(diagnostics.report())
+    assert values["rate pose [Hz]"] == "0.0"
+    assert values["received pose"] == "50"
+    assert values["rejected jump"] == "2"
+
+
+def test_rejections_are_logged_once_a_second_for_each_reason(harness, monkeypatch):
+    clock, lines = FakeClock(), []
+    node = node_with(harness)
+    diagnostics = Diagnostics(node, clock=clock)
+
+    class Logger:
+        warning = staticmethod(lines.append)
+
+    monkeypatch.setattr(node, "get_logger", lambda: Logger)
+    for _ in range(30):
+        diagnostics.reject("jump", "far")
+        diagnostics.reject("late", "old")
+        clock.now_s += 0.1
+    assert len([line for line in lines if line.startswith("jump")]) == 3
+    assert len([line for line in lines if line.startswith("late")]) == 3
+    assert diagnostics.rejected("jump") == 30
+
+
+def test_diagnostics_go_on_while_simulated_time_stands_still(harness):
+    reports = harness.collect(DiagnosticArray, "/diagnostics")
+    Diagnostics(node_with(harness, use_sim_time=True), period_s=0.02)
+    harness.spin_until(lambda: len(reports) > 2, what="reports")
+    assert [status.name for status in reports[0].status] == ["owner"]
+
+
+class Managed(ManagedNode):
+    """Notes its transitions, and fails where it is told to."""
+
+    def __init__(self, fail: Exception | None = None, **kwargs):
+        super().__init__("managed", **kwargs)
+        self.fail, self.seen = fail, []
+        self.start()
+
+    def configure(self):
+        if self.fail:
+            raise self.fail
+        self.seen.append("configure")
+
+    def activate(self):
+        self.seen.append("activate")
+
+    def deactivate(self):
+        self.seen.append("deactivate")
+
+
+def change(harness, transition):
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return harness.call(ChangeState, "managed/change_state", request).success
+
+
+def test_managed_node_starts_active(harness):
+    node = harness.add(Managed())
+    assert node.active
+    assert node.seen == ["configure", "activate"]
+    assert change(harness, Transition.TRANSITION_DEACTIVATE)
+    assert not node.active
+    assert node.seen[-1] == "deactivate"
+
+
+def test_managed_node_waits_without_autostart(harness):
+    node = harness.add(Managed(parameter_overrides=[Parameter("autostart", value=False)]))
+    assert node.seen == []
+    assert change(harness, Transition.TRANSITION_CONFIGURE)
+    assert change(harness, Transition.TRANSITION_ACTIVATE)
+    assert node.active
+
+
+def test_managed_node_raises_what_failed_at_start(harness):
+    with pytest.raises(ModelError, match="from the future"):
+        Managed(fail=ModelError("a model from the future"))
+
+
+@pytest.mark.parametrize("error", [ModelError("no model"), ZeroDivisionError()])
+def test_managed_node_survives_a_failing_transition(harness, error):
+    override = [Parameter("autostart", value=False)]
+    node = harness.add(Managed(fail=error, parameter_overrides=override))
+    assert not change(harness, Transition.TRANSITION_CONFIGURE)
+    node.fail = None
+    assert change(harness, Transition.TRANSITION_CONFIGURE)
+    assert change(harness, Transition.TRANSITION_ACTIVATE)
+    assert node.active
