@@ -58,7 +58,7 @@ def nearest_mean_labels(train: np.ndarray, labels: np.ndarray, test: np.ndarray)
 
 
 def gaussian_labels(train: np.ndarray, labels: np.ndarray, test: np.ndarray) -> np.ndarray:
-    """Index of the most probable class under Gaussians with a pooled, slightly shrunk covariance."""
+    """Index of the most probable class: Gaussians with a pooled, slightly shrunk covariance."""
     classes = np.unique(labels)
     means = np.array([train[labels == label].mean(axis=0) for label in classes])
     residuals = train - means[np.searchsorted(classes, labels)]

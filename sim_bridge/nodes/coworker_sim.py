@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node `coworker_sim`: a simulated worker whose wrist a simulated tracker follows."""
+
+from collections.abc import Sequence
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.time import Time
+from std_msgs.msg import String
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.nodes.qos import SENSOR, STATE
+from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from sim_bridge.coworker import SessionPlan, SessionTiming, parse_task_list, plan_session
+from sim_bridge.coworker.timeline import RATE_HZ
+
+SAMPLE_NS = round(1e9 / RATE_HZ)
+EARLY_NS = 500_000  # how much before its time a timer may fire and still count
+BURST = 8  # samples sent at once when behind, below the depth of the subscribers' queues
+POLL_S = 0.02
+
+
+class CoworkerSim(Node):
+    """Publishes what `plan_session` says, sample by sample, at the time it happens.
+
+    Out: `mocap/wrist/pose`, whose sample k is stamped exactly 10 k ms after the first one, in this
+    node's ROS time; `coworker/task`, the label when a reach begins and an empty string when it
+    ends (ground truth, for scoring only); `/diagnostics`.
+
+    The session begins when the clock runs and `wait_for_subscribers` subscribe to the poses. With
+    `exit_at_end` the node ends with the session.
+    """
+
+    def __init__(self, **kwargs) -> None:
+        super().__init__("coworker_sim", **kwargs)
+        self.plan = self._make_plan()
+        self._wait_for = parameter(
+            self, "wait_for_subscribers", 1, "Begin when so many listen to the poses.", minimum=0
+        )
+        self._exit_at_end = parameter(self, "exit_at_end", False, "End with the session.")
+        self._frame = parameter(self, "frame_id", "world", "frame_id of the poses.")
+        self.done = False
+        self.diagnostics = Diagnostics(self)
+        self._poses = self.create_publisher(PoseStamped, "mocap/wrist/pose", SENSOR)
+        self._tasks = self.create_publisher(String, "coworker/task", STATE)
+        self._next_sample = 0
+        self._labels = _label_schedule(self.plan)
+        self._next_label = 0
+        self._first_ns = 0
+        self._timer = None
+        self._message = PoseStamped()
+        self._message.header.frame_id = self._frame
+        self._start_timer = self.create_timer(
+            POLL_S, self._start, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+        self.diagnostics.status(1, "waiting for the clock or for subscribers")
+
+    @property
+    def first_stamp_ns(self) -> int:
+        """Stamp of the session's first sample; 0 before it has begun."""
+        return self._first_ns
+
+    def _make_plan(self) -> SessionPlan:
+        """Declare the parameters of the session and plan it."""
+        seed = parameter(self, "seed", 1, "Seed of the whole session.", minimum=0)
+        task_list = parameter(
+            self, "task_list", "random", "Comma separated labels, a file of them, or 'random'."
+        )
+        count = parameter(
+            self, "interactions", 0, "How many; 0 takes the list as it is (random: 40).", minimum=0
+        )
+        default = SessionTiming()
+        timing = SessionTiming(
+            first_idle_s=parameter(
+                self, "first_idle", default.first_idle_s, "Rest at first [s].", minimum=0.5
+            ),
+            idle_s=self._range("idle", default.idle_s, "Rest between interactions [s]."),
+            hold_s=self._range("hold", default.hold_s, "Wait for the robot [s]."),
+            last_idle_s=parameter(
+                self, "last_idle", default.last_idle_s, "Rest at last [s].", minimum=0.0
+            ),
+            gaps_per_s=parameter(
+                self, "occlusions", default.gaps_per_s, "Occlusions per second.", minimum=0.0
+            ),
+        )
+        return plan_session(seed, parse_task_list(task_list, seed, count), timing)
+
+    def _range(self, name: str, default: tuple[float, float], text: str) -> tuple[float, float]:
+        values = parameter(self, name, list(default), f"{text} Shortest and longest.")
+        if len(values) != 2 or not 0.1 <= values[0] <= values[1]:
+            raise ArgumentError(
+                describe(f"parameter {name}", "two times, 0.1 s or more", values, text)
+            )
+        return values[0], values[1]
+
+    def _start(self) -> None:
+        """Begin the session when its clock runs and someone listens."""
+        listening = self._poses.get_subscription_count() >= self._wait_for
+        now_ns = self.get_clock().now().nanoseconds
+        if not listening or now_ns <= 0:
+            return
+        self._start_timer.cancel()
+        self._first_ns = now_ns
+        self._timer = self.create_timer(SAMPLE_NS * 1e-9, self._tick)
+        self.diagnostics.status(0, "running")
+        self._tick()
+
+    def _tick(self) -> None:
+        """Publish the samples whose time has come."""
+        elapsed_ns = self.get_clock().now().nanoseconds - self._first_ns
+        samples = self.plan.samples
+        due = min((elapsed_ns + EARLY_NS) // SAMPLE_NS + 1, len(samples.times_s))
+        last = min(due, self._next_sample + BURST)
+        for k in range(self._next_sample, last):
+            self._announce(k * SAMPLE_NS)
+            if samples.visible[k]:
+                self._publish(k)
+            else:
+                self.diagnostics.count("occluded")
+        self._next_sample = max(self._next_sample, last)
+        if self._next_sample == len(samples.times_s):
+            self._finish()
+
+    def _announce(self, elapsed_ns: int) -> None:
+        """Publish the labels of reaches that have begun or ended."""
+        while self._next_label < len(self._labels):
+            at_ns, label = self._labels[self._next_label]
+            if at_ns > elapsed_ns:
+                return
+            self._tasks.publish(String(data=label))
+            self._next_label += 1
+            self.diagnostics.value(
+                "interaction", f"{(self._next_label + 1) // 2} of {len(self._labels) // 2}"
+            )
+
+    def _publish(self, k: int) -> None:
+        message, samples = self._message, self.plan.samples
+        message.header.stamp = Time(nanoseconds=self._first_ns + k * SAMPLE_NS).to_msg()
+        position, turn = message.pose.position, message.pose.orientation
+        position.x, position.y, position.z = samples.positions_m[k].tolist()
+        turn.x, turn.y, turn.z, turn.w = samples.orientations[k].tolist()
+        self._poses.publish(message)
+        self.diagnostics.tick("pose")
+
+    def _finish(self) -> None:
+        """Say that the session is over."""
+        self._timer.cancel()
+        self._tasks.publish(String(data=""))
+        self.diagnostics.status(0, "session over")
+        self.done = self._exit_at_end
+
+
+def _label_schedule(plan: SessionPlan) -> list[tuple[int, str]]:
+    """When (ns after the first sample) which label is published, in order."""
+    schedule = []
+    for interaction in plan.interactions:
+        schedule.append((round(interaction.onset_s * 1e9), interaction.task))
+        schedule.append((round(interaction.end_s * 1e9), ""))
+    return schedule
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node until it is interrupted, or until the session is over if so asked."""
+    return run(CoworkerSim, args)
