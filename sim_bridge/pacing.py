@@ -46,6 +46,9 @@ class Pacer:
             self._origin_s += excess_s / self.factor
             self.dropped_s += excess_s
             lag_s = self._longest_lag_s
+        elif lag_s < -self._longest_lag_s:  # the clock was set back: go on from there
+            self._origin_s += lag_s / self.factor
+            lag_s = 0.0
         return max(0, min(int(lag_s / self._step_s + 1e-6), self._largest_batch))
 
     def lag(self, now_s: float, n_done: int) -> float:
