@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the package says about itself agrees everywhere."""
+
+import ast
+import configparser
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+import yaml
+
+import intent_recognition
+
+ROOT = Path(__file__).resolve().parents[1]
+EXECUTABLES = {
+    "intent",
+    "mocap_ingest",
+    "intent_estimator",
+    "primitive_activation",
+    "bag_recorder",
+    "bag_player",
+    "lwr_sim",
+    "coworker_sim",
+}
+CODE = ("intent_recognition", "sim_bridge", "test", "launch", "benchmarks")
+
+
+def python_files():
+    folders = [path for folder in CODE for path in (ROOT / folder).rglob("*.py")]
+    return sorted([*folders, *ROOT.glob("*.py")])
+
+
+def setup_says(option):
+    run = subprocess.run(
+        [sys.executable, "setup.py", "--quiet", option],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return run.stdout.strip().splitlines()[-1]
+
+
+@pytest.fixture(scope="module")
+def manifest():
+    return ElementTree.parse(ROOT / "package.xml").getroot()
+
+
+def test_versions_agree(manifest):
+    assert manifest.findtext("version") == intent_recognition.__version__
+    assert setup_says("--version") == intent_recognition.__version__
+    changelog = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
+    assert re.search(rf"^{re.escape(intent_recognition.__version__)} \(", changelog, re.MULTILINE)
+
+
+def test_licence_and_format_agree(manifest):
+    assert manifest.get("format") == "3"
+    assert manifest.findtext("license") == "Apache-2.0"
+    assert setup_says("--license") == "Apache-2.0"
+    licence = (ROOT / "LICENSE").read_text(encoding="utf-8")
+    assert "Apache License" in licence
+    assert "Version 2.0, January 2004" in licence
+    assert "END OF TERMS AND CONDITIONS" in licence
+
+
+def test_names_agree(manifest):
+    assert manifest.findtext("name") == "intent_recognition" == setup_says("--name")
+    assert manifest.findtext("export/build_type") == "ament_python"
+    assert (ROOT / "resource" / "intent_recognition").is_file()
+    config = configparser.ConfigParser()
+    config.read(ROOT / "setup.cfg")
+    place = "$base/lib/intent_recognition"
+    assert config["develop"]["script_dir"] == config["install"]["install_scripts"] == place
+
+
+@pytest.mark.parametrize("path", python_files(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_first_line_is_the_licence(path):
+    first = path.read_text(encoding="utf-8").split("\n", 1)[0]
+    assert first == "# SPDX-License-Identifier: Apache-2.0"
+
+
+def test_pins_are_exact():
+    for name in ("requirements.txt", "requirements-dev.txt"):
+        for line in (ROOT / name).read_text(encoding="utf-8").splitlines():
+            if line and not line.startswith(("#", "-r ")):
+                assert re.fullmatch(r"[A-Za-z0-9._-]+(\[\w+\])?==[\w.]+", line), line
+
+
+def test_every_requirement_of_setup_is_pinned():
+    pinned = {
+        re.split(r"[\[=]", line)[0].lower()
+        for line in (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
+    }
+    (call,) = [
+        node
+        for node in ast.walk(ast.parse((ROOT / "setup.py").read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
+    ]
+    (required,) = [k.value for k in call.keywords if k.arg == "install_requires"]
+    names = {re.split(r"[<>=]", entry)[0].lower() for entry in ast.literal_eval(required)}
+    assert names <= pinned
+
+
+def entry_points():
+    run = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import setuptools, json\n"
+            "setuptools.setup = lambda **k: print(json.dumps(k['entry_points']))\n"
+            "import setup",
+        ],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    scripts = yaml.safe_load(run.stdout)["console_scripts"]
+    return dict(script.split(" = ") for script in scripts)
+
+
+def test_every_executable_has_its_main():
+    scripts = entry_points()
+    assert set(scripts) == EXECUTABLES
+    for name, target in scripts.items():
+        module, function = target.split(":")
+        path = ROOT / (module.replace(".", "/") + ".py")
+        assert path.is_file(), f"{name}: {path} is missing"
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        assert any(isinstance(n, ast.FunctionDef) and n.name == function for n in tree.body), name
+
+
+def test_every_node_has_a_section_of_parameters():
+    sections = yaml.safe_load((ROOT / "config" / "params.yaml").read_text(encoding="utf-8"))
+    names = {key.removeprefix("/**/") for key in sections}
+    assert names <= EXECUTABLES - {"intent"}
+    assert all(set(section) == {"ros__parameters"} for section in sections.values())
