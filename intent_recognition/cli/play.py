@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent play`: the player node from the terminal."""
+
+import argparse
+import math
+from pathlib import Path
+
+from intent_recognition.cli.node_arguments import add_node_options, node_arguments
+from intent_recognition.storage.bag_reader import BagReader
+
+
+def add_parser(subparsers) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "play",
+        help="play a bag onto its topics",
+        description="Publish a bag's messages on their topics in the recorded rhythm. Playing"
+        " begins once somebody listens, or after --wait.",
+    )
+    parser.add_argument("bag", type=Path, metavar="BAG", help="bag directory or .mcap file")
+    parser.add_argument(
+        "--rate",
+        type=_rate,
+        default=1.0,
+        metavar="R",
+        help="speed; 0 = as fast as possible (default: 1)",
+    )
+    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument(
+        "--paused", action="store_true", help="wait for the service ~/resume before the start"
+    )
+    parser.add_argument(
+        "--wait",
+        type=_rate,
+        default=3.0,
+        metavar="S",
+        help="longest wait for listeners in seconds (default: 3)",
+    )
+    parser.add_argument("--clock", action="store_true", help="publish the recorded time on /clock")
+    parser.add_argument("--restamp", action="store_true", help="shift header stamps to the present")
+    add_node_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play to the end, or until interrupted.
+
+    Raises:
+        BagError: there is no recording at this path.
+    """
+    BagReader(args.bag, tolerant=True)
+    from intent_recognition.nodes.bag_player import main
+
+    return main(node_arguments(args, parameters(args)))
+
+
+def parameters(args: argparse.Namespace) -> dict[str, object]:
+    """The node's parameters."""
+    return {
+        "bag": str(args.bag.absolute()),
+        "rate": args.rate,
+        "loop": args.loop,
+        "start_paused": args.paused,
+        "wait_for_subscribers": args.wait,
+        "clock": args.clock,
+        "restamp": args.restamp,
+    }
+
+
+def _rate(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value) or value < 0:
+        raise argparse.ArgumentTypeError(f"expected a number, zero or more, got {text}")
+    return value

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent record`: the recorder node from the terminal."""
+
+import argparse
+from pathlib import Path
+
+from intent_recognition.cli.node_arguments import add_node_options, node_arguments
+from intent_recognition.errors import ResourceBusyError, describe
+
+
+def add_parser(subparsers) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "record",
+        help="record topics into a bag until Ctrl-C",
+        description="Record topics, bit for bit, into a new MCAP bag until Ctrl-C.",
+    )
+    parser.add_argument(
+        "topics", nargs="*", metavar="TOPIC", help="topics to record (default: all there are)"
+    )
+    parser.add_argument(
+        "--output", type=Path, required=True, metavar="BAG", help="directory of the new bag"
+    )
+    parser.add_argument("--task", default="", help="label of the demonstration")
+    add_node_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record until interrupted.
+
+    Raises:
+        ResourceBusyError: the output exists already.
+    """
+    if args.output.exists():
+        cure = "Choose another; existing recordings are never overwritten."
+        raise ResourceBusyError(describe("--output", "a new directory", str(args.output), cure))
+    from intent_recognition.nodes.bag_recorder import main
+
+    return main(node_arguments(args, parameters(args)))
+
+
+def parameters(args: argparse.Namespace) -> dict[str, object]:
+    """The node's parameters."""
+    chosen = {"output": str(args.output.absolute()), "task": args.task}
+    return chosen | ({"topics": list(args.topics)} if args.topics else {})

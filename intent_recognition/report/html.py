@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A report as one HTML page that needs no network: own style, figures inside.
+
+A page is a tree of frozen values; `render` turns it into text. Everything given is escaped.
+"""
+
+import base64
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Literal
+
+from intent_recognition.errors import ArgumentError, ResourceBusyError, ShapeError, describe
+from intent_recognition.report.stylesheet import STYLESHEET
+
+MEDIA_TYPES = ("image/svg+xml", "image/png")
+ABSENT = "\N{EN DASH}"
+
+
+@dataclass(frozen=True)
+class Text:
+    """One paragraph; a small one is set as a remark."""
+
+    text: str
+    small: bool = False
+
+
+@dataclass(frozen=True)
+class Column:
+    """Heading of a table's column, with the unit its numbers are in."""
+
+    title: str
+    unit: str = ""
+    align: Literal["left", "right", "center"] = "right"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of ready-made texts; None is shown as a dash.
+
+    Attributes:
+        columns: C headings.
+        rows: each of C cells.
+        caption: what the table shows.
+        marked: indices of rows to be set off (misses, say).
+        strong: indices of rows in bold (totals, say).
+    """
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[str | None, ...], ...]
+    caption: str = ""
+    marked: frozenset[int] = frozenset()
+    strong: frozenset[int] = frozenset()
+
+    def __post_init__(self) -> None:
+        """Check that every row has as many cells as there are columns."""
+        for number, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                expected = f"{len(self.columns)} cells, one per column"
+                raise ShapeError(
+                    describe(f"row {number}", expected, len(row), "Use None for an empty cell.")
+                )
+
+
+@dataclass(frozen=True)
+class Figure:
+    """An image, shown at up to its own width.
+
+    Attributes:
+        data: the bytes of an SVG or PNG file.
+        caption: what it shows, below it.
+        alt: for who cannot see it; the caption when empty.
+        media_type: "image/svg+xml" or "image/png".
+    """
+
+    data: bytes
+    caption: str = ""
+    alt: str = ""
+    media_type: str = MEDIA_TYPES[0]
+
+    def __post_init__(self) -> None:
+        """Check the media type, and that there is an image."""
+        if self.media_type not in MEDIA_TYPES:
+            cure = "Render the figure as one of these."
+            raise ArgumentError(
+                describe("media_type", " or ".join(MEDIA_TYPES), self.media_type, cure)
+            )
+        if not self.data:
+            raise ArgumentError(describe("data", "an image", "no bytes", "Leave the figure out."))
+
+
+@dataclass(frozen=True)
+class Row:
+    """Figures side by side where the page is wide enough."""
+
+    figures: tuple[Figure, ...]
+
+
+@dataclass(frozen=True)
+class KeyNumber:
+    """One number that matters, with the paper's beside it.
+
+    Attributes:
+        label: what it is.
+        ours: value with unit, as text.
+        paper: the paper's value, empty without one.
+        good: True or False colours it, None does not.
+        note: a short remark.
+    """
+
+    label: str
+    ours: str
+    paper: str = ""
+    good: bool | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class KeyNumbers:
+    """A band of key numbers."""
+
+    numbers: tuple[KeyNumber, ...]
+
+
+Block = Text | Table | Figure | Row | KeyNumbers
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what stands below it."""
+
+    heading: str
+    blocks: tuple[Block, ...]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A whole report; `footer` says where it came from."""
+
+    title: str
+    subtitle: str
+    sections: tuple[Section, ...]
+    footer: str = ""
+
+
+def render(page: Page) -> str:
+    """The page as one self-contained HTML document."""
+    footer = f"<footer>{escape(page.footer)}</footer>" if page.footer else ""
+    body = "\n".join(_section(section) for section in page.sections if section.blocks)
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{escape(page.title)}</title>
+<style>{STYLESHEET}</style>
+</head>
+<body>
+<main>
+<header><h1>{escape(page.title)}</h1><p>{escape(page.subtitle)}</p></header>
+{body}
+{footer}
+</main>
+</body>
+</html>
+"""
+
+
+def write_page(path: str | Path, page: Page) -> Path:
+    """Write the page; the folder is made if it is missing.
+
+    Raises:
+        ResourceBusyError: the file cannot be written.
+    """
+    target = Path(path)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_text(render(page), encoding="utf-8")
+    except OSError as error:
+        raise ResourceBusyError(
+            describe(f"report {target}", "a file that can be written", error, "Choose another.")
+        ) from error
+    return target
+
+
+def _section(section: Section) -> str:
+    blocks = "\n".join(_RENDERERS[type(block)](block) for block in section.blocks)
+    return f"<section>\n<h2>{escape(section.heading)}</h2>\n{blocks}\n</section>"
+
+
+def _text(block: Text) -> str:
+    kind = ' class="small"' if block.small else ""
+    return f"<p{kind}>{escape(block.text)}</p>"
+
+
+def _table(block: Table) -> str:
+    caption = f"<caption>{escape(block.caption)}</caption>" if block.caption else ""
+    head = "".join(
+        f'<th scope="col" class="{column.align}">{escape(column.title)}{_unit(column.unit)}</th>'
+        for column in block.columns
+    )
+    body = "\n".join(_table_row(block, number) for number in range(len(block.rows)))
+    return (
+        f'<div class="table"><table>{caption}<thead><tr>{head}</tr></thead>\n'
+        f"<tbody>\n{body}\n</tbody></table></div>"
+    )
+
+
+def _unit(unit: str) -> str:
+    return f' <span class="unit">[{escape(unit)}]</span>' if unit else ""
+
+
+def _table_row(block: Table, number: int) -> str:
+    names = [
+        n for n, rows in (("marked", block.marked), ("strong", block.strong)) if number in rows
+    ]
+    kind = f' class="{" ".join(names)}"' if names else ""
+    cells = "".join(
+        f'<td class="{column.align}">{escape(ABSENT if cell is None else cell)}</td>'
+        for column, cell in zip(block.columns, block.rows[number], strict=True)
+    )
+    return f"<tr{kind}>{cells}</tr>"
+
+
+def _figure(block: Figure) -> str:
+    data = base64.b64encode(block.data).decode("ascii")
+    caption = f"<figcaption>{escape(block.caption)}</figcaption>" if block.caption else ""
+    alt = escape(block.alt or block.caption)
+    return (
+        f'<figure><img alt="{alt}" src="data:{block.media_type};base64,{data}">{caption}</figure>'
+    )
+
+
+def _row(block: Row) -> str:
+    return f'<div class="row">{"".join(_figure(figure) for figure in block.figures)}</div>'
+
+
+def _key_numbers(block: KeyNumbers) -> str:
+    return f'<div class="numbers">{"".join(_key_number(n) for n in block.numbers)}</div>'
+
+
+def _key_number(number: KeyNumber) -> str:
+    verdict = {True: " good", False: " bad", None: ""}[number.good]
+    parts: Sequence[tuple[str, str]] = (
+        ("paper", f"paper: {number.paper}" if number.paper else ""),
+        ("note", number.note),
+    )
+    rest = "".join(f'<div class="{k}">{escape(text)}</div>' for k, text in parts if text)
+    return (
+        f'<div class="number{verdict}"><div class="label">{escape(number.label)}</div>'
+        f'<div class="ours">{escape(number.ours)}</div>{rest}</div>'
+    )
+
+
+_RENDERERS: dict[type, Callable[..., str]] = {
+    Text: _text,
+    Table: _table,
+    Figure: _figure,
+    Row: _row,
+    KeyNumbers: _key_numbers,
+}

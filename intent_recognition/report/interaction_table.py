@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's table, as cells and as lines of a terminal."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from intent_recognition.report.summary import CM_PER_M, InteractionRecord
+
+NOTHING = "-"
+
+
+class Field(NamedTuple):
+    """One column: heading, unit, narrowest width, side, and how a record fills it."""
+
+    title: str
+    unit: str
+    width: int
+    align: str
+    cell: Callable[[InteractionRecord], str | None]
+
+
+def _number(value: float | None, factor: float = 1.0, form: str = ".1f") -> str | None:
+    return None if value is None else format(factor * value, form)
+
+
+FIELDS = (
+    Field("#", "", 3, "right", lambda r: str(r.index)),
+    Field("true task", "", 16, "left", lambda r: r.task),
+    Field("recognised", "", 16, "left", lambda r: r.recognised or None),
+    Field("observations", "", 12, "right", lambda r: _number(r.observations, form=".0f")),
+    Field("decided", "s", 8, "right", lambda r: _number(r.decision_time_s, form=".2f")),
+    Field("share", "%", 6, "right", lambda r: _number(r.decision_share, 100.0, ".0f")),
+    Field("movement", "s", 8, "right", lambda r: _number(r.movement_s, form=".2f")),
+    Field("hand error", "cm", 10, "right", lambda r: _number(r.hand_error_m, CM_PER_M)),
+    Field("arrival", "s", 8, "right", lambda r: _number(r.arrival_s, form="+.2f")),
+    Field("note", "", 0, "left", lambda r: ("" if r.right else "MISSED ") + r.note),
+)
+"""decided = after onset; share = of the human's movement; arrival = after the human's end."""
+
+
+def cells(record: InteractionRecord) -> tuple[str | None, ...]:
+    """One text per field; None where nothing was measured."""
+    return tuple(field.cell(record) for field in FIELDS)
+
+
+def header_lines() -> list[str]:
+    """Heading with units, and a rule below it."""
+    titles = [f"{f.title} [{f.unit}]" if f.unit else f.title for f in FIELDS]
+    return [_line(titles), "-" * sum(_width(f) + 2 for f in FIELDS[:-1]) + "-" * 4]
+
+
+def record_line(record: InteractionRecord) -> str:
+    """One interaction, in the columns of `header_lines`."""
+    return _line([NOTHING if cell is None else cell for cell in cells(record)])
+
+
+def table_lines(records: Sequence[InteractionRecord]) -> list[str]:
+    """The whole table as lines of a terminal."""
+    return [*header_lines(), *(record_line(record) for record in records)]
+
+
+def _width(field: Field) -> int:
+    title = len(field.title) + (len(field.unit) + 3 if field.unit else 0)
+    return max(field.width, title)
+
+
+def _line(texts: Sequence[str]) -> str:
+    padded = (
+        text.ljust(_width(field)) if field.align == "left" else text.rjust(_width(field))
+        for field, text in zip(FIELDS, texts, strict=True)
+    )
+    return "  ".join(padded).rstrip()

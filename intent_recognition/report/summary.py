@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the demo measured: one record per interaction, and their summary beside the paper's."""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from statistics import fmean, median, stdev
+
+from intent_recognition.errors import ArgumentError, describe
+
+CM_PER_M = 100.0
+MISSES_ALLOWED = 1 / 40
+
+TASKS_APART = frozenset({"screw_handover"})
+"""Tasks whose place does not depend on the human: their hand error says nothing of prediction."""
+
+CONDITIONS = (
+    "Conditions differ: the paper's hand errors are forward kinematics of trajectories predicted "
+    "in leave-one-out cross-validation (Ewerton et al. 2015, Sec. IV-B), with a real arm and a "
+    "person's demonstrations; ours are measured on the moving simulated arm, against the place "
+    "the demonstrator's rule gives for the simulated coworker's goal."
+)
+
+
+@dataclass(frozen=True)
+class HandError:
+    """Distance between hand and its right place over n interactions, in cm.
+
+    Attributes:
+        n: interactions measured.
+        mean_cm: mean, None when n is 0.
+        two_std_cm: two (sample) standard deviations, None when n is below 2.
+    """
+
+    n: int
+    mean_cm: float | None
+    two_std_cm: float | None
+
+    def __str__(self) -> str:
+        """As `3.2 +- 2.6 cm`; a dash stands for what is not known."""
+        if self.mean_cm is None:
+            return "- cm"
+        spread = "-" if self.two_std_cm is None else f"{self.two_std_cm:.1f}"
+        return f"{self.mean_cm:.1f} +- {spread} cm"
+
+
+PAPER_RECOGNISED = (40, 40)
+PAPER_HAND_ERROR: Mapping[str, HandError] = {
+    "plate_handover": HandError(15, 3.2, 2.6),
+    "hold_screwdriver": HandError(13, 2.1, 2.3),
+}
+"""Ewerton et al. 2015, Sec. IV-B; n is the number of demonstrations the paper trained on."""
+
+
+@dataclass(frozen=True)
+class InteractionRecord:
+    """One interaction, scored.
+
+    Attributes:
+        index: number in the session, from 1.
+        task: what the human did.
+        recognised: what was decided first; empty or "none" if nothing was.
+        observations: number of observations from onset to the decision.
+        decision_time_s: time from onset to the decision.
+        decision_share: share of the human's movement that had passed at the decision; 1 = its end.
+        hand_error_m: measured hand to the place the demonstrator's rule gives; None if the task
+            was not recognised.
+        arrival_s: the robot's arrival, counted from the human's end; negative = before it.
+        movement_s: duration of the human's movement.
+        note: anything odd.
+
+    Raises:
+        ArgumentError: a number is not finite, or a missed interaction has a hand error.
+    """
+
+    index: int
+    task: str
+    recognised: str
+    observations: int | None
+    decision_time_s: float | None
+    decision_share: float | None
+    hand_error_m: float | None
+    arrival_s: float | None
+    movement_s: float
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        names = ("decision_time_s", "decision_share", "hand_error_m", "arrival_s", "movement_s")
+        for name in names:
+            value = getattr(self, name)
+            if value is not None and not math.isfinite(value):
+                self._refuse(name, "a finite number or None", value)
+        if self.hand_error_m is not None and self.hand_error_m < 0:
+            self._refuse("hand_error_m", "a distance", self.hand_error_m)
+        if self.hand_error_m is not None and not self.right:
+            self._refuse("hand_error_m", "None for a missed interaction", self.hand_error_m)
+
+    @property
+    def right(self) -> bool:
+        """Whether the human's task was recognised."""
+        return self.recognised == self.task
+
+    @property
+    def before_end(self) -> bool:
+        """Whether the right decision fell before the end of the human's movement."""
+        return self.right and self.decision_share is not None and self.decision_share < 1.0
+
+    def _refuse(self, name: str, expected: str, got: object) -> None:
+        cure = "Leave out what was not measured."
+        raise ArgumentError(describe(f"interaction {self.index}: {name}", expected, got, cure))
+
+
+@dataclass(frozen=True)
+class DemoSummary:
+    """All interactions of a session.
+
+    Attributes:
+        n: interactions.
+        recognised_right: of them recognised.
+        decided_before_end: of them recognised before the human's movement was over.
+        median_decision_share: over those recognised, None without any.
+        hand_error: mean and two standard deviations over every task whose place depends on the
+            human.
+        hand_error_by_task: the same for each task, those apart too.
+        tasks_apart: tasks left out of `hand_error`.
+        median_arrival_s, latest_arrival_s: after the human's end, over all that arrived.
+    """
+
+    n: int
+    recognised_right: int
+    decided_before_end: int
+    median_decision_share: float | None
+    hand_error: HandError
+    hand_error_by_task: Mapping[str, HandError]
+    tasks_apart: tuple[str, ...]
+    median_arrival_s: float | None
+    latest_arrival_s: float | None
+
+    @property
+    def missed(self) -> int:
+        """Interactions not recognised, or recognised as another task."""
+        return self.n - self.recognised_right
+
+    @property
+    def too_many_missed(self) -> bool:
+        """Whether more than one in forty was missed: the demo then ends with exit code 1."""
+        return self.missed > MISSES_ALLOWED * self.n
+
+
+def hand_error(errors_m: Sequence[float]) -> HandError:
+    """Mean and two sample standard deviations, in cm, of distances in m."""
+    errors_cm = [CM_PER_M * error for error in errors_m]
+    mean = fmean(errors_cm) if errors_cm else None
+    return HandError(len(errors_cm), mean, 2 * stdev(errors_cm) if len(errors_cm) > 1 else None)
+
+
+def summarise(
+    records: Sequence[InteractionRecord], tasks_apart: Collection[str] = TASKS_APART
+) -> DemoSummary:
+    """Count and average; hand errors of `tasks_apart` stay out of the overall hand error."""
+    by_task: dict[str, list[float]] = {task: [] for task in sorted({r.task for r in records})}
+    for record in records:
+        if record.hand_error_m is not None:
+            by_task[record.task].append(record.hand_error_m)
+    apart = tuple(task for task in by_task if task in tasks_apart)
+    shares = [r.decision_share for r in records if r.right and r.decision_share is not None]
+    arrivals = [r.arrival_s for r in records if r.arrival_s is not None]
+    return DemoSummary(
+        n=len(records),
+        recognised_right=sum(record.right for record in records),
+        decided_before_end=sum(record.before_end for record in records),
+        median_decision_share=median(shares) if shares else None,
+        hand_error=hand_error([e for t, es in by_task.items() if t not in apart for e in es]),
+        hand_error_by_task={task: hand_error(errors) for task, errors in by_task.items()},
+        tasks_apart=apart,
+        median_arrival_s=median(arrivals) if arrivals else None,
+        latest_arrival_s=max(arrivals) if arrivals else None,
+    )
+
+
+def summary_line(summary: DemoSummary) -> str:
+    """The demo's last line; +- is two standard deviations, paper's figures in brackets."""
+    parts = [
+        f"recognised {summary.recognised_right}/{summary.n}",
+        f"decided before the end {summary.decided_before_end}/{summary.n}",
+        f"hand error {summary.hand_error}",
+    ]
+    for task, error in summary.hand_error_by_task.items():
+        remarks = []
+        if task in PAPER_HAND_ERROR:
+            remarks.append(f"paper {PAPER_HAND_ERROR[task]}")
+        if task in summary.tasks_apart:
+            remarks.append("apart: its place does not depend on the human")
+        parts.append(f"{task} {error}" + (f" ({'; '.join(remarks)})" if remarks else ""))
+    if summary.median_decision_share is not None:
+        parts.append(f"median decision at {100 * summary.median_decision_share:.0f} %")
+    if summary.median_arrival_s is not None:
+        parts.append(f"median arrival {summary.median_arrival_s:+.2f} s after the human")
+    return "summary: " + ", ".join(parts)
+
+
+def to_json(
+    records: Sequence[InteractionRecord], summary: DemoSummary, settings: Mapping | None = None
+) -> dict:
+    """Everything as plain values for `json.dump`; distances in m in records, cm in the summary."""
+    return {
+        "summary": asdict(summary)
+        | {
+            "missed": summary.missed,
+            "too_many_missed": summary.too_many_missed,
+            "line": summary_line(summary),
+        },
+        "paper": {
+            "recognised": list(PAPER_RECOGNISED),
+            "hand_error_by_task": {t: asdict(e) for t, e in PAPER_HAND_ERROR.items()},
+            "source": "Ewerton et al. 2015, Sec. IV-B",
+            "conditions": CONDITIONS,
+        },
+        "interactions": [asdict(record) | {"right": record.right} for record in records],
+        "settings": dict(settings or {}),
+    }
