@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tree builds with colcon and pip, and a node starts from there."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from ros_harness import NodeProcess
+
+EXECUTABLES = {
+    "intent",
+    "mocap_ingest",
+    "intent_estimator",
+    "primitive_activation",
+    "bag_recorder",
+    "bag_player",
+    "lwr_sim",
+    "coworker_sim",
+}
+SOURCES = (
+    "package.xml",
+    "setup.py",
+    "setup.cfg",
+    "pyproject.toml",
+    "LICENSE",
+    "resource",
+    "config",
+    "launch",
+    "intent_recognition",
+    "sim_bridge",
+)
+
+
+@pytest.fixture(scope="module")
+def workspace(repository, tmp_path_factory) -> Path:
+    """A workspace with a copy of the package, without the bags."""
+    folder = tmp_path_factory.mktemp("workspace")
+    package = folder / "src" / "intent_recognition"
+    package.mkdir(parents=True)
+    skip = shutil.ignore_patterns("__pycache__", "*.egg-info")
+    for name in SOURCES:
+        source = repository / name
+        if source.is_dir():
+            shutil.copytree(source, package / name, ignore=skip)
+        else:
+            shutil.copy(source, package / name)
+    return folder
+
+
+def call(*command, cwd, **environment):
+    """Run a command; its output is the failure message."""
+    run = subprocess.run(
+        [str(part) for part in command],
+        cwd=cwd,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    return run.stdout
+
+
+@pytest.fixture(scope="module")
+def install(workspace) -> Path:
+    """The install folder after `colcon build`."""
+    colcon = Path(sys.prefix, "bin", "colcon")
+    if not colcon.is_file():
+        pytest.skip("colcon is not installed here (requirements-dev.txt)")
+    call(colcon, "build", "--event-handlers", "console_direct+", cwd=workspace)
+    return workspace / "install" / "intent_recognition"
+
+
+def site_packages(install: Path) -> Path:
+    (folder,) = install.glob("lib/python3*/site-packages")
+    return folder
+
+
+def test_colcon_installs_executables_and_data(install, repository):
+    found = {path.name for path in (install / "lib" / "intent_recognition").iterdir()}
+    assert found == EXECUTABLES
+    share = install / "share"
+    assert (share / "ament_index/resource_index/packages/intent_recognition").is_file()
+    ours = share / "intent_recognition"
+    assert (ours / "package.xml").is_file()
+    for folder in ("config", "launch"):
+        expected = {path.name for path in (repository / folder).iterdir() if path.is_file()}
+        assert {path.name for path in (ours / folder).iterdir()} == expected
+
+
+def test_node_starts_from_the_colcon_install(install, harness):
+    reports = harness.collect(DiagnosticArray, "/diagnostics")
+    environment = {
+        "PYTHONPATH": str(site_packages(install)),
+        "AMENT_PREFIX_PATH": os.pathsep.join([str(install), sys.prefix]),
+    }
+    executable = install / "lib" / "intent_recognition" / "mocap_ingest"
+    with NodeProcess(
+        executable, "--ros-args", "-r", "__node:=from_colcon", environment=environment
+    ) as node:
+        harness.spin_until(
+            lambda: any(s.name == "from_colcon" for report in reports for s in report.status),
+            what="diagnostics of the node",
+        )
+        assert node.stop() == 0
+    assert "Traceback" not in node.errors
+
+
+@pytest.mark.parametrize("mode", [(), ("-e",)], ids=["install", "editable"])
+def test_pip_puts_names_on_the_path(workspace, tmp_path, mode):
+    """In a throw-away environment that sees the packages of this one."""
+    package = workspace / "src" / "intent_recognition"
+    environment = tmp_path / "venv"
+    call(sys.executable, "-m", "venv", "--without-pip", environment, cwd=tmp_path)
+    python = environment / "bin" / "python"
+    (target,) = environment.glob("lib/python3*/site-packages")
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python]
+    (target / "outer.pth").write_text(f"{outer_site_packages()}\n", encoding="utf-8")
+    options = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
+    call(*pip, "install", *options, *mode, package, cwd=tmp_path)
+    assert {path.name for path in (environment / "bin").iterdir()} >= EXECUTABLES
+    share = environment / "share"
+    assert (share / "intent_recognition/config/params.yaml").is_file()
+    assert (share / "ament_index/resource_index/packages/intent_recognition").is_file()
+    code = "import intent_recognition, sim_bridge; print(intent_recognition.__file__)"
+    where = call(python, "-c", code, cwd=tmp_path, PYTHONPATH="")
+    assert where.startswith(str(package if mode else environment))
+
+
+def outer_site_packages() -> Path:
+    """Where the packages of the running environment are."""
+    return Path(pytest.__file__).resolve().parents[1]
