@@ -78,7 +78,7 @@ class BagPlayer(Node):
             self._running.set()
         self._diagnostics = Diagnostics(self)
         self._reader = _open(bag)
-        self._publishers: dict[str, Publisher] = {}
+        self._outputs: dict[str, Publisher] = {}
         self._stamped: set[str] = set()
         for info in self._reader.topics.values():
             self._add_publisher(info)
@@ -108,7 +108,7 @@ class BagPlayer(Node):
         name = info.name if topic in ("clock", "diagnostics") else topic
         if topic == "clock" and self.get_parameter("clock").value:
             return
-        self._publishers[info.name] = self.create_publisher(kind, name, player_qos(info))
+        self._outputs[info.name] = self.create_publisher(kind, name, player_qos(info))
         fields = list(kind.get_fields_and_field_types().items())
         if fields and fields[0] == ("header", "std_msgs/Header"):
             self._stamped.add(info.name)
@@ -118,7 +118,7 @@ class BagPlayer(Node):
         size = sum(f.stat().st_size for f in self._reader.path.glob("*.mcap"))
         if size > IN_MEMORY_BYTES:
             return ()
-        messages = list(self._reader.raw_messages(self._publishers))
+        messages = list(self._reader.raw_messages(self._outputs))
         gc.freeze()
         return messages
 
@@ -143,7 +143,7 @@ class BagPlayer(Node):
     def _play_once(self) -> None:
         origin_ns = offset_s = None
         latest_s = 0.0
-        for message in self._messages or self._reader.raw_messages(self._publishers):
+        for message in self._messages or self._reader.raw_messages(self._outputs):
             if origin_ns is None or not self._running.is_set():
                 if not self._wait_while_paused():
                     return
@@ -171,7 +171,7 @@ class BagPlayer(Node):
             data = shift_stamp(data, lambda ns: wall_ns + round((ns - origin_ns) / rate))
         if self._clock_publisher and self._rate <= 0.0:
             self._publish_clock(message.log_time_ns)
-        self._publishers[message.topic].publish(data)
+        self._outputs[message.topic].publish(data)
         self.published += 1
         self._diagnostics.tick(message.topic.lstrip("/"))
 
@@ -200,22 +200,22 @@ class BagPlayer(Node):
         end_s = time.monotonic() + self._wait_s
         matched, changed_s = 0, time.monotonic()
         while not self._stopping.is_set() and time.monotonic() < end_s:
-            now = sum(p.get_subscription_count() > 0 for p in self._publishers.values())
+            now = sum(p.get_subscription_count() > 0 for p in self._outputs.values())
             if now != matched:
                 matched, changed_s = now, time.monotonic()
-            if matched == len(self._publishers):
+            if matched == len(self._outputs):
                 break
             if matched and time.monotonic() - changed_s > UNCHANGED_S:
                 break
             self._stopping.wait(0.01)
         if self._wait_s > 0.0:
             self._stopping.wait(min(SETTLE_S, self._wait_s))
-        alone = [t for t, p in self._publishers.items() if p.get_subscription_count() == 0]
+        alone = [t for t, p in self._outputs.items() if p.get_subscription_count() == 0]
         if alone:
             self.get_logger().info(f"nobody listens to {', '.join(sorted(alone))}")
 
     def _wait_for_acknowledgements(self) -> None:
-        for publisher in self._publishers.values():
+        for publisher in self._outputs.values():
             if not self._stopping.is_set():
                 publisher.wait_for_all_acked(Duration(seconds=1.0))
 

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Replay sends the recorded bytes in the recorded rhythm, to whoever listens from the start."""
+
+import time
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
+from ros_harness import NodeProcess
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from intent_recognition.nodes.bag_player import BagPlayer, player_qos, shift_stamp
+from intent_recognition.nodes.qos import LATCHED, SENSOR
+from intent_recognition.storage import BagReader, BagWriter
+from intent_recognition.storage.bag_metadata import TopicInfo
+from intent_recognition.storage.definitions import serialize
+from intent_recognition.storage.qos_profiles import rosbag2_profile
+
+POSE = "geometry_msgs/msg/PoseStamped"
+START_NS = 1_700_000_000_000_000_000
+STEP_NS = 10_000_000
+
+
+def pose_fields(index: int) -> dict:
+    return {
+        "header": {"stamp": START_NS + index * STEP_NS, "frame_id": "world"},
+        "pose": {"position": {"x": 0.01 * index}},
+    }
+
+
+@pytest.fixture
+def bag(tmp_path):
+    with BagWriter(tmp_path / "bag", {"task": "t"}) as writer:
+        writer.write_message("robot_description", "std_msgs/msg/String", {"data": "r"}, START_NS)
+        for i in range(30):
+            at_ns = START_NS + i * STEP_NS
+            writer.write_message("mocap/wrist/pose", POSE, pose_fields(i), at_ns)
+    return tmp_path / "bag"
+
+
+def player(bag, **values) -> BagPlayer:
+    values = {"bag": str(bag), **values}
+    return BagPlayer(parameter_overrides=[Parameter(n, value=v) for n, v in values.items()])
+
+
+def raw_collector(harness, message_type, topic, qos):
+    seen = []
+    harness.probe.create_subscription(
+        message_type, topic, lambda d: seen.append((time.monotonic(), bytes(d))), qos, raw=True
+    )
+    return seen
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0, 5.0])
+def test_every_byte_arrives_from_the_first_message_on(harness, tmp_path, rate):
+    reliable = [rosbag2_profile("reliable", "volatile", 10)]
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("mocap/wrist/pose", POSE, reliable)
+        for i in range(30):
+            at_ns = START_NS + i * STEP_NS
+            writer.write_message("mocap/wrist/pose", POSE, pose_fields(i), at_ns)
+    seen = raw_collector(harness, PoseStamped, "mocap/wrist/pose", 100)
+    node = harness.add(player(tmp_path / "bag", rate=rate))
+    harness.spin_until(lambda: len(seen) >= 30 and node.done)
+    recorded = [m.data for m in BagReader(tmp_path / "bag").raw_messages()]
+    assert [data for _, data in seen] == recorded
+
+
+def test_latched_and_sensor_topics_keep_their_quality(harness, bag):
+    seen = raw_collector(harness, PoseStamped, "mocap/wrist/pose", SENSOR)
+    described = harness.collect(String, "robot_description", LATCHED)
+    node = harness.add(player(bag, rate=5.0))
+    harness.spin_until(lambda: len(seen) == 30 and described and node.done)
+
+
+def test_rhythm_is_the_recorded_one(harness, bag, monkeypatch):
+    harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    harness.collect(String, "robot_description", LATCHED)
+    node = player(bag)
+    sent_s = []
+    publish = node._publish
+    monkeypatch.setattr(node, "_publish", lambda *a: (sent_s.append(time.monotonic()), publish(*a)))
+    harness.add(node)
+    harness.spin_until(node.finished.is_set)
+    log_s = np.array([m.log_time_ns for m in BagReader(bag).raw_messages()]) * 1e-9
+    late_s = np.array(sent_s) - sent_s[0] - (log_s - log_s[0])
+    assert np.median(np.abs(late_s)) < 0.005
+    assert np.min(late_s) > -0.005
+
+
+def test_paused_start_sends_nothing_before_resume(harness, bag):
+    seen = harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    node = harness.add(player(bag, start_paused=True, wait_for_subscribers=0.0, rate=10.0))
+    harness.spin_until(lambda: node._outputs["/mocap/wrist/pose"].get_subscription_count())
+    assert harness.call(Trigger, "bag_player/pause", Trigger.Request()).success
+    assert node.published == 0 and not seen
+    assert harness.call(Trigger, "bag_player/resume", Trigger.Request()).success
+    harness.spin_until(lambda: node.done and len(seen) == 30)
+
+
+def test_pause_in_the_middle_goes_on_where_it_stopped(harness, bag):
+    seen = harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    node = harness.add(player(bag, rate=1.0))
+    harness.spin_until(lambda: len(seen) >= 3)
+    harness.call(Trigger, "bag_player/pause", Trigger.Request())
+    held = node.published
+    harness.call(Trigger, "bag_player/resume", Trigger.Request())
+    harness.spin_until(lambda: node.done and len(seen) == 30)
+    assert held < 31
+    assert [m.header.stamp.nanosec for m in seen] == [i * STEP_NS for i in range(30)]
+
+
+def test_loop_begins_again(harness, bag):
+    seen = harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    node = harness.add(player(bag, loop=True, rate=20.0))
+    harness.spin_until(lambda: len(seen) > 60)
+    assert not node.done
+
+
+def test_clock_follows_the_recording(harness, bag):
+    ticks = harness.collect(Clock, "/clock", SENSOR)
+    harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    node = harness.add(player(bag, clock=True))
+    harness.spin_until(lambda: node.done and len(ticks) > 5)
+    times = [t.clock.sec * 10**9 + t.clock.nanosec for t in ticks]
+    assert times == sorted(times)
+    assert times[0] >= START_NS and times[-1] <= START_NS + 30 * STEP_NS
+
+
+def test_restamp_moves_stamps_to_the_present(harness, bag):
+    seen = harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    begun_ns = time.time_ns()
+    node = harness.add(player(bag, restamp=True, rate=2.0))
+    harness.spin_until(lambda: node.done and len(seen) == 30)
+    stamps = np.array([m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in seen])
+    assert stamps[0] >= begun_ns
+    np.testing.assert_allclose(np.diff(stamps), STEP_NS / 2, atol=2)
+
+
+def test_namespace_and_remapping_apply(harness, bag):
+    seen = harness.collect(PoseStamped, "/lab/mocap/wrist/pose", SENSOR)
+    overrides = [Parameter("bag", value=str(bag)), Parameter("rate", value=10.0)]
+    harness.add(BagPlayer(namespace="lab", parameter_overrides=overrides))
+    harness.spin_until(lambda: len(seen) == 30)
+
+
+def test_qos_comes_from_the_bag_else_from_the_topic():
+    recorded = rosbag2_profile("best_effort", "volatile", 5)
+    best_effort = player_qos(TopicInfo("/joint_states", POSE, 1, "", (recorded,)))
+    assert best_effort.reliability == QoSReliabilityPolicy.BEST_EFFORT
+    old = {"reliability": 1, "durability": 1, "depth": 1}
+    latched = player_qos(TopicInfo("/anything", POSE, 1, "", (old,)))
+    assert latched.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
+    assert player_qos(TopicInfo("/mocap/a/pose", POSE)).reliability == best_effort.reliability
+    by_name = player_qos(TopicInfo("/robot_description", POSE))
+    assert by_name.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_shifting_a_stamp_changes_nothing_else(order):
+    data = bytearray(serialize(POSE, pose_fields(1)))
+    if order == ">":
+        data[1] = 0
+        data[4:8], data[8:12] = data[7:3:-1], data[11:7:-1]
+    moved = shift_stamp(bytes(data), lambda ns: ns + 5)
+    assert shift_stamp(moved, lambda ns: ns - 5) == bytes(data)
+    assert moved[12:] == data[12:] and moved[:8] == data[:8]
+
+
+@pytest.mark.parametrize("bag", ["", "/nowhere"])
+def test_missing_bag_is_one_line_and_exit_code_one(bag):
+    arguments = ["--ros-args", "-p", f"bag:='{bag}'"]
+    with NodeProcess("intent_recognition.nodes.bag_player", *arguments) as process:
+        assert process.wait() == 1
+    assert "Traceback" not in process.errors and len(process.errors.splitlines()) == 1
+
+
+def test_recorder_and_player_as_processes_copy_a_bag(harness, bag, tmp_path):
+    copy = tmp_path / "copy"
+    record = ["--ros-args", "-p", f"output:={copy}", "-p", "topics:=[mocap/wrist/pose]"]
+    play = ["--ros-args", "-p", f"bag:={bag}", "-p", "rate:=1"]
+    with NodeProcess("intent_recognition.nodes.bag_recorder", *record) as recording:
+        with NodeProcess("intent_recognition.nodes.bag_player", *play) as playing:
+            assert playing.wait() == 0, playing.errors
+        harness.spin_until(lambda: BagReader(copy).message_count == 30)
+        recording.stop()
+    sent = [m.data for m in BagReader(bag).raw_messages(["mocap/wrist/pose"])]
+    assert [m.data for m in BagReader(copy).raw_messages()] == sent
