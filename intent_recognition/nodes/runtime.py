@@ -14,6 +14,7 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from intent_recognition.errors import ArgumentError, IntentError, describe
@@ -35,7 +36,9 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
 
     The node ends its process by setting an attribute `done` to True, by `rclpy.try_shutdown()`,
     or by raising an IntentError; an attribute `exit_code` on the node, if any, is returned.
-    SIGINT and SIGTERM end it with 0.
+    SIGINT and SIGTERM end it with 0, once the callback in hand is done: an interrupt raised
+    inside a callback would leave a traceback and lose what it was writing. A second signal
+    interrupts at once.
 
     Args:
         make_node: builds the node; called once, after `rclpy.init`.
@@ -47,10 +50,14 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     """
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     node = None
+    signals = _Signals()
     try:
-        rclpy.init(args=None if args is None else list(args))
+        rclpy.init(
+            args=None if args is None else list(args),
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
         node = make_node()
-        _spin(node)
+        _spin(node, signals)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except _START_ERRORS as error:
@@ -59,6 +66,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         return 1
     finally:
         _close(node)
+        signals.restore()
     return int(getattr(node, "exit_code", 0) or 0)
 
 
@@ -150,11 +158,31 @@ def _accept_integer_override(node: Node, name: str) -> None:
         node._parameter_overrides[name] = value
 
 
-def _spin(node: Node) -> None:
+class _Signals:
+    """SIGINT and SIGTERM: while spinning the first is only noted, else KeyboardInterrupt."""
+
+    def __init__(self) -> None:
+        self.spinning = self.received = False
+        numbers = (signal.SIGINT, signal.SIGTERM)
+        self._previous = {number: signal.signal(number, self._handle) for number in numbers}
+
+    def restore(self) -> None:
+        """Give the signals back to the handlers they had."""
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+    def _handle(self, *_: object) -> None:
+        first, self.received = not self.received, True
+        if not (self.spinning and first):
+            raise KeyboardInterrupt
+
+
+def _spin(node: Node, signals: _Signals) -> None:
+    signals.spinning = True
     executor = make_executor()
     executor.add_node(node)
     try:
-        while rclpy.ok() and not getattr(node, "done", False):
+        while rclpy.ok() and not signals.received and not getattr(node, "done", False):
             executor.spin_once(timeout_sec=SPIN_PERIOD_S)
     finally:
         executor.shutdown()
@@ -162,13 +190,15 @@ def _spin(node: Node) -> None:
 
 def _close(node: Node | None) -> None:
     """Destroy and shut down; a second Ctrl-C meanwhile must not leave a traceback."""
-    previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    previous = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
     try:
         if node is not None:
             node.destroy_node()
         try_shutdown()
     finally:
-        signal.signal(signal.SIGINT, previous)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
 
 
 def _one_line(error: BaseException) -> str:
