@@ -105,9 +105,11 @@ def detect_onset(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarra
     before = times_s <= times_s[first] - settings.window_s
     recent = before & (times_s >= times_s[first] - settings.window_s - 0.3)
     rest = values[recent if np.any(recent) else slice(0, 1)].mean(axis=0)
-    displacement = float(np.linalg.norm(values[-1] - rest))
+    # Displacement and speed at one moment: the middle of the window the line was fitted to.
+    window = times_s >= times_s[-1] - settings.window_s - 1e-9
+    displacement = float(np.linalg.norm(values[window].mean(axis=0) - rest))
     backdate = 3.0 * displacement / max(float(speed[-1]), threshold)
-    onset = times_s[-1] - min(backdate, settings.max_backdate_s)
+    onset = times_s[window].mean() - min(backdate, settings.max_backdate_s)
     return float(np.clip(onset, times_s[0], times_s[first]))
 
 

@@ -175,7 +175,15 @@ class IntentEstimator:
         observed = self._observed(task)
         weights = controlled_weights(self.library, task, observed)
         noise = self.library.control_noise_variance()
-        return self._prediction(task, weights, noise, np.linspace(0.0, 1.0, n_points))
+        return self._prediction(task, weights, noise, np.linspace(1.0, 0.0, n_points)[::-1])
+
+    def predicted_end_std(self) -> float | None:
+        """Largest standard deviation over the controlled DOFs at the predicted end.
+
+        None while idle or while `none` leads.
+        """
+        prediction = self.predict_controlled(n_points=1)
+        return None if prediction is None else float(np.max(prediction.trajectory.std[-1]))
 
     def predict_observed(self, n_points: int = 30) -> Prediction | None:
         """The rest of the observed agent's movement, under the most probable hypothesis."""

@@ -14,8 +14,8 @@ import numpy as np
 from intent_recognition.gaussian.linalg import LOG_2_PI, symmetrize
 from intent_recognition.promp.prior import shrunk_covariance
 
-STRENGTHS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 300.0)
-NOISE_SCALES = (1.0, 4.0, 16.0, 64.0)
+STRENGTHS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+NOISE_SCALES = (1.0, 4.0, 16.0, 64.0, 256.0)
 FRACTIONS = (0.25, 0.5, 1.0)
 SCORED_PHASES = 20
 

@@ -140,7 +140,7 @@ def _clean_poses(
         )
         if isinstance(result, TrackedPose):
             accepted.append(item)
-            poses.append(_as_message(raw.header, result))
+            poses.append(pose_message(raw.header, result))
         else:
             rejected[result.reason] += 1
     # After a clock that was set back the track goes on; a signal cannot: keep the longest part.
@@ -171,7 +171,7 @@ def _settings(
     return IngestSettings(world_frame=frames.most_common(1)[0][0])
 
 
-def _as_message(header: object, pose: TrackedPose) -> SimpleNamespace:
+def pose_message(header: object, pose: TrackedPose) -> SimpleNamespace:
     """The world-frame pose with the attributes of a PoseStamped, for the field paths."""
     x, y, z = pose.position
     qx, qy, qz, qw = pose.orientation

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent evaluate`: recognition and prediction on recordings left out of training."""
+
+import argparse
+import json
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from intent_recognition.cli.recordings import (
+    add_recording_options,
+    print_dropped,
+    print_left_out,
+    progress_bar,
+    read_all,
+    training_settings,
+)
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.report.evaluation import PHASES, evaluate, make_folds
+from intent_recognition.storage.dofs import load_dofs
+
+
+def add_parser(subparsers) -> None:
+    """Add the command to `intent`."""
+    parser = subparsers.add_parser(
+        "evaluate",
+        help="score on recordings left out of training",
+        description="Train on a part of the recordings and score on the rest, in turn.",
+    )
+    add_recording_options(parser, "recording")
+    parser.add_argument(
+        "--protocol",
+        default="loo",
+        metavar="loo|kfold:K|holdout:F",
+        help="leave one out, K folds by index modulo K, or a folder to test on (default: loo)",
+    )
+    parser.add_argument(
+        "--start-posture",
+        choices=("on", "off"),
+        default="off",
+        help="condition trajectories on where the controlled agent starts (default: off)",
+    )
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write the numbers as JSON")
+    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write an HTML report")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, print tables, write what was asked for."""
+    console = Console()
+    dofs = load_dofs(args.dofs)
+    demonstrations, rejections = read_all(args.bags, dofs, console)
+    usable = [d for d in demonstrations if d.task is not None]
+    unlabelled = [(d.name, "it has no label `task`") for d in demonstrations if d.task is None]
+    if args.protocol.startswith("holdout:"):
+        held_out, more = read_all([Path(args.protocol.removeprefix("holdout:"))], dofs, console)
+        rejections += more
+        held_out = [d for d in held_out if d.task is not None]
+        n = len(usable)
+        folds = [(list(range(n)), list(range(n, n + len(held_out))))]
+        usable += held_out
+    else:
+        folds = make_folds(len(usable), args.protocol)
+    total = sum(len(test) for _, test in folds)
+    if not total:
+        raise ArgumentError(
+            describe("--protocol", "recordings to test on", "none", "Check labels and folder.")
+        )
+    print_left_out(console, [(r.path, r.reason) for r in rejections] + unlabelled)
+    print_dropped(console, usable)
+    with progress_bar(console) as bar:
+        task = bar.add_task("scoring", total=total)
+        result = evaluate(
+            usable,
+            folds,
+            training_settings(args),
+            start_posture=args.start_posture == "on",
+            progress=lambda done: bar.update(task, completed=done),
+        )
+    print_result(console, result)
+    if args.json:
+        args.json.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+    if args.report:
+        from intent_recognition.report.evaluation_report import write_evaluation_report
+
+        names = ", ".join(path.name for path in args.bags)
+        write_evaluation_report(args.report, result, f"Evaluation on {names}")
+    return 0
+
+
+def print_result(console: Console, result: dict) -> None:
+    """Two tables for each kind of phase: recognition and prediction."""
+    console.print(
+        f"{result['n_demonstrations']} demonstrations of {', '.join(result['tasks'])};"
+        f" errors in {result['unit']}",
+        highlight=False,
+    )
+    for kind in ("recognition", "prediction"):
+        for phase in PHASES:
+            rows = result[kind][phase]
+            table = Table(title=f"{kind}, {phase.replace('_', ' ')}")
+            table.add_column("observed")
+            names = list(next(iter(rows.values())))
+            for name in names:
+                table.add_column(name.replace("_", " "), justify="right")
+            for fraction, values in rows.items():
+                cells = [_cell(values[name]) for name in names]
+                table.add_row(f"{float(fraction):.0%}", *cells)
+            console.print(table)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{_cell(number)} {unit}" for unit, number in value.items())
+    return "-" if value is None else f"{value:.3f}"

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent replay`: the online estimator over a recording, without ROS."""
+
+import argparse
+import json
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from intent_recognition.promp.decision import DecisionSettings, DecisionState, decide
+from intent_recognition.promp.library import NONE, TaskLibrary
+from intent_recognition.promp.online import IntentEstimator
+from intent_recognition.storage.bag_reader import BagReader
+from intent_recognition.storage.model import Model, load_model
+from intent_recognition.storage.stream import iter_observations
+
+PRINTED_ROWS = 20
+
+
+def add_parser(subparsers) -> None:
+    """Add the command to `intent`."""
+    parser = subparsers.add_parser(
+        "replay",
+        help="run the online estimator over a recording",
+        description="Print the task posterior over time, as the nodes would publish it.",
+    )
+    parser.add_argument("bag", type=Path, metavar="BAG")
+    parser.add_argument("--model", type=Path, required=True, metavar="M.npz")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write every observation as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replay one recording."""
+    console = Console()
+    model = load_model(args.model)
+    rejected: Counter[str] = Counter()
+    rows = list(replay(BagReader(args.bag), model, rejected))
+    if args.json:
+        args.json.write_text(json.dumps(rows) + "\n", encoding="utf-8")
+    print_rows(console, model.library, rows)
+    if rejected:
+        parts = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
+        console.print(f"messages dropped: {parts}", style="yellow", highlight=False)
+    return 0
+
+
+def replay(
+    reader: BagReader,
+    model: Model,
+    rejected: Counter[str] | None = None,
+    settings: DecisionSettings | None = None,
+) -> Iterator[dict]:
+    """One dictionary per observation: stamp, probabilities, phase, active task.
+
+    Args:
+        reader: the recording.
+        model: the trained model; its own DOF file says what is read.
+        rejected: counts what is dropped, by reason.
+        settings: of the activation's decision; the node's defaults when None.
+    """
+    rejected = Counter() if rejected is None else rejected
+    settings = settings or DecisionSettings()
+    estimator, state = IntentEstimator(model.library), DecisionState()
+    labels = (*model.library.labels, NONE)
+    for observation in iter_observations(reader, model.dofs, rejected=rejected):
+        reason = estimator.reason_to_reject(observation)
+        if reason is not None:
+            rejected[reason] += 1
+            continue
+        estimate = estimator.observe(observation)
+        end_std = None
+        if estimate.moving and np.argmax(estimate.probabilities) < model.library.n_tasks:
+            end_std = estimator.predicted_end_std()
+        state, active = decide(settings, state, labels, estimate.probabilities, end_std)
+        yield {
+            "stamp": estimate.stamp_ns,
+            "probabilities": dict(zip(labels, estimate.probabilities.tolist(), strict=True)),
+            "phase": dict(zip(labels, estimate.phase.tolist(), strict=True)),
+            "active_task": active,
+        }
+
+
+def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None:
+    """About twenty lines of the posterior over time."""
+    labels = (*library.labels, NONE)
+    table = Table(title=f"{len(rows)} observations")
+    for column in ("time [s]", *labels, "phase", "active"):
+        table.add_column(column, justify="right")
+    for row in rows[:: max(1, len(rows) // PRINTED_ROWS)]:
+        best = max(row["probabilities"], key=row["probabilities"].get)
+        table.add_row(
+            f"{(row['stamp'] - rows[0]['stamp']) * 1e-9:.2f}",
+            *(f"{row['probabilities'][label]:.2f}" for label in labels),
+            f"{row['phase'][best]:.2f}",
+            row["active_task"] or "-",
+        )
+    console.print(table)

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent train`: learn a library of interaction primitives from bags."""
+
+import argparse
+from datetime import datetime, timezone
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from intent_recognition import __version__
+from intent_recognition.cli.recordings import (
+    add_recording_options,
+    print_dropped,
+    print_left_out,
+    read_all,
+    training_settings,
+)
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.training import TrainingReport, TrainingSettings, learn
+from intent_recognition.storage.dofs import load_dofs
+from intent_recognition.storage.model import Model, save_model
+
+
+def add_parser(subparsers) -> None:
+    """Add the command to `intent`."""
+    parser = subparsers.add_parser(
+        "train", help="learn from demonstrations", description="Learn from labelled demonstrations."
+    )
+    add_recording_options(parser, "movement")
+    parser.add_argument(
+        "--output", type=Path, required=True, metavar="M.npz", help="model file to write"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Train, write the model, print what was learned and what was left out."""
+    console = Console()
+    model, report = train(args.bags, args.dofs, training_settings(args), console)
+    save_model(args.output, model)
+    print_library(console, model.library, report)
+    console.print(f"wrote {args.output}", highlight=False)
+    return 0
+
+
+def train(
+    bags: list[Path], dofs_path: Path | None, settings: TrainingSettings, console: Console
+) -> tuple[Model, TrainingReport]:
+    """Read bags and learn; what was left out is printed to the console.
+
+    Raises:
+        IntentError: nothing can be read or learned.
+    """
+    dofs = load_dofs(dofs_path)
+    demonstrations, rejections = read_all(bags, dofs, console)
+    provenance = {
+        "package_version": __version__,
+        "created": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "bags": [demonstration.name for demonstration in demonstrations],
+    }
+    library, report = learn(demonstrations, settings, provenance)
+    print_left_out(console, [(r.path, r.reason) for r in rejections] + list(report.rejected))
+    print_dropped(console, demonstrations)
+    return Model(library, dofs), report
+
+
+def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:
+    """A table of the tasks and one line on the regularisation."""
+    table = Table(title=f"learned from {len(report.used)} demonstrations")
+    for column in ("task", "demonstrations", "duration [s]", "spread of duration"):
+        table.add_column(column, justify="left" if column == "task" else "right")
+    for index, label in enumerate(library.labels):
+        table.add_row(
+            label,
+            str(library.n_demonstrations[index]),
+            f"{library.durations_s[index]:.2f}",
+            f"x {np.exp(library.log_duration_std[index]):.2f}",
+        )
+    console.print(table)
+    chosen = report.chosen
+    console.print(
+        f"regularisation by leave-one-out prediction: target worth {chosen.strength:g}"
+        f" demonstrations, noise variance x {chosen.noise_scale:g}"
+        f" ({chosen.score:.3f} nats per sample, {len(report.tried)} pairs tried)",
+        highlight=False,
+    )

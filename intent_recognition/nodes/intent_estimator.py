@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node: recognises the human's task and predicts both agents from `human/<body>`."""
+
+import importlib
+import time
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.clock import Clock, ClockType
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+from intent_recognition.errors import ArgumentError, DofError, IntentError, MessageError, describe
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import (
+    TrajectoryBuilder,
+    stamp_ns,
+    to_joint_state,
+    to_point,
+    to_stamp,
+)
+from intent_recognition.nodes.lifecycle import ManagedNode
+from intent_recognition.nodes.markers import MarkerBuilder
+from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.promp.library import NONE
+from intent_recognition.promp.observations import Observation, group_dofs
+from intent_recognition.promp.online import Estimate, IntentEstimator, Prediction
+from intent_recognition.storage.dofs import DofEntry, extract, load_dofs
+from intent_recognition.storage.model import Model, check_dofs, load_model
+from intent_recognition.storage.signals import is_raw_pose
+from intent_recognition.storage.stream import POSITION_FIELDS, pose_covariance
+
+STREAM_TIMEOUT_S = 0.5
+CHECK_PERIOD_S = 0.1
+
+
+def human_topic(entry: DofEntry) -> str:
+    """Topic on which mocap_ingest republishes a raw pose topic: human/<body>."""
+    *prefix, _, body, _ = entry.topic.split("/")
+    return "/".join([*prefix, "human", body])
+
+
+def message_class(type_name: str) -> type:
+    """Message class of "package/msg/Name".
+
+    Raises:
+        DofError: the package or the message is not installed.
+    """
+    package, _, name = type_name.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError) as error:
+        raise DofError(
+            describe(
+                f"type {type_name}",
+                "an installed message type",
+                error,
+                "Install its package, or correct the DOF file.",
+            )
+        ) from error
+
+
+class IntentEstimatorNode(ManagedNode):
+    """Translates messages to `promp.online.IntentEstimator` and its estimates to messages."""
+
+    def __init__(self, **kwargs):
+        super().__init__("intent_estimator", **kwargs)
+        self._model_path = parameter(self, "model", "", "Model file written by `intent train`.")
+        self._dofs_path = parameter(
+            self,
+            "dofs",
+            "",
+            "DOF file; empty takes the model's own. Another one than the model's is an error.",
+            read_only=True,
+        )
+        self._publish_rate = parameter(
+            self,
+            "publish_rate",
+            25.0,
+            "Rate of trajectories, path and markers [Hz]; tasks follow every observation.",
+            minimum=0.1,
+            maximum=1000.0,
+            read_only=True,
+        )
+        self._diagnostics = Diagnostics(self)
+        self._tasks = self.create_publisher(JointState, "intent/tasks", qos.STATE)
+        self._trajectory = self.create_publisher(
+            JointTrajectory, "intent/robot_trajectory", qos.COMMAND
+        )
+        self._path = self.create_publisher(Path, "intent/human_path", qos.COMMAND)
+        self._markers = self.create_publisher(MarkerArray, "intent/markers", qos.COMMAND)
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(Trigger, "~/reload_model", self._on_reload)
+        self._inputs: list = []
+        self._watchdog = self.create_timer(
+            CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+        self.start()
+
+    def configure(self) -> None:
+        """Load the model and check it against the DOF file."""
+        self._model = self._load()
+        self._estimator = IntentEstimator(self._model.library)
+        self._builder = TrajectoryBuilder(self._model.controlled_names)
+        self._marker_builder = MarkerBuilder()
+        self._moving = False
+        self._last_arrival_s = 0.0
+        self._last_publication_ns = 0
+        self._frame = "world"
+        self.get_logger().info(f"tasks: {', '.join(self._model.labels)}")
+
+    def activate(self) -> None:
+        """Subscribe to the observed agent."""
+        for group, entry in enumerate(self._model.dofs.observed):
+            raw = is_raw_pose(entry.topic, entry.type)
+            kind = Odometry if raw else message_class(entry.type)
+            topic = human_topic(entry) if raw else entry.topic
+            handle = partial(self._on_odometry if raw else self._on_message, group, entry)
+            self._inputs.append(self.create_subscription(kind, topic, handle, qos.SENSOR))
+        self._diagnostics.status(0, "waiting for a movement")
+
+    def deactivate(self) -> None:
+        """Let go of the observed agent and forget the movement under way."""
+        while self._inputs:
+            self.destroy_subscription(self._inputs.pop())
+        self._estimator.reset()
+        self._moving = False
+
+    def _load(self) -> Model:
+        path = self.get_parameter("model").value
+        if not path:
+            raise ArgumentError(
+                describe(
+                    "parameter model",
+                    "a model file",
+                    "nothing",
+                    "Train one with `intent train BAG... --output M.npz` and pass model:=M.npz.",
+                )
+            )
+        model = load_model(path)
+        if self._dofs_path:
+            check_dofs(model, load_dofs(self._dofs_path), self._dofs_path)
+        return model
+
+    def _on_odometry(self, group: int, entry: DofEntry, message: Odometry) -> None:
+        covariance = np.array(message.pose.covariance).reshape(6, 6)[:3, :3]
+        self._frame = message.header.frame_id or self._frame
+        self._take(group, entry, message, message.pose, pose_covariance(entry, covariance))
+
+    def _on_message(self, group: int, entry: DofEntry, message: object) -> None:
+        self._take(group, entry, message, message, None)
+
+    def _take(self, group, entry, message, content, covariance) -> None:
+        start_s = time.perf_counter()
+        self._last_arrival_s = time.monotonic()
+        self._diagnostics.tick(entry.topic)
+        stamp = stamp_ns(message) if hasattr(message, "header") else self._now_ns()
+        try:
+            observation = Observation(stamp, group, extract(entry, content), covariance)
+        except MessageError as error:
+            self._diagnostics.reject("missing_dof", str(error))
+            return
+        reason = self._estimator.reason_to_reject(observation)
+        if reason is None and covariance is not None and not np.all(np.isfinite(covariance)):
+            reason = "not_finite"
+        if reason is not None:
+            self._diagnostics.reject(reason, f"{entry.topic} at {stamp} ns")
+            return
+        self._publish(self._estimator.observe(observation), observation, entry)
+        self._diagnostics.latency(time.perf_counter() - start_s)
+
+    def _publish(self, estimate: Estimate, observation: Observation, entry: DofEntry) -> None:
+        self._tasks.publish(
+            to_joint_state(
+                (*self._model.labels, NONE),
+                estimate.probabilities,
+                estimate.phase,
+                estimate.log_evidence,
+                time_ns=estimate.stamp_ns,
+            )
+        )
+        if estimate.moving != self._moving:
+            self._moving = estimate.moving
+            self._diagnostics.status(0, "moving" if self._moving else "waiting for a movement")
+        if not estimate.moving:
+            return
+        self._marker_builder.observe(observation, entry)
+        if (estimate.stamp_ns - self._last_publication_ns) * 1e-9 < 0.999 / self._publish_rate:
+            return
+        self._last_publication_ns = estimate.stamp_ns
+        robot = self._estimator.predict_controlled()
+        if robot is not None:
+            self._publish_trajectory(robot)
+            self._diagnostics.tick("intent/robot_trajectory")
+        if self._path.get_subscription_count() or self._markers.get_subscription_count():
+            self._publish_human(estimate, self._estimator.predict_observed())
+
+    def _publish_trajectory(self, robot: Prediction) -> None:
+        times, positions, velocities, std = robot.trajectory
+        message = self._builder.build(
+            robot.onset_ns, times, positions, velocities, std, frame_id=robot.task
+        )
+        self._trajectory.publish(message)
+
+    def _publish_human(self, estimate: Estimate, human: Prediction) -> None:
+        for group, entry in enumerate(self._model.dofs.observed):
+            if not set(POSITION_FIELDS) <= set(entry.fields):
+                continue
+            columns = group_dofs(self._model.library, group)[
+                [entry.fields.index(field) for field in POSITION_FIELDS]
+            ]
+            positions = human.trajectory.positions[:, columns]
+            self._path.publish(self._to_path(estimate.stamp_ns, human, positions))
+            if self._markers.get_subscription_count():
+                self._markers.publish(
+                    self._marker_builder.build(
+                        estimate.stamp_ns,
+                        self._frame,
+                        f"{human.task} {np.max(estimate.probabilities):.0%}",
+                        positions,
+                        human.trajectory.std[:, columns],
+                    )
+                )
+            return
+
+    def _to_path(self, time_ns: int, human: Prediction, positions: np.ndarray) -> Path:
+        message = Path()
+        message.header.stamp = to_stamp(time_ns)
+        message.header.frame_id = self._frame
+        for elapsed_s, position in zip(human.trajectory.times_s, positions, strict=True):
+            pose = PoseStamped()
+            pose.header.frame_id = self._frame
+            pose.header.stamp = to_stamp(human.onset_ns + round(float(elapsed_s) * 1e9))
+            pose.pose.position = to_point(position)
+            pose.pose.orientation.w = 1.0
+            message.poses.append(pose)
+        return message
+
+    def _now_ns(self) -> int:
+        return self.get_clock().now().nanoseconds
+
+    def _check_stream(self) -> None:
+        if not self.active or not self._moving:
+            return
+        silent_s = time.monotonic() - self._last_arrival_s
+        if silent_s > STREAM_TIMEOUT_S:
+            self._diagnostics.status(1, f"human stream stopped {silent_s:.1f} s ago")
+
+    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self.active
+        response.message = "reset" if self.active else "the node is not active"
+        if self.active:
+            self._estimator.reset()
+            self._moving = False
+        return response
+
+    def _on_reload(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            if not self.active:
+                raise ArgumentError("the node is not active")
+            model = self._load()
+            check_dofs(self._model, model.dofs, str(self.get_parameter("model").value))
+            self._estimator.swap(model.library)
+            self._model = model
+        except IntentError as error:
+            response.success, response.message = False, str(error)
+            self.get_logger().error(f"reload_model: {error}")
+            return response
+        response.success = True
+        response.message = f"tasks: {', '.join(self._model.labels)}"
+        return response
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(IntentEstimatorNode, args)
