@@ -31,7 +31,7 @@ from intent_recognition.kinematics.retiming import (
 )
 
 # How often a plan is mended where it uses more than the limits, and what it starts with.
-_N_ATTEMPTS = 5
+_N_ATTEMPTS = 8
 _FIRST_SHARE = 0.96
 
 
@@ -224,13 +224,13 @@ def _mend(plan: JointPlan, offset: Offset, limits, share, stretch):
     """Lower the share of the path's bounds where the plan exceeds a limit; stretch the offset."""
     use = np.maximum(*interval_use(plan.times_s, plan.positions, plan.velocities, limits))
     over = np.flatnonzero(use > 1.0)
-    share = share.copy()
+    factor = np.ones_like(share)
     for k in over:
-        first = max(int(plan.phase[k] * N_GRID) - 1, 0)
-        last = min(int(plan.phase[k + 1] * N_GRID) + 2, N_GRID)
-        share[first:last] = np.minimum(share[first:last], _FIRST_SHARE * 0.95 / use[k])
+        first = max(int(plan.phase[k] * N_GRID) - 2, 0)
+        last = min(int(plan.phase[k + 1] * N_GRID) + 3, N_GRID)
+        factor[first:last] = np.minimum(factor[first:last], 0.95 / use[k])
     in_offset = bool(np.any(plan.times_s[over] < offset.duration_s)) or not over.size
-    return share, stretch * (1.25 if in_offset else 1.0)
+    return share * factor, stretch * (1.25 if in_offset else 1.0)
 
 
 def _offset(difference, slip, acceleration, limits, settings) -> Offset:

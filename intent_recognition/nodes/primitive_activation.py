@@ -173,15 +173,15 @@ class PrimitiveActivation(ManagedNode):
         label = message.header.frame_id
         try:
             if self.joint_names and names != self.joint_names:
-                raise _Rejection("wrong_joint_names", f"{list(names)} for {self.joint_names}")
+                raise _RejectionError("wrong_joint_names", f"{list(names)} for {self.joint_names}")
             if not label:
-                raise _Rejection("no_task", "intent/robot_trajectory without a task in frame_id")
+                raise _RejectionError("no_task", "intent/robot_trajectory without a task in frame_id")
             times_s, positions, rest = trajectory_arrays(message)
             _check_trajectory(times_s, positions, rest)
             if self.activation is None:
                 self._set_joints(names)
             path = make_path(times_s, positions, self._limits, rest.get("velocities"))
-        except _Rejection as error:
+        except _RejectionError as error:
             self.diagnostics.reject(error.reason, str(error))
             return None
         except IntentError as error:
@@ -286,7 +286,7 @@ class PrimitiveActivation(ManagedNode):
         """Limits from the parameters, else the LWR's by joint name.
 
         Raises:
-            _Rejection: a joint is none of the LWR's and no limits are given.
+            _RejectionError: a joint is none of the LWR's and no limits are given.
             ArgumentError: limits of another size.
         """
         given = (self._lower, self._upper, self._velocity)
@@ -303,14 +303,14 @@ class PrimitiveActivation(ManagedNode):
             )
         else:
             text = f"{list(names)}: set lower, upper and velocity for joints not of the LWR"
-            raise _Rejection("wrong_joint_names", text)
+            raise _RejectionError("wrong_joint_names", text)
         return scaled_limits(limits, self._velocity_scale)
 
     def _now_ns(self) -> int:
         return self.get_clock().now().nanoseconds
 
 
-class _Rejection(IntentError):
+class _RejectionError(IntentError):
     """An input that is not acted on, with the reason it is counted under."""
 
     def __init__(self, reason: str, text: str):
@@ -321,12 +321,12 @@ class _Rejection(IntentError):
 def _check_trajectory(times_s: np.ndarray, positions: np.ndarray, rest) -> None:
     """Raise what is wrong with a predicted trajectory, under the reason it is counted by."""
     if len(times_s) < 2:
-        raise _Rejection("too_few_points", f"intent/robot_trajectory of {len(times_s)} points")
+        raise _RejectionError("too_few_points", f"intent/robot_trajectory of {len(times_s)} points")
     arrays = (times_s, positions, *rest.values())
     if not all(np.all(np.isfinite(array)) for array in arrays):
-        raise _Rejection("not_finite", "intent/robot_trajectory holds NaN or infinity")
+        raise _RejectionError("not_finite", "intent/robot_trajectory holds NaN or infinity")
     if times_s[0] < 0.0 or np.min(np.diff(times_s)) <= 0.0:
-        raise _Rejection("non_monotone_times", "time_from_start of intent/robot_trajectory")
+        raise _RejectionError("non_monotone_times", "time_from_start of intent/robot_trajectory")
 
 
 def _names_of_model(path: str, names: tuple[str, ...]) -> tuple[str, ...]:
