@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The basis is a partition of unity and its derivative is its derivative."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.promp.basis import NormalizedRBFBasis
+
+bases = st.builds(NormalizedRBFBasis, st.integers(3, 40), st.floats(0.3, 3.0))
+phases = st.lists(st.floats(-0.5, 1.5), min_size=1, max_size=20).map(np.array)
+
+
+@given(bases, phases)
+def test_partition_of_unity_with_no_negative_part(basis, phase):
+    values = basis.design_matrix(phase)
+    assert values.shape == (len(phase), basis.n_basis)
+    assert values.min() >= 0.0
+    np.testing.assert_allclose(values.sum(axis=1), 1.0, atol=1e-13)
+
+
+@given(bases, phases)
+def test_derivatives_sum_to_zero(basis, phase):
+    gradient = basis.derivative_matrix(phase)
+    scale = max(1.0, np.abs(gradient).max())
+    np.testing.assert_allclose(gradient.sum(axis=1), 0.0, atol=1e-12 * scale * basis.n_basis)
+
+
+@given(bases, st.lists(st.floats(0.001, 0.999), min_size=1, max_size=20).map(np.array))
+def test_derivative_equals_finite_differences(basis, phase):
+    h = 1e-6
+    numeric = (basis.design_matrix(phase + h) - basis.design_matrix(phase - h)) / (2 * h)
+    scale = max(1.0, np.abs(numeric).max())
+    np.testing.assert_allclose(basis.derivative_matrix(phase), numeric, atol=1e-6 * scale)
+
+
+@given(bases, st.floats(-5.0, 0.0), st.floats(1.0, 5.0))
+def test_outside_the_movement_the_value_is_held_and_the_velocity_zero(basis, before, after):
+    ends = basis.design_matrix(np.array([0.0, 1.0]))
+    assert np.array_equal(basis.design_matrix(np.array([before, after])), ends)
+    beyond = np.array([before - 1e-3, after + 1e-3])
+    assert not basis.derivative_matrix(beyond).any()
+
+
+@given(bases, phases)
+def test_the_basis_is_symmetric_in_time(basis, phase):
+    mirrored = basis.design_matrix(1.0 - phase)[:, ::-1]
+    np.testing.assert_allclose(basis.design_matrix(phase), mirrored, atol=1e-9)
+
+
+def test_leading_dimensions_are_kept():
+    basis = NormalizedRBFBasis(5)
+    phase = np.linspace(0, 1, 12).reshape(3, 4)
+    assert basis.design_matrix(phase).shape == (3, 4, 5)
+    assert np.array_equal(basis.design_matrix(phase)[1, 2], basis.design_matrix(phase[1, 2]))
+    assert np.array_equal(
+        basis.derivative_matrix(phase)[1, 2], basis.derivative_matrix(phase[1, 2])
+    )
+
+
+@pytest.mark.parametrize(("n", "width"), [(2, 1.0), (10, 0.0), (10, -1.0), (10, float("nan"))])
+def test_a_basis_that_cannot_be_is_refused(n, width):
+    with pytest.raises(ArgumentError, match="n_basis, width: expected at least 3.*Try 20"):
+        NormalizedRBFBasis(n, width)
