@@ -124,7 +124,8 @@ class TrajectoryBuilder:
         self._message = JointTrajectory(joint_names=[str(name) for name in names])
         self._joints = len(self._message.joint_names)
         self._points: list[JointTrajectoryPoint] = []
-        self._views: list[dict[str, np.ndarray]] = []
+        self._times_ns = np.empty(0, dtype=np.int64)
+        self._views: dict[str, list[np.ndarray]] = {}
 
     def build(
         self,
@@ -164,10 +165,7 @@ class TrajectoryBuilder:
         }
         for field, values in columns.items():
             self._fill(field, values, count)
-        nanoseconds = np.rint(np.asarray(times_s, dtype=np.float64) * 1e9).astype(np.int64)
-        for point, time in zip(self._points, nanoseconds.tolist(), strict=False):
-            start = point.time_from_start
-            start.sec, start.nanosec = divmod(time, NANOSECONDS)
+        self._set_times(np.rint(np.asarray(times_s, dtype=np.float64) * 1e9).astype(np.int64))
         self._message.header.stamp = to_stamp(time_ns)
         self._message.header.frame_id = frame_id
         self._message.points = self._points[:count]
@@ -176,25 +174,35 @@ class TrajectoryBuilder:
     def _grow(self, count: int) -> None:
         for _ in range(count - len(self._points)):
             self._points.append(JointTrajectoryPoint())
-            self._views.append({})
+        for views in self._views.values():
+            del views[count:]
+
+    def _set_times(self, times_ns: np.ndarray) -> None:
+        """Write time_from_start of the points, which rarely changes between two calls."""
+        if np.array_equal(times_ns, self._times_ns):
+            return
+        for point, time in zip(self._points, times_ns.tolist(), strict=False):
+            start = point.time_from_start
+            start.sec, start.nanosec = divmod(time, NANOSECONDS)
+        self._times_ns = times_ns
 
     def _fill(self, field: str, values: np.ndarray | None, count: int) -> None:
         if values is None:
-            for point, views in zip(self._points[:count], self._views, strict=False):
-                if views.pop(field, None) is not None:
-                    setattr(point, field, [])
+            for point in self._points if field in self._views else ():
+                setattr(point, field, [])
+            self._views.pop(field, None)
             return
         values = np.ascontiguousarray(values, dtype=np.float64)
         if values.shape != (count, self._joints):
             raise ShapeError(
                 describe(field, f"shape {(count, self._joints)}", values.shape, "One row a time.")
             )
-        for row, point, views in zip(values, self._points, self._views, strict=False):
-            if field not in views:
-                setattr(point, field, row.tolist())
-                views[field] = np.frombuffer(getattr(point, field), dtype=np.float64)
-            else:
-                views[field][:] = row
+        views = self._views.setdefault(field, [])
+        for view, row in zip(views, values, strict=False):
+            view[:] = row
+        for point, row in zip(self._points[len(views) : count], values[len(views) :], strict=True):
+            setattr(point, field, row.tolist())
+            views.append(np.frombuffer(getattr(point, field), dtype=np.float64))
 
 
 def build_joint_trajectory(
