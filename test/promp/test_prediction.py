@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trajectories against Monte Carlo, finite differences and joint conditioning."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from promp.simulation import START_NS, draw_weights, make_library, simulate
+
+from intent_recognition.gaussian.normal import Gaussian, condition
+from intent_recognition.promp.bank import FilterBank, fixed_hypotheses, make_hypotheses, start_bank
+from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.observations import merge, run_bank
+from intent_recognition.promp.prediction import (
+    StartPosture,
+    controlled_weights,
+    dof_variance,
+    mixture_at,
+    observed_weights,
+    rollout,
+)
+from intent_recognition.promp.recognition import task_posterior
+
+BASIS = NormalizedRBFBasis(7, 1.0)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_weights(rng: np.random.Generator, n_dofs: int) -> Gaussian:
+    d = n_dofs * BASIS.n_basis
+    root = rng.normal(size=(d, d)) / np.sqrt(d)
+    return Gaussian(rng.normal(size=d), root @ root.T + 0.01 * np.eye(d))
+
+
+@settings(max_examples=20)
+@given(seeds, st.integers(1, 4))
+def test_variance_of_each_dof_equals_the_dense_product(seed, n_dofs):
+    rng = np.random.default_rng(seed)
+    weights = random_weights(rng, n_dofs)
+    design = BASIS.design_matrix(rng.uniform(size=5))
+    for t in range(5):
+        H = np.kron(np.eye(n_dofs), design[t])
+        expected = np.diag(H @ weights.covariance @ H.T)
+        np.testing.assert_allclose(dof_variance(design, weights.covariance)[t], expected)
+
+
+@settings(max_examples=20)
+@given(seeds, st.floats(0.2, 20.0))
+def test_velocities_are_the_derivative_in_time_and_scale_with_duration(seed, duration):
+    rng = np.random.default_rng(seed)
+    weights = random_weights(rng, 2)
+    phase = np.linspace(0.05, 0.95, 30)
+    h = 1e-6
+    at, before, after = (
+        rollout(BASIS, weights, phase + s * h, duration, np.zeros(2)) for s in (0, -1, 1)
+    )
+    numeric = (after.positions - before.positions) / (2 * h * duration)
+    np.testing.assert_allclose(at.velocities, numeric, atol=1e-5 * np.abs(numeric).max())
+    slow = rollout(BASIS, weights, phase, 2.0 * duration, np.zeros(2))
+    np.testing.assert_allclose(slow.velocities, at.velocities / 2.0)
+    np.testing.assert_allclose(slow.times_s, at.times_s * 2.0)
+    assert np.array_equal(slow.positions, at.positions)
+
+
+def test_rollout_equals_samples_of_the_weights(rng):
+    weights = random_weights(rng, 2)
+    noise = np.array([0.3, 0.7]) ** 2
+    phase = np.linspace(0, 1, 9)
+    trajectory = rollout(BASIS, weights, phase, 1.5, noise)
+    drawn = rng.multivariate_normal(weights.mean, weights.covariance, size=40_000)
+    values = np.einsum("tk,sdk->std", BASIS.design_matrix(phase), drawn.reshape(-1, 2, 7))
+    values += rng.normal(size=values.shape) * np.sqrt(noise)
+    np.testing.assert_allclose(trajectory.positions, values.mean(axis=0), atol=0.03)
+    np.testing.assert_allclose(trajectory.std, values.std(axis=0), rtol=0.03)
+
+
+def test_durations_are_marginalised_by_matching_moments(rng):
+    mean, covariance = rng.normal(size=(6, 4)), np.empty((6, 4, 4))
+    for b in range(6):
+        root = rng.normal(size=(4, 4))
+        covariance[b] = root @ root.T
+    bank = FilterBank(mean, covariance, np.zeros(6))
+    weights = rng.dirichlet(np.ones(3), size=2)
+    matched = observed_weights(bank, weights, 1)
+    drawn = np.concatenate(
+        [
+            rng.multivariate_normal(
+                mean[3 + s], covariance[3 + s], size=int(300_000 * weights[1, s])
+            )
+            for s in range(3)
+        ]
+    )
+    np.testing.assert_allclose(matched.mean, drawn.mean(axis=0), atol=0.05)
+    np.testing.assert_allclose(matched.covariance, np.cov(drawn.T), atol=0.15)
+
+
+def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
+    """Robot's start and the human's movement in one joint Gaussian, in one step."""
+    library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=3, n_basis=6)
+    hypotheses = fixed_hypotheses(library, 2.0)
+    recording = simulate(library, 0, rng, n_samples=7, duration_s=2.0)
+    observations = list(merge(recording.observed))
+    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
+    start = StartPosture(rng.normal(size=3) * 0.1, np.array([1e-4, 4e-4, 9e-4]))
+    found = controlled_weights(library, 0, Gaussian(bank.mean[0], bank.covariance[0]), start)
+    human = [
+        np.kron(np.eye(5)[:2], library.basis.design_matrix(np.array([k / 6]))) for k in range(7)
+    ]
+    robot = np.kron(np.eye(5)[2:], library.basis.design_matrix(np.zeros(1)))
+    y = np.concatenate([*(o.values for o in observations), start.position])
+    noise = np.r_[
+        np.tile(library.noise_variance[:2], 7), start.variance + library.noise_variance[2:]
+    ]
+    joint, _ = condition(library.primitive(0), np.vstack([*human, robot]), y, np.diag(noise))
+    split = library.n_observed_weights
+    np.testing.assert_allclose(found.mean, joint.mean[split:], atol=1e-8)
+    np.testing.assert_allclose(found.covariance, joint.covariance[split:, split:], atol=1e-8)
+
+
+def test_start_posture_narrows_the_prediction_and_is_met(rng):
+    library = make_library(rng, groups=(2,), n_controlled=2, n_basis=6, noise_std=1e-4)
+    prior = Gaussian(library.observed_mean[0], library.observed_covariance[0])
+    free = controlled_weights(library, 0, prior)
+    start = StartPosture(np.array([0.05, -0.03]), np.zeros(2))
+    held = controlled_weights(library, 0, prior, start)
+    phase = np.linspace(0, 1, 11)
+    noise = library.control_noise_variance()
+    one = rollout(library.basis, free, phase, 2.0, noise)
+    other = rollout(library.basis, held, phase, 2.0, noise)
+    np.testing.assert_allclose(other.positions[0], start.position, atol=1e-3)
+    assert np.all(other.std <= one.std + 1e-12)
+    assert np.linalg.eigvalsh(free.covariance - held.covariance).min() > -1e-10
+
+
+def test_without_observations_the_prediction_is_the_prior(rng):
+    library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=6)
+    prior = Gaussian(library.observed_mean[1], library.observed_covariance[1])
+    found = controlled_weights(library, 1, prior)
+    split = library.n_observed_weights
+    np.testing.assert_allclose(found.mean, library.weight_mean[1, split:], atol=1e-10)
+    np.testing.assert_allclose(
+        found.covariance, library.weight_covariance[1, split:, split:], atol=1e-10
+    )
+
+
+def test_mixture_equals_monte_carlo_over_tasks_durations_weights_and_noise(rng):
+    library = make_library(
+        rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=6, noise_std=0.02, spread=0.3
+    )
+    hypotheses = make_hypotheses(library, n_scales=4)
+    recording = simulate(library, 0, rng, n_samples=10, duration_s=2.2)
+    seen = list(merge(recording.observed))[:3]
+    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), seen, START_NS)
+    weights = rng.dirichlet(np.ones(8)).reshape(2, 4)
+    times = np.array([0.0, 0.7, 1.5, 4.0])
+    start = StartPosture(np.array([0.02, 0.01]), np.full(2, 1e-4))
+    mean, std = mixture_at(library, bank, hypotheses, weights, times, start)
+    samples = []
+    for index, count in enumerate(rng.multinomial(120_000, weights.ravel())):
+        observed = Gaussian(bank.mean[index], bank.covariance[index])
+        controlled = controlled_weights(library, index // 4, observed, start)
+        w = rng.multivariate_normal(*controlled, size=count).reshape(count, 2, 6)
+        phase = np.minimum(times / hypotheses.duration_s[index], 1.0)
+        samples.append(np.einsum("tk,sdk->std", library.basis.design_matrix(phase), w))
+    drawn = np.concatenate(samples)
+    drawn += rng.normal(size=drawn.shape) * np.sqrt(library.control_noise_variance())
+    np.testing.assert_allclose(mean, drawn.mean(axis=0), atol=4 * std.max() / np.sqrt(120_000))
+    np.testing.assert_allclose(std, drawn.std(axis=0), rtol=0.015)
+
+
+def test_mixture_of_one_hypothesis_is_its_rollout(rng):
+    library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=6)
+    hypotheses = fixed_hypotheses(library, 2.0)
+    bank = start_bank(library, hypotheses)
+    times = np.linspace(0, 2, 9)
+    mean, std = mixture_at(library, bank, hypotheses, np.array([[0.0], [1.0]]), times)
+    controlled = controlled_weights(library, 1, Gaussian(bank.mean[1], bank.covariance[1]))
+    expected = rollout(library.basis, controlled, times / 2, 2.0, library.control_noise_variance())
+    np.testing.assert_allclose(mean, expected.positions, atol=1e-12)
+    np.testing.assert_allclose(std, expected.std, rtol=1e-9)
+
+
+def test_more_observations_never_widen_a_prediction_of_known_phase(rng):
+    library = make_library(rng, groups=(2,), n_controlled=2, n_basis=6)
+    hypotheses = fixed_hypotheses(library, 2.0)
+    bank = start_bank(library, hypotheses)
+    given_task = np.zeros((3, 1))
+    given_task[0] = 1.0
+    before = np.inf
+    for observation in merge(simulate(library, 0, rng, n_samples=10, duration_s=2.0).observed):
+        elapsed = START_NS
+        bank = run_bank(library, hypotheses, bank, [observation], elapsed)
+        _, std = mixture_at(library, bank, hypotheses, given_task, np.linspace(0, 2, 7))
+        assert np.all(std <= before + 1e-12)
+        before = std
+
+
+def test_known_truth_lies_where_the_posterior_says(rng):
+    """Normalised squared error of the controlled weights follows chi-square in simulation."""
+    library = make_library(rng, n_tasks=1, groups=(2,), n_controlled=1, n_basis=5, spread=0.2)
+    hypotheses = fixed_hypotheses(library, 2.0)
+    split, errors, d = library.n_observed_weights, [], 5
+    for _ in range(300):
+        w = draw_weights(library, 0, rng)
+        recording = simulate(library, 0, rng, n_samples=6, duration_s=2.0, weights=w)
+        bank = run_bank(
+            library,
+            hypotheses,
+            start_bank(library, hypotheses),
+            merge(recording.observed),
+            START_NS,
+        )
+        posterior = task_posterior(bank, hypotheses, 2.0)
+        observed = observed_weights(bank, posterior.scale_weights, 0)
+        mean, covariance = controlled_weights(library, 0, observed)
+        error = w.ravel()[split:] - mean
+        errors.append(error @ np.linalg.solve(covariance, error))
+    assert np.mean(errors) == pytest.approx(d, abs=4 * np.sqrt(2 * d / 300))
+    assert np.var(errors) == pytest.approx(2 * d, rel=0.5)
