@@ -47,7 +47,9 @@ def movement_span(
         onset = first_onset(settings, signal.seconds(start_ns), signal.values)
         if onset is not None:
             onsets.append(onset)
-    start = start_ns + round(min(onsets) * 1e9) if onsets else start_ns
+    if not onsets:
+        return start_ns, end_ns
+    start = start_ns + round(min(onsets) * 1e9)
     last = []
     pairs = [*zip(observed, observed_settings, strict=True)]
     pairs += [*zip(controlled, controlled_settings, strict=True)]
