@@ -8,7 +8,6 @@ another base position is given. Units: m, rad, s, N, Nm.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pybullet
@@ -17,6 +16,7 @@ from pybullet_utils.bullet_client import BulletClient
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.kinematics.limits import JointLimits, check_position
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS, N_JOINTS
+from sim_bridge.arm_state import ArmState, HandPose, SensorNoise
 from sim_bridge.controllers import (
     ControllerGains,
     guiding_torque,
@@ -31,31 +31,6 @@ TIME_STEP_S = 0.001
 GRAVITY_M_S2 = 9.81
 # An elbow-up posture with the hand in front of the base, fingers down: all limits are far away.
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
-
-
-class ArmState(NamedTuple):
-    """What the joints report: q [rad], qd [rad/s], torque commanded last [Nm], all (7,)."""
-
-    q: np.ndarray
-    qd: np.ndarray
-    torque: np.ndarray
-    time_s: float
-
-
-class HandPose(NamedTuple):
-    """Pose of DH frame 7 in the world: position (3,) [m], orientation (4,) xyzw."""
-
-    position: np.ndarray
-    orientation: np.ndarray
-
-
-@dataclass(frozen=True)
-class SensorNoise:
-    """Standard deviations of the measured joint state."""
-
-    position_std_rad: float = 2e-4
-    velocity_std_rad_s: float = 5e-3
-    torque_std_nm: float = 0.1
 
 
 @dataclass
@@ -167,15 +142,10 @@ class LwrArm:
 
     def state(self) -> ArmState:
         """Return the measured joint state, with sensor noise if the arm was given any."""
+        exact = ArmState(self._q.copy(), self._qd.copy(), self._torque.copy(), self.time_s)
         if self._noise is None or self._rng is None:
-            return ArmState(self._q.copy(), self._qd.copy(), self._torque.copy(), self.time_s)
-        draw = self._rng.standard_normal((3, N_JOINTS))
-        return ArmState(
-            self._q + self._noise.position_std_rad * draw[0],
-            self._qd + self._noise.velocity_std_rad_s * draw[1],
-            self._torque + self._noise.torque_std_nm * draw[2],
-            self.time_s,
-        )
+            return exact
+        return self._noise.measure(exact, self._rng)
 
     def hand_pose(self) -> HandPose:
         """Return the true pose of the hand (DH frame 7) in the world."""

@@ -30,6 +30,7 @@ from sim_bridge.trajectory_follower import TrajectoryFollower
 TICK_S = 0.002
 STEP_NS = 1_000_000
 PUSH_STEPS = 100
+BURST = 8  # joint states sent at once when catching up, below the depth of their queue
 LARGEST_PUSH_N = 500.0
 WORLD_FRAME = "world"
 
@@ -132,7 +133,8 @@ class LwrSim(Node):
         if self._pacer is None:
             if now_s > 0.0:
                 factor = 1.0 if self._external_clock else self._factor
-                self._pacer = Pacer(TIME_STEP_S, factor, now_s)
+                batch = max(1, int(BURST / (self._rate_hz * TIME_STEP_S)))
+                self._pacer = Pacer(TIME_STEP_S, factor, now_s, largest_batch=batch)
             return
         n_due = self._pacer.due(now_s, self.arm.n_steps)
         if n_due == 0:

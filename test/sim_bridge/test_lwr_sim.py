@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node lwr_sim on its topics: rates, motion, pushes, guiding, bad input."""
 
+import signal
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -10,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.parameter import Parameter
 from rclpy.time import Time
+from ros_harness import NodeProcess
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -178,6 +180,7 @@ def test_bad_trajectories_are_counted_and_the_arm_keeps_moving(harness):
     sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
     node = make(harness, publish_clock=True, real_time_factor=2.0)
     harness.connect(sender)
+    harness.spin_until(lambda: len(states) > 10)
     sender.publish(trajectory(HOME + SHIFT, 2.0))
     harness.spin_until(lambda: node.follower.moving_until_s() > 0.0)
     until = node.follower.moving_until_s()
@@ -305,3 +308,22 @@ def test_no_display_is_said(harness, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(ResourceBusyError, match="display"):
         make(harness, headless=False)
+
+
+def test_may_follow_its_own_clock(harness):
+    """With `use_sim_time` for the whole graph the clock's publisher still runs by itself."""
+    states = harness.collect(JointState, "joint_states", STATE)
+    node = make(harness, publish_clock=True, use_sim_time=True)
+    harness.spin_until(lambda: len(states) > 50)
+    harness.spin_until(lambda: node.get_clock().now().nanoseconds >= stamp_ns(states[50]))
+
+
+@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
+def test_ends_in_the_middle_of_work_without_a_traceback(harness, signal_number):
+    states = harness.collect(JointState, "joint_states", STATE)
+    arguments = ("--ros-args", "-p", "publish_clock:=true", "-p", "real_time_factor:=5.0")
+    with NodeProcess("sim_bridge.nodes.lwr_sim", *arguments) as process:
+        harness.spin_until(lambda: len(states) > 100)
+        assert process.stop(signal_number) == 0
+    assert "Traceback" not in process.errors
+    assert "lwr_sim" not in process.errors

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the arm reports, exactly or through noisy sensors."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+
+class ArmState(NamedTuple):
+    """What the joints report: q [rad], qd [rad/s], torque commanded last [Nm], all (7,)."""
+
+    q: np.ndarray
+    qd: np.ndarray
+    torque: np.ndarray
+    time_s: float
+
+
+class HandPose(NamedTuple):
+    """Pose of DH frame 7 in the world: position (3,) [m], orientation (4,) xyzw."""
+
+    position: np.ndarray
+    orientation: np.ndarray
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Standard deviations of the measured joint state."""
+
+    position_std_rad: float = 2e-4
+    velocity_std_rad_s: float = 5e-3
+    torque_std_nm: float = 0.1
+
+    def measure(self, state: ArmState, rng: np.random.Generator) -> ArmState:
+        """Return the state with independent Gaussian noise on every joint."""
+        draw = rng.standard_normal((3, len(state.q)))
+        return ArmState(
+            state.q + self.position_std_rad * draw[0],
+            state.qd + self.velocity_std_rad_s * draw[1],
+            state.torque + self.torque_std_nm * draw[2],
+            state.time_s,
+        )
