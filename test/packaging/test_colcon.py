@@ -126,8 +126,8 @@ def test_pip_puts_names_on_the_path(workspace, tmp_path, mode):
     share = environment / "share"
     assert (share / "intent_recognition/config/params.yaml").is_file()
     assert (share / "ament_index/resource_index/packages/intent_recognition").is_file()
-    code = "import intent_recognition, sim_bridge; print(intent_recognition.__file__)"
-    where = call(python, "-c", code, cwd=tmp_path, PYTHONPATH="")
+    code = "from intent_recognition.share import share_path; print(share_path('config/dofs.yaml'))"
+    where = call(python, "-c", code, cwd=tmp_path, PYTHONPATH="", AMENT_PREFIX_PATH="")
     assert where.startswith(str(package if mode else environment))
 
 
