@@ -59,7 +59,7 @@ def test_the_start_is_what_the_online_detector_would_say(rng):
 
 def test_a_recording_without_onset_is_kept_whole():
     still = Signal(("x",), START_NS + np.arange(100) * 10_000_000, np.zeros((100, 1)), "m")
-    assert span([still], [still], 0.99) == (0.0, 0.99)
+    assert span([still], [still], 0.99) == pytest.approx((0.0, 0.99))
 
 
 def test_the_end_never_lies_behind_the_recordings():
