@@ -56,7 +56,7 @@ def generate_launch_description():
                 "headless", default_value="true", description="No PyBullet window."
             ),
             DeclareLaunchArgument(
-                "seed", default_value="0", description="Seed of the coworker's movements."
+                "seed", default_value="1", description="Seed of the coworker's movements."
             ),
             # Jazzy's Fast DDS reads the first name, later ones the second.
             SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", profiles),

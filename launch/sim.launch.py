@@ -53,7 +53,7 @@ def generate_launch_description():
                 "coworker", default_value="true", description="Start the simulated coworker."
             ),
             DeclareLaunchArgument(
-                "seed", default_value="0", description="Seed of the coworker's movements."
+                "seed", default_value="1", description="Seed of the coworker's movements."
             ),
             Node(
                 executable="lwr_sim",

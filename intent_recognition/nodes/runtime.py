@@ -106,8 +106,8 @@ def parameter(
         read_only: True if it cannot change after start.
 
     Returns:
-        The value, with overrides applied. An integer given for a float (`rate:=0`) is taken as
-        a float; an unset list is `[]`.
+        The value, with overrides applied. Integers given for floats (`rate:=0`) are taken as
+        floats; a list is a Python list, and `[]` if unset.
 
     Raises:
         ArgumentError: an override has the wrong type or lies outside the range.
@@ -117,7 +117,7 @@ def parameter(
         _add_range(descriptor, default, minimum, maximum)
     if isinstance(default, (list, tuple)) and not default:
         default = Parameter.Type.STRING_ARRAY
-    if isinstance(default, float):
+    if isinstance(default, float) or default == Parameter.Type.DOUBLE_ARRAY or _floats(default):
         _accept_integer_override(node, name)
     try:
         declared = node.declare_parameter(name, default, descriptor)
@@ -129,7 +129,8 @@ def parameter(
         )
     if declared.type_ == Parameter.Type.NOT_SET:
         return []
-    return list(declared.value) if isinstance(default, (list, tuple)) else declared.value
+    value = declared.value
+    return value if isinstance(value, (str, bool, int, float)) else list(value)
 
 
 def _add_range(descriptor, default, minimum, maximum) -> None:
@@ -151,11 +152,23 @@ def _add_range(descriptor, default, minimum, maximum) -> None:
         ]
 
 
+def _floats(default: object) -> bool:
+    return isinstance(default, (list, tuple)) and any(isinstance(v, float) for v in default)
+
+
 def _accept_integer_override(node: Node, name: str) -> None:
+    """Take `rate:=1` for 1.0 and `home:=[0, 0]` for [0.0, 0.0]."""
     override = node._parameter_overrides.get(name)
-    if override is not None and override.type_ == Parameter.Type.INTEGER:
-        value = Parameter(name, Parameter.Type.DOUBLE, float(override.value))
-        node._parameter_overrides[name] = value
+    if override is None:
+        return
+    value: object
+    if override.type_ == Parameter.Type.INTEGER:
+        kind, value = Parameter.Type.DOUBLE, float(override.value)
+    elif override.type_ == Parameter.Type.INTEGER_ARRAY:
+        kind, value = Parameter.Type.DOUBLE_ARRAY, [float(v) for v in override.value]
+    else:
+        return
+    node._parameter_overrides[name] = Parameter(name, kind, value)
 
 
 class _Signals:

@@ -94,6 +94,13 @@ def test_parameter_returns_default_or_override(harness):
     assert parameter(node, "bodies", ["wrist"], "names") == ["wrist"]
 
 
+def test_integers_are_taken_for_a_list_of_floats(harness):
+    node = node_with(harness, home=[1, 2], pair=[3, 4])
+    assert parameter(node, "home", Parameter.Type.DOUBLE_ARRAY, "angles") == [1.0, 2.0]
+    assert parameter(node, "pair", [0.5, 1.5], "a pair") == [3.0, 4.0]
+    assert parameter(node, "unset", Parameter.Type.DOUBLE_ARRAY, "angles") == []
+
+
 def test_parameter_describes_itself(harness):
     node = node_with(harness)
     parameter(node, "rate", 1.0, "how often", minimum=0.5, maximum=2.0, read_only=True)
