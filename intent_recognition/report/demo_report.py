@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's report: key numbers beside the paper's, the table, and figures of what was measured."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TypedDict
+
+import numpy as np
+
+from intent_recognition.report import figures
+from intent_recognition.report.drawing import readable, to_svg
+from intent_recognition.report.figures_evaluation import reliability_bins, reliability_figure
+from intent_recognition.report.figures_interaction import (
+    joint_figure,
+    posterior_over_time_figure,
+    wrist_figure,
+)
+from intent_recognition.report.html import (
+    Block,
+    Column,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Page,
+    Row,
+    Section,
+    Table,
+    Text,
+    write_page,
+)
+from intent_recognition.report.interaction_table import FIELDS, cells
+from intent_recognition.report.summary import (
+    CM_PER_M,
+    CONDITIONS,
+    PAPER_HAND_ERROR,
+    PAPER_RECOGNISED,
+    DemoSummary,
+    HandError,
+    InteractionRecord,
+    summary_line,
+)
+
+MISSES_SHOWN = 3
+TITLE = "Toolbox assembly with a simulated coworker"
+PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
+
+
+class Trace(TypedDict, total=False):
+    """What was on the topics during one interaction; every key but `index` may be missing.
+
+    Times are seconds after onset. T observations, M joint states, L predicted points, Q joints.
+    """
+
+    index: int  # of the record it belongs to
+    share: np.ndarray  # (T,) share of the human's movement passed at each posterior
+    labels: Sequence[str]  # of the K + 1 columns of the probabilities, `none` last
+    probabilities: np.ndarray  # (T, K + 1)
+    wrist_s: np.ndarray  # (W,)
+    wrist_m: np.ndarray  # (W, 3) observed, world frame
+    predicted_wrist_m: np.ndarray  # (V, 3) predicted at the decision
+    predicted_wrist_std_m: np.ndarray  # (V, 3)
+    joint_names: Sequence[str]
+    joint_s: np.ndarray  # (M,)
+    joint_rad: np.ndarray  # (M, Q) measured
+    predicted_s: np.ndarray  # (L,)
+    predicted_rad: np.ndarray  # (L, Q) mean predicted at the decision
+    predicted_std_rad: np.ndarray  # (L, Q)
+    decision_s: float
+    end_s: float  # end of the human's movement
+
+
+def write_demo_report(
+    path: str | Path,
+    records: Sequence[InteractionRecord],
+    summary: DemoSummary,
+    traces: Sequence[Trace] = (),
+    settings: Mapping[str, object] | None = None,
+) -> Path:
+    """Write the demo's report as one HTML file.
+
+    Args:
+        path: of the file; its folder is made if it is missing.
+        records: all interactions, in order.
+        summary: of these records.
+        traces: arrays of as many interactions as there are; figures without data are left out.
+        settings: name and value of what the session was run with, shown at the end.
+
+    Raises:
+        ResourceBusyError: the file cannot be written.
+    """
+    return write_page(path, demo_page(records, summary, traces, settings or {}))
+
+
+def demo_page(
+    records: Sequence[InteractionRecord],
+    summary: DemoSummary,
+    traces: Sequence[Trace],
+    settings: Mapping[str, object],
+) -> Page:
+    """The report's content; arguments as of `write_demo_report`."""
+    by_index = {trace["index"]: trace for trace in traces if "index" in trace}
+    sections = [
+        Section("Result", (_key_numbers(summary), Text(CONDITIONS, small=True))),
+        Section("Accuracy and timing", _figures_of_records(records, summary)),
+        Section("Recognition", _figures_of_posteriors(records, by_index)),
+        *_details(records, by_index),
+        Section("All interactions", (_table(records, summary),)),
+        Section("Settings", _settings(settings)),
+    ]
+    subtitle = (
+        f"{summary.n} interactions, recognised from the motion of the wrist alone; everything is"
+        " measured on the ROS 2 topics, and the true task is used for scoring only."
+    )
+    return Page(TITLE, subtitle, tuple(sections), summary_line(summary))
+
+
+def _key_numbers(summary: DemoSummary) -> KeyNumbers:
+    share, arrival = summary.median_decision_share, summary.median_arrival_s
+    numbers = [
+        KeyNumber(
+            "tasks recognised",
+            f"{summary.recognised_right}/{summary.n}",
+            "{}/{}".format(*PAPER_RECOGNISED),
+            not summary.too_many_missed,
+        ),
+        KeyNumber(
+            "decided before the human's end",
+            f"{summary.decided_before_end}/{summary.n}",
+            good=summary.decided_before_end == summary.n,
+        ),
+        KeyNumber(
+            "median decision",
+            _absent(share, lambda x: f"{100 * x:.0f} %"),
+            good=None if share is None else share <= 0.5,
+            note="of the human's movement had passed",
+        ),
+        KeyNumber("hand error", _hand_error(summary.hand_error), note=_who(summary)),
+    ]
+    for task, error in summary.hand_error_by_task.items():
+        paper = PAPER_HAND_ERROR.get(task)
+        apart = task in summary.tasks_apart
+        numbers.append(
+            KeyNumber(
+                f"hand error, {readable(task)}",
+                _hand_error(error),
+                _hand_error(paper) if paper else "",
+                error.mean_cm <= paper.mean_cm if paper and error.mean_cm is not None else None,
+                "apart: its place does not depend on the human" if apart else f"n = {error.n}",
+            )
+        )
+    numbers.append(
+        KeyNumber(
+            "robot's arrival after the human's end",
+            _absent(arrival, lambda x: f"{x:+.2f} s"),
+            note=_absent(summary.latest_arrival_s, lambda x: f"median; latest {x:+.2f} s"),
+        )
+    )
+    return KeyNumbers(tuple(numbers))
+
+
+def _figures_of_records(
+    records: Sequence[InteractionRecord], summary: DemoSummary
+) -> tuple[Block, ...]:
+    errors_m, shares, arrivals = (
+        _per_task(records, name) for name in ("hand_error_m", "decision_share", "arrival_s")
+    )
+    drawn = []
+    if errors_m:
+        errors_cm = {task: [CM_PER_M * e for e in errors] for task, errors in errors_m.items()}
+        paper = {t: (e.mean_cm, e.two_std_cm) for t, e in PAPER_HAND_ERROR.items()}
+        figure = figures.hand_error_figure(
+            errors_cm, paper, dict.fromkeys(summary.tasks_apart, "(place is fixed)")
+        )
+        drawn.append(
+            _figure(figure, "Measured hand to the place the demonstrator's rule gives, in cm.")
+        )
+    if shares:
+        figure = figures.decision_share_figure(shares)
+        drawn.append(_figure(figure, "How early: 100 % is the end of the human's movement."))
+    if arrivals:
+        figure = figures.arrival_figure(arrivals)
+        drawn.append(_figure(figure, "Zero is the end of the human's movement."))
+    if records:
+        figure = figures.confusion_figure(
+            *figures.confusion_counts([r.task for r in records], [r.recognised for r in records])
+        )
+        drawn.append(_figure(figure, "What each task was recognised as."))
+    return (Row(tuple(drawn)),) if drawn else ()
+
+
+def _figures_of_posteriors(
+    records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]
+) -> tuple[Block, ...]:
+    both = [(r, by_index[r.index]) for r in records if _has_posterior(by_index.get(r.index))]
+    if not both:
+        return ()
+    labels = list(both[0][1]["labels"])
+    both = [(r, t) for r, t in both if list(t["labels"]) == labels]
+    probabilities = [np.asarray(t["probabilities"], dtype=float) for _, t in both]
+    figure = figures.posterior_figure(
+        [r.task for r, _ in both],
+        labels,
+        [np.asarray(t["share"], dtype=float) for _, t in both],
+        probabilities,
+        [r.decision_share for r, _ in both],
+    )
+    truth = [
+        np.tile([label == r.task for label in labels], (len(p), 1))
+        for (r, _), p in zip(both, probabilities, strict=True)
+    ]
+    bins = reliability_bins(
+        np.concatenate([p.ravel() for p in probabilities]),
+        np.concatenate([t.ravel() for t in truth]),
+    )
+    return (
+        _figure(
+            figure,
+            "Probability of each task while the human moves: thin lines are interactions, bold"
+            " lines their median, ticks at the top the decisions.",
+        ),
+        Row(
+            (
+                _figure(
+                    reliability_figure(*bins),
+                    "Are the probabilities to be believed? Every posterior of every interaction,"
+                    " pooled; successive posteriors of one interaction are not independent.",
+                ),
+            )
+        ),
+    )
+
+
+def _details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]) -> list[Section]:
+    """A typical interaction of each task, and what was missed."""
+    chosen = {}
+    for task in sorted({r.task for r in records}):
+        measured = [
+            r
+            for r in records
+            if r.task == task and r.hand_error_m is not None and r.index in by_index
+        ]
+        if measured:
+            typical = sorted(measured, key=lambda r: r.hand_error_m)[(len(measured) - 1) // 2]
+            chosen[typical.index] = (f"Typical: {readable(task)}", typical)
+    missed = [r for r in records if not r.right and r.index in by_index]
+    for record in missed[:MISSES_SHOWN]:
+        chosen[record.index] = (f"Missed: {readable(record.task)}", record)
+    sections = [
+        Section(f"{name} (interaction {record.index})", _detail(record, by_index[record.index]))
+        for name, record in chosen.values()
+    ]
+    return [section for section in sections if len(section.blocks) > 1]
+
+
+def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
+    small = []
+    if np.size(trace.get("wrist_m", ())):
+        small.append(
+            _figure(wrist_figure(trace), "The wrist, observed and predicted at the decision.")
+        )
+    if _has_posterior(trace):
+        figure = posterior_over_time_figure(trace, record.movement_s)
+        small.append(
+            _figure(figure, "Task posterior; solid vertical line: decision; dotted: human's end.")
+        )
+    blocks: list[Block] = [Text(_sentence(record))]
+    if small:
+        blocks.append(Row(tuple(small)))
+    if np.size(trace.get("predicted_rad", ())) or np.size(trace.get("joint_rad", ())):
+        blocks.append(
+            _figure(
+                joint_figure(trace), "The robot's joints: predicted at the decision, and measured."
+            )
+        )
+    return tuple(blocks)
+
+
+def _sentence(record: InteractionRecord) -> str:
+    parts = [f"recognised as {readable(record.recognised)}"]
+    if record.observations is not None:
+        parts.append(f"after {record.observations} observations")
+    if record.decision_share is not None:
+        parts.append(f"at {100 * record.decision_share:.0f} % of the movement")
+    if record.hand_error_m is not None:
+        parts.append(f"hand error {CM_PER_M * record.hand_error_m:.1f} cm")
+    if record.arrival_s is not None:
+        parts.append(f"arrival {record.arrival_s:+.2f} s after the human's end")
+    text = ", ".join(parts)
+    return f"{text[0].upper()}{text[1:]}. {record.note}".strip()
+
+
+def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> Table:
+    columns = tuple(Column(field.title, field.unit, field.align) for field in FIELDS)
+    missed = frozenset(row for row, record in enumerate(records) if not record.right)
+    caption = (
+        "decided: after onset. share: of the human's movement at the decision. arrival: after the"
+        f" human's end. {summary.missed} missed."
+    )
+    return Table(columns, tuple(cells(record) for record in records), caption, missed)
+
+
+def _settings(settings: Mapping[str, object]) -> tuple[Block, ...]:
+    if not settings:
+        return ()
+    rows = tuple((str(name), str(value)) for name, value in settings.items())
+    return (Table((Column("setting", align="left"), Column("value", align="left")), rows),)
+
+
+def _per_task(records: Sequence[InteractionRecord], name: str) -> dict[str, list[float]]:
+    """Values per task in order of the labels; every task that has a record is there, or none."""
+    values = {task: [] for task in sorted({r.task for r in records})}
+    for record in records:
+        value = getattr(record, name)
+        if value is not None and record.right:
+            values[record.task].append(value)
+    return values if any(values.values()) else {}
+
+
+def _has_posterior(trace: Trace | None) -> bool:
+    if trace is None or not all(key in trace for key in ("share", "labels", "probabilities")):
+        return False
+    return len(trace["share"]) > 0
+
+
+def _figure(figure, caption: str) -> Figure:
+    return Figure(to_svg(figure), caption)
+
+
+def _hand_error(error: HandError) -> str:
+    return str(error).replace("+-", PLUS_MINUS)
+
+
+def _absent(value: float | None, form) -> str:
+    return "\N{EN DASH}" if value is None else form(value)
+
+
+def _who(summary: DemoSummary) -> str:
+    tasks = [readable(t) for t in summary.hand_error_by_task if t not in summary.tasks_apart]
+    return f"{' and '.join(tasks)} together, n = {summary.hand_error.n}"

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report of `intent evaluate`: its numbers as tables and figures."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.report.drawing import to_svg
+from intent_recognition.report.figures_evaluation import (
+    RMSE_STYLES,
+    coverage_figure,
+    recognition_figure,
+    reliability_figure,
+    rmse_figure,
+)
+from intent_recognition.report.html import (
+    Block,
+    Column,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Page,
+    Row,
+    Section,
+    Table,
+    Text,
+    write_page,
+)
+
+PHASE_NAMES = {"known_phase": "known phase", "unknown_phase": "unknown phase"}
+PREDICTION_COLUMNS = {
+    "rmse": "RMSE",
+    "rmse_inferred_task": "RMSE, inferred task",
+    "rmse_future": "RMSE, not yet seen",
+    "rmse_mean_of_task": "mean of task",
+    "rmse_nearest_neighbour": "nearest neighbour",
+    "end_rmse": "RMSE of the end",
+    "coverage_2_sigma": "inside 2 sigma",
+    "nll": "neg. log likelihood",
+}
+WITHOUT_UNIT = {"coverage_2_sigma": "%", "nll": "nat"}
+EXPLANATION = (
+    "Every recording is scored by a library learned without it. Known phase: start and end of the"
+    " test movement are given; unknown phase: only its start, speed and progress are inferred."
+    " RMSE is the root mean square error of the controlled agent over the whole movement, meaned"
+    " over recordings; baselines know the true task."
+)
+
+
+def write_evaluation_report(path: str | Path, result: Mapping, title: str) -> Path:
+    """Write the report as one HTML file.
+
+    Args:
+        path: of the file; its folder is made if it is missing.
+        result: the JSON of `intent evaluate`; parts that are missing are left out.
+        title: of the page.
+
+    Raises:
+        ResourceBusyError: the file cannot be written.
+    """
+    return write_page(path, evaluation_page(result, title))
+
+
+def evaluation_page(result: Mapping, title: str) -> Page:
+    """The report's content; arguments as of `write_evaluation_report`."""
+    tasks = ", ".join(str(task) for task in result.get("tasks", ()))
+    sections = [
+        Section("Result", (_key_numbers(result), Text(EXPLANATION, small=True))),
+        Section("Recognition", _recognition(result.get("recognition", {}))),
+        *(_prediction(result.get("prediction", {}), unit) for unit in _units(result)),
+        Section("Calibration", _calibration(result)),
+        Section("Without labels", _mixture(result.get("mixture", {}))),
+    ]
+    subtitle = f"{result.get('n_demonstrations', 0)} recordings of {tasks or 'no task'}"
+    return Page(title, subtitle, tuple(sections))
+
+
+def number(value: object, unit: str) -> float:
+    """One number of the JSON: itself, that of the unit where there are several, or NaN."""
+    if isinstance(value, Mapping):
+        value = value.get(unit)
+    return float("nan") if value is None else float(value)
+
+
+def series(table: Mapping, name: str, unit: str = "") -> tuple[list[float], list[float]]:
+    """Fractions in order, and the value of `name` at each of them."""
+    ordered = sorted(table, key=float)
+    return [float(f) for f in ordered], [number(table[f].get(name), unit) for f in ordered]
+
+
+def _units(result: Mapping) -> list[str]:
+    unit = result.get("unit", "")
+    return [unit] if isinstance(unit, str) else list(unit)
+
+
+def _key_numbers(result: Mapping) -> KeyNumbers:
+    numbers = [KeyNumber("recordings", str(result.get("n_demonstrations", 0)))]
+    for phase, name in PHASE_NAMES.items():
+        early = result.get("recognition", {}).get(phase, {}).get("0.3")
+        if early:
+            text = f"{100 * number(early.get('accuracy'), ''):.0f} %"
+            numbers.append(KeyNumber("recognised at 30 %", text, note=name))
+    for phase, name in PHASE_NAMES.items():
+        half = result.get("prediction", {}).get(phase, {}).get("0.5")
+        for unit in _units(result) if half else ():
+            ours = number(half.get("rmse"), unit)
+            baselines = ("rmse_mean_of_task", "rmse_nearest_neighbour")
+            best = np.nanmin([*(number(half.get(b), unit) for b in baselines), np.inf])
+            good = bool(ours <= best) if np.isfinite(best) else None
+            note = f"{name}; better baseline {_text(best)} {unit}" if good is not None else name
+            label = "RMSE at 50 %"
+            numbers.append(KeyNumber(label, f"{_text(ours)} {unit}", good=good, note=note))
+    return KeyNumbers(tuple(numbers))
+
+
+def _recognition(recognition: Mapping) -> tuple[Block, ...]:
+    phases = {phase: recognition[phase] for phase in PHASE_NAMES if recognition.get(phase)}
+    if not phases:
+        return ()
+    figure = recognition_figure(
+        {phase: series(table, "accuracy") for phase, table in phases.items()},
+        {phase: series(table, "log_loss") for phase, table in phases.items()},
+    )
+    columns = [Column("observed", "%")]
+    for phase in phases:
+        columns += [
+            Column(f"accuracy, {PHASE_NAMES[phase]}", "%"),
+            Column(f"log loss, {PHASE_NAMES[phase]}", "nat"),
+        ]
+    rows = []
+    for fraction in sorted(next(iter(phases.values())), key=float):
+        row = [f"{100 * float(fraction):.0f}"]
+        for table in phases.values():
+            scores = table.get(fraction, {})
+            row += [
+                _text(100 * number(scores.get("accuracy"), ""), ".1f"),
+                _text(number(scores.get("log_loss"), ""), ".3f"),
+            ]
+        rows.append(tuple(row))
+    caption = "Accuracy and mean log loss over the share of the movement observed."
+    return Figure(to_svg(figure), caption), Table(tuple(columns), tuple(rows))
+
+
+def _prediction(prediction: Mapping, unit: str) -> Section:
+    phases = {phase: prediction[phase] for phase in PHASE_NAMES if prediction.get(phase)}
+    heading = f"Prediction of the controlled agent [{unit}]" if unit else "Prediction"
+    if not phases:
+        return Section(heading, ())
+    panels = {
+        phase: {name: series(table, name, unit) for name in RMSE_STYLES}
+        for phase, table in phases.items()
+    }
+    blocks: list[Block] = [
+        Figure(
+            to_svg(rmse_figure(panels, unit)),
+            "Solid: the library; dashed: baselines, which are given the true task.",
+        )
+    ]
+    for phase, table in phases.items():
+        blocks.append(_prediction_table(table, unit, PHASE_NAMES[phase]))
+    return Section(heading, tuple(blocks))
+
+
+def _prediction_table(table: Mapping, unit: str, caption: str) -> Table:
+    columns = [Column("observed", "%")]
+    columns += [Column(t, WITHOUT_UNIT.get(n, unit)) for n, t in PREDICTION_COLUMNS.items()]
+    rows = []
+    for fraction in sorted(table, key=float):
+        values = {n: number(table[fraction].get(n), unit) for n in PREDICTION_COLUMNS}
+        values["coverage_2_sigma"] *= 100
+        texts = (_text(v, ".1f" if n == "coverage_2_sigma" else "") for n, v in values.items())
+        rows.append((f"{100 * float(fraction):.0f}", *texts))
+    return Table(tuple(columns), tuple(rows), caption[0].upper() + caption[1:])
+
+
+def _calibration(result: Mapping) -> tuple[Block, ...]:
+    drawn = []
+    prediction = result.get("prediction", {})
+    units = _units(result)
+    for unit in units:
+        coverage = {
+            phase: series(prediction[phase], "coverage_2_sigma", unit)
+            for phase in PHASE_NAMES
+            if prediction.get(phase)
+        }
+        if coverage:
+            where = f" ({unit})" if len(units) > 1 else ""
+            caption = f"Share of true values within two standard deviations{where}."
+            drawn.append(Figure(to_svg(coverage_figure(coverage)), caption))
+    bins = result.get("reliability")
+    if bins:
+        figure = reliability_figure(
+            np.array(bins["probability"], dtype=float),
+            np.array(bins["share_true"], dtype=float),
+            np.array(bins["count"]),
+        )
+        drawn.append(Figure(to_svg(figure), "Are the task probabilities to be believed?"))
+    return (Row(tuple(drawn)),) if drawn else ()
+
+
+def _mixture(mixture: Mapping) -> tuple[Block, ...]:
+    if not mixture:
+        return ()
+    purity = number(mixture.get("purity"), "")
+    return (
+        KeyNumbers(
+            (
+                KeyNumber("components chosen", str(mixture.get("n_components", "?"))),
+                KeyNumber("purity", _text(purity, ".2f"), note="against the labels"),
+            )
+        ),
+    )
+
+
+def _text(value: float, form: str = "") -> str | None:
+    """Three significant digits unless a form is given; None for what is not known."""
+    if not np.isfinite(value):
+        return None
+    return format(value, form) if form else _significant(value)
+
+
+def _significant(value: float, digits: int = 3) -> str:
+    decimals = digits - 1 - int(np.floor(np.log10(abs(value)))) if value else digits - 1
+    return f"{value:.{min(max(decimals, 0), 6)}f}"

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of a session of interactions; each function turns arrays into a matplotlib Figure."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from intent_recognition.report.drawing import (
+    INK,
+    NONE,
+    PAPER_COLOUR,
+    SOFT,
+    new_figure,
+    readable,
+    styled,
+    task_colours,
+    task_markers,
+)
+
+SHARE_GRID = np.linspace(0.0, 1.0, 101)
+
+
+@styled
+def hand_error_figure(
+    errors_cm: Mapping[str, Sequence[float]],
+    paper_cm: Mapping[str, tuple[float, float]] | None = None,
+    remarks: Mapping[str, str] | None = None,
+):
+    """Every hand error as a dot, their mean +- two standard deviations, and the paper's beside.
+
+    Args:
+        errors_cm: per task, (n,) distances in cm.
+        paper_cm: per task, mean and two standard deviations in cm.
+        remarks: per task, a word below its name.
+    """
+    paper_cm, remarks = paper_cm or {}, remarks or {}
+    colours, markers = task_colours(errors_cm), task_markers(errors_cm)
+    figure = new_figure(5.6, 3.7)
+    axes = figure.subplots()
+    for place, (task, values) in enumerate(errors_cm.items()):
+        values = np.asarray(values, dtype=float)
+        x = place - 0.12 + _spread(values, 0.1)
+        axes.scatter(
+            x, values, s=22, color=colours[task], marker=markers[task], alpha=0.55, linewidths=0
+        )
+        if values.size:
+            spread = 2 * values.std(ddof=1) if values.size > 1 else 0.0
+            _whisker(axes, place + 0.1, values.mean(), spread, colours[task], "ours")
+        if task in paper_cm:
+            _whisker(axes, place + 0.3, *paper_cm[task], PAPER_COLOUR, "paper", marker="D")
+    names = [f"{readable(t)}\n{remarks[t]}" if t in remarks else readable(t) for t in errors_cm]
+    axes.set_xticks(range(len(names)), names)
+    axes.set_xlim(-0.5, max(len(names), 1) - 0.4)
+    axes.set_ylim(bottom=0.0)
+    axes.grid(visible=False, axis="x")
+    axes.set_ylabel("hand error [cm]")
+    axes.legend(handles=_mean_handles(bool(paper_cm)), loc="best")
+    return figure
+
+
+@styled
+def decision_share_figure(shares: Mapping[str, Sequence[float]], bin_share: float = 0.05):
+    """Histogram per task of the share of the human's movement that had passed at the decision."""
+    colours = task_colours(shares)
+    arrays = [np.asarray(values, dtype=float) for values in shares.values()]
+    everything = np.concatenate(arrays) if arrays else np.empty(0)
+    low = min(0.0, np.floor(everything.min(initial=0.0) / bin_share) * bin_share)
+    high = max(1.0, np.ceil(everything.max(initial=1.0) / bin_share) * bin_share)
+    edges = np.linspace(low, high, round((high - low) / bin_share) + 1)
+    figure = new_figure(5.6, 3.7)
+    axes = figure.subplots()
+    axes.hist(
+        [100 * values for values in arrays],
+        bins=100 * edges,
+        stacked=True,
+        color=[colours[task] for task in shares],
+        label=[readable(task) for task in shares],
+        edgecolor="white",
+        linewidth=0.6,
+    )
+    if everything.size:
+        _vertical(axes, 100 * np.median(everything), f"median {100 * np.median(everything):.0f} %")
+    axes.axvline(100.0, color=INK, linewidth=1.0)
+    axes.set_xlabel("share of the human's movement passed at the decision [%]")
+    _counts(axes)
+    return figure
+
+
+@styled
+def arrival_figure(arrivals_s: Mapping[str, Sequence[float]]):
+    """Histogram per task of the robot's arrival, counted from the end of the human's movement."""
+    colours = task_colours(arrivals_s)
+    arrays = [np.asarray(values, dtype=float) for values in arrivals_s.values()]
+    everything = np.concatenate(arrays) if arrays else np.zeros(1)
+    figure = new_figure(5.6, 3.7)
+    axes = figure.subplots()
+    axes.hist(
+        arrays,
+        bins=np.histogram_bin_edges(everything, bins=20),
+        stacked=True,
+        color=[colours[task] for task in arrivals_s],
+        label=[readable(task) for task in arrivals_s],
+        edgecolor="white",
+        linewidth=0.6,
+    )
+    if everything.size:
+        _vertical(axes, np.median(everything), f"median {np.median(everything):+.2f} s")
+    axes.axvline(0.0, color=INK, linewidth=1.0)
+    axes.set_xlabel("robot's arrival after the human's end [s]")
+    _counts(axes)
+    return figure
+
+
+@styled
+def posterior_figure(
+    tasks: Sequence[str],
+    labels: Sequence[str],
+    shares: Sequence[np.ndarray],
+    probabilities: Sequence[np.ndarray],
+    decisions: Sequence[float | None] | None = None,
+):
+    """Task posteriors over the share of the movement: one panel per true task, a line each.
+
+    Args:
+        tasks: true task of each of n interactions.
+        labels: of the L columns of the probabilities.
+        shares: (T_i,) share of the human's movement at each observation, increasing.
+        probabilities: (T_i, L) of each interaction.
+        decisions: share at which each was decided, marked by a tick at the top.
+    """
+    colours = task_colours(labels)
+    panels = sorted(set(tasks))
+    figure = new_figure(max(5.6, 3.7 * len(panels)), 3.3)
+    grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    decisions = decisions or [None] * len(tasks)
+    for axes, true in zip(grid, panels, strict=True):
+        chosen = [i for i, task in enumerate(tasks) if task == true]
+        for column, label in enumerate(labels):
+            _bundle(
+                axes, [(shares[i], probabilities[i][:, column]) for i in chosen], colours[label]
+            )
+        ticks = [100 * decisions[i] for i in chosen if decisions[i] is not None]
+        axes.plot(ticks, np.full(len(ticks), 1.06), "|", color=INK, markersize=7, alpha=0.6)
+        axes.set_title(f"true task: {readable(true)} ({len(chosen)})")
+        axes.set_xlabel("share of the movement [%]")
+        axes.set_xlim(0, 100)
+        axes.set_ylim(-0.02, 1.1)
+    grid[0].set_ylabel("probability")
+    _label_legend(figure, labels, colours)
+    return figure
+
+
+@styled
+def confusion_figure(rows: Sequence[str], columns: Sequence[str], counts: np.ndarray):
+    """How often each true task (row) was recognised as what (column), (R, C) counts."""
+    counts = np.asarray(counts)
+    figure = new_figure(1.9 + 1.15 * len(columns), 1.2 + 0.75 * len(rows))
+    axes = figure.subplots()
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.25, aspect="auto")
+    for (row, column), count in np.ndenumerate(counts):
+        axes.text(
+            column,
+            row,
+            str(int(count)),
+            ha="center",
+            va="center",
+            fontsize=12,
+            fontweight="semibold" if count else "normal",
+            color="white" if shares[row, column] > 0.55 else (INK if count else "#aab4bf"),
+        )
+    axes.set_xticks(range(len(columns)), [readable(c).replace(" ", "\n") for c in columns])
+    axes.set_yticks(range(len(rows)), [readable(r) for r in rows])
+    axes.set_xlabel("recognised")
+    axes.set_ylabel("true task")
+    axes.grid(visible=False)
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    return figure
+
+
+def confusion_counts(
+    true: Sequence[str], recognised: Sequence[str]
+) -> tuple[list[str], list[str], np.ndarray]:
+    """Rows (true tasks), columns (those and what else was recognised, none last) and counts."""
+    recognised = [name or NONE for name in recognised]
+    rows = sorted(set(true))
+    others = sorted((set(recognised) | set(rows)) - {NONE})
+    columns = [*others, *([NONE] if NONE in recognised else [])]
+    counts = np.zeros((len(rows), len(columns)), dtype=int)
+    for task, name in zip(true, recognised, strict=True):
+        counts[rows.index(task), columns.index(name)] += 1
+    return rows, columns, counts
+
+
+def _bundle(axes, lines: Sequence[tuple[np.ndarray, np.ndarray]], colour: str) -> None:
+    """Thin lines, and their median over the shares that every one reaches."""
+    for share, values in lines:
+        inside = np.asarray(share) <= 1.0
+        axes.plot(
+            100 * np.asarray(share)[inside],
+            np.asarray(values)[inside],
+            color=colour,
+            alpha=0.28,
+            linewidth=0.9,
+        )
+    on_grid = [np.interp(SHARE_GRID, s, v) for s, v in lines if len(s)]
+    if on_grid:
+        axes.plot(100 * SHARE_GRID, np.median(on_grid, axis=0), color=colour, linewidth=2.4)
+
+
+def _spread(values: np.ndarray, half_width: float) -> np.ndarray:
+    """Offsets that keep dots of a strip apart, the same every time."""
+    offsets = np.zeros(values.size)
+    pattern = np.array([0.0, 0.5, -0.5, 1.0, -1.0, 0.25, -0.25, 0.75, -0.75])
+    offsets[np.argsort(values)] = pattern[np.arange(values.size) % pattern.size]
+    return half_width * offsets
+
+
+def _whisker(axes, x, mean, two_std, colour, label, marker="o") -> None:
+    axes.errorbar(
+        [x],
+        [mean],
+        yerr=[[min(two_std, mean)], [two_std]],
+        fmt=marker,
+        color=colour,
+        markersize=6.5,
+        markeredgecolor="white",
+        capsize=4,
+        elinewidth=1.8,
+        label=label,
+    )
+
+
+def _mean_handles(with_paper: bool) -> list:
+    from matplotlib.lines import Line2D
+
+    shared = {"linestyle": "-", "markeredgecolor": "white", "markersize": 6.5}
+    handles = [
+        Line2D([], [], color=SOFT, marker="o", linestyle="", alpha=0.55, label="one interaction"),
+        Line2D(
+            [], [], color=SOFT, marker="o", label="ours, mean \N{PLUS-MINUS SIGN} 2 std", **shared
+        ),
+    ]
+    if with_paper:
+        text = "paper, mean \N{PLUS-MINUS SIGN} 2 std"
+        handles.append(Line2D([], [], color=PAPER_COLOUR, marker="D", label=text, **shared))
+    return handles
+
+
+def _vertical(axes, x: float, text: str) -> None:
+    axes.axvline(x, color=INK, linewidth=1.3, linestyle=(0, (4, 2)), label=text)
+
+
+def _counts(axes) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    axes.set_ylabel("interactions")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.grid(visible=False, axis="x")
+    axes.legend(loc="best")
+
+
+def _label_legend(figure, labels: Sequence[str], colours: Mapping[str, str]) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], color=colours[x], linewidth=2.4, label=readable(x)) for x in labels]
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 6))

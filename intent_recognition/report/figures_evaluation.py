@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of an evaluation on recordings left out of training."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_figure, styled
+
+PHASE_STYLES = {
+    "known_phase": ("known phase", PALETTE[0], "o"),
+    "unknown_phase": ("unknown phase", PALETTE[1], "s"),
+}
+RMSE_STYLES = {
+    "rmse": ("library, true task", PALETTE[0], "o", "-"),
+    "rmse_inferred_task": ("library, inferred task", PALETTE[5], "s", "-"),
+    "rmse_future": ("library, part not yet seen", PALETTE[2], "^", "-"),
+    "rmse_mean_of_task": ("mean of the task", PALETTE[1], "D", (0, (4, 1.6))),
+    "rmse_nearest_neighbour": ("nearest neighbour", PALETTE[3], "v", (0, (4, 1.6))),
+}
+TWO_SIGMA = 0.9545
+
+Series = Mapping[str, tuple[Sequence[float], Sequence[float]]]
+"""Per name, fractions observed (F,) and values (F,); NaN is left out."""
+
+
+@styled
+def recognition_figure(accuracy: Series, log_loss: Series):
+    """Accuracy and log loss over the share observed, phase known and unknown."""
+    figure = new_figure(11.2, 3.5)
+    left, right = figure.subplots(1, 2)
+    _phases(left, accuracy)
+    left.set_ylabel("accuracy")
+    left.set_ylim(min(0.5, _lowest(accuracy) - 0.05), 1.02)
+    left.legend(loc="lower right")
+    _phases(right, log_loss)
+    right.set_ylabel("log loss [nat]")
+    right.set_ylim(bottom=0.0)
+    right.legend(loc="upper right")
+    return figure
+
+
+@styled
+def rmse_figure(panels: Mapping[str, Series], unit: str):
+    """Error of the controlled agent beside the baselines, a panel per phase knowledge."""
+    figure = new_figure(11.2, 3.9)
+    grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    for axes, (phase, series) in zip(grid, panels.items(), strict=True):
+        for name, (fractions, values) in series.items():
+            label, colour, marker, line = RMSE_STYLES[name]
+            _line(axes, fractions, values, label, colour, marker, line)
+        axes.set_title(PHASE_STYLES[phase][0] if phase in PHASE_STYLES else phase)
+        axes.set_xlabel("share of the movement observed [%]")
+        axes.set_ylim(bottom=0.0)
+    grid[0].set_ylabel(f"RMSE [{unit}]")
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+    return figure
+
+
+@styled
+def coverage_figure(coverage: Series):
+    """Share of true values within +-2 sigma; 95 % is right."""
+    figure = new_figure(5.6, 3.7)
+    axes = figure.subplots()
+    axes.axhline(100 * TWO_SIGMA, color=INK, linewidth=1.2, linestyle=(0, (4, 2)))
+    axes.text(
+        0.01,
+        100 * TWO_SIGMA + 0.8,
+        "95.4 % is right",
+        color=SOFT,
+        fontsize=8.5,
+        transform=axes.get_yaxis_transform(),
+    )
+    _phases(axes, {name: (f, 100 * np.asarray(v, float)) for name, (f, v) in coverage.items()})
+    axes.set_ylim(min(60.0, 100 * _lowest(coverage) - 5), 102)
+    axes.set_ylabel("inside \N{PLUS-MINUS SIGN}2 sigma [%]")
+    axes.legend(loc="lower right")
+    return figure
+
+
+@styled
+def reliability_figure(confidence: np.ndarray, share_right: np.ndarray, counts: np.ndarray):
+    """How often a task was true (B,) when its probability was about `confidence` (B,).
+
+    Args:
+        confidence: mean probability per bin; NaN for an empty bin.
+        share_right: share of true ones per bin.
+        counts: probabilities per bin; the area of the dots.
+    """
+    counts = np.asarray(counts, dtype=float)
+    figure = new_figure(5.6, 3.9)
+    axes = figure.subplots()
+    axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=(0, (4, 2)), label="calibrated")
+    used = counts > 0
+    axes.plot(
+        np.asarray(confidence)[used],
+        np.asarray(share_right)[used],
+        color=PALETTE[0],
+        linewidth=1.2,
+        alpha=0.6,
+    )
+    axes.scatter(
+        np.asarray(confidence)[used],
+        np.asarray(share_right)[used],
+        s=18 + 130 * np.sqrt(counts[used] / max(counts.max(initial=1.0), 1.0)),
+        color=PALETTE[0],
+        edgecolor="white",
+        label="observed (area: how many)",
+        zorder=3,
+    )
+    axes.set_xlim(-0.04, 1.04)
+    axes.set_ylim(-0.04, 1.04)
+    axes.set_aspect("equal")
+    axes.set_xlabel("probability given to a task")
+    axes.set_ylabel("share of cases in which it was true")
+    axes.legend(loc="upper left", markerscale=0.6)
+    return figure
+
+
+def reliability_bins(
+    probabilities: np.ndarray, truth: np.ndarray, n_bins: int = 10
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean probability, share true and count per bin of probability, each (B,).
+
+    Args:
+        probabilities: (n,) in [0, 1].
+        truth: (n,) whether what each of them spoke of was true.
+        n_bins: bins of equal width B.
+    """
+    probabilities, truth = np.asarray(probabilities, float), np.asarray(truth, float)
+    bins = np.minimum((probabilities * n_bins).astype(int), n_bins - 1)
+    counts = np.bincount(bins, minlength=n_bins)
+    divisor = np.where(counts > 0, counts, np.nan)
+    mean = np.bincount(bins, probabilities, n_bins) / divisor
+    return mean, np.bincount(bins, truth, n_bins) / divisor, counts
+
+
+def _phases(axes, series: Series) -> None:
+    for phase, (fractions, values) in series.items():
+        label, colour, marker = PHASE_STYLES.get(phase, (phase, PALETTE[2], "^"))
+        _line(axes, fractions, values, label, colour, marker, "-")
+    axes.set_xlabel("share of the movement observed [%]")
+    axes.set_xlim(0, 103)
+
+
+def _line(axes, fractions, values, label, colour, marker, line) -> None:
+    axes.plot(
+        100 * np.asarray(fractions, dtype=float),
+        np.asarray(values, dtype=float),
+        label=label,
+        color=colour,
+        marker=marker,
+        linestyle=line,
+        markersize=5.5,
+        markeredgecolor="white",
+    )
+
+
+def _lowest(series: Series) -> float:
+    values = np.concatenate([np.asarray(v, dtype=float) for _, v in series.values()])
+    finite = values[np.isfinite(values)]
+    return float(finite.min(initial=1.0))

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One interaction in detail: the wrist's path and the joints, predicted and measured."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from intent_recognition.report.drawing import (
+    INK,
+    PALETTE,
+    SOFT,
+    new_figure,
+    readable,
+    styled,
+    task_colours,
+)
+
+OBSERVED, PREDICTED = INK, PALETTE[1]
+MAX_POINTS = 400
+
+
+@styled
+def wrist_figure(trace: Mapping):
+    """The wrist's path seen from above and from the side; keys as in `demo_report.Trace`."""
+    figure = new_figure(5.6, 3.9)
+    grid = figure.subplots(1, 2)
+    observed = thin(np.asarray(trace["wrist_m"], dtype=float))
+    predicted = trace.get("predicted_wrist_m")
+    for axes, (i, j), title in zip(grid, ((0, 1), (0, 2)), ("from above", "side"), strict=True):
+        axes.plot(observed[:, i], observed[:, j], color=OBSERVED, label="observed")
+        axes.plot(*observed[0, [i, j]], "o", color=OBSERVED, markersize=5)
+        if predicted is not None:
+            path = np.asarray(predicted, dtype=float)
+            _tube(axes, path[:, [i, j]], trace.get("predicted_wrist_std_m"), (i, j))
+            axes.plot(
+                path[:, i], path[:, j], color=PREDICTED, linestyle=(0, (4, 1.6)), label="predicted"
+            )
+        axes.set_title(title)
+        axes.set_xlabel("x [m]")
+        axes.set_ylabel(f"{'xyz'[j]} [m]")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.locator_params(nbins=5)
+    grid[0].legend(loc="best")
+    return figure
+
+
+@styled
+def joint_figure(trace: Mapping):
+    """Each joint: predicted mean +- 2 sigma at the decision, and as measured."""
+    measured_s = np.asarray(trace.get("joint_s", ()), dtype=float)
+    measured = np.asarray(trace.get("joint_rad", ()), dtype=float)
+    predicted_s = np.asarray(trace.get("predicted_s", ()), dtype=float)
+    mean = np.asarray(trace.get("predicted_rad", ()), dtype=float)
+    std = trace.get("predicted_std_rad")
+    count = (mean if mean.size else measured).shape[1]
+    names = trace.get("joint_names") or [f"joint {i + 1}" for i in range(count)]
+    columns = 4 if count > 3 else count
+    rows = -(-count // columns)
+    figure = new_figure(11.2, 0.7 + 2.0 * rows)
+    grid = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    for joint, axes in enumerate(grid[:count]):
+        if std is not None and mean.size:
+            band = 2 * np.asarray(std, dtype=float)[:, joint]
+            low, high = mean[:, joint] - band, mean[:, joint] + band
+            axes.fill_between(predicted_s, low, high, color=PREDICTED, alpha=0.2, linewidth=0)
+        if mean.size:
+            axes.plot(predicted_s, mean[:, joint], color=PREDICTED, linestyle=(0, (4, 1.6)))
+        if measured.size:
+            axes.plot(thin(measured_s), thin(measured)[:, joint], color=OBSERVED)
+        _events(axes, trace)
+        axes.set_title(readable(names[joint]))
+    for axes in grid[count:]:
+        axes.set_axis_off()
+    for axes in grid[max(count - columns, 0) : count]:
+        axes.set_xlabel("time after onset [s]")
+        axes.tick_params(labelbottom=True)
+    for axes in grid[:count:columns]:
+        axes.set_ylabel("angle [rad]")
+    _legend(figure, grid, count, std is not None and mean.size > 0, trace)
+    return figure
+
+
+@styled
+def posterior_over_time_figure(trace: Mapping, movement_s: float):
+    """One interaction's task posterior over time, with its decision and the human's end."""
+    colours = task_colours(trace["labels"])
+    time_s = thin(np.asarray(trace["share"], dtype=float)) * movement_s
+    probabilities = thin(np.asarray(trace["probabilities"], dtype=float))
+    figure = new_figure(5.6, 3.9)
+    axes = figure.subplots()
+    for column, label in enumerate(trace["labels"]):
+        axes.plot(time_s, probabilities[:, column], color=colours[label], label=readable(label))
+    _events(axes, {"end_s": movement_s, **trace})
+    axes.set_ylim(-0.02, 1.04)
+    axes.set_xlabel("time after onset [s]")
+    axes.set_ylabel("probability")
+    axes.legend(loc="center right")
+    return figure
+
+
+def thin(values: np.ndarray, count: int = MAX_POINTS) -> np.ndarray:
+    """At most `count` rows, evenly spaced, first and last kept."""
+    if len(values) <= count:
+        return values
+    return values[np.linspace(0, len(values) - 1, count).round().astype(int)]
+
+
+def _tube(axes, path: np.ndarray, std: np.ndarray | None, dofs: tuple[int, int]) -> None:
+    """Ellipses of two standard deviations along a path, (L, 2)."""
+    if std is None:
+        return
+    from matplotlib.collections import EllipseCollection
+
+    size = 4 * np.asarray(std, dtype=float)[:, list(dofs)]
+    at = np.linspace(0, len(path) - 1, min(len(path), 40)).round().astype(int)
+    axes.add_collection(
+        EllipseCollection(
+            size[at, 0],
+            size[at, 1],
+            np.zeros(at.size),
+            units="xy",
+            offsets=path[at],
+            offset_transform=axes.transData,
+            facecolors=PREDICTED,
+            alpha=0.06,
+            linewidths=0,
+        )
+    )
+
+
+def _events(axes, trace: Mapping) -> None:
+    if trace.get("decision_s") is not None:
+        axes.axvline(trace["decision_s"], color=PALETTE[0], linewidth=1.2)
+    if trace.get("end_s") is not None:
+        axes.axvline(trace["end_s"], color=SOFT, linewidth=1.2, linestyle=(0, (1, 1.5)))
+
+
+def _legend(figure, grid, count: int, with_band: bool, trace: Mapping) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles = [
+        Line2D([], [], color=OBSERVED, label="measured"),
+        Line2D([], [], color=PREDICTED, linestyle=(0, (4, 1.6)), label="predicted at the decision"),
+    ]
+    if with_band:
+        handles.append(
+            Patch(color=PREDICTED, alpha=0.2, linewidth=0, label="\N{PLUS-MINUS SIGN}2 std")
+        )
+    if trace.get("decision_s") is not None:
+        handles.append(Line2D([], [], color=PALETTE[0], linewidth=1.2, label="decision"))
+    if trace.get("end_s") is not None:
+        handles.append(
+            Line2D([], [], color=SOFT, linewidth=1.2, linestyle=(0, (1, 1.5)), label="human's end")
+        )
+    if count < len(grid):
+        grid[count].legend(handles=handles, loc="center left")
+    else:
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
