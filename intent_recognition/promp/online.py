@@ -118,6 +118,7 @@ class IntentEstimator:
         self._n_scales = n_scales
         self._hypotheses = make_hypotheses(library, task_prior, n_scales)
         self._history: list[deque[Observation]] = [deque() for _ in library.observed_groups]
+        self._newest_ns = [0] * len(library.observed_groups)
         self._movement: _Movement | None = None
         self._posterior: TaskPosterior | None = None
         self._needs_rest = False
@@ -131,17 +132,21 @@ class IntentEstimator:
             return "not_finite"
         if observation.stamp_ns <= 0:
             return "zero_stamp"
-        history = self._history[observation.group]
-        if history and observation.stamp_ns <= history[-1].stamp_ns:
+        if observation.stamp_ns <= self._newest_ns[observation.group]:
             return "stamp_not_increasing"
+        if observation.covariance is not None and not _is_covariance(
+            observation.covariance, expected
+        ):
+            return "bad_covariance"
         return None
 
     def observe(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""
-        history = self._history[observation.group]
-        history.append(observation)
-        while observation.stamp_ns - history[0].stamp_ns > HISTORY_S * 1e9:
-            history.popleft()
+        self._history[observation.group].append(observation)
+        self._newest_ns[observation.group] = observation.stamp_ns
+        for history in self._history:  # a signal that fell silent must not speak for ever
+            while history and observation.stamp_ns - history[0].stamp_ns > HISTORY_S * 1e9:
+                history.popleft()
         if self._movement is None:
             self._begin_if_moving()
         elif observation.stamp_ns >= self._movement.onset_ns:
@@ -210,6 +215,7 @@ class IntentEstimator:
         """Forget the movement under way and the past."""
         self._movement = self._posterior = None
         self._needs_rest = False
+        self._newest_ns = [0] * len(self._history)
         for history in self._history:
             history.clear()
 
@@ -281,3 +287,11 @@ class IntentEstimator:
         certain = np.zeros(size)
         certain[-1] = 1.0
         return Estimate(stamp_ns, False, 0, certain, np.zeros(size), np.zeros(size), None)
+
+
+def _is_covariance(matrix: np.ndarray, size: int) -> bool:
+    """Whether a sender's covariance has the right shape, is finite and not negative."""
+    if np.shape(matrix) != (size, size) or not np.all(np.isfinite(matrix)):
+        return False
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    return bool(eigenvalues[0] >= -1e-9 * abs(eigenvalues[-1]))
