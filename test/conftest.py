@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The environment every test runs in, set before anything imports rclpy."""
 
+import atexit
 import os
+import shutil
 import sys
 import tempfile
 from pathlib import Path
@@ -10,12 +12,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 DOMAINS = range(60, 102)
+LOGS = tempfile.mkdtemp(prefix="intent_recognition_test_log_")
+atexit.register(shutil.rmtree, LOGS, ignore_errors=True)
 
 os.environ.update(
     ROS_DOMAIN_ID=str(DOMAINS[os.getpid() % len(DOMAINS)]),
     ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
     ROS_PYTHON_CHECK_FIELDS="1",
-    ROS_LOG_DIR=tempfile.mkdtemp(prefix="intent_recognition_test_log_"),
+    ROS_LOG_DIR=LOGS,
     FASTRTPS_DEFAULT_PROFILES_FILE=str(ROOT / "config" / "fastdds.xml"),
     MPLBACKEND="Agg",
 )

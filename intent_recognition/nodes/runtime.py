@@ -23,6 +23,7 @@ from intent_recognition.nodes.diagnostics import Diagnostics
 __all__ = ["Diagnostics", "make_executor", "parameter", "run"]
 
 SPIN_PERIOD_S = 0.1
+MAX_DOMAIN = 232
 _START_ERRORS = (
     IntentError,
     ParameterException,
@@ -52,6 +53,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     node = None
     signals = _Signals()
     try:
+        _check_domain(os.environ.get("ROS_DOMAIN_ID", ""))
         rclpy.init(
             args=None if args is None else list(args),
             signal_handler_options=SignalHandlerOptions.NO,
@@ -150,6 +152,14 @@ def _add_range(descriptor, default, minimum, maximum) -> None:
                 step=1,
             )
         ]
+
+
+def _check_domain(domain: str) -> None:
+    """Refuse what Fast DDS would end the process for."""
+    if domain and not (domain.isdecimal() and int(domain) <= MAX_DOMAIN):
+        raise ArgumentError(
+            describe("ROS_DOMAIN_ID", f"0 to {MAX_DOMAIN}", repr(domain), "Use 0 to 101.")
+        )
 
 
 def _floats(default: object) -> bool:

@@ -69,6 +69,16 @@ def test_bad_parameter_is_one_line(override):
     assert override.split(":")[0] in node.errors
 
 
+@pytest.mark.parametrize("domain", ["999", "-1", "mine"])
+def test_bad_domain_is_one_line(domain):
+    with NodeProcess(
+        "intent_recognition.nodes.mocap_ingest", environment={"ROS_DOMAIN_ID": domain}
+    ) as node:
+        assert node.wait() == 1
+    assert len(node.errors.splitlines()) == 1
+    assert "ROS_DOMAIN_ID" in node.errors
+
+
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_end_a_node_quietly(harness, signal_number):
     reports = harness.collect(DiagnosticArray, "/diagnostics")
