@@ -103,15 +103,15 @@ class JointPlan:
             )
         )
 
-    def phase_at(self, time_s: float) -> tuple[float, float]:
-        """Phase and phase rate [1/s] `time_s` after the start."""
+    def phase_at(self, time_s: float) -> tuple[float, float, float]:
+        """Phase, phase rate [1/s] and its derivative [1/s^2] `time_s` after the start."""
         if time_s >= self.duration_s:
-            return float(self.phase[-1]), 0.0
+            return float(self.phase[-1]), 0.0, 0.0
         i, h, tau = self._locate(time_s)
-        position, rate, _ = _hermite(
+        position, rate, acceleration = _hermite(
             h, tau, self.phase[i], self.phase_rate[i], self.phase[i + 1], self.phase_rate[i + 1]
         )
-        return float(np.clip(position, 0.0, 1.0)), float(max(rate, 0.0))
+        return float(np.clip(position, 0.0, 1.0)), float(max(rate, 0.0)), float(acceleration)
 
     def _locate(self, time_s: float) -> tuple[int, float, float]:
         """Interval index, its length [s] and the time since its start as a share of it."""

@@ -77,6 +77,7 @@ def plan_interaction(
     phase_rate: float,
     limits: JointLimits,
     settings: PlanSettings = PlanSettings(),
+    phase_acceleration: float = 0.0,
 ) -> JointPlan | None:
     """Follow a predicted interaction from where the arm's reference is.
 
@@ -88,12 +89,15 @@ def plan_interaction(
         phase_rate: its rate [1/s].
         limits: position, velocity and acceleration limits, as scaled as wanted.
         settings: see `PlanSettings`.
+        phase_acceleration: the rate's derivative [1/s^2] in the plan before; what it explains
+            of the start's acceleration is not left to the offset.
 
     Returns:
         The plan, or None if none keeps the limits from this start: the plan before it ends at
         rest and is safe to go on with.
     """
-    return _along(path, nominal, start, phase, phase_rate, limits, settings, "interaction")
+    progress = (phase, phase_rate, phase_acceleration)
+    return _along(path, nominal, start, progress, limits, settings, "interaction")
 
 
 def stop_plan(
@@ -103,9 +107,11 @@ def stop_plan(
     phase_rate: float,
     limits: JointLimits,
     settings: PlanSettings = PlanSettings(),
+    phase_acceleration: float = 0.0,
 ) -> JointPlan:
     """Slow to a stand along the path as fast as the limits allow; always gives a plan."""
-    plan = _along(path, None, start, phase, phase_rate, limits, settings, "stop")
+    progress = (phase, phase_rate, phase_acceleration)
+    plan = _along(path, None, start, progress, limits, settings, "stop")
     return plan if plan is not None else brake_plan(start, phase, limits, settings)
 
 
@@ -185,39 +191,43 @@ def _home_samples(offset: Offset, target, settings, clamped) -> JointPlan:
     return JointPlan(times, target + q, v, standing, standing, "home", clamped)
 
 
-def _along(path, nominal, start, phase, phase_rate, limits, settings, kind) -> JointPlan | None:
+def _along(path, nominal, start, progress, limits, settings, kind) -> JointPlan | None:
     """A plan along the path; where the sum exceeds a limit, path and offset are slowed there."""
-    share, stretch = np.full(N_GRID, _FIRST_SHARE), 1.0
+    phase, phase_rate, _ = progress
+    share, stretch = np.full(N_GRID, _FIRST_SHARE if nominal is not None else 1.0), 1.0
     step_s = settings.step_s
     if nominal is not None:
         step_s = max(step_s, nominal.duration_s / settings.target_samples)
     for _ in range(_N_ATTEMPTS):
-        offset, bounds, rate = _split(path, start, phase, phase_rate, limits, settings, share)
+        offset = _join(path, start, progress, limits, settings)
+        bounds = _path_bounds(path, offset, limits, settings, share)
+        rate = min(phase_rate, largest_rate(bounds, phase))
+        if rate < phase_rate:
+            offset = _join(path, start, (phase, rate, progress[2]), limits, settings)
         offset = offset._replace(duration_s=offset.duration_s * stretch)
         hold_s = _hold(offset, settings) if phase_rate <= 0.0 else 0.0
-        progress = run(bounds, phase, rate, nominal, step_s=step_s, hold_s=hold_s)
-        if progress is None:
+        done = run(bounds, phase, rate, nominal, step_s=step_s, hold_s=hold_s)
+        if done is None:
             return None
-        plan = _compose(path, progress, offset, step_s, kind)
+        plan = _compose(path, done, offset, step_s, kind)
         if _keeps(plan, start, limits):
             return replace(plan, slowed=nominal is not None and _too_fast(path, limits))
         share, stretch = _mend(plan, offset, limits, share, stretch)
     return None
 
 
-def _split(path, start, phase, phase_rate, limits, settings, share):
-    """Offset, bounds along the path and phase rate that make up the start reference."""
-    slope = path.derivative(phase)
-    difference = start.position - path.spline(phase)
-    curvature = path.derivative(phase, 1) * phase_rate**2
-    slip = start.velocity - slope * phase_rate
-    offset = _offset(difference, slip, start.acceleration - curvature, limits, settings)
-    bounds = _path_bounds(path, offset, limits, settings, share)
-    rate = min(phase_rate, largest_rate(bounds, phase))
-    if rate < phase_rate:
-        slip = start.velocity - slope * rate
-        offset = _offset(difference, slip, np.zeros_like(slip), limits, settings)
-    return offset, bounds, rate
+def _join(path, start, progress, limits, settings) -> Offset:
+    """The offset between a reference and the path run through at this progress."""
+    phase, rate, acceleration = progress
+    slope, bend = path.derivative(phase), path.derivative(phase, 1)
+    return decay(
+        start.position - path.spline(phase),
+        start.velocity - slope * rate,
+        start.acceleration - bend * rate**2 - slope * acceleration,
+        max_velocity=settings.offset_velocity_share * limits.velocity,
+        max_acceleration=settings.offset_share * limits.acceleration,
+        shortest_s=settings.shortest_offset_s,
+    )
 
 
 def _mend(plan: JointPlan, offset: Offset, limits, share, stretch):
@@ -228,20 +238,9 @@ def _mend(plan: JointPlan, offset: Offset, limits, share, stretch):
     for k in over:
         first = max(int(plan.phase[k] * N_GRID) - 2, 0)
         last = min(int(plan.phase[k + 1] * N_GRID) + 3, N_GRID)
-        factor[first:last] = np.minimum(factor[first:last], 0.95 / use[k])
+        factor[first:last] = np.minimum(factor[first:last], 0.97 / use[k])
     in_offset = bool(np.any(plan.times_s[over] < offset.duration_s)) or not over.size
     return share * factor, stretch * (1.25 if in_offset else 1.0)
-
-
-def _offset(difference, slip, acceleration, limits, settings) -> Offset:
-    return decay(
-        difference,
-        slip,
-        acceleration,
-        max_velocity=settings.offset_velocity_share * limits.velocity,
-        max_acceleration=settings.offset_share * limits.acceleration,
-        shortest_s=settings.shortest_offset_s,
-    )
 
 
 def _path_bounds(path, offset: Offset, limits, settings, share) -> SpeedLimits:

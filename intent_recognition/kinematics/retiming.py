@@ -176,12 +176,10 @@ def _next_rate(limits, s, v, t, nominal, step_s, gain) -> float:
     """The phase rate one step later."""
     low, high = _phase_acceleration(limits, s, v, step_s)
     wanted = 0.0
-    if nominal is not None:
+    if nominal is not None and t >= nominal.onset_s:
         own = 1.0 / nominal.duration_s
         lag = (t + step_s - nominal.onset_s) * own - s - v * step_s / 2.0
         wanted = max(own + _approach(lag, gain, 0.5 * max(-low, 0.1 * own)), 0.0)
-        if lag < 0.0 and t < nominal.onset_s:
-            wanted = 0.0
     v_next = max(v + min(max((wanted - v) / step_s, low), high) * step_s, 0.0)
     if v_next > v:
         _, high = _phase_acceleration(limits, s, v_next, step_s)

@@ -110,8 +110,8 @@ class Command(NamedTuple):
         """What it asks of the arm at a time."""
         return self.plan.at((time_ns - self.start_ns) * 1e-9)
 
-    def phase_at(self, time_ns: int) -> tuple[float, float]:
-        """Phase and phase rate [1/s] at a time."""
+    def phase_at(self, time_ns: int) -> tuple[float, float, float]:
+        """Phase, phase rate [1/s] and its derivative [1/s^2] at a time."""
         return self.plan.phase_at((time_ns - self.start_ns) * 1e-9)
 
 
@@ -324,7 +324,7 @@ class Activation:
             return None
         if self._home is None:
             self._home = start.position
-        command = self._plan(now_ns, start_ns, start, 0.0, 0.0)
+        command = self._plan(now_ns, start_ns, start, 0.0, 0.0, 0.0)
         if command is not None:
             self.mode, self.active_task, self.stop_reason = Mode.EXECUTING, prediction.label, ""
             self._arrived_ns, self._over, self._served_end_ns = None, False, None
@@ -340,17 +340,24 @@ class Activation:
         if self.decision.active != self.active_task or not self._arm_follows(now_ns):
             return None
         start_ns = self._switch_ns(now_ns)
-        phase, rate = self._current.phase_at(start_ns)
-        return self._plan(now_ns, start_ns, self._current.at(start_ns), phase, rate)
+        progress = self._current.phase_at(start_ns)
+        return self._plan(now_ns, start_ns, self._current.at(start_ns), *progress)
 
-    def _plan(self, now_ns, start_ns, start, phase, rate) -> Command | None:
+    def _plan(self, now_ns, start_ns, start, phase, rate, acceleration) -> Command | None:
         prediction = self._prediction
         self._unused = False
         onset_s = (prediction.onset_ns - start_ns) * 1e-9
         nominal = NominalTiming(onset_s, prediction.path.duration_s)
         settings = self._settings
         plan = plan_interaction(
-            prediction.path, nominal, start, phase, rate, settings.limits, settings.plan
+            prediction.path,
+            nominal,
+            start,
+            phase,
+            rate,
+            settings.limits,
+            settings.plan,
+            phase_acceleration=acceleration,
         )
         if plan is None:
             self._reject("infeasible", f"no plan for {prediction.label} keeps the limits")
@@ -371,11 +378,19 @@ class Activation:
 
     def _stop_plan(self, start_ns: int) -> JointPlan:
         start = self._current.at(start_ns)
-        phase, rate = self._current.phase_at(start_ns)
-        settings = self._settings
+        phase, rate, acceleration = self._current.phase_at(start_ns)
+        limits, settings = self._settings.limits, self._settings.plan
         if self._executed is None or self._current.plan.kind == "home":
-            return brake_plan(start, phase, settings.limits, settings.plan)
-        return stop_plan(self._executed.path, start, phase, rate, settings.limits, settings.plan)
+            return brake_plan(start, phase, limits, settings)
+        return stop_plan(
+            self._executed.path,
+            start,
+            phase,
+            rate,
+            limits,
+            settings,
+            phase_acceleration=acceleration,
+        )
 
     def _go_home(self, now_ns: int) -> Command | None:
         """Return home, braking first where no plan home starts from this motion."""
