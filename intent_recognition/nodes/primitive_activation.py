@@ -175,7 +175,9 @@ class PrimitiveActivation(ManagedNode):
             if self.joint_names and names != self.joint_names:
                 raise _RejectionError("wrong_joint_names", f"{list(names)} for {self.joint_names}")
             if not label:
-                raise _RejectionError("no_task", "intent/robot_trajectory without a task in frame_id")
+                raise _RejectionError(
+                    "no_task", "intent/robot_trajectory without a task in frame_id"
+                )
             times_s, positions, rest = trajectory_arrays(message)
             _check_trajectory(times_s, positions, rest)
             if self.activation is None:

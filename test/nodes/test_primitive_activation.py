@@ -1,0 +1,416 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The activation node on its topics, on simulated time, with a fake estimator and arm."""
+
+import copy
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import (
+    build_joint_trajectory,
+    stamp_ns,
+    to_joint_state,
+    to_stamp,
+    trajectory_arrays,
+)
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+
+HOME = np.array([-0.07, -0.58, -0.47, 1.5, -0.39, 0.94, 0.5])
+LABELS = ("plate", "screw", "none")
+GOALS = {"plate": np.full(7, 0.4), "screw": np.linspace(-0.5, 0.4, 7)}
+START_NS = 50_000_000_000
+STEP_NS = 20_000_000
+
+
+def hermite(message, time_ns):
+    """Position and velocity a cubic follower of the message has at a time."""
+    times, q, rest = trajectory_arrays(message)
+    v = rest["velocities"]
+    t = (time_ns - stamp_ns(message)) * 1e-9
+    if t >= times[-1]:
+        return q[-1], v[-1]
+    i = max(int(np.searchsorted(times, t, side="right")) - 1, 0)
+    h, x = times[i + 1] - times[i], (t - times[i]) / (times[i + 1] - times[i])
+    position = (
+        (2 * x**3 - 3 * x**2 + 1) * q[i]
+        + (x**3 - 2 * x**2 + x) * h * v[i]
+        + (-2 * x**3 + 3 * x**2) * q[i + 1]
+        + (x**3 - x**2) * h * v[i + 1]
+    )
+    velocity = (
+        6 * (x**2 - x) / h * (q[i] - q[i + 1])
+        + (3 * x**2 - 4 * x + 1) * v[i]
+        + (3 * x**2 - 2 * x) * v[i + 1]
+    )
+    return position, velocity
+
+
+def predicted(task, onset_ns, duration_s=2.0, shift=0.0, names=JOINT_NAMES, size=1.0):
+    s = np.linspace(0.0, 1.0, 50)
+    q = HOME + np.outer(s**3 * (10 - 15 * s + 6 * s**2), size * (GOALS[task] + shift))
+    v = np.outer(30 * s**2 * (1 - s) ** 2, size * (GOALS[task] + shift)) / duration_s
+    message = build_joint_trajectory(
+        names, s * duration_s, q, v, np.full((50, 7), 0.05), time_ns=onset_ns
+    )
+    message.header.frame_id = task
+    return message
+
+
+class Graph:
+    """Fake estimator, arm and clock around a real node."""
+
+    def __init__(self, harness, **parameters):
+        self.harness = harness
+        parameters = {"use_sim_time": True, "home": HOME.tolist(), **parameters}
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        self.node = harness.add(PrimitiveActivation(parameter_overrides=overrides))
+        self.clock = harness.publisher(Clock, "/clock", 10)
+        self.tasks = harness.publisher(JointState, "intent/tasks", qos.STATE)
+        self.prediction = harness.publisher(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+        self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
+        self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
+        self.active = harness.collect(String, "intent/active_task", qos.LATCHED)
+        harness.connect(self.clock, self.tasks, self.prediction, self.joints)
+        self.now_ns, self.k = START_NS, 0
+        self.task, self.onset_ns, self.shift = "idle", 0, 0.0
+        self.speaks = True
+        self.tick()
+
+    def seen(self, stream):
+        return self.node.diagnostics._totals[stream]
+
+    def send(self, publisher, message, stream):
+        """Publish and spin until the node has handled it, so that no message depends on timing."""
+        before = self.seen(stream)
+        publisher.publish(message)
+        self.harness.spin_until(lambda: self.seen(stream) > before, what=stream)
+
+    def tick(self):
+        self.now_ns += STEP_NS
+        self.clock.publish(Clock(clock=to_stamp(self.now_ns)))
+        clock = self.node.get_clock()
+        self.harness.spin_until(lambda: clock.now().nanoseconds >= self.now_ns, what="clock")
+
+    def probabilities(self):
+        if self.task == "idle":
+            return [0.0, 0.0, 1.0]
+        p = np.full(3, 0.02)
+        p[LABELS.index(self.task)] = 0.96
+        return p
+
+    def arm(self):
+        for message in reversed(self.commands):
+            if self.now_ns >= stamp_ns(message):
+                return hermite(message, self.now_ns)[0]
+        return HOME
+
+    def send_joints(self, position=None):
+        q = self.arm() if position is None else position
+        message = to_joint_state(JOINT_NAMES, q, np.zeros(7), time_ns=self.now_ns)
+        self.send(self.joints, message, "joint_states")
+
+    def send_tasks(self, p=None, time_ns=None, names=LABELS):
+        p = self.probabilities() if p is None else p
+        time_ns = self.now_ns if time_ns is None else time_ns
+        self.send(self.tasks, to_joint_state(names, p, time_ns=time_ns), "intent/tasks")
+
+    def send_prediction(self, message=None):
+        message = message or predicted(self.task, self.onset_ns, shift=self.shift)
+        self.send(self.prediction, message, "intent/robot_trajectory")
+
+    def step(self):
+        """20 ms of the graph: joint states and tasks at 50 Hz, predictions at 25 Hz."""
+        self.tick()
+        self.k += 1
+        self.send_joints()
+        if self.speaks:
+            if self.task in GOALS and self.k % 2:
+                self.shift += 0.004 if self.k % 4 == 1 else -0.003
+                self.send_prediction()
+            self.send_tasks()
+
+    def until(self, predicate, longest_s=15.0):
+        for _ in range(round(longest_s * 1e9 / STEP_NS)):
+            if predicate():
+                return
+            self.step()
+        raise AssertionError(f"not within {longest_s} simulated s; mode {self.mode}")
+
+    @property
+    def mode(self):
+        activation = self.node.activation  # None until the joints are known
+        return "idle" if activation is None else activation.mode.value
+
+    def begin(self, task="plate", already_s=0.6):
+        self.task, self.onset_ns = task, self.now_ns - round(already_s * 1e9)
+
+    def rejected(self, reason):
+        return self.node.diagnostics.rejected(reason)
+
+    def report(self):
+        status = self.node.diagnostics.report()
+        return status, {value.key: value.value for value in status.values}
+
+
+@pytest.fixture
+def graph(harness):
+    return Graph(harness)
+
+
+def check_commands(commands):
+    assert commands
+    names = list(JOINT_NAMES)
+    for message in commands:
+        times, q, rest = trajectory_arrays(message)
+        assert message.joint_names == names and times[0] == 0.0 and np.all(np.diff(times) > 0)
+        assert all(len(point.effort) == 0 for point in message.points)
+        assert np.all(rest["velocities"][-1] == 0.0)
+        assert np.all((q > LWR_LIMITS.lower) & (q < LWR_LIMITS.upper))
+        assert np.all(np.abs(rest["velocities"]) <= 0.9 * LWR_LIMITS.velocity * (1 + 1e-6))
+        assert np.all(np.abs(q[0]) < np.pi)
+    for before, after in pairwise(commands):
+        was, now = hermite(before, stamp_ns(after)), hermite(after, stamp_ns(after))
+        np.testing.assert_allclose(now[0], was[0], atol=1e-7)
+        np.testing.assert_allclose(now[1], was[1], atol=1e-6)
+        assert stamp_ns(after) >= stamp_ns(before)
+
+
+def test_an_interaction_on_the_topics(graph):
+    graph.begin()
+    graph.until(lambda: graph.mode == "executing")
+    graph.until(lambda: graph.mode == "homing")
+    np.testing.assert_allclose(graph.arm(), HOME + GOALS["plate"] + graph.shift, atol=0.02)
+    graph.until(lambda: graph.mode == "idle")
+    graph.until(lambda: len(graph.active) >= 3)
+    assert [message.data for message in graph.active] == ["", "plate", ""]
+    np.testing.assert_allclose(graph.arm(), HOME, atol=1e-6)
+    assert len(graph.commands) > 20
+    check_commands(graph.commands)
+    for _ in range(20):  # the human still holds still: not again
+        graph.step()
+    assert graph.mode == "idle"
+    graph.task = "idle"
+    graph.step()
+    graph.begin("screw")
+    graph.until(lambda: graph.mode == "executing")
+    check_commands(graph.commands)
+
+
+def test_silence_stops_the_arm_and_diagnostics_say_so(graph):
+    graph.begin(already_s=0.2)
+    graph.until(lambda: graph.mode == "executing")
+    graph.until(lambda: np.abs(graph.arm() - HOME).max() > 0.02)
+    graph.speaks = False
+    graph.until(lambda: graph.mode == "stopped")
+    status, values = graph.report()
+    assert status.level == b"\x01" and "stream_stopped" in status.message
+    assert values["count stopped: stream_stopped"] == "1"
+    graph.until(lambda: graph.mode == "homing")
+    graph.until(lambda: graph.mode == "idle")
+    check_commands(graph.commands)
+
+
+def test_a_prediction_outside_the_limits_is_bent_and_reported(graph):
+    graph.begin(already_s=0.2)
+    for _ in range(10):
+        graph.tick()
+        graph.send_joints()
+        graph.send_prediction(predicted("plate", graph.onset_ns, size=3.0))
+        graph.send_tasks()
+    graph.harness.spin_until(lambda: graph.commands)
+    check_commands(graph.commands)
+    values = graph.report()[1]
+    assert int(values["count clamped"]) > 0
+
+
+def test_a_prediction_too_fast_is_slowed_and_reported(graph):
+    graph.begin(already_s=0.1)
+    for _ in range(10):
+        graph.tick()
+        graph.send_joints()
+        graph.send_prediction(predicted("plate", graph.onset_ns, duration_s=0.3))
+        graph.send_tasks()
+    graph.harness.spin_until(lambda: graph.commands)
+    check_commands(graph.commands)
+    assert int(graph.report()[1]["count slowed"]) > 0
+
+
+def spoiled(fault, onset_ns):
+    message = copy.deepcopy(predicted("plate", onset_ns))
+    if fault == "wrong_joint_names":
+        message.joint_names[2] = "elbow"
+    elif fault == "wrong_size":
+        message.points[3].positions = [0.0] * 6
+    elif fault == "not_finite":
+        message.points[3].positions[2] = float("nan")
+    elif fault == "non_monotone_times":
+        message.points[4].time_from_start = message.points[3].time_from_start
+    elif fault == "too_few_points":
+        message.points = message.points[:1]
+    elif fault == "no_task":
+        message.header.frame_id = ""
+    elif fault == "zero_stamp":
+        message.header.stamp = to_stamp(0)
+    elif fault == "outdated":
+        message.header.stamp = to_stamp(onset_ns - 20_000_000_000)
+    elif fault == "stamp_in_future":
+        message.header.stamp = to_stamp(onset_ns + 20_000_000_000)
+    return message
+
+
+FAULTS = (
+    "wrong_joint_names",
+    "wrong_size",
+    "not_finite",
+    "non_monotone_times",
+    "too_few_points",
+    "no_task",
+    "zero_stamp",
+    "outdated",
+    "stamp_in_future",
+)
+
+
+def test_bad_predictions_are_rejected_by_reason_and_harm_nothing(graph):
+    graph.begin(already_s=0.2)
+    graph.until(lambda: graph.mode == "executing")
+    for fault in FAULTS:
+        before = graph.rejected(fault)
+        graph.step()
+        graph.send_prediction(spoiled(fault, graph.onset_ns))
+        assert graph.rejected(fault) == before + 1, fault
+    assert graph.mode == "executing"
+    values = graph.report()[1]
+    assert all(values[f"rejected {fault}"] == "1" for fault in FAULTS)
+    graph.until(lambda: graph.mode == "homing")
+    check_commands(graph.commands)
+
+
+def test_bad_tasks_are_rejected_by_reason(graph):
+    graph.begin(already_s=0.2)
+    graph.until(lambda: graph.mode == "executing")
+    cases = [
+        ("bad_tasks", {"p": [0.5, 0.5], "names": LABELS}),
+        ("bad_tasks", {"p": [float("nan"), 0.5, 0.5]}),
+        ("bad_tasks", {"p": [0.9, 0.9, 0.9]}),
+        ("bad_tasks", {"p": [0.5, 0.5], "names": ("plate", "screw")}),
+        ("zero_stamp", {"time_ns": 0}),
+        ("stamp_not_increasing", {"time_ns": START_NS}),
+        ("stamp_in_future", {"time_ns": START_NS + 10**12}),
+    ]
+    for reason, case in cases:
+        graph.step()
+        graph.tick()
+        before = graph.rejected(reason)
+        graph.send_tasks(**case)
+        assert graph.rejected(reason) == before + 1, (reason, case)
+    assert graph.mode == "executing"
+
+
+def test_bad_joint_states_are_rejected_by_reason(graph):
+    graph.begin(already_s=0.2)
+    graph.until(lambda: graph.mode == "executing")
+    nan = np.array([*HOME[:6], np.nan])
+    cases = [
+        ("joint_states_incomplete", to_joint_state(JOINT_NAMES[:6], HOME[:6], time_ns=1)),
+        ("joint_states_not_finite", to_joint_state(JOINT_NAMES, nan, time_ns=graph.now_ns + 1)),
+        ("joint_states_zero_stamp", to_joint_state(JOINT_NAMES, HOME, time_ns=0)),
+        ("joint_state_not_increasing", to_joint_state(JOINT_NAMES, HOME, time_ns=1)),
+    ]
+    for reason, message in cases:
+        graph.send(graph.joints, message, "joint_states")
+        assert graph.rejected(reason) == 1, reason
+
+
+def test_stale_joint_states_start_nothing(graph):
+    graph.begin()
+    for _ in range(20):
+        graph.tick()
+        graph.send_prediction()
+        graph.send_tasks()
+    assert graph.mode == "idle" and not graph.commands
+    assert graph.rejected("stale_joint_states") >= 1
+
+
+def test_none_and_uncertain_ends_activate_nothing(graph):
+    graph.begin()
+    uncertain = predicted("plate", graph.onset_ns)
+    uncertain.points[-1].effort = [0.6] * 7
+    for _ in range(12):
+        graph.tick()
+        graph.send_joints()
+        graph.send_prediction(uncertain)
+        graph.send_tasks()
+    graph.task = "none"
+    for _ in range(12):
+        graph.step()
+    assert graph.mode == "idle" and not graph.commands
+
+
+def test_reset_sends_the_arm_home(graph):
+    graph.begin(already_s=0.2)
+    graph.until(lambda: graph.mode == "executing")
+    name = "/primitive_activation/reset"
+    assert graph.harness.call(Trigger, name, Trigger.Request()).success
+    assert graph.mode == "homing"
+    graph.until(lambda: graph.mode == "idle")
+    np.testing.assert_allclose(graph.arm(), HOME, atol=1e-6)
+    check_commands(graph.commands)
+
+
+def test_deactivating_brakes_and_activating_starts_clean(graph):
+    graph.begin(already_s=0.2)
+    graph.until(lambda: graph.mode == "executing")
+    graph.until(lambda: np.abs(graph.arm() - HOME).max() > 0.02)
+    graph.harness.spin_until(lambda: len(graph.commands) >= graph.seen("joint_trajectory"))
+    n = len(graph.commands)
+    graph.node.trigger_deactivate()
+    graph.harness.spin_until(lambda: len(graph.commands) > n)
+    check_commands(graph.commands)
+    assert trajectory_arrays(graph.commands[-1])[0][-1] < 1.0
+    graph.node.trigger_activate()
+    assert graph.mode == "idle"
+
+
+def test_waits_for_activation_when_told_to(harness):
+    graph = Graph(harness, autostart=False)
+    graph.begin()
+    for _ in range(15):
+        graph.step()
+    assert graph.node.activation is None and not graph.commands
+    graph.node.trigger_configure()
+    graph.node.trigger_activate()
+    graph.until(lambda: graph.node.activation is not None and graph.mode == "executing")
+
+
+def test_joints_of_another_arm_need_limits(harness):
+    names = tuple(f"joint_{i}" for i in range(7))
+    graph = Graph(harness)
+    graph.begin()
+    graph.send_prediction(predicted("plate", graph.onset_ns, names=names))
+    assert graph.rejected("wrong_joint_names") == 1 and graph.node.activation is None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"threshold": 0.2},
+        {"timeout": -1.0},
+        {"home": [0.0] * 6, "joint_names": list(JOINT_NAMES)},
+        {"n_observations": 0},
+    ],
+)
+def test_wrong_parameters_are_errors_at_start(harness, wrong):
+    overrides = [Parameter(name, value=value) for name, value in wrong.items()]
+    with pytest.raises(ArgumentError):
+        PrimitiveActivation(parameter_overrides=overrides)
