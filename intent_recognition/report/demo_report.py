@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's report: key numbers beside the paper's, the table, and figures of what was measured."""
+"""The demo's report: key numbers beside the paper's, figures of what was measured, the table."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import TypedDict
 import numpy as np
 
 from intent_recognition.report import figures
-from intent_recognition.report.drawing import readable, to_svg
+from intent_recognition.report.drawing import NONE, readable, to_svg
 from intent_recognition.report.figures_evaluation import reliability_bins, reliability_figure
 from intent_recognition.report.figures_interaction import (
     joint_figure,
@@ -180,20 +180,26 @@ def _figures_of_records(
     if arrivals:
         figure = figures.arrival_figure(arrivals)
         drawn.append(_figure(figure, "Zero is the end of the human's movement."))
-    if records:
-        figure = figures.confusion_figure(
-            *figures.confusion_counts([r.task for r in records], [r.recognised for r in records])
-        )
-        drawn.append(_figure(figure, "What each task was recognised as."))
+    decided = [r for r in records if r.decision_time_s is not None]
+    decisions = _per_task(decided, "decision_time_s")
+    if decisions:
+        figure = figures.timing_figure(_per_task(decided, "movement_s"), decisions)
+        drawn.append(_figure(figure, "Slow movements and quick ones: below the line is before it."))
     return (Row(tuple(drawn)),) if drawn else ()
 
 
 def _figures_of_posteriors(
     records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]
 ) -> tuple[Block, ...]:
+    if not records:
+        return ()
+    figure = figures.confusion_figure(
+        *figures.confusion_counts([r.task for r in records], [r.recognised for r in records])
+    )
+    confusion = _figure(figure, "What each task was recognised as.")
     both = [(r, by_index[r.index]) for r in records if _has_posterior(by_index.get(r.index))]
     if not both:
-        return ()
+        return (Row((confusion,)),)
     labels = list(both[0][1]["labels"])
     both = [(r, t) for r, t in both if list(t["labels"]) == labels]
     probabilities = [np.asarray(t["probabilities"], dtype=float) for _, t in both]
@@ -220,6 +226,7 @@ def _figures_of_posteriors(
         ),
         Row(
             (
+                confusion,
                 _figure(
                     reliability_figure(*bins),
                     "Are the probabilities to be believed? Every posterior of every interaction,"
@@ -276,7 +283,8 @@ def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
 
 
 def _sentence(record: InteractionRecord) -> str:
-    parts = [f"recognised as {readable(record.recognised)}"]
+    found = record.recognised not in ("", NONE)
+    parts = [f"recognised as {readable(record.recognised)}" if found else "not recognised"]
     if record.observations is not None:
         parts.append(f"after {record.observations} observations")
     if record.decision_share is not None:

@@ -43,7 +43,7 @@ WITHOUT_UNIT = {"coverage_2_sigma": "%", "nll": "nat"}
 EXPLANATION = (
     "Every recording is scored by a library learned without it. Known phase: start and end of the"
     " test movement are given; unknown phase: only its start, speed and progress are inferred."
-    " RMSE is the root mean square error of the controlled agent over the whole movement, meaned"
+    " RMSE is the root mean square error of the controlled agent over the whole movement, averaged"
     " over recordings; baselines know the true task."
 )
 
@@ -95,7 +95,7 @@ def _units(result: Mapping) -> list[str]:
 
 
 def _key_numbers(result: Mapping) -> KeyNumbers:
-    numbers = [KeyNumber("recordings", str(result.get("n_demonstrations", 0)))]
+    numbers = []
     for phase, name in PHASE_NAMES.items():
         early = result.get("recognition", {}).get(phase, {}).get("0.3")
         if early:

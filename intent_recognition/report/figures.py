@@ -54,7 +54,7 @@ def hand_error_figure(
     axes.set_ylim(bottom=0.0)
     axes.grid(visible=False, axis="x")
     axes.set_ylabel("hand error [cm]")
-    axes.legend(handles=_mean_handles(bool(paper_cm)), loc="best")
+    figure.legend(handles=_mean_handles(bool(paper_cm)), loc="outside lower center", ncols=3)
     return figure
 
 
@@ -82,7 +82,7 @@ def decision_share_figure(shares: Mapping[str, Sequence[float]], bin_share: floa
         _vertical(axes, 100 * np.median(everything), f"median {100 * np.median(everything):.0f} %")
     axes.axvline(100.0, color=INK, linewidth=1.0)
     axes.set_xlabel("share of the human's movement passed at the decision [%]")
-    _counts(axes)
+    _counts(figure, axes)
     return figure
 
 
@@ -107,7 +107,47 @@ def arrival_figure(arrivals_s: Mapping[str, Sequence[float]]):
         _vertical(axes, np.median(everything), f"median {np.median(everything):+.2f} s")
     axes.axvline(0.0, color=INK, linewidth=1.0)
     axes.set_xlabel("robot's arrival after the human's end [s]")
-    _counts(axes)
+    _counts(figure, axes)
+    return figure
+
+
+@styled
+def timing_figure(
+    movements_s: Mapping[str, Sequence[float]], decisions_s: Mapping[str, Sequence[float]]
+):
+    """When it was decided, after onset, over how long the human's movement took, per task."""
+    colours, markers = task_colours(movements_s), task_markers(movements_s)
+    figure = new_figure(5.6, 3.7)
+    axes = figure.subplots()
+    longest = max((max(v, default=0.0) for v in movements_s.values()), default=0.0) or 1.0
+    for share, style in ((1.0, "-"), (0.5, (0, (4, 2)))):
+        axes.plot([0, longest], [0, share * longest], color=SOFT, linewidth=1.1, linestyle=style)
+        text = "human's end" if share == 1.0 else "half of it"
+        axes.annotate(
+            text,
+            (longest, share * longest),
+            (-4, 3),
+            textcoords="offset points",
+            ha="right",
+            color=SOFT,
+            fontsize=8.5,
+        )
+    for task, movement_s in movements_s.items():
+        axes.scatter(
+            movement_s,
+            decisions_s[task],
+            s=24,
+            color=colours[task],
+            marker=markers[task],
+            alpha=0.75,
+            linewidths=0,
+            label=readable(task),
+        )
+    axes.set_xlim(0, 1.05 * longest)
+    axes.set_ylim(0, 1.12 * longest)
+    axes.set_xlabel("duration of the human's movement [s]")
+    axes.set_ylabel("decision after onset [s]")
+    figure.legend(loc="outside lower center", ncols=4)
     return figure
 
 
@@ -154,7 +194,7 @@ def posterior_figure(
 def confusion_figure(rows: Sequence[str], columns: Sequence[str], counts: np.ndarray):
     """How often each true task (row) was recognised as what (column), (R, C) counts."""
     counts = np.asarray(counts)
-    figure = new_figure(1.9 + 1.15 * len(columns), 1.2 + 0.75 * len(rows))
+    figure = new_figure(5.6, max(3.7, 1.2 + 0.5 * len(rows)))
     axes = figure.subplots()
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
     axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.25, aspect="auto")
@@ -166,7 +206,7 @@ def confusion_figure(rows: Sequence[str], columns: Sequence[str], counts: np.nda
             ha="center",
             va="center",
             fontsize=12,
-            fontweight="semibold" if count else "normal",
+            fontweight="bold" if count else "normal",
             color="white" if shares[row, column] > 0.55 else (INK if count else "#aab4bf"),
         )
     axes.set_xticks(range(len(columns)), [readable(c).replace(" ", "\n") for c in columns])
@@ -249,16 +289,26 @@ def _mean_handles(with_paper: bool) -> list:
 
 
 def _vertical(axes, x: float, text: str) -> None:
-    axes.axvline(x, color=INK, linewidth=1.3, linestyle=(0, (4, 2)), label=text)
+    axes.axvline(x, color=INK, linewidth=1.3, linestyle=(0, (4, 2)))
+    axes.margins(y=0.12)
+    axes.annotate(
+        text,
+        (x, 1.0),
+        (4, -2),
+        xycoords=axes.get_xaxis_transform(),
+        textcoords="offset points",
+        va="top",
+        fontsize=9,
+    )
 
 
-def _counts(axes) -> None:
+def _counts(figure, axes) -> None:
     from matplotlib.ticker import MaxNLocator
 
     axes.set_ylabel("interactions")
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(visible=False, axis="x")
-    axes.legend(loc="best")
+    figure.legend(loc="outside lower center", ncols=4)
 
 
 def _label_legend(figure, labels: Sequence[str], colours: Mapping[str, str]) -> None:

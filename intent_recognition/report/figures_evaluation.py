@@ -51,7 +51,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str):
             _line(axes, fractions, values, label, colour, marker, line)
         axes.set_title(PHASE_STYLES[phase][0] if phase in PHASE_STYLES else phase)
         axes.set_xlabel("share of the movement observed [%]")
-        axes.set_ylim(bottom=0.0)
+        axes.margins(y=0.12)
     grid[0].set_ylabel(f"RMSE [{unit}]")
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
@@ -73,7 +73,7 @@ def coverage_figure(coverage: Series):
         transform=axes.get_yaxis_transform(),
     )
     _phases(axes, {name: (f, 100 * np.asarray(v, float)) for name, (f, v) in coverage.items()})
-    axes.set_ylim(min(60.0, 100 * _lowest(coverage) - 5), 102)
+    axes.set_ylim(min(80.0, 100 * _lowest(coverage) - 5), 102)
     axes.set_ylabel("inside \N{PLUS-MINUS SIGN}2 sigma [%]")
     axes.legend(loc="lower right")
     return figure
@@ -89,7 +89,7 @@ def reliability_figure(confidence: np.ndarray, share_right: np.ndarray, counts: 
         counts: probabilities per bin; the area of the dots.
     """
     counts = np.asarray(counts, dtype=float)
-    figure = new_figure(5.6, 3.9)
+    figure = new_figure(5.6, 3.7)
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=(0, (4, 2)), label="calibrated")
     used = counts > 0
@@ -111,10 +111,9 @@ def reliability_figure(confidence: np.ndarray, share_right: np.ndarray, counts: 
     )
     axes.set_xlim(-0.04, 1.04)
     axes.set_ylim(-0.04, 1.04)
-    axes.set_aspect("equal")
     axes.set_xlabel("probability given to a task")
     axes.set_ylabel("share of cases in which it was true")
-    axes.legend(loc="upper left", markerscale=0.6)
+    axes.legend(loc="lower right", markerscale=0.6)
     return figure
 
 

@@ -15,7 +15,7 @@ from intent_recognition.report.drawing import (
     task_colours,
 )
 
-OBSERVED, PREDICTED = INK, PALETTE[1]
+OBSERVED, PREDICTED, TUBE = INK, PALETTE[1], "#fae3d3"
 MAX_POINTS = 400
 
 
@@ -40,7 +40,8 @@ def wrist_figure(trace: Mapping):
         axes.set_ylabel(f"{'xyz'[j]} [m]")
         axes.set_aspect("equal", adjustable="datalim")
         axes.locator_params(nbins=5)
-    grid[0].legend(loc="best")
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -56,7 +57,7 @@ def joint_figure(trace: Mapping):
     names = trace.get("joint_names") or [f"joint {i + 1}" for i in range(count)]
     columns = 4 if count > 3 else count
     rows = -(-count // columns)
-    figure = new_figure(11.2, 0.7 + 2.0 * rows)
+    figure = new_figure(11.2, 0.6 + 2.1 * rows, _margins(rows, count == columns * rows))
     grid = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
     for joint, axes in enumerate(grid[:count]):
         if std is not None and mean.size:
@@ -94,8 +95,20 @@ def posterior_over_time_figure(trace: Mapping, movement_s: float):
     axes.set_ylim(-0.02, 1.04)
     axes.set_xlabel("time after onset [s]")
     axes.set_ylabel("probability")
-    axes.legend(loc="center right")
+    figure.legend(loc="outside lower center", ncols=5)
     return figure
+
+
+def _margins(rows: int, legend_below: bool) -> dict[str, float]:
+    height_in = 0.6 + 2.1 * rows
+    return {
+        "left": 0.055,
+        "right": 0.995,
+        "top": 1 - 0.3 / height_in,
+        "bottom": (0.85 if legend_below else 0.5) / height_in,
+        "wspace": 0.24,
+        "hspace": 0.42,
+    }
 
 
 def thin(values: np.ndarray, count: int = MAX_POINTS) -> np.ndarray:
@@ -112,6 +125,7 @@ def _tube(axes, path: np.ndarray, std: np.ndarray | None, dofs: tuple[int, int])
     from matplotlib.collections import EllipseCollection
 
     size = 4 * np.asarray(std, dtype=float)[:, list(dofs)]
+    axes.update_datalim(np.concatenate([path - size / 2, path + size / 2]))
     at = np.linspace(0, len(path) - 1, min(len(path), 40)).round().astype(int)
     axes.add_collection(
         EllipseCollection(
@@ -121,9 +135,9 @@ def _tube(axes, path: np.ndarray, std: np.ndarray | None, dofs: tuple[int, int])
             units="xy",
             offsets=path[at],
             offset_transform=axes.transData,
-            facecolors=PREDICTED,
-            alpha=0.06,
+            facecolors=TUBE,
             linewidths=0,
+            zorder=1.5,
         )
     )
 
@@ -156,4 +170,4 @@ def _legend(figure, grid, count: int, with_band: bool, trace: Mapping) -> None:
     if count < len(grid):
         grid[count].legend(handles=handles, loc="center left")
     else:
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+        figure.legend(handles=handles, loc="lower center", ncols=len(handles))

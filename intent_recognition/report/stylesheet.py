@@ -31,7 +31,7 @@ h2 { font-size: 1.15rem; margin: 0 0 12px; }
 section > p { margin: 0 0 12px; max-width: 80ch; }
 section > p:last-child { margin-bottom: 0; }
 .small { color: var(--soft); font-size: 0.87rem; }
-.numbers { display: grid; grid-template-columns: repeat(auto-fit, minmax(190px, 1fr)); gap: 14px; }
+.numbers { display: grid; grid-template-columns: repeat(auto-fit, minmax(225px, 1fr)); gap: 14px; }
 .numbers + * { margin-top: 16px; }
 .number {
   border: 1px solid var(--line); border-left: 4px solid var(--accent); border-radius: 8px;
@@ -41,7 +41,8 @@ section > p:last-child { margin-bottom: 0; }
 .number.bad { border-left-color: var(--bad); }
 .label { color: var(--soft); font-size: 0.85rem; line-height: 1.3; }
 .ours {
-  font-size: 1.5rem; font-weight: 650; line-height: 1.35; font-variant-numeric: tabular-nums;
+  font-size: 1.4rem; font-weight: 650; line-height: 1.4; font-variant-numeric: tabular-nums;
+  white-space: nowrap;
 }
 .number.good .ours { color: var(--good); }
 .number.bad .ours { color: var(--bad); }
@@ -69,6 +70,7 @@ figcaption {
   color: var(--soft); font-size: 0.87rem; line-height: 1.45; text-align: left; margin-top: 6px;
 }
 footer { color: var(--soft); font-size: 0.85rem; padding: 4px 2px; }
+@media (prefers-color-scheme: dark) { figure img { padding: 8px; background: #f4f6f8; } }
 @media (max-width: 560px) {
   main { padding: 20px 12px; } section { padding: 16px 14px; }
   .row { grid-template-columns: 1fr; }
