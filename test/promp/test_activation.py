@@ -8,7 +8,8 @@ from intent_recognition.errors import IntentError
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.kinematics.path import make_path
 from intent_recognition.kinematics.planning import scaled_limits
-from intent_recognition.promp.activation import Activation, ActivationSettings, Mode, Prediction
+from intent_recognition.promp.activation import Activation
+from intent_recognition.promp.activation_settings import ActivationSettings, Mode, Prediction
 
 LIMITS = scaled_limits(LWR_LIMITS)
 HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])

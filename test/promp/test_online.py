@@ -1,0 +1,466 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The online estimator as a whole: recognises, predicts, ends, begins again, swaps, resets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from promp.simulation import START_NS, Recording, make_library, minimum_jerk, simulate
+
+from intent_recognition.errors import DofError
+from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.bank import make_hypotheses, start_bank
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.observations import Observation, merge, run_bank
+from intent_recognition.promp.online import Estimate, IntentEstimator
+from intent_recognition.promp.prediction import controlled_weights, observed_weights, rollout
+from intent_recognition.promp.recognition import task_posterior
+from intent_recognition.promp.training import TrainingSettings, learn
+
+
+@pytest.fixture(scope="module")
+def truth() -> TaskLibrary:
+    """What the simulated humans do."""
+    rng = np.random.default_rng(5)
+    return make_library(rng, n_tasks=3, n_basis=10, spread=0.03, noise_std=0.001)
+
+
+@pytest.fixture(scope="module")
+def library(truth) -> TaskLibrary:
+    """Learned from recordings, cut where the online detector would cut them."""
+    return learned(truth)
+
+
+def learned(truth: TaskLibrary) -> TaskLibrary:
+    rng = np.random.default_rng(6)
+    recordings = [
+        movement(truth, i % truth.n_tasks, rng, name=f"demo_{i}") for i in range(12 * truth.n_tasks)
+    ]
+    return learn(recordings, TrainingSettings(n_basis=10))[0]
+
+
+def feed(estimator: IntentEstimator, observations) -> list[Estimate]:
+    estimates = []
+    for observation in observations:
+        assert estimator.reason_to_reject(observation) is None
+        estimates.append(estimator.observe(observation))
+    return estimates
+
+
+def movement(library: TaskLibrary, task: int, rng, **options) -> Recording:
+    return simulate(library, task, rng, **{"rest_before_s": 0.8, "rest_after_s": 0.8} | options)
+
+
+def shifted(observations, seconds: float) -> list[Observation]:
+    return [o._replace(stamp_ns=o.stamp_ns + round(seconds * 1e9)) for o in observations]
+
+
+def episodes(estimates: list[Estimate]) -> list[list[Estimate]]:
+    """The stretches in which a movement is under way."""
+    found: list[list[Estimate]] = []
+    before = False
+    for estimate in estimates:
+        if estimate.moving and not before:
+            found.append([])
+        if estimate.moving:
+            found[-1].append(estimate)
+        before = estimate.moving
+    return found
+
+
+def same(one: Estimate, other: Estimate, tolerance: float = 0.0) -> None:
+    assert (one.stamp_ns, one.moving, one.onset_ns) == (
+        other.stamp_ns,
+        other.moving,
+        other.onset_ns,
+    )
+    for name in ("probabilities", "phase", "log_evidence"):
+        a, b = getattr(one, name), getattr(other, name)
+        np.testing.assert_allclose(a, b, rtol=tolerance, atol=tolerance, err_msg=name)
+
+
+def test_each_task_is_recognised_before_its_end(library, truth, rng):
+    for task in range(3):
+        for _ in range(5):
+            estimator = IntentEstimator(library)
+            estimates = feed(estimator, merge(movement(truth, task, rng).observed))
+            episode = max(episodes(estimates), key=len)
+            middle = episode[len(episode) // 2]
+            assert int(np.argmax(middle.probabilities)) == task
+            assert middle.probabilities[task] > 0.9
+
+
+def test_every_estimate_is_a_distribution_with_a_phase(library, truth, rng):
+    for estimate in feed(IntentEstimator(library), merge(movement(truth, 1, rng).observed)):
+        assert abs(estimate.probabilities.sum() - 1.0) < 1e-12
+        assert np.all((estimate.phase >= 0.0) & (estimate.phase <= 1.0))
+        assert estimate.phase[-1] == 0.0
+        if not estimate.moving:
+            assert estimate.probabilities.tolist() == [0.0, 0.0, 0.0, 1.0]
+            assert estimate.onset_ns == 0
+            assert not estimate.phase.any()
+            assert not estimate.log_evidence.any()
+
+
+def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
+    """No observation since onset is lost, none before it is used."""
+    observations = list(merge(movement(truth, 2, rng).observed))
+    estimates = feed(IntentEstimator(library), observations)
+    hypotheses = make_hypotheses(library)
+    for estimate in max(episodes(estimates), key=len)[::20]:
+        used = [o for o in observations if estimate.onset_ns <= o.stamp_ns <= estimate.stamp_ns]
+        bank = run_bank(
+            library, hypotheses, start_bank(library, hypotheses), used, estimate.onset_ns
+        )
+        elapsed = (estimate.stamp_ns - estimate.onset_ns) * 1e-9
+        expected = task_posterior(bank, hypotheses, elapsed)
+        assert np.array_equal(estimate.probabilities, expected.probabilities)
+        assert np.array_equal(estimate.log_evidence, expected.log_evidence)
+        assert np.array_equal(estimate.phase[:-1], expected.phase[:-1])
+
+
+def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, rng):
+    observations = list(merge(movement(truth, 0, rng).observed))
+    estimator = IntentEstimator(library)
+    assert estimator.predict_controlled() is None
+    for observation in observations:
+        estimate = estimator.observe(observation)
+        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.0:
+            break
+    prediction = estimator.predict_controlled(n_points=21)
+    assert prediction.task == "task_0"
+    assert prediction.onset_ns == estimate.onset_ns
+    hypotheses = make_hypotheses(library)
+    used = [o for o in observations if estimate.onset_ns <= o.stamp_ns <= estimate.stamp_ns]
+    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), used, estimate.onset_ns)
+    weights = controlled_weights(
+        library, 0, observed_weights(bank, estimate.posterior.scale_weights, 0)
+    )
+    expected = rollout(
+        library.basis,
+        weights,
+        np.linspace(0, 1, 21),
+        estimate.posterior.duration_s[0],
+        library.control_noise_variance(),
+    )
+    for a, b in zip(prediction.trajectory, expected, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+def test_rest_of_the_human_begins_where_the_human_is(library, truth, rng):
+    estimator = IntentEstimator(library)
+    for observation in merge(movement(truth, 1, rng).observed):
+        estimate = estimator.observe(observation)
+        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.2:
+            break
+    rest = estimator.predict_observed(n_points=10)
+    assert rest.task == "task_1"
+    np.testing.assert_allclose(rest.trajectory.positions[0], observation.values, atol=0.02)
+    now = (estimate.stamp_ns - estimate.onset_ns) * 1e-9
+    assert rest.trajectory.times_s[0] == pytest.approx(now, abs=0.1)
+    assert np.all(np.diff(rest.trajectory.times_s) > 0)
+
+
+def test_asynchronous_signals_equal_the_joint_filter_whatever_order_they_arrive_in(rng):
+    """Two trackers with stamps of their own; the late one's samples come in bursts."""
+    truth = make_library(rng, groups=(2, 1), n_basis=8, spread=0.02, noise_std=0.001)
+    library = truth
+    recording = movement(truth, 0, rng)
+    first, second = recording.observed
+    second = replace(second, stamps_ns=second.stamps_ns + 3_333_333)
+    merged = list(merge((first, second)))
+    stamps = [o.stamp_ns for o in merged]
+    assert stamps == sorted(stamps)
+    reference = feed(IntentEstimator(library), merged)
+    moving = max(episodes(reference), key=len)
+    until = moving[len(moving) * 2 // 3].stamp_ns
+    begun = moving[0].stamp_ns
+    early = [o for o in merged if o.stamp_ns <= begun]
+    later = [o for o in merged if begun < o.stamp_ns <= until]
+    swapped = []
+    for i in range(0, len(later) - 1, 2):  # neighbours arrive in the other order
+        swapped += [later[i + 1], later[i]]
+    expected = feed(IntentEstimator(library), early + later[: len(swapped)])[-1]
+    found = feed(IntentEstimator(library), early + swapped)[-1]
+    np.testing.assert_allclose(found.log_evidence, expected.log_evidence, rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(found.probabilities, expected.probabilities, atol=1e-9)
+
+
+def test_one_signal_of_three_dofs_equals_two_signals_with_the_same_stamps(rng):
+    together = make_library(
+        np.random.default_rng(3), groups=(3,), n_basis=8, spread=0.02, noise_std=0.001
+    )
+    apart = replace(together, observed_groups=(2, 1), onset=together.onset * 2)
+    recording = movement(together, 2, rng)
+    signal = recording.observed[0]
+    one = IntentEstimator(together)
+    other = IntentEstimator(apart)
+    onset = None
+    for i, stamp in enumerate(signal.stamps_ns.tolist()):
+        a = one.observe(Observation(stamp, 0, signal.values[i]))
+        other.observe(Observation(stamp, 0, signal.values[i, :2]))
+        b = other.observe(Observation(stamp, 1, signal.values[i, 2:]))
+        if a.moving and b.moving and a.onset_ns == b.onset_ns:
+            onset = a.onset_ns
+            same(a, b, 1e-8)
+    # The detectors see different norms; where they agree the numbers must.
+    hypotheses = make_hypotheses(together)
+    used = [Observation(s, 0, v) for s, v in zip(signal.stamps_ns.tolist(), signal.values)][50:90]
+    split = [
+        Observation(o.stamp_ns, g, o.values[c]) for o in used for g, c in ((0, [0, 1]), (1, [2]))
+    ]
+    start = used[0].stamp_ns if onset is None else onset
+    a = run_bank(together, hypotheses, start_bank(together, hypotheses), used, start)
+    b = run_bank(apart, hypotheses, start_bank(apart, hypotheses), split, start)
+    np.testing.assert_allclose(a.mean, b.mean, atol=1e-9)
+    np.testing.assert_allclose(a.log_evidence, b.log_evidence, rtol=1e-9)
+
+
+def test_occlusion_widens_the_prediction_and_harms_nothing(library, truth, rng):
+    recording = movement(truth, 0, rng, rate_hz=100.0, duration_s=2.0)
+    observations = list(merge(recording.observed))
+    start = observations[0].stamp_ns
+    stop = start + round(2.0 * 1e9)
+    seen = [o for o in observations if o.stamp_ns <= stop]
+    occluded = [o for o in seen if not 1.2 < (o.stamp_ns - start) * 1e-9 < 1.99]
+    full, gap = IntentEstimator(library), IntentEstimator(library)
+    a, b = feed(full, seen)[-1], feed(gap, occluded)[-1]
+    assert a.moving
+    assert b.moving
+    assert int(np.argmax(b.probabilities)) == 0
+    widths = [np.linalg.norm(e.predict_observed().trajectory.std) for e in (full, gap)]
+    assert widths[1] > widths[0]
+
+
+def test_a_library_swapped_in_mid_movement_has_seen_everything(library, truth, rng):
+    other = replace(library, weight_mean=library.weight_mean[::-1].copy())
+    observations = list(merge(movement(truth, 0, rng).observed))
+    fresh = feed(IntentEstimator(other), observations)
+    swapping = IntentEstimator(library)
+    half = len(observations) // 2
+    before = feed(swapping, observations[:half])
+    assert before[-1].moving
+    swapping.swap(other)
+    after = feed(swapping, observations[half:])
+    moving = [
+        i for i in range(half, len(observations)) if fresh[i].moving and after[i - half].moving
+    ]
+    assert len(moving) > 20
+    for i in moving:
+        same(after[i - half], fresh[i])
+
+
+def test_a_swap_between_movements_and_a_task_prior(library, truth, rng):
+    estimator = IntentEstimator(library)
+    first = list(merge(movement(truth, 0, rng).observed))
+    feed(estimator, first)
+    estimator.swap(library, np.array([0.0, 0.5, 0.5]))
+    second = list(merge(movement(truth, 0, rng).observed))
+    later = feed(estimator, shifted(second, (first[-1].stamp_ns - START_NS) * 1e-9 + 0.02))
+    assert all(e.probabilities[0] == 0.0 for e in later)
+
+
+def test_a_library_of_other_dofs_is_refused_and_nothing_changes(library, truth, rng):
+    estimator = IntentEstimator(library)
+    observations = list(merge(movement(truth, 0, rng).observed))
+    feed(estimator, observations[:80])
+    for other in (
+        replace(library, observed_names=("a", "b", "c")),
+        replace(library, controlled_names=("left", "right")),
+        replace(library, observed_groups=(2, 1)),
+    ):
+        with pytest.raises(DofError, match=r"library \w+: expected .*got .*Train on the same DOFs"):
+            estimator.swap(other)
+    undisturbed = IntentEstimator(library)
+    feed(undisturbed, observations[:80])
+    same(estimator.observe(observations[80]), undisturbed.observe(observations[80]))
+
+
+def test_reset_forgets_everything(library, truth, rng):
+    observations = list(merge(movement(truth, 1, rng).observed))
+    fresh = feed(IntentEstimator(library), observations)
+    estimator = IntentEstimator(library)
+    feed(estimator, observations[: len(observations) // 2])
+    estimator.reset()
+    assert estimator.predict_controlled() is None
+    assert estimator.predict_observed() is None
+    for a, b in zip(feed(estimator, observations), fresh, strict=True):  # old stamps again
+        same(a, b)
+
+
+def going_back(start: Observation, goal: np.ndarray) -> list[Observation]:
+    """The hand goes to `goal` in 20 s, too slowly to count as moving, and rests a while."""
+    shares = minimum_jerk(np.linspace(0.0, 1.1, 440))
+    m = len(goal)
+    return [
+        Observation(
+            start.stamp_ns + 50_000_000 * (i + 1),
+            0,
+            start.values[:m] + s * (goal - start.values[:m]),
+        )
+        for i, s in enumerate(shares)
+    ]
+
+
+def test_several_interactions_in_one_stream_are_told_apart(library, truth, rng):
+    tasks = [2, 0, 1, 1]
+    stream = list(merge(movement(truth, tasks[0], rng, rest_after_s=1.2).observed))
+    for task in tasks[1:]:
+        following = list(merge(movement(truth, task, rng, rest_after_s=1.2).observed))
+        stream += going_back(stream[-1], following[0].values)
+        stream += shifted(following, (stream[-1].stamp_ns - START_NS) * 1e-9 + 0.02)
+    found = [e for e in episodes(feed(IntentEstimator(library), stream)) if len(e) > 30]
+    recognised = [int(np.argmax(e[len(e) // 2].probabilities)) for e in found]
+    assert recognised == tasks
+
+
+def hesitating(library: TaskLibrary, task: int, pause_s: float, rng) -> list[Observation]:
+    """A reach of 2 s that stands still half-way for a while."""
+    times = np.arange(-0.8, 2.8 + pause_s, 0.02)
+    own = np.where(times < 1.0, times, np.clip(times - pause_s, 1.0, None))
+    w = library.weight_mean[task].reshape(-1, library.basis.n_basis)[:3]
+    values = library.basis.design_matrix(own / 2.0) @ w.T
+    values += rng.normal(size=values.shape) * 0.001
+    stamps = START_NS + np.round((times - times[0]) * 1e9).astype(np.int64)
+    return [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
+
+
+@pytest.mark.parametrize("pause_s", [0.1, 0.2, 0.35])
+def test_a_hesitation_does_not_end_the_movement(library, truth, rng, pause_s):
+    for task in range(3):
+        estimates = feed(IntentEstimator(library), hesitating(truth, task, pause_s, rng))
+        found = [e for e in episodes(estimates) if len(e) > 5]
+        assert len(found) == 1
+        assert (found[0][-1].stamp_ns - found[0][0].onset_ns) * 1e-9 > 1.6 + pause_s
+
+
+def unlike(rng: np.random.Generator, amplitude: float = 0.4) -> list[Observation]:
+    """A random smooth movement, three sines that begin from rest."""
+    times = np.arange(-0.8, 2.0, 0.02)
+    going = np.clip(times, 0.0, None)
+    values = np.zeros((len(times), 3))
+    for dof in range(3):
+        for _ in range(2):
+            size, rate = amplitude * rng.normal(), rng.uniform(2.0, 6.0)
+            values[:, dof] += size * (1 - np.cos(rate * going))
+    values += 0.001 * rng.normal(size=values.shape)
+    stamps = START_NS + np.round((times - times[0]) * 1e9).astype(np.int64)
+    return [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
+
+
+def test_none_wins_for_movements_unlike_the_tasks(library):
+    wins = 0
+    for seed in range(20):
+        estimates = feed(IntentEstimator(library), unlike(np.random.default_rng(seed)))
+        episode = max(episodes(estimates), key=len)
+        late = episode[int(0.6 * len(episode))]
+        wins += int(np.argmax(late.probabilities)) == library.n_tasks
+    assert wins == 20
+
+
+def test_no_robot_trajectory_while_none_leads(library):
+    estimator = IntentEstimator(library)
+    led = 0
+    for observation in unlike(np.random.default_rng(0)):
+        estimate = estimator.observe(observation)
+        if estimate.moving and int(np.argmax(estimate.probabilities)) == library.n_tasks:
+            led += 1
+            assert estimator.predict_controlled() is None
+            assert estimator.predict_observed().task == "none"
+    assert led > 10
+
+
+def test_rest_with_noise_is_never_a_movement(library, rng):
+    stamps = START_NS + np.arange(3000) * 10_000_000
+    values = 0.002 * rng.normal(size=(3000, 3))
+    stream = [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
+    assert not any(e.moving for e in feed(IntentEstimator(library), stream))
+
+
+def test_a_movement_that_never_ends_does_not_keep_the_estimator(library):
+    """Running on past its task it is given up, and the memory with it."""
+    times = np.arange(0.0, 30.0, 0.02)
+    values = 0.3 * np.stack([np.sin(3 * times), np.cos(3 * times), np.sin(2 * times)], axis=1)
+    estimator = IntentEstimator(library)
+    stream = [
+        Observation(START_NS + round(t * 1e9), 0, v) for t, v in zip(times, values, strict=True)
+    ]
+    estimates = feed(estimator, stream)
+    assert not estimates[-1].moving
+    assert all((e.stamp_ns - e.onset_ns) * 1e-9 < 10.0 for e in estimates if e.moving)
+
+
+@pytest.mark.parametrize(
+    ("observation", "reason"),
+    [
+        (Observation(START_NS, 0, np.zeros(2)), "wrong_size"),
+        (Observation(START_NS, 0, np.zeros((1, 3))), "wrong_size"),
+        (Observation(START_NS, 0, np.array([0.0, np.nan, 0.0])), "not_finite"),
+        (Observation(START_NS, 0, np.array([0.0, np.inf, 0.0])), "not_finite"),
+        (Observation(0, 0, np.zeros(3)), "zero_stamp"),
+        (Observation(-5, 0, np.zeros(3)), "zero_stamp"),
+        (Observation(START_NS, 0, np.zeros(3), np.full((3, 3), np.nan)), "bad_covariance"),
+        (Observation(START_NS, 0, np.zeros(3), np.eye(2)), "bad_covariance"),
+        (Observation(START_NS, 0, np.zeros(3), -np.eye(3)), "bad_covariance"),
+        (Observation(START_NS, 0, np.zeros(3), np.zeros((3, 3))), None),
+        (Observation(START_NS, 0, np.zeros(3), np.eye(3)), None),
+    ],
+)
+def test_unusable_observations_are_told_by_reason(library, observation, reason):
+    assert IntentEstimator(library).reason_to_reject(observation) == reason
+
+
+def test_stamps_must_increase_within_a_signal_but_not_between_signals(rng):
+    library = make_library(rng, groups=(2, 1), n_basis=4)
+    estimator = IntentEstimator(library)
+    estimator.observe(Observation(START_NS + 100, 0, np.zeros(2)))
+    for stamp in (START_NS + 100, START_NS + 99):
+        again = Observation(stamp, 0, np.zeros(2))
+        assert estimator.reason_to_reject(again) == "stamp_not_increasing"
+    assert estimator.reason_to_reject(Observation(START_NS + 99, 1, np.zeros(1))) is None
+    assert estimator.reason_to_reject(Observation(START_NS + 101, 0, np.zeros(2))) is None
+
+
+def lost_marker(truth: TaskLibrary, rng) -> tuple[list[Observation], list[Observation]]:
+    """A movement in which the second tracker dies half-way for good, and one after it."""
+    first = movement(truth, 0, rng, duration_s=2.0, rest_after_s=3.0)
+    second = movement(truth, 1, rng, duration_s=2.0, rest_before_s=1.5)
+    dies = START_NS + round(1.8e9)
+    before = [o for o in merge(first.observed) if o.group == 0 or o.stamp_ns < dies]
+    later = [o for o in merge(second.observed) if o.group == 0]
+    before += going_back(before[-1], later[0].values)
+    return before, shifted(later, (before[-1].stamp_ns - START_NS) * 1e-9 + 0.02)
+
+
+def test_a_tracker_lost_in_mid_movement_does_not_block_the_next_one(rng):
+    truth = make_library(rng, groups=(2, 1), n_basis=8, spread=0.03, noise_std=0.001)
+    estimator = IntentEstimator(learned(truth))
+    before, later = lost_marker(truth, rng)
+    assert not feed(estimator, before)[-1].moving
+    episode = max(episodes(feed(estimator, later)), key=len)
+    assert int(np.argmax(episode[len(episode) // 2].probabilities)) == 1
+    expected = later[0].stamp_ns + round(1.5e9)
+    assert abs(episode[0].onset_ns - expected) < 0.3e9
+
+
+def test_a_duplicate_stamp_of_a_tracker_long_silent_is_still_rejected(rng):
+    library = make_library(rng, groups=(2, 1), n_basis=4)
+    estimator = IntentEstimator(library)
+    silent = Observation(START_NS, 1, np.zeros(1))
+    estimator.observe(silent)
+    for step in range(300):
+        estimator.observe(Observation(START_NS + step * 20_000_000, 0, np.zeros(2)))
+    assert estimator.reason_to_reject(silent) == "stamp_not_increasing"
+
+
+def test_the_distribution_behind_an_estimate_is_symmetric_and_positive_definite(
+    library, truth, rng
+):
+    estimator = IntentEstimator(library)
+    for observation in merge(movement(truth, 0, rng).observed):
+        estimate = estimator.observe(observation)
+        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.5:
+            break
+    observed: Gaussian = estimator._observed(0)
+    assert np.array_equal(observed.covariance, observed.covariance.T)
+    assert np.linalg.eigvalsh(observed.covariance).min() > 0
