@@ -265,7 +265,7 @@ class BagReader:
         waiting: list[tuple[int, int, Message, Channel]] = []
         order = 0
         with open_view(file) as view:
-            for block in sorted(scan.blocks, key=lambda b: (b.start_ns, b.offset)):
+            for block in sorted(self._usable(scan), key=lambda b: (b.start_ns, b.offset)):
                 while waiting and waiting[0][0] < block.start_ns:
                     _, _, message, channel = heapq.heappop(waiting)
                     yield message, channel, scan.schemas.get(channel.schema_id)
@@ -277,6 +277,12 @@ class BagReader:
             while waiting:
                 _, _, message, channel = heapq.heappop(waiting)
                 yield message, channel, scan.schemas.get(channel.schema_id)
+
+    def _usable(self, scan: Scan) -> list[Block]:
+        """All blocks; a reader that is not tolerant stops at the first damage."""
+        if self._tolerant or not scan.damage:
+            return scan.blocks
+        return [b for b in scan.blocks if b.offset < scan.damage[0].offset and not b.is_cut]
 
     def _block_messages(self, view, file: Path, scan: Scan, block: Block) -> list[Message]:
         try:

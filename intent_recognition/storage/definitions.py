@@ -36,6 +36,12 @@ def jazzy_types():
     return get_typestore(Stores.ROS2_JAZZY)
 
 
+@lru_cache(maxsize=1)
+def jazzy_names() -> frozenset[str]:
+    """Names of the types that come with the type store."""
+    return frozenset(get_typestore(Stores.ROS2_JAZZY).fielddefs)
+
+
 @cache
 def definition(type_name: str) -> Definition:
     """Definition of a message type: Jazzy's own, else that of the installed package.
@@ -44,7 +50,7 @@ def definition(type_name: str) -> Definition:
         MessageError: the type is neither in the type store nor installed.
     """
     store = jazzy_types()
-    if type_name in store.fielddefs:
+    if type_name in jazzy_names():
         text, _ = store.generate_msgdef(type_name, ros_version=2)
         return Definition(type_name, text, store.hash_rihs01(type_name))
     texts: dict[str, str] = {}

@@ -313,7 +313,8 @@ def _read_summary(view: mmap.mmap, scan: Scan) -> None:
     for found in records:
         known = scan.schemas if isinstance(found, Schema) else scan.channels
         known[found.id] = found
-    if scan.statistics and scan.statistics.chunk_count != sum(b.is_chunk for b in scan.blocks):
+    found_chunks = sum(block.is_chunk for block in scan.blocks)
+    if scan.statistics and not scan.damage and scan.statistics.chunk_count != found_chunks:
         said = f"{scan.statistics.chunk_count} chunks were written, not all of them are found"
         scan.damage.append(Damage(len(view), said))
 

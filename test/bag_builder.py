@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Small bags for tests, built without ROS."""
+
+from pathlib import Path
+
+from intent_recognition.storage import BagWriter
+
+POSE = "geometry_msgs/msg/PoseStamped"
+JOINTS = "sensor_msgs/msg/JointState"
+TEXT = "std_msgs/msg/String"
+START_NS = 1_700_000_000_000_000_000
+STEP_NS = 10_000_000
+LWR = [f"lwr_a{i}_joint" for i in range(1, 8)]
+
+
+class SteppingClock:
+    """Seconds that pass by a fixed amount with every look."""
+
+    def __init__(self, step_s: float):
+        self.now_s, self._step_s = 0.0, step_s
+
+    def __call__(self) -> float:
+        self.now_s += self._step_s
+        return self.now_s
+
+
+def pose(index: int, x: float | None = None, **changes) -> dict:
+    """A wrist pose moving at 0.1 m/s."""
+    stamp_ns = changes.get("stamp_ns", START_NS + index * STEP_NS)
+    return {
+        "header": {"stamp": stamp_ns, "frame_id": changes.get("frame_id", "world")},
+        "pose": {
+            "position": {"x": 0.001 * index if x is None else x, "y": 0.2, "z": 1.0},
+            "orientation": {"w": 1.0},
+        },
+    }
+
+
+def joints(index: int, **changes) -> dict:
+    """Seven joints."""
+    return {
+        "header": {"stamp": changes.get("stamp_ns", START_NS + index * STEP_NS)},
+        "name": changes.get("names", LWR),
+        "position": changes.get("positions", [0.01 * index + j for j in range(7)]),
+    }
+
+
+def write_bag(path: Path, count: int = 50, task: str | None = "plate", **options) -> Path:
+    """A demonstration of `count` poses and joint states."""
+    with BagWriter(path, {} if task is None else {"task": task}, **options) as writer:
+        for i in range(count):
+            at_ns = START_NS + i * STEP_NS
+            writer.write_message("mocap/wrist/pose", POSE, pose(i), at_ns)
+            writer.write_message("joint_states", JOINTS, joints(i), at_ns + 1000)
+    return path
+
+
+def write_session(path: Path, labels: list[str], *, last_end: bool = True) -> Path:
+    """A session: each label lasts 20 steps, with 5 steps of pause between."""
+    with BagWriter(path) as writer:
+        step = 0
+        for number, label in enumerate(labels):
+            marks = {5: label, 25: "" if last_end or number < len(labels) - 1 else None}
+            for i in range(30):
+                at_ns = START_NS + step * STEP_NS
+                writer.write_message("mocap/wrist/pose", POSE, pose(step), at_ns)
+                writer.write_message("joint_states", JOINTS, joints(step), at_ns)
+                if marks.get(i) is not None:
+                    writer.write_message("demonstration", TEXT, {"data": marks[i]}, at_ns)
+                step += 1
+    return path
+
+
+def raw(path: Path, reader) -> list[tuple]:
+    """All messages of a bag as comparable tuples."""
+    return [
+        (m.topic, m.type, m.log_time_ns, m.publish_time_ns, m.data)
+        for m in reader(path).raw_messages()
+    ]
