@@ -9,6 +9,7 @@ from enum import Enum
 
 import numpy as np
 import pybullet
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.arm import LwrArm
@@ -33,6 +34,7 @@ _COLOURS = {
     SCREW: (0.9, 0.5, 0.1, 1.0),
     HOLD: (0.2, 0.7, 0.3, 1.0),
 }
+BENCH_PLACE_M = (0.98, 0.32, 0.085)
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -81,20 +83,26 @@ class ToolboxObjects:
         return np.array(self._client.getBasePositionAndOrientation(self._checked(task))[0])
 
     def put_back(self, task: str) -> None:
-        """Put plate or screw back into its stand, the screwdriver into the worker's hand."""
+        """Put plate or screw back into its stand, the screwdriver onto its place on the bench."""
         body = self._checked(task)
         self._let_go(task)
         if task in STANDS_M:
             target = stand_pose(task)
             centre = target[:3, 3] + target[:3, :3] @ np.array(_GRASP_M[task])
             self._place(body, centre, _quaternion(target[:3, :3]))
-            self._fix(task, -1, -1)
-            self.holders[task] = Holder.STAND
         else:
-            position, _ = self._client.getBasePositionAndOrientation(self.worker)
-            self._place(body, np.array(position) - np.array([0.1, 0.0, 0.0]), _NO_TURN)
-            self._fix(task, self.worker, -1)
-            self.holders[task] = Holder.WORKER
+            self._place(body, BENCH_PLACE_M, _NO_TURN)
+        self._fix(task, -1, -1)
+        self.holders[task] = Holder.STAND
+
+    def worker_brings(self, task: str) -> None:
+        """Put a task's object into the worker's hand, as the screwdriver that is handed over."""
+        body = self._checked(task)
+        self._let_go(task)
+        position, _ = self._client.getBasePositionAndOrientation(self.worker)
+        self._place(body, np.array(position) - np.array([0.1, 0.0, 0.0]), _NO_TURN)
+        self._fix(task, self.worker, -1)
+        self.holders[task] = Holder.WORKER
 
     def give_to_robot(self, task: str) -> None:
         """Fix a task's object in the arm's hand, and let the arm carry its weight."""
@@ -141,29 +149,31 @@ class ToolboxObjects:
         self._client.resetBaseVelocity(body, [0.0] * 3, [0.0] * 3)
 
     def _fix(self, task: str, parent: int, link: int) -> None:
-        """Constrain an object to a link, where it is; parent -1 is the world."""
-        position, orientation = self._client.getBasePositionAndOrientation(self.bodies[task])
+        """Constrain an object to a link (-1 for a base), where it is; parent -1 is the world."""
+        body = self.bodies[task]
+        position, orientation = self._client.getBasePositionAndOrientation(body)
         if parent < 0:
-            frame = (position, orientation)
+            # Object first: PyBullet takes the world only as the child.
+            bodies, frames = (body, -1, -1, -1), ((0.0, 0.0, 0.0), _NO_TURN, position, orientation)
         else:
-            if link >= 0:
-                state = self._client.getLinkState(parent, link, computeForwardKinematics=1)
-                origin, turn = state[0], state[1]
-            else:
-                origin, turn = self._client.getBasePositionAndOrientation(parent)
-            inverse = self._client.invertTransform(origin, turn)
-            frame = self._client.multiplyTransforms(*inverse, position, orientation)
-        arguments = (self.bodies[task], -1, -1, -1) if parent < 0 else None
-        if arguments:
-            self._constraints[task] = self._client.createConstraint(
-                *arguments, pybullet.JOINT_FIXED, [0, 0, 0], [0, 0, 0], frame[0], _NO_TURN,
-                frame[1],
-            )  # fmt: skip
-            return
+            inverse = self._client.invertTransform(*self._link_pose(parent, link))
+            local, turn = self._client.multiplyTransforms(*inverse, position, orientation)
+            bodies, frames = (parent, link, body, -1), (local, turn, (0.0, 0.0, 0.0), _NO_TURN)
         self._constraints[task] = self._client.createConstraint(
-            parent, link, self.bodies[task], -1, pybullet.JOINT_FIXED, [0, 0, 0], frame[0],
-            [0, 0, 0], frame[1], _NO_TURN,
-        )  # fmt: skip
+            *bodies,
+            pybullet.JOINT_FIXED,
+            [0, 0, 0],
+            parentFramePosition=frames[0],
+            parentFrameOrientation=frames[1],
+            childFramePosition=frames[2],
+            childFrameOrientation=frames[3],
+        )
+
+    def _link_pose(self, body: int, link: int):
+        """Position and orientation of a link's centre of mass, where constraints are anchored."""
+        if link < 0:
+            return self._client.getBasePositionAndOrientation(body)
+        return self._client.getLinkState(body, link, computeForwardKinematics=1)[:2]
 
     def _let_go(self, task: str) -> None:
         constraint = self._constraints[task]
@@ -187,8 +197,8 @@ class Gripper:
 
     Plate and screw are taken when the hand passes the stand slowly, and released when it has
     come to rest away from the stand. The screwdriver is taken from the worker when the hand has
-    come to rest away from where it was when the task became active, and returned when the task
-    ends.
+    come to rest away from where it was when the task became active. What is still held when the
+    task ends goes to the worker.
 
     Args:
         arm: the arm.
@@ -216,7 +226,9 @@ class Gripper:
             return
         if self.held:
             self._objects.give_to_worker(self.held)
-        if task:
+        if task == HOLD:
+            self._objects.worker_brings(task)
+        elif task:
             self._objects.put_back(task)
         self._task, self._done = task, False
         self._start_m = self._arm.hand_pose().position
@@ -255,6 +267,4 @@ class Gripper:
 
 def _quaternion(rotation: np.ndarray) -> tuple[float, ...]:
     """Quaternion xyzw of a rotation matrix (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
     return tuple(Rotation.from_matrix(rotation).as_quat())

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_bridge.arm import LwrArm, SensorNoise
+from sim_bridge.coworker.styles import HOLD
 from sim_bridge.objects import Holder, ToolboxObjects
 from sim_bridge.scene import HOME, STANDS_M
 from sim_bridge.teaching_path import TeachingPath
@@ -52,6 +53,8 @@ class _Lesson:
     def __init__(self, arm: LwrArm, path: TeachingPath, wrist_m: np.ndarray, grip: Grip) -> None:
         self.arm, self.path, self.grip = arm, path, grip
         self.objects = ToolboxObjects(arm)
+        if path.task == HOLD:
+            self.objects.worker_brings(HOLD)
         self.strongest_pull_n = 0.0
         self._wrist_m = wrist_m
         self._home_error = arm.state().q - path.joints_rad[0]

@@ -28,9 +28,9 @@ class Grip:
         max_force_n: strongest pull at one point.
     """
 
-    stiffness_n_m: float = 600.0
+    stiffness_n_m: float = 1000.0
     damping_n_s_m: float = 24.0
-    elbow_stiffness_n_m: float = 400.0
+    elbow_stiffness_n_m: float = 600.0
     elbow_damping_n_s_m: float = 25.0
     max_force_n: float = 60.0
 

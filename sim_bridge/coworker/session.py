@@ -90,8 +90,8 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
     if text == "random":
         count = interactions or 40
         rng = np.random.default_rng([seed, 7])
-        dealt = [TASKS[k % len(TASKS)] for k in range(-(-count // len(TASKS)) * len(TASKS))]
-        return tuple(dealt[k] for k in rng.permutation(len(dealt))[:count])
+        dealt = [TASKS[k % len(TASKS)] for k in range(count)]
+        return tuple(dealt[k] for k in rng.permutation(count))
     labels = _labels_of(text)
     unknown = sorted({label for label in labels if label not in STYLES})
     if not labels or unknown:

@@ -19,7 +19,7 @@ HOLD = "hold_screwdriver"
 TASKS = (PLATE, SCREW, HOLD)
 
 REST_CENTRE_M = np.array([1.10, 0.0, 0.27])
-REST_HALF_WIDTH_M = np.array([0.06, 0.10, 0.09])
+REST_HALF_WIDTH_M = np.array([0.06, 0.115, 0.10])
 
 DURATION_RANGE_S = (1.6, 4.0)
 LONGEST_MOVEMENT_S = 4.8

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The wrist's movement: minimum jerk, hesitation, goal regions, speeds."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from intent_recognition.errors import ArgumentError
+from sim_bridge.coworker.demonstration import plan_demonstration
+from sim_bridge.coworker.orientation import quaternions
+from sim_bridge.coworker.reach import (
+    Hesitation,
+    Reach,
+    bow_profile,
+    draw_reach,
+    draw_rest,
+    minimum_jerk,
+    normalised_time,
+    reach_positions,
+)
+from sim_bridge.coworker.styles import LONGEST_MOVEMENT_S, STYLES, TASKS
+
+
+def reach(nominal_s=2.0, hesitations=(), bow=(0.0, 0.0, 0.0)) -> Reach:
+    start, goal = np.zeros(3), np.array([0.4, 0.0, 0.0])
+    return Reach("", start, goal, nominal_s, np.array(bow), 1.2, np.zeros(3), hesitations)
+
+
+def draws(task, count=200):
+    rng = np.random.default_rng(3)
+    return [draw_reach(rng, task, draw_rest(rng)) for _ in range(count)]
+
+
+def test_straight_reach_has_the_peaks_of_minimum_jerk():
+    times = np.linspace(0.0, 2.0, 4001)
+    x = reach_positions(reach(), times)[:, 0]
+    velocity = np.gradient(x, times)
+    acceleration = np.gradient(velocity, times)
+    assert velocity.max() == pytest.approx(1.875 * 0.4 / 2.0, rel=1e-3)
+    assert np.abs(acceleration[5:-5]).max() == pytest.approx(10 / np.sqrt(3) * 0.4 / 4.0, rel=5e-3)
+    jerk = np.gradient(acceleration, times)
+    assert np.abs(jerk[20:-20]).max() <= 60.0 * 0.4 / 2.0**3 * 1.02
+
+
+def test_minimum_jerk_beats_other_polynomials_in_jerk():
+    tau = np.linspace(0.0, 1.0, 2001)
+
+    def cost(x):
+        return np.sum(np.diff(x, 3) ** 2)
+
+    bump = (tau * (1.0 - tau)) ** 3
+    for amount in (-0.5, 0.5):
+        assert cost(minimum_jerk(tau)) < cost(minimum_jerk(tau) + amount * bump)
+
+
+@given(st.floats(1.0, 1.8), st.floats(1.6, 4.0), st.floats(0.3, 0.75), st.floats(0.1, 0.45))
+@settings(max_examples=40, deadline=None)
+def test_any_reach_rests_at_both_ends_and_takes_its_time(skew, nominal_s, centre, extra_s):
+    slow = Hesitation(centre, 0.04, extra_s)
+    moved = Reach(
+        "", np.zeros(3), np.ones(3) * 0.2, nominal_s, np.ones(3) * 0.1, skew, np.zeros(3), (slow,)
+    )
+    assert moved.duration_s == pytest.approx(nominal_s + extra_s)
+    ends = reach_positions(moved, np.array([-1.0, 0.0, moved.duration_s, moved.duration_s + 1.0]))
+    np.testing.assert_allclose(ends, [moved.start_m] * 2 + [moved.goal_m] * 2, atol=1e-12)
+    tau = normalised_time(moved, np.linspace(0.0, moved.duration_s, 500))
+    assert np.all(np.diff(tau) > 0.0)
+    assert bow_profile(np.array(1.0 / (1.0 + skew)), skew) == pytest.approx(1.0)
+
+
+def test_hesitation_slows_the_hand_where_it_hesitates():
+    slow = reach(2.0, (Hesitation(0.5, 0.04, 0.4),))
+    times = np.linspace(0.0, slow.duration_s, 2000)
+    speed = np.abs(np.gradient(reach_positions(slow, times)[:, 0], times))
+    middle = np.argmin(np.abs(normalised_time(slow, times) - 0.5))
+    before = np.argmin(np.abs(normalised_time(slow, times) - 0.35))
+    assert speed[middle] < 0.5 * speed[before]
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_speed_varies_by_two_and_a_half_and_goals_fill_a_region(task):
+    drawn = draws(task)
+    nominal = np.array([r.nominal_s for r in drawn])
+    assert nominal.min() >= 1.6
+    assert nominal.max() <= 4.0
+    assert nominal.max() / nominal.min() > 2.3
+    assert max(r.duration_s for r in drawn) <= LONGEST_MOVEMENT_S
+    goals = np.array([r.goal_m for r in drawn])
+    assert np.all(np.ptp(goals, axis=0) > [0.14, 0.22, 0.14])
+    hesitating = np.mean([bool(r.hesitations) for r in drawn])
+    assert 0.25 < hesitating < 0.45
+
+
+def test_goal_regions_of_the_tasks_overlap():
+    for a in TASKS:
+        for b in TASKS:
+            distance = np.abs(STYLES[a].goal_centre_m - STYLES[b].goal_centre_m)
+            overlap = 1.0 - distance / (2.0 * STYLES[a].goal_half_width_m)
+            assert np.prod(overlap) > 0.6
+
+
+def test_starts_are_spread_over_one_rest_region():
+    rng = np.random.default_rng(0)
+    starts = np.array([draw_rest(rng) for _ in range(300)])
+    assert np.all(starts.std(axis=0) > 0.03)
+
+
+def test_unknown_task_is_refused():
+    with pytest.raises(ArgumentError, match="dance"):
+        draw_reach(np.random.default_rng(0), "dance", np.zeros(3))
+
+
+def test_demonstration_has_rest_before_and_the_robot_arrives_soon_after():
+    for k in range(30):
+        shown = plan_demonstration(np.random.default_rng(k), TASKS[k % 3])
+        assert shown.onset_s >= 0.6
+        assert 0.3 <= shown.arrival_s - shown.end_s < 0.95 + 1e-9
+        assert shown.samples.times_s[-1] == pytest.approx(shown.arrival_s + 0.5, abs=0.006)
+
+
+def test_quaternions_are_unit_continuous_and_turn_by_the_rotation_vector():
+    turns = np.linspace(0.0, 1.0, 50)[:, None] * np.array([0.0, 0.0, 3.0])
+    q = quaternions(turns)
+    np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0, atol=1e-12)
+    assert np.all(np.sum(q[1:] * q[:-1], axis=1) > 0.99)
+    assert 2.0 * np.arccos(np.clip(q[0] @ q[-1], -1, 1)) == pytest.approx(3.0)
