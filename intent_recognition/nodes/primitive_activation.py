@@ -25,8 +25,8 @@ from intent_recognition.nodes.conversions import (
 )
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
-from intent_recognition.promp.activation import (
-    Activation,
+from intent_recognition.promp.activation import Activation
+from intent_recognition.promp.activation_settings import (
     ActivationSettings,
     Command,
     Mode,
