@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
 from hypothesis.strategies import floats
 from scipy.spatial.transform import Rotation
@@ -40,6 +40,7 @@ def test_straight_up():
     assert np.allclose(pose[:3, :3], np.eye(3), atol=1e-15)
 
 
+@settings(deadline=None)
 @given(angles)
 def test_matches_rotation_form(q):
     position, rotation = sphere_roll_sphere_pose(q)
@@ -48,6 +49,7 @@ def test_matches_rotation_form(q):
     assert np.allclose(pose[:3, :3], rotation, atol=1e-12)
 
 
+@settings(deadline=None)
 @given(angles)
 def test_rotations_are_orthonormal(q):
     R = frame_poses(q)[:, :3, :3]
@@ -65,6 +67,7 @@ def test_batch_equals_single():
     assert hand_position(q).shape == (4, 3, 3)
 
 
+@settings(deadline=None)
 @given(angles)
 def test_jacobian_matches_finite_differences(q):
     step = 1e-6

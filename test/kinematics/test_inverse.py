@@ -25,12 +25,14 @@ postures = builds(lambda share: np.array(share) * LWR_LIMITS.upper, shares)
 READY = np.array([0.2, -0.5, 0.1, 1.5, 0.2, -1.0, 0.3])
 
 
+@settings(deadline=None)
 @given(postures, floats(-3.1, 3.1), sampled_from(BRANCHES))
 def test_every_closed_form_solution_reaches_the_pose(q, swivel, branch):
     pose = forward_kinematics(q)
     assert np.allclose(forward_kinematics(solve(pose, swivel, branch)), pose, atol=1e-7)
 
 
+@settings(deadline=None)
 @given(postures)
 def test_swivel_and_branch_give_the_posture_back(q):
     """Away from the singular postures, where joints line up and share a rotation."""

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis.extra.numpy import array_shapes, arrays
 from hypothesis.strategies import floats
 
@@ -79,6 +79,7 @@ def test_good_one_passes():
     assert command.positions.shape == command.velocities.shape == (2, 7)
 
 
+@settings(deadline=None)
 @given(
     arrays(np.float64, array_shapes(min_dims=1, max_dims=1, max_side=4), elements=floats()),
     arrays(np.float64, array_shapes(min_dims=2, max_dims=2, max_side=8), elements=floats()),
