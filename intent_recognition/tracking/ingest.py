@@ -5,6 +5,7 @@ The node `mocap_ingest`, the training and the replay of bags all pass a raw pose
 `ingest_pose`, so that what is learned is what is seen online.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
@@ -27,6 +28,8 @@ REASONS = (NOT_FINITE, ZERO_STAMP, STAMP_NOT_INCREASING, JUMP, UNKNOWN_FRAME)
 
 NOISE_MARGIN = 6.0
 """Standard deviations of the tracker by which two samples may differ at any rate."""
+WINDOW_SAMPLES = 20
+"""Samples the velocity is fitted to, roughly; never more than twice as many."""
 FARTHEST_M = 1e5
 """Positions beyond this are as unusable as infinite ones."""
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
@@ -132,7 +135,8 @@ class IngestState:
     """What must be remembered of one body between samples; never modified.
 
     Attributes:
-        recent: accepted (stamp_ns, position (3,)) of the velocity window, oldest first.
+        recent: accepted (stamp_ns, position (3,)) of the velocity window, thinned out at high
+            rates, oldest first; the last is the last accepted one.
         jump: (stamp_ns, position) of the last rejected jump of the running streak, or None.
         jumps: length of that streak.
         late_ns: stamp of the last sample of the running streak of late ones, or None.
@@ -228,8 +232,9 @@ def frame_name(frame_id: str) -> str:
 
 def _check_sample(settings, stamp_ns, position, orientation, frame_id) -> Rejected | None:
     """Whatever can be said of one sample without knowing the ones before it."""
-    finite = np.all(np.isfinite(position)) and np.all(np.isfinite(orientation))
-    if not finite or np.max(np.abs(position)) > FARTHEST_M:
+    numbers = position.tolist()
+    finite = all(map(math.isfinite, numbers + orientation.tolist()))
+    if not finite or max(map(abs, numbers)) > FARTHEST_M:
         return Rejected(
             NOT_FINITE, f"position {position.tolist()}, orientation {orientation.tolist()}"
         )
@@ -259,10 +264,17 @@ def _follow(settings, state, sample) -> tuple[IngestState, Rejected | None, bool
     if gap_s > settings.max_gap_s:
         return IngestState(recent=(sample,)), None, state.jumps > 0
     if _within_gate(settings, state.recent[-1], sample):
-        oldest_ns = stamp_ns - int(settings.velocity_window_s * 1e9)
-        recent = tuple(s for s in state.recent if s[0] >= oldest_ns)
-        return IngestState(recent=(*recent, sample)), None, False
+        return IngestState(recent=_slide(settings, state.recent, sample)), None, False
     return _follow_jump(settings, state, sample)
+
+
+def _slide(settings, recent, sample):
+    """Move the velocity window on; at high rates it keeps about twenty samples and the newest."""
+    window_ns = settings.velocity_window_s * 1e9
+    if len(recent) > 1 and sample[0] - recent[-2][0] < window_ns / WINDOW_SAMPLES:
+        recent = recent[:-1]
+    oldest_ns = sample[0] - window_ns
+    return (*(s for s in recent if s[0] >= oldest_ns), sample)
 
 
 def _follow_jump(settings, state, sample) -> tuple[IngestState, Rejected | None, bool]:
@@ -277,7 +289,7 @@ def _follow_jump(settings, state, sample) -> tuple[IngestState, Rejected | None,
         return IngestState(recent=(sample,)), None, True
     last_ns, last = state.recent[-1]
     gap_s = (sample[0] - last_ns) * 1e-9
-    step_m = float(np.linalg.norm(sample[1] - last))
+    step_m = math.dist(sample[1], last)
     detail = f"{step_m:.3f} m in {gap_s * 1e3:.1f} ms is {step_m / gap_s:.1f} m/s"
     state = replace(state, jump=sample, jumps=jumps, late_ns=None, late=0)
     return state, Rejected(JUMP, detail), False
@@ -286,13 +298,13 @@ def _follow_jump(settings, state, sample) -> tuple[IngestState, Rejected | None,
 def _within_gate(settings, earlier, later) -> bool:
     """Whether a person could have moved from one sample to the other."""
     reach_m = settings.max_speed_m_s * (later[0] - earlier[0]) * 1e-9 + settings._margin_m
-    return float(np.linalg.norm(later[1] - earlier[1])) <= reach_m
+    return math.dist(later[1], earlier[1]) <= reach_m
 
 
 def _velocity(settings, state) -> Velocity | None:
     if len(state.recent) < 3:
         return None
     stamps_ns = np.array([stamp_ns for stamp_ns, _ in state.recent], dtype=np.int64)
-    positions = np.stack([position for _, position in state.recent])
+    positions = np.array([position for _, position in state.recent])
     variance = (settings._margin_m / NOISE_MARGIN) ** 2
     return fit_velocity(stamps_ns, positions, variance)

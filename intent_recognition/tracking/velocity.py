@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+IDENTITY = np.eye(3)
+
 
 class Velocity(NamedTuple):
     """A velocity (3,) [m/s] and its covariance (3, 3) [m^2/s^2]."""
@@ -30,7 +32,6 @@ def fit_velocity(
         The slope and its covariance, variance / sum of squared centred times on the diagonal.
     """
     times_s = (stamps_ns - stamps_ns[0]) * 1e-9
-    centred_s = times_s - times_s.mean()
+    centred_s = times_s - times_s.sum() / times_s.size
     spread = float(centred_s @ centred_s)
-    mean = centred_s @ (positions - positions.mean(axis=0)) / spread
-    return Velocity(mean, np.eye(3) * (position_variance / spread))
+    return Velocity(centred_s @ positions / spread, IDENTITY * (position_variance / spread))

@@ -67,6 +67,16 @@ def test_velocity_covariance_holds_its_sample_variance():
     assert 0.8 < ratio < 1.25
 
 
+@pytest.mark.parametrize("rate_hz", [25, 100, 333, 1000])
+def test_velocity_at_any_rate(rate_hz):
+    step = 100 / rate_hz
+    samples = [(i * step, [2.0 * i / rate_hz, 0.2, 0.3]) for i in range(500)]
+    results, state = feed(samples)
+    np.testing.assert_allclose(results[-1].velocity, [2.0, 0.0, 0.0], atol=1e-6)
+    assert 3 <= len(state.recent) <= 42
+    assert state.recent[-1][0] == results[-1].stamp_ns
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
 @pytest.mark.parametrize("place", range(3))
 def test_unusable_position(bad, place):
