@@ -201,6 +201,14 @@ def learn(
             rejected.append((recorded.name, "it has no label `task`"))
         elif recorded.task == NONE:
             rejected.append((recorded.name, f"the label {NONE!r} is reserved"))
+        elif labelled and _dofs(recorded) != _dofs(labelled[0]):
+            reason = describe(
+                "DOFs",
+                f"those of {labelled[0].name}, {_dofs(labelled[0])}",
+                _dofs(recorded),
+                "Read all recordings with one DOF file.",
+            )
+            rejected.append((recorded.name, reason))
         else:
             labelled.append(recorded)
     observed_settings: tuple[OnsetSettings, ...] = ()
@@ -321,6 +329,11 @@ def _fit(
         provenance={**provenance, "settings": asdict(settings), "chosen": chosen._asdict()},
     )
     return library, chosen, tried
+
+
+def _dofs(recorded: Recorded) -> tuple[tuple[tuple[str, ...], str], ...]:
+    """Names and unit of each signal, observed then controlled."""
+    return tuple((s.names, s.unit) for s in (*recorded.observed, *recorded.controlled))
 
 
 def _flat(weights: np.ndarray) -> np.ndarray:
