@@ -4,7 +4,7 @@
 import argparse
 import json
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -62,7 +62,8 @@ def run(args: argparse.Namespace) -> int:
 
 def bag_json(summary: BagSummary) -> dict:
     """A bag's summary as plain values."""
-    return asdict(summary) | {
+    topics = tuple(replace(t, rejected=dict(t.rejected)) for t in summary.topics)
+    return asdict(replace(summary, topics=topics)) | {
         "duration_s": summary.duration_s,
         "message_count": summary.message_count,
     }

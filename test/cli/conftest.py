@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the tests of the commands share."""
+
+import argparse
+import importlib
+
+import pytest
+
+
+@pytest.fixture
+def parse():
+    """Arguments of one command, as its own parser reads them."""
+
+    def read(command: str, *arguments: object) -> argparse.Namespace:
+        parser = argparse.ArgumentParser(prog="intent")
+        subparsers = parser.add_subparsers(dest="command")
+        importlib.import_module(f"intent_recognition.cli.{command}").add_parser(subparsers)
+        return parser.parse_args([command, *map(str, arguments)])
+
+    return read
+
+
+@pytest.fixture
+def run_command(parse, capsys):
+    """Run one command in this process; returns its exit code and what it printed."""
+
+    def run(command: str, *arguments: object) -> tuple[int, str]:
+        args = parse(command, *arguments)
+        code = args.run(args)
+        return code, capsys.readouterr().out
+
+    return run

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent inspect` on real little bags, folders and models."""
+
+import json
+
+import numpy as np
+import pytest
+from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, write_bag, write_session
+
+from intent_recognition.cli.inspect_tables import moment
+from intent_recognition.errors import BagError, ModelError
+from intent_recognition.promp.training import TrainingSettings, learn
+from intent_recognition.storage import BagWriter, load_dofs, read_demonstrations
+from intent_recognition.storage.model import Model, load_model, save_model
+
+
+def row_of(output: str, start: str) -> list[str]:
+    """Cells of the first line that begins with `start`."""
+    return next(line for line in output.splitlines() if line.startswith(start)).split()
+
+
+@pytest.fixture
+def flawed_bag(tmp_path):
+    """A pose stream with an outlier, a value that is not finite, and a gap of 0.5 s."""
+    with BagWriter(tmp_path / "flawed", {"task": "plate", "group": "p1"}) as writer:
+        for i in range(60):
+            late_ns = 500_000_000 if i >= 40 else 0
+            stamp_ns = START_NS + i * STEP_NS + late_ns
+            x = {10: 5.0, 20: float("nan")}.get(i)
+            message = pose(i, x, stamp_ns=stamp_ns)
+            writer.write_message("mocap/wrist/pose", POSE, message, stamp_ns)
+            if i < 30:
+                writer.write_message("joint_states", JOINTS, joints(i), stamp_ns)
+    return tmp_path / "flawed"
+
+
+def test_a_bag_shows_topics_labels_gaps_and_outliers(run_command, flawed_bag):
+    code, output = run_command("inspect", flawed_bag)
+    assert code == 0
+    assert row_of(output, "task")[1:] == ["plate"]
+    assert row_of(output, "group")[1:] == ["p1"]
+    cells = row_of(output, "/mocap/wrist/pose")
+    assert cells[1:6] == [POSE, "60", "100.0", "1", "0.510"]
+    assert "1 not_finite" in output
+    assert "1 jump" in output
+    assert "gaps in /mocap/wrist/pose: 0.510 s at 0.39 s" in output
+    assert row_of(output, "/joint_states")[1:4] == [JOINTS, "30", "100.0"]
+
+
+def test_json_holds_the_same_numbers(run_command, flawed_bag):
+    _, output = run_command("inspect", flawed_bag, "--json")
+    content = json.loads(output)
+    topics = {topic["name"]: topic for topic in content["topics"]}
+    assert content["task"] == "plate"
+    assert content["message_count"] == 90
+    assert content["duration_s"] == pytest.approx(59 * 0.01 + 0.5)
+    assert topics["/mocap/wrist/pose"]["count"] == 60
+    assert topics["/mocap/wrist/pose"]["rejected"] == {"jump": 1, "not_finite": 1}
+    assert topics["/mocap/wrist/pose"]["gaps"] == [[START_NS + 39 * STEP_NS, pytest.approx(0.51)]]
+
+
+def test_headings_keep_their_units(run_command, flawed_bag):
+    _, output = run_command("inspect", flawed_bag)
+    assert "rate [Hz]" in output
+    assert "longest [s]" in output
+
+
+def test_a_folder_gives_one_line_per_bag_and_counts_tasks(run_command, tmp_path):
+    for name, task in (("a", "plate"), ("b", "plate"), ("c", "screw"), ("d", None)):
+        write_bag(tmp_path / name, task=task)
+    code, output = run_command("inspect", tmp_path)
+    assert code == 0
+    assert [line.split()[0] for line in output.splitlines()[1:5]] == ["a", "b", "c", "d"]
+    assert output.splitlines()[-1] == "4 bags: (no label) 1, plate 2, screw 1"
+
+
+def test_an_unreadable_bag_is_named_and_the_rest_shown(run_command, tmp_path):
+    write_bag(tmp_path / "good")
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "bad.mcap").write_bytes(b"no recording")
+    code, output = run_command("inspect", tmp_path, "--json")
+    by_path = {entry["path"].rsplit("/", 1)[1]: entry for entry in json.loads(output)}
+    assert by_path["good"]["message_count"] == 100
+    broken = by_path["bad"]
+    assert "error" in broken or broken["damage"]
+    assert code == int("error" in broken)
+
+
+def test_a_session_shows_its_demonstrations(run_command, tmp_path):
+    write_session(tmp_path / "session", ["plate", "screw"], last_end=False)
+    _, output = run_command("inspect", tmp_path / "session")
+    assert row_of(output, "0")[1:] == ["plate", "0.05", "0.20"]
+    assert "unfinished" in output
+
+
+def test_damage_is_shown_not_raised(run_command, tmp_path):
+    bag = write_bag(tmp_path / "cut", count=2000)
+    file = next(bag.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[:-3000])
+    code, output = run_command("inspect", bag)
+    assert code == 0
+    assert "damaged at byte" in output
+
+
+def test_nothing_to_inspect_is_an_error(parse, tmp_path):
+    for path in (tmp_path, tmp_path / "missing"):
+        args = parse("inspect", path)
+        with pytest.raises(BagError, match=str(path)):
+            args.run(args)
+    args = parse("inspect", tmp_path / "missing.npz")
+    with pytest.raises(ModelError, match=r"missing\.npz"):
+        args.run(args)
+
+
+@pytest.fixture
+def model_file(tmp_path, rng):
+    for number in range(4):
+        task = ("plate", "screw")[number % 2]
+        with BagWriter(tmp_path / f"bag{number}", {"task": task}) as writer:
+            side = rng.normal(1.0 if task == "plate" else -1.0, 0.05)
+            for i in range(200):
+                at_ns = START_NS + i * STEP_NS
+                share = np.clip((i - 20) / 150, 0.0, 1.0)
+                reach = share**2 * (3 - 2 * share)
+                writer.write_message("mocap/wrist/pose", POSE, pose(i, 0.4 * side * reach), at_ns)
+                angles = [side * reach * (j + 1) / 10 for j in range(7)]
+                writer.write_message("joint_states", JOINTS, joints(i, positions=angles), at_ns)
+    dofs = load_dofs()
+    demonstrations, _ = read_demonstrations([tmp_path], dofs)
+    settings = TrainingSettings(n_basis=6, segmentation="recording")
+    library, _ = learn(demonstrations, settings, {"bags": ["bag0", "bag1"]})
+    save_model(tmp_path / "m.npz", Model(library, dofs))
+    return tmp_path / "m.npz"
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+def test_a_model_shows_what_was_learned(run_command, model_file):
+    library = load_model(model_file).library
+    code, output = run_command("inspect", model_file)
+    assert code == 0
+    for k, label in enumerate(library.labels):
+        cells = row_of(output, label)
+        assert cells[1:3] == ["2", f"{library.durations_s[k]:.2f}"]
+    for name in (*library.observed_names, *library.controlled_names):
+        assert name in output
+    assert "from 2 bags: bag0, bag1" in output
+
+
+def test_a_model_as_json(run_command, model_file):
+    library = load_model(model_file).library
+    _, output = run_command("inspect", model_file, "--json")
+    content = json.loads(output)
+    assert list(content["tasks"]) == list(library.labels)
+    assert content["tasks"]["plate"]["median_duration_s"] == library.durations_s[0]
+    assert content["controlled"]["lwr_a1_joint"] == "rad"
+    stds = [content["noise_std"][n] for n in (*library.observed_names, *library.controlled_names)]
+    np.testing.assert_allclose(np.square(stds), library.noise_variance)
+
+
+def test_moments_of_simulated_clocks_are_plain_seconds():
+    assert moment(1_500_000_000) == "t = 1.500 s"
+    assert moment(START_NS) == "2023-11-14 22:13:20.000 UTC"

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent record` and `intent play` run the nodes with the parameters their options name."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from bag_builder import raw, write_bag
+from hypothesis import given
+from hypothesis import strategies as st
+from ros_harness import NodeProcess
+
+from intent_recognition.cli import play, record
+from intent_recognition.cli.node_arguments import node_arguments, yaml_value
+from intent_recognition.errors import BagError, ResourceBusyError
+from intent_recognition.storage import BagReader
+
+INTENT = "intent_recognition.cli.main"
+
+
+def test_record_options_become_parameters(parse, tmp_path):
+    args = parse("record", "a", "b/c", "--output", tmp_path / "new", "--task", "plate")
+    expected = {"output": str(tmp_path / "new"), "task": "plate", "topics": ["a", "b/c"]}
+    assert record.parameters(args) == expected
+    assert "topics" not in record.parameters(parse("record", "--output", "new"))
+
+
+def test_a_relative_output_is_made_absolute(parse, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    args = parse("record", "--output", "new")
+    assert Path(record.parameters(args)["output"]) == tmp_path / "new"
+
+
+def test_play_options_become_parameters(parse):
+    args = parse("play", "/b", "--rate", "0", "--loop", "--paused", "--wait", "7", "--clock")
+    assert play.parameters(args) == {
+        "bag": "/b",
+        "rate": 0.0,
+        "loop": True,
+        "start_paused": True,
+        "wait_for_subscribers": 7.0,
+        "clock": True,
+        "restamp": False,
+    }
+
+
+@pytest.mark.parametrize("rate", ["-1", "nan", "inf", "fast"])
+def test_an_impossible_rate_is_refused(parse, capsys, rate):
+    with pytest.raises(SystemExit):
+        parse("play", "/b", f"--rate={rate}")
+    assert "rate" in capsys.readouterr().err
+
+
+def test_namespace_and_remapping(parse):
+    args = parse("play", "/b", "--namespace", "cell/", "--remap", "x:=y")
+    command = node_arguments(args, {"loop": False})
+    assert command[:4] == ["intent", "--ros-args", "-p", "loop:=false"]
+    assert command[4:] == ["-r", "__ns:=/cell", "-r", "x:=y"]
+
+
+@given(
+    st.one_of(
+        st.booleans(),
+        st.floats(allow_nan=False, allow_infinity=False, min_value=-1e6, max_value=1e6),
+        st.text(st.characters(min_codepoint=32, max_codepoint=126)),
+        st.lists(st.text(st.characters(min_codepoint=32, max_codepoint=126)), min_size=1),
+    )
+)
+def test_values_keep_their_type_in_yaml(value):
+    read = yaml.safe_load(yaml_value(value))
+    if not (isinstance(value, float) and "e" in yaml_value(value)):
+        assert type(read) is type(value)
+    assert type(value)(read) == value
+
+
+def test_an_existing_output_is_refused_before_ros_starts(parse, tmp_path):
+    args = parse("record", "--output", tmp_path)
+    with pytest.raises(ResourceBusyError, match="--output"):
+        args.run(args)
+
+
+def test_a_missing_bag_is_refused_before_ros_starts(parse, tmp_path):
+    args = parse("play", tmp_path / "missing")
+    with pytest.raises(BagError, match="missing"):
+        args.run(args)
+
+
+def test_the_commands_load_no_ros_until_they_run():
+    code = (
+        "import sys, intent_recognition.cli.record, intent_recognition.cli.play;"
+        "sys.exit('rclpy' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_what_is_played_is_recorded_until_ctrl_c(tmp_path):
+    bag = write_bag(tmp_path / "take 1", count=40)
+    copy = tmp_path / "copy of 1"
+    record_command = ("record", "mocap/wrist/pose", "joint_states", "--output", str(copy))
+    with NodeProcess(INTENT, *record_command, "--task", "plate: 1") as recorder:
+        with NodeProcess(INTENT, "play", str(bag), "--rate", "0", "--wait", "30") as player:
+            assert player.wait() == 0, player.errors
+        assert recorder.stop() == 0, recorder.errors
+    assert "Traceback" not in recorder.errors + player.errors
+    by_topic = [sorted((m[0], m[4]) for m in raw(path, BagReader)) for path in (bag, copy)]
+    assert by_topic[0] == by_topic[1]
+    assert BagReader(copy).task == "plate: 1"

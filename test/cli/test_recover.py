@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent recover` saves the rest of a damaged recording and says what is lost."""
+
+import pytest
+from bag_builder import raw, write_bag
+
+from intent_recognition.errors import BagError, ResourceBusyError
+from intent_recognition.storage import BagReader
+
+
+def test_a_truncated_bag_is_saved_up_to_the_cut(run_command, tmp_path):
+    bag = write_bag(tmp_path / "whole", count=3000)
+    whole = raw(bag, BagReader)
+    file = next(bag.glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    code, output = run_command("recover", bag, "--output", tmp_path / "saved")
+    saved = raw(tmp_path / "saved", BagReader)
+    assert code == 0
+    assert 0 < len(saved) < len(whole)
+    assert saved == whole[: len(saved)]
+    assert BagReader(tmp_path / "saved").task == "plate"
+    assert output.startswith(f"saved {len(saved)} messages over ")
+    assert "damaged at byte" in output
+
+
+def test_a_whole_bag_comes_out_equal(run_command, tmp_path):
+    bag = write_bag(tmp_path / "whole")
+    _, output = run_command("recover", bag, "--output", tmp_path / "copy")
+    assert raw(tmp_path / "copy", BagReader) == raw(bag, BagReader)
+    assert "nothing was damaged" in output
+    counts = {line.split()[0]: line.split()[1] for line in output.splitlines()[1:3]}
+    assert counts == {"/joint_states": "50", "/mocap/wrist/pose": "50"}
+
+
+def test_an_existing_output_is_not_touched(parse, tmp_path):
+    bag = write_bag(tmp_path / "whole")
+    other = write_bag(tmp_path / "other", count=3)
+    before = raw(other, BagReader)
+    args = parse("recover", bag, "--output", other)
+    with pytest.raises(ResourceBusyError, match="other"):
+        args.run(args)
+    assert raw(other, BagReader) == before
+
+
+def test_no_recording_at_all_is_an_error(parse, tmp_path):
+    args = parse("recover", tmp_path / "missing", "--output", tmp_path / "out")
+    with pytest.raises(BagError, match="missing"):
+        args.run(args)
+    assert not (tmp_path / "out").exists()
