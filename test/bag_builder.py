@@ -55,9 +55,9 @@ def write_bag(path: Path, count: int = 50, task: str | None = "plate", **options
     return path
 
 
-def write_session(path: Path, labels: list[str], *, last_end: bool = True) -> Path:
+def write_session(path: Path, labels: list[str], *, last_end: bool = True, **options) -> Path:
     """A session: each label lasts 20 steps, with 5 steps of pause between."""
-    with BagWriter(path) as writer:
+    with BagWriter(path, **options) as writer:
         step = 0
         for number, label in enumerate(labels):
             marks = {5: label, 25: "" if last_end or number < len(labels) - 1 else None}

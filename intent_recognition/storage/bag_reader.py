@@ -262,20 +262,19 @@ class BagReader:
         self, file: Path, scan: Scan, wanted: set[str] | None
     ) -> Iterator[tuple[Message, Channel, Schema | None]]:
         """Merge blocks that overlap in time; only those are in memory at once."""
-        waiting: list[tuple[int, int, Message, Channel]] = []
-        order = 0
+        waiting: list[tuple[int, int, int, Message, Channel]] = []
         with open_view(file) as view:
             for block in sorted(self._usable(scan), key=lambda b: (b.start_ns, b.offset)):
                 while waiting and waiting[0][0] < block.start_ns:
-                    _, _, message, channel = heapq.heappop(waiting)
+                    *_, message, channel = heapq.heappop(waiting)
                     yield message, channel, scan.schemas.get(channel.schema_id)
-                for message in self._block_messages(view, file, scan, block):
+                for i, message in enumerate(self._block_messages(view, file, scan, block)):
                     channel = self._channel(file, scan, block, message)
                     if channel and (wanted is None or channel.topic.lstrip("/") in wanted):
-                        heapq.heappush(waiting, (message.log_time, order, message, channel))
-                        order += 1
+                        item = (message.log_time, block.offset, i, message, channel)
+                        heapq.heappush(waiting, item)
             while waiting:
-                _, _, message, channel = heapq.heappop(waiting)
+                *_, message, channel = heapq.heappop(waiting)
                 yield message, channel, scan.schemas.get(channel.schema_id)
 
     def _usable(self, scan: Scan) -> list[Block]:

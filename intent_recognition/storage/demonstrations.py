@@ -171,7 +171,9 @@ def _whole_bag(
 def _part_of_session(
     reader: BagReader, dofs: DofSpec, samples: Mapping[str, TopicSamples], part
 ) -> Demonstration | Rejection:
-    observed, controlled, rejected = signals_of(dofs, samples, part.start_ns, part.end_ns)
+    observed, controlled, rejected = signals_of(
+        dofs, samples, part.start_ns, part.end_ns, count_topics=part.index == 0
+    )
     problem = _too_short(reader, dofs, (*observed, *controlled), rejected, part.start_ns)
     if problem:
         return problem

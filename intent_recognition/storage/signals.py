@@ -104,10 +104,16 @@ def signals_of(
     samples: Mapping[str, TopicSamples],
     start_ns: int | None = None,
     end_ns: int | None = None,
+    *,
+    count_topics: bool = True,
 ) -> tuple[tuple[Signal, ...], tuple[Signal, ...], Counter[str]]:
-    """Observed and controlled signals of a bag or of a part of it, and all counts by reason."""
+    """Observed and controlled signals of a bag or of a part of it, and all counts by reason.
+
+    `count_topics` includes what was dropped anywhere in the bag for its stamp or as an outlier;
+    of a session's demonstrations the first reports it, so that it is counted once.
+    """
     rejected: Counter[str] = Counter()
-    for topic in spec.topics:
+    for topic in spec.topics if count_topics else ():
         rejected.update(samples[topic].rejected)
     sides = []
     for entries in (spec.observed, spec.controlled):

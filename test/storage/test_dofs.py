@@ -77,7 +77,7 @@ def test_velocity_and_effort_have_names_of_their_own():
     ],
 )
 def test_missing_joint_is_a_message_error(message):
-    with pytest.raises(MessageError, match="^j"):
+    with pytest.raises(MessageError, match=r"^j"):
         extract(DofEntry("j", "sensor_msgs/msg/JointState", joints=("a", "b")), message)
 
 
