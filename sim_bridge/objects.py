@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bodies of the toolbox assembly, and the gripper that takes them and lets them go.
+"""The bodies of the toolbox assembly: plate, screw and screwdriver, and who holds them.
 
 An object is fixed to whoever holds it by a constraint: to its stand, to the arm's hand, or to the
 worker's hand, which is a body without mass that is put where the worker is.
@@ -15,12 +15,6 @@ from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.arm import LwrArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS
 from sim_bridge.scene import OBJECT_MASS_KG, STANDS_M, stand_pose
-
-GRASP_RADIUS_M = 0.03
-GRASP_SPEED_M_S = 0.12
-RELEASE_SPEED_M_S = 0.03
-RELEASE_REST_S = 0.25
-CARRIED_M = 0.12
 
 # Where an object's centre is in the hand frame, and half its edges there.
 _GRASP_M = {PLATE: (0.0, 0.0, 0.09), SCREW: (0.0, 0.0, 0.03), HOLD: (0.0, 0.0, 0.05)}
@@ -190,79 +184,6 @@ class ToolboxObjects:
             half = 0.5 * (centre[2] - 0.05 - _HALF_EDGES_M[task][0])
             post = self._body(0.0, pybullet.GEOM_BOX, (0.012, 0.012, half), grey)
             self._place(post, (centre[0], centre[1], 0.05 + half), _NO_TURN)
-
-
-class Gripper:
-    """Decides when the hand takes an object and when it lets it go, from where the hand is.
-
-    Plate and screw are taken when the hand passes the stand slowly, and released when it has
-    come to rest away from the stand. The screwdriver is taken from the worker when the hand has
-    come to rest away from where it was when the task became active. What is still held when the
-    task ends goes to the worker.
-
-    Args:
-        arm: the arm.
-        objects: the bodies in its world.
-    """
-
-    def __init__(self, arm: LwrArm, objects: ToolboxObjects) -> None:
-        self._arm = arm
-        self._objects = objects
-        self._task = ""
-        self._start_m = np.zeros(3)
-        self._rest_since_s: float | None = None
-        self._done = False
-
-    @property
-    def held(self) -> str:
-        """Label of the object in the hand, "" if none."""
-        held = [t for t, holder in self._objects.holders.items() if holder is Holder.ROBOT]
-        return held[0] if held else ""
-
-    def set_task(self, task: str) -> None:
-        """Take note of the task being executed, "" when idle; unknown labels count as idle."""
-        task = task if task in TASKS else ""
-        if task == self._task:
-            return
-        if self.held:
-            self._objects.give_to_worker(self.held)
-        if task == HOLD:
-            self._objects.worker_brings(task)
-        elif task:
-            self._objects.put_back(task)
-        self._task, self._done = task, False
-        self._start_m = self._arm.hand_pose().position
-        self._rest_since_s = None
-
-    def update(self) -> None:
-        """Look at the hand, and take or release; call it every few milliseconds."""
-        if not self._task or self._done:
-            return
-        hand = self._arm.hand_pose().position
-        speed = float(np.linalg.norm(self._arm.hand_velocity()))
-        if self._task in STANDS_M and not self.held:
-            near = np.linalg.norm(hand - STANDS_M[self._task]) < GRASP_RADIUS_M
-            if near and speed < GRASP_SPEED_M_S:
-                self._objects.give_to_robot(self._task)
-                self._start_m = hand
-            return
-        if self.held == HOLD or not self._at_rest(hand, speed):
-            return
-        if self._task == HOLD:
-            self._objects.give_to_robot(HOLD)
-        else:
-            self._objects.give_to_worker(self._task)
-            self._done = True
-
-    def _at_rest(self, hand: np.ndarray, speed: float) -> bool:
-        """Whether the hand has rested for a while away from where it took or began."""
-        away = np.linalg.norm(hand - self._start_m) > CARRIED_M
-        if not away or speed > RELEASE_SPEED_M_S:
-            self._rest_since_s = None
-            return False
-        if self._rest_since_s is None:
-            self._rest_since_s = self._arm.time_s
-        return self._arm.time_s - self._rest_since_s >= RELEASE_REST_S
 
 
 def _quaternion(rotation: np.ndarray) -> tuple[float, ...]:

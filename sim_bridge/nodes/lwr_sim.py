@@ -22,6 +22,7 @@ from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
 from sim_bridge.arm import TIME_STEP_S, LwrArm, SensorNoise
 from sim_bridge.controllers import ControllerGains
+from sim_bridge.gripper import make_gripper
 from sim_bridge.pacing import Pacer
 from sim_bridge.scene import HOME
 from sim_bridge.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
@@ -30,6 +31,7 @@ from sim_bridge.trajectory_follower import TrajectoryFollower
 TICK_S = 0.002
 STEP_NS = 1_000_000
 PUSH_STEPS = 100
+GRIPPER_STEPS = 5  # physics steps between two looks of the gripper
 BURST = 8  # joint states sent at once when catching up, below the depth of their queue
 LARGEST_PUSH_N = 500.0
 WORLD_FRAME = "world"
@@ -39,7 +41,8 @@ class LwrSim(Node):
     """Physics paced by a steady clock; its state goes out, trajectories and pushes come in.
 
     In: `joint_trajectory`; `~/push` (a force at the hand in world axes, held for 0.1 s after
-    each message; torques are ignored); `~/gravity_compensation`. Out: `joint_states`,
+    each message; torques are ignored); `~/gravity_compensation`; `intent/active_task`, for the
+    objects of the `scene`, which the hand takes and gives. Out: `joint_states`,
     `robot_description`, `/clock` if `publish_clock`, `/diagnostics`.
 
     Stamps are simulated time (from zero at start) if `publish_clock`, else ROS time. With
@@ -50,6 +53,7 @@ class LwrSim(Node):
         super().__init__("lwr_sim", **kwargs)
         self._declare()
         self.arm = self._make_arm()
+        self.gripper = make_gripper(self.arm, self._scene)
         self.follower = TrajectoryFollower(self.arm.reference.q, self.arm.limits)
         self.arm.before_step.append(self._control)
         self.diagnostics = Diagnostics(self)
@@ -87,6 +91,7 @@ class LwrSim(Node):
             "stiffness_scale", 1.0, "Factor on the joint stiffness; 1 is compliant.", 0.05, 20.0
         )
         self._noisy = get("sensor_noise", False, "Add noise to the measured joint state.")
+        self._scene = get("scene", "toolbox", "Objects the hand can take: 'toolbox' or 'none'.")
         self._seed = get("seed", 0, "Seed of the sensor noise.", 0)
 
     def _make_arm(self) -> LwrArm:
@@ -110,6 +115,8 @@ class LwrSim(Node):
         if self._publishes_clock:
             self._clock_out = self.create_publisher(ClockMessage, "/clock", STATE)
         self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND)
+        if self.gripper is not None:
+            self.create_subscription(String, "intent/active_task", self._on_task, LATCHED)
         self.create_subscription(WrenchStamped, "~/push", self._on_push, SENSOR)
         self.create_service(SetBool, "~/gravity_compensation", self._on_gravity_compensation)
 
@@ -120,6 +127,11 @@ class LwrSim(Node):
             arm.set_reference(*reference)
         if arm.n_steps < self._push_until:
             arm.apply_force(self._push_n)
+        if self.gripper is not None and arm.n_steps % GRIPPER_STEPS == 0:
+            self.gripper.update()
+
+    def _on_task(self, message: String) -> None:
+        self.gripper.set_task(message.data)
 
     def _now_s(self) -> float:
         """Return the clock that paces the physics [s]."""
@@ -247,6 +259,8 @@ class LwrSim(Node):
         values("simulated time dropped [s]", f"{self._pacer.dropped_s:.3f}")
         values("largest tracking error [rad]", f"{self._tracking_error_rad:.5f}")
         values("steps with saturated torque", self.arm.saturated_steps)
+        if self.gripper is not None:
+            values("held object", self.gripper.held or "none")
         values("gravity compensation", self.arm.gravity_compensation)
         self._tracking_error_rad = 0.0
         if self._publishes_clock and self.count_publishers("/clock") > 1:

@@ -14,7 +14,8 @@ from intent_recognition.kinematics.lwr import LWR_LIMITS
 from sim_bridge.arm import LwrArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.generate import Order, demonstrate
-from sim_bridge.objects import Gripper, Holder, ToolboxObjects
+from sim_bridge.gripper import Gripper, make_gripper
+from sim_bridge.objects import Holder, ToolboxObjects
 from sim_bridge.scene import (
     ARM_BRANCH,
     HOME,
@@ -158,5 +159,8 @@ def test_a_held_plate_weighs_on_the_arm_and_is_compensated():
         objects.give_to_worker(PLATE)
         arm.step(1500)
         np.testing.assert_allclose(arm.state().torque, before, atol=0.05)
-    with pytest.raises(ArgumentError):
-        ToolboxObjects.put_back(objects, "dance")
+        with pytest.raises(ArgumentError, match="task"):
+            objects.put_back("dance")
+        with pytest.raises(ArgumentError, match="scene"):
+            make_gripper(arm, "kitchen")
+        assert make_gripper(arm, "none") is None
