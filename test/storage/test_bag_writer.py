@@ -17,7 +17,6 @@ from bag_builder import POSE, START_NS, STEP_NS, SteppingClock, pose, raw, write
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 from intent_recognition.errors import BagError, MessageError, ResourceBusyError
@@ -63,10 +62,10 @@ def test_any_bytes_and_stamps_come_back_in_order_of_log_time(messages):
 def test_every_jazzy_type_is_defined_serialised_and_decoded(tmp_path, kind):
     with BagWriter(tmp_path / "bag") as writer:
         writer.write_message("t", kind, {}, 5)
-    with AnyReader([tmp_path / "bag"]) as independent:
+    with Reader(tmp_path / "bag") as independent:
         ((connection, _, data),) = list(independent.messages())
-        assert connection.msgtype == kind
-        independent.deserialize(data, kind)
+    assert connection.msgtype == kind
+    jazzy_types().deserialize_cdr(data, kind)
     (message,) = BagReader(tmp_path / "bag").messages()
     assert message.type == kind
 

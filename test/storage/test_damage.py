@@ -61,7 +61,7 @@ def test_truncation_anywhere_is_an_error_and_the_whole_chunks_are_saved(whole, d
     data, messages = content(whole), whole[1]
     scan = scan_file(whole[0] / "bag.mcap")
     ends = [(b.offset + 9 + b.length, b.end_ns) for b in scan.blocks]
-    for size in range(60, len(data), 173):
+    for size in range(60, len(data), 509):
         path = damaged(data[:size])
         found, error = read_until_error(path)
         assert found == messages[: len(found)]
