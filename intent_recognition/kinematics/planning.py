@@ -123,8 +123,8 @@ def brake_plan(
 ) -> JointPlan:
     """Constant deceleration of all joints to a stand, straight on in joint space.
 
-    Joints heading for a position limit are held inside it only as far as that is possible
-    within the acceleration limit; those that are not inside are listed in `clamped`.
+    A last resort: it keeps the velocity and acceleration limits, but a joint already heading for
+    a position limit may end beyond it; such joints are listed in `clamped`.
     """
     share = np.abs(start.velocity) / limits.acceleration
     duration_s = max(float(share.max()), settings.step_s)

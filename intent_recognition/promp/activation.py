@@ -326,7 +326,7 @@ class Activation:
         start, settings = self._current.at(start_ns), self._settings
         plan = home_plan(start, self._home, settings.limits, settings.plan)
         if plan is None:
-            plan = brake_plan(start, 0.0, settings.limits, settings.plan)
+            plan = self._stop_plan(start_ns)
         self.mode = Mode.HOMING
         return self._send(now_ns, Command(start_ns, plan))
 

@@ -248,11 +248,11 @@ def test_home_is_reached_at_rest_also_from_a_moving_start(seed, share):
     times, q, v = samples(seed, 2.0)
     path = path_of(times, q, v)
     running = plan_interaction(path, NominalTiming(0.0, 2.0), Reference.at_rest(HOME), 0, 0, LIMITS)
-    start = running.at(share * running.duration_s)
+    start, progress = (f(share * running.duration_s) for f in (running.at, running.phase_at))
     plan = home_plan(start, HOME, LIMITS)
     if plan is None:  # in rare fast motions away from home: brake first
         assert np.abs(start.velocity).max() > 0.1
-        start = Reference.at_rest(brake_plan(start, 0.0, LIMITS).end)
+        start = Reference.at_rest(stop_plan(path, start, *progress[:2], LIMITS).end)
         plan = home_plan(start, HOME, LIMITS)
     assert plan is not None and plan.kind == "home"
     np.testing.assert_allclose(plan.positions[0], start.position, atol=1e-9)
