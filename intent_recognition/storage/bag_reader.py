@@ -19,7 +19,8 @@ from intent_recognition.storage.bag_metadata import (
     parse_qos,
     read_metadata,
 )
-from intent_recognition.storage.definitions import Definition
+from intent_recognition.storage.definitions import Definition, definition
+from intent_recognition.storage.fast_decode import fast_decoder
 from intent_recognition.storage.mcap_scan import (
     PARSE_ERRORS,
     Block,
@@ -181,7 +182,8 @@ class BagReader:
                     if schema.name == type_name:
                         found = DecoderFactory().decoder_for("cdr", schema)
                         if found is not None:
-                            return found
+                            standard = schema.data.decode() == _jazzy_text(type_name)
+                            return fast_decoder(type_name, found) if standard else found
         except Exception as error:  # the parser of definitions raises what it meets
             raise self._no_decoder(topic, type_name, error) from error
         raise self._no_decoder(topic, type_name, "no ros2msg definition of it")
@@ -313,6 +315,13 @@ class BagReader:
         until = f" to {damage.end_ns}" if damage.end_ns else ""
         place = f"{file}: topics {topics}: time {damage.start_ns}{until} ns: byte {damage.offset}"
         return BagError(describe(place, "a whole recording", damage.reason, RECOVER))
+
+
+def _jazzy_text(type_name: str) -> str | None:
+    try:
+        return definition(type_name).text
+    except MessageError:
+        return None
 
 
 def decode(raw: RawMessage, decoder: Callable[[bytes], object]) -> BagMessage:

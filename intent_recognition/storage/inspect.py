@@ -159,7 +159,8 @@ def _is_finite(value: object) -> bool:
         return True
     if isinstance(value, list | tuple):
         return all(_is_finite(item) for item in value)
-    if hasattr(value, "__slots__"):
-        return all(_is_finite(getattr(value, name)) for name in value.__slots__)
+    names = getattr(type(value), "__slots__", None) or getattr(value, "__dict__", None)
+    if names is not None:
+        return all(_is_finite(getattr(value, name)) for name in names)
     array = np.asarray(value)
     return array.dtype.kind != "f" or bool(np.all(np.isfinite(array)))
