@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures hold what they were given, stand alone, and leave nothing behind."""
+
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from intent_recognition.report import figures
+from intent_recognition.report.drawing import (
+    NONE_COLOUR,
+    PALETTE,
+    task_colours,
+    task_markers,
+    to_png,
+    to_svg,
+)
+from intent_recognition.report.figures_evaluation import (
+    coverage_figure,
+    recognition_figure,
+    reliability_bins,
+    reliability_figure,
+    rmse_figure,
+)
+from intent_recognition.report.figures_interaction import (
+    joint_figure,
+    posterior_over_time_figure,
+    thin,
+    wrist_figure,
+)
+
+TASKS = ("hold", "plate", "screw")
+FRACTIONS = [0.25, 0.5, 0.75, 1.0]
+
+
+@pytest.fixture
+def per_task(rng):
+    return {task: list(rng.uniform(0.1, 0.9, 12)) for task in TASKS}
+
+
+@pytest.fixture
+def trace(rng):
+    share = np.linspace(0.0, 1.1, 900)
+    time_s = np.linspace(0.0, 2.0, 50)
+    return {
+        "index": 1,
+        "labels": [*TASKS, "none"],
+        "share": share,
+        "probabilities": rng.dirichlet(np.ones(4), share.size),
+        "wrist_m": rng.normal(size=(900, 3)),
+        "predicted_wrist_m": rng.normal(size=(50, 3)),
+        "predicted_wrist_std_m": np.full((50, 3), 0.02),
+        "joint_names": [f"joint_{i}" for i in range(7)],
+        "joint_s": np.linspace(0.0, 2.2, 900),
+        "joint_rad": rng.normal(size=(900, 7)),
+        "predicted_s": time_s,
+        "predicted_rad": rng.normal(size=(50, 7)),
+        "predicted_std_rad": np.full((50, 7), 0.1),
+        "decision_s": 0.7,
+        "end_s": 2.0,
+    }
+
+
+@pytest.fixture
+def all_figures(per_task, trace, rng):
+    series = {"known_phase": (FRACTIONS, [0.2, 0.1, np.nan, 0.1])}
+    share = np.linspace(0.0, 1.0, 30)
+    posterior = rng.dirichlet(np.ones(4), 30)
+    return {
+        "hand_error": figures.hand_error_figure(per_task, {"plate": (3.2, 2.6)}, {"screw": "x"}),
+        "share": figures.decision_share_figure(per_task),
+        "arrival": figures.arrival_figure(per_task),
+        "timing": figures.timing_figure(per_task, per_task),
+        "posterior": figures.posterior_figure(
+            ["plate", "screw"], [*TASKS, "none"], [share] * 2, [posterior] * 2, [0.4, None]
+        ),
+        "confusion": figures.confusion_figure(*figures.confusion_counts(TASKS, TASKS)),
+        "wrist": wrist_figure(trace),
+        "joints": joint_figure(trace),
+        "over_time": posterior_over_time_figure(trace, 2.0),
+        "recognition": recognition_figure(series, series),
+        "rmse": rmse_figure({"known_phase": {"rmse": (FRACTIONS, FRACTIONS)}}, "rad"),
+        "coverage": coverage_figure(series),
+        "reliability": reliability_figure(*reliability_bins(posterior.ravel(), np.ones(120))),
+    }
+
+
+def test_every_figure_draws_and_labels_its_axes(all_figures):
+    for name, figure in all_figures.items():
+        root = ElementTree.fromstring(to_svg(figure))
+        assert root.tag.endswith("svg"), name
+        assert sum(1 for _ in root.iter("{http://www.w3.org/2000/svg}path")) > 10, name
+        shown = [axes for axes in figure.axes if axes.axison]
+        assert any(axes.get_xlabel() for axes in shown) or name == "hand_error"
+        assert any(axes.get_ylabel() for axes in shown), name
+
+
+def test_figures_are_never_registered(all_figures):
+    assert all_figures
+    if "matplotlib.pyplot" in sys.modules:
+        assert sys.modules["matplotlib.pyplot"].get_fignums() == []
+
+
+def test_equal_figures_give_equal_bytes_without_date(per_task):
+    one, other = (to_svg(figures.arrival_figure(per_task)) for _ in range(2))
+    assert one == other
+    assert b"<metadata" not in one
+    assert b"DOCTYPE" not in one
+
+
+def test_png(per_task):
+    assert to_png(figures.arrival_figure(per_task), dpi=40).startswith(b"\x89PNG")
+
+
+def test_the_users_settings_are_neither_used_nor_changed(per_task):
+    plain = to_svg(figures.arrival_figure(per_task))
+    with matplotlib.rc_context({"font.size": 31.0, "axes.facecolor": "red"}):
+        assert to_svg(figures.arrival_figure(per_task)) == plain
+        assert matplotlib.rcParams["font.size"] == 31.0
+
+
+def test_hand_errors_and_whiskers_are_where_they_belong():
+    errors = [1.0, 2.0, 3.0, 6.0]
+    figure = figures.hand_error_figure({"plate": errors}, {"plate": (3.2, 2.6)})
+    axes = figure.axes[0]
+    assert sorted(axes.collections[0].get_offsets()[:, 1]) == errors
+    centres = [container.lines[0].get_ydata()[0] for container in axes.containers]
+    assert centres == [3.0, 3.2]
+    segments = [container.lines[2][0].get_segments()[0][:, 1] for container in axes.containers]
+    spread = 2 * np.std(errors, ddof=1)
+    np.testing.assert_allclose(segments[0], [max(0.0, 3.0 - spread), 3.0 + spread])
+    np.testing.assert_allclose(segments[1], [0.6, 5.8])
+
+
+def test_histograms_hold_every_interaction(per_task):
+    per_task["plate"].append(1.7)
+    for figure in (figures.decision_share_figure(per_task), figures.arrival_figure(per_task)):
+        bars = figure.axes[0].patches
+        assert sum(bar.get_height() for bar in bars) == sum(map(len, per_task.values()))
+
+
+def test_nothing_measured_still_draws():
+    nothing = {"plate": []}
+    for figure in (
+        figures.hand_error_figure(nothing),
+        figures.decision_share_figure(nothing),
+        figures.arrival_figure(nothing),
+        figures.timing_figure(nothing, nothing),
+    ):
+        assert to_svg(figure)
+
+
+@given(st.sets(st.sampled_from("abcdefgh"), min_size=1), st.randoms())
+def test_colours_and_markers_depend_on_the_sorted_labels_alone(labels, random):
+    shuffled = [*labels, "none"]
+    random.shuffle(shuffled)
+    colours = task_colours(shuffled)
+    assert colours == task_colours(sorted(labels))
+    assert [colours[label] for label in sorted(labels)] == list(PALETTE[: len(labels)])
+    assert colours["none"] == NONE_COLOUR
+    assert len(set(task_markers(shuffled).values())) == len(labels) + 1
+
+
+@given(st.lists(st.tuples(st.sampled_from(TASKS), st.sampled_from((*TASKS, "none", "")))))
+def test_confusion_counts_every_pair(pairs):
+    true, recognised = [t for t, _ in pairs], [r for _, r in pairs]
+    rows, columns, counts = figures.confusion_counts(true, recognised)
+    assert counts.sum() == len(pairs)
+    for row, task in enumerate(rows):
+        for column, name in enumerate(columns):
+            assert counts[row, column] == sum(t == task and (r or "none") == name for t, r in pairs)
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1.0), st.booleans()), min_size=1, max_size=50))
+def test_reliability_bins_conserve_mass(pairs):
+    probabilities, truth = (np.array(values, dtype=float) for values in zip(*pairs, strict=True))
+    mean, share, counts = reliability_bins(probabilities, truth)
+    used = counts > 0
+    assert counts.sum() == len(pairs)
+    assert np.sum(mean[used] * counts[used]) == pytest.approx(probabilities.sum())
+    assert np.sum(share[used] * counts[used]) == pytest.approx(truth.sum())
+    edges = np.arange(10) / 10
+    assert np.all(mean[used] >= edges[used] - 1e-12)
+    assert np.all(mean[used] <= edges[used] + 0.1 + 1e-12)
+
+
+def test_perfect_probabilities_lie_on_the_diagonal(rng):
+    probabilities = rng.uniform(size=200_000)
+    truth = rng.uniform(size=200_000) < probabilities
+    mean, share, _ = reliability_bins(probabilities, truth)
+    np.testing.assert_allclose(mean, share, atol=0.015)
+
+
+def test_thinning_keeps_both_ends():
+    values = np.arange(10_000)
+    assert thin(values, 100)[[0, -1]].tolist() == [0, 9999]
+    assert len(thin(values, 100)) == 100
+    assert thin(values[:7], 100) is not None
+    assert len(thin(values[:7], 100)) == 7
+
+
+@pytest.mark.parametrize("missing", ["predicted_std_rad", "predicted_rad", "joint_rad", "end_s"])
+def test_a_joint_figure_does_without_what_is_missing(trace, missing):
+    del trace[missing]
+    assert to_svg(joint_figure(trace))
+
+
+def test_any_number_of_joints(trace):
+    for count in (1, 3, 4, 8):
+        trace["joint_rad"] = np.zeros((900, count))
+        trace["predicted_rad"] = trace["predicted_std_rad"] = np.ones((50, count))
+        trace["joint_names"] = None
+        assert to_svg(joint_figure(trace))
+
+
+def test_matplotlib_is_loaded_by_the_first_figure_only():
+    code = (
+        "import sys, intent_recognition.report.demo_report,"
+        " intent_recognition.report.evaluation_report as _;"
+        "from intent_recognition.report.drawing import new_figure;"
+        "before = 'matplotlib' in sys.modules; new_figure(1, 1);"
+        "sys.exit(before or 'matplotlib.pyplot' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A page is well formed, escaped, complete, and asks nothing of the network."""
+
+import base64
+import re
+from html.parser import HTMLParser
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from intent_recognition.errors import ArgumentError, ResourceBusyError, ShapeError
+from intent_recognition.report.html import (
+    ABSENT,
+    Column,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Page,
+    Row,
+    Section,
+    Table,
+    Text,
+    render,
+    write_page,
+)
+
+VOID = {"meta", "img"}
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+PRINTABLE = st.text(st.characters(codec="utf-8", exclude_categories=("Cs", "Cc")), max_size=30)
+
+
+class Reader(HTMLParser):
+    """Checks that tags close in order; collects the texts of table cells and headings."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.cells, self.texts, self.attributes = [], [], [], []
+
+    def handle_starttag(self, tag, attributes):
+        self.attributes += attributes
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag in ("td", "th"):
+            self.cells.append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "td" in self.open or "th" in self.open:
+            self.cells[-1] += data
+        if "style" not in self.open:
+            self.texts.append(data)
+
+
+def read(html: str) -> Reader:
+    reader = Reader()
+    reader.feed(html)
+    reader.close()
+    assert reader.open == []
+    return reader
+
+
+def page(*blocks) -> Page:
+    return Page("Title", "subtitle", (Section("Heading", blocks),), "footer")
+
+
+def outside_references(html: str) -> list[str]:
+    """Addresses in the page and in its figures, XML namespaces excepted."""
+    figures = [base64.b64decode(code) for code in re.findall(r"svg\+xml;base64,([\w+/=]+)", html)]
+    texts = [html, *(figure.decode() for figure in figures)]
+    found = [match for text in texts for match in re.findall(r"https?://[^\s\"'<>)]+", text)]
+    return [address for address in found if not address.startswith("http://www.w3.org/")]
+
+
+@given(st.lists(st.lists(PRINTABLE, min_size=3, max_size=3), max_size=5))
+def test_table_cells_are_what_was_given(rows):
+    columns = (Column("a", "cm"), Column("b", align="left"), Column("c"))
+    reader = read(render(page(Table(columns, tuple(tuple(row) for row in rows)))))
+    assert reader.cells == ["a [cm]", "b", "c", *(cell for row in rows for cell in row)]
+
+
+@given(PRINTABLE)
+def test_any_text_is_escaped_everywhere(text):
+    blocks = (
+        Text(text),
+        KeyNumbers((KeyNumber(text, text, text, True, text),)),
+        Figure(SVG, text, text),
+        Table((Column(text, text),), ((text,),), text),
+    )
+    html = render(Page(text, text, (Section(text, blocks),), text))
+    reader = read(html)
+    plain = read(render(Page("t", "t", (Section("t", blocks),), "t")))
+    assert len(reader.attributes) == len(plain.attributes)
+    assert ("alt", text) in reader.attributes
+
+
+def test_markup_in_a_label_stays_text():
+    html = render(page(Text("<script>alert('1')</script> & \"x\"")))
+    assert "<script" not in html
+    assert "&lt;script&gt;" in html
+
+
+def test_alignment_marks_and_absent_cells():
+    table = Table(
+        (Column("task", align="left"), Column("error", "cm")),
+        (("plate", "3.2"), ("screw", None)),
+        "errors",
+        marked=frozenset({1}),
+        strong=frozenset({0}),
+    )
+    html = render(page(table))
+    assert '<td class="left">plate</td><td class="right">3.2</td>' in html
+    assert f'<tr class="marked"><td class="left">screw</td><td class="right">{ABSENT}</td>' in html
+    assert '<tr class="strong">' in html
+
+
+def test_key_numbers_show_ours_and_the_papers():
+    html = render(page(KeyNumbers((KeyNumber("hand error", "2.0 cm", "3.2 cm", True, "n = 3"),))))
+    for part in ("number good", ">2.0 cm<", ">paper: 3.2 cm<", ">n = 3<"):
+        assert part in html
+
+
+def test_figures_travel_inside_the_page():
+    png = b"\x89PNG\r\n\x1a\n..."
+    html = render(page(Row((Figure(SVG, "one"), Figure(png, "two", media_type="image/png")))))
+    assert base64.b64encode(SVG).decode() in html
+    assert f"data:image/png;base64,{base64.b64encode(png).decode()}" in html
+
+
+def test_the_page_refers_to_nothing_outside():
+    html = render(page(Text("x"), Figure(SVG, "y")))
+    assert outside_references(html) == []
+    assert "@import" not in html
+    assert "<link" not in html
+    assert "<script" not in html
+    assert "url(" not in html
+
+
+def test_empty_sections_are_left_out():
+    html = render(Page("t", "s", (Section("empty", ()), Section("full", (Text("x"),)))))
+    assert "empty" not in html
+    assert "full" in html
+
+
+def test_print_and_dark_styles_are_there():
+    html = render(page())
+    assert "@media print" in html
+    assert "prefers-color-scheme: dark" in html
+
+
+def test_bad_content_is_refused():
+    with pytest.raises(ShapeError, match="row 0"):
+        Table((Column("a"),), (("1", "2"),))
+    with pytest.raises(ArgumentError, match="media_type"):
+        Figure(SVG, media_type="image/gif")
+    with pytest.raises(ArgumentError, match="data"):
+        Figure(b"")
+
+
+def test_writing_makes_the_folder_and_names_what_fails(tmp_path):
+    target = write_page(
+        tmp_path / "new" / "report.html", page(Text("\N{GREEK SMALL LETTER SIGMA}"))
+    )
+    assert target.read_text(encoding="utf-8") == render(page(Text("\N{GREEK SMALL LETTER SIGMA}")))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResourceBusyError, match="report"):
+        write_page(tmp_path / "file" / "report.html", page())

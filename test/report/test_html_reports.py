@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's and the evaluation's report: numbers equal the inputs, missing parts are left out."""
+
+import base64
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from intent_recognition.report.demo_report import demo_page, write_demo_report
+from intent_recognition.report.evaluation_report import (
+    evaluation_page,
+    series,
+    write_evaluation_report,
+)
+from intent_recognition.report.html import Figure, KeyNumbers, Row, Table, render
+from intent_recognition.report.interaction_table import cells
+from intent_recognition.report.summary import InteractionRecord, summarise, summary_line
+
+LABELS = ["hold_screwdriver", "plate_handover", "screw_handover", "none"]
+
+
+def blocks_of(page, kind):
+    return [block for section in page.sections for block in section.blocks if type(block) is kind]
+
+
+def figures_of(page):
+    rows = [figure for row in blocks_of(page, Row) for figure in row.figures]
+    return rows + blocks_of(page, Figure)
+
+
+def key_numbers(page):
+    return {n.label: n for block in blocks_of(page, KeyNumbers) for n in block.numbers}
+
+
+@pytest.fixture
+def session(rng):
+    records, traces = [], []
+    for index in range(1, 10):
+        task = LABELS[index % 3]
+        right = index != 5
+        measured = {
+            "observations": 40 + index,
+            "decision_time_s": 0.4,
+            "decision_share": 0.02 * index + 0.2,
+            "hand_error_m": 0.01 + 0.001 * index,
+            "arrival_s": 0.1 * index - 0.3,
+        }
+        values = measured if right else dict.fromkeys(measured)
+        recognised = task if right else "none"
+        records.append(InteractionRecord(index, task, recognised, movement_s=1.5, **values))
+        share = np.linspace(0.0, 1.0, 20)
+        traces.append(
+            {
+                "index": index,
+                "labels": LABELS,
+                "share": share,
+                "probabilities": rng.dirichlet(np.ones(4), 20),
+                "wrist_m": rng.normal(size=(20, 3)),
+                "joint_s": share,
+                "joint_rad": rng.normal(size=(20, 7)),
+            }
+        )
+    return records, traces
+
+
+def test_the_demo_report_needs_nothing_from_outside(session, tmp_path):
+    records, traces = session
+    path = tmp_path / "report.html"
+    write_demo_report(path, records, summarise(records), traces, {"seed": 1})
+    html = path.read_text(encoding="utf-8")
+    drawings = re.findall(r"data:image/svg\+xml;base64,([\w+/=]+)", html)
+    texts = [html, *(base64.b64decode(code).decode() for code in drawings)]
+    found = [url for text in texts for url in re.findall(r"https?://[^\s\"'<>)]+", text)]
+    assert {url for url in found if not url.startswith("http://www.w3.org/")} == set()
+    sources = re.findall(r'(?:src|href)="([^"]{0,30})', html)
+    assert sources
+    assert all(source.startswith("data:image/") for source in sources)
+
+
+def test_the_demo_table_is_the_records(session):
+    records, traces = session
+    table = blocks_of(demo_page(records, summarise(records), traces, {}), Table)[0]
+    assert table.rows == tuple(cells(record) for record in records)
+    assert table.marked == {4}
+
+
+def test_key_numbers_stand_beside_the_papers(session):
+    records, _ = session
+    summary = summarise(records)
+    page = demo_page(records, summary, (), {})
+    numbers = key_numbers(page)
+    assert (numbers["tasks recognised"].ours, numbers["tasks recognised"].paper) == ("8/9", "40/40")
+    assert numbers["tasks recognised"].good is False
+    plate = numbers["hand error, plate handover"]
+    mean = summary.hand_error_by_task["plate_handover"].mean_cm
+    assert plate.ours.startswith(f"{mean:.1f} ")
+    assert plate.paper == "3.2 \N{PLUS-MINUS SIGN} 2.6 cm"
+    assert plate.good is True
+    assert numbers["hand error, screw handover"].paper == ""
+    assert page.footer == summary_line(summary)
+    assert "Conditions differ" in render(page)
+
+
+def test_figures_without_data_are_left_out(session):
+    records, traces = session
+    summary = summarise(records)
+    everything = figures_of(demo_page(records, summary, traces, {}))
+    without = figures_of(demo_page(records, summary, (), {}))
+    assert len(without) == 5
+    assert len(everything) == 5 + 2 + 4 * 3
+    bare = [{"index": r.index, "wrist_m": np.zeros((5, 3))} for r in records]
+    assert len(figures_of(demo_page(records, summary, bare, {}))) == 5 + 4
+
+
+def test_no_interaction_at_all_still_gives_a_page(tmp_path):
+    path = write_demo_report(tmp_path / "r.html", [], summarise([]))
+    assert "recognised 0/0" in path.read_text(encoding="utf-8")
+
+
+def test_typical_and_missed_interactions_are_shown(session):
+    records, traces = session
+    headings = [s.heading for s in demo_page(records, summarise(records), traces, {}).sections]
+    assert "Missed: screw handover (interaction 5)" in headings
+    assert sum(heading.startswith("Typical: ") for heading in headings) == 3
+
+
+def result(rng, unit="rad"):
+    def one():
+        value = float(rng.uniform(0.1, 0.3))
+        return value if isinstance(unit, str) else {u: value * (i + 1) for i, u in enumerate(unit)}
+
+    names = (
+        "rmse",
+        "rmse_inferred_task",
+        "rmse_future",
+        "rmse_mean_of_task",
+        "rmse_nearest_neighbour",
+        "end_rmse",
+        "coverage_2_sigma",
+        "nll",
+    )
+    return {
+        "n_demonstrations": 28,
+        "tasks": ["rocket", "waving"],
+        "unit": unit,
+        "recognition": {
+            phase: {
+                f: {"accuracy": float(rng.uniform()), "log_loss": float(rng.uniform())}
+                for f in ("0.1", "0.2", "0.3", "0.5", "0.7", "1.0")
+            }
+            for phase in ("known_phase", "unknown_phase")
+        },
+        "prediction": {
+            phase: {f: {name: one() for name in names} for f in ("0.25", "0.5", "0.75", "1.0")}
+            for phase in ("known_phase", "unknown_phase")
+        },
+    }
+
+
+def test_evaluation_tables_equal_the_json(rng):
+    content = result(rng)
+    tables = blocks_of(evaluation_page(content, "t"), Table)
+    for row, fraction in zip(tables[0].rows, content["recognition"]["known_phase"], strict=True):
+        known, unknown = (content["recognition"][p][fraction] for p in content["recognition"])
+        assert row == (
+            f"{100 * float(fraction):.0f}",
+            f"{100 * known['accuracy']:.1f}",
+            f"{known['log_loss']:.3f}",
+            f"{100 * unknown['accuracy']:.1f}",
+            f"{unknown['log_loss']:.3f}",
+        )
+    for table, phase in zip(tables[1:], ("known_phase", "unknown_phase"), strict=True):
+        for row, scores in zip(table.rows, content["prediction"][phase].values(), strict=True):
+            values = [float(cell) for cell in row[1:]]
+            expected = [v * (100 if n == "coverage_2_sigma" else 1) for n, v in scores.items()]
+            np.testing.assert_allclose(values, expected, rtol=0.006)
+
+
+def test_several_units_give_a_section_each(rng):
+    content = result(rng, ["rad", "m"])
+    page = evaluation_page(content, "t")
+    headings = [section.heading for section in page.sections]
+    assert "Prediction of the controlled agent [rad]" in headings
+    assert "Prediction of the controlled agent [m]" in headings
+    table = content["prediction"]["known_phase"]
+    assert series(table, "rmse", "m")[1] == [entry["rmse"]["m"] for entry in table.values()]
+
+
+def test_missing_parts_and_values_are_left_out(rng, tmp_path):
+    content = result(rng)
+    content["prediction"]["known_phase"]["1.0"]["rmse_future"] = None
+    assert blocks_of(evaluation_page(content, "t"), Table)[1].rows[-1][3] is None
+    for part in ("recognition", "prediction"):
+        less = {key: value for key, value in content.items() if key != part}
+        assert render(evaluation_page(less, "t"))
+    assert write_evaluation_report(tmp_path / "e.html", {}, "Nothing").exists()
+
+
+def test_optional_parts_are_shown(rng):
+    content = result(rng) | {
+        "mixture": {"n_components": 4, "purity": 0.97},
+        "reliability": {"probability": [0.1, None], "share_true": [0.2, None], "count": [5, 0]},
+    }
+    page = evaluation_page(content, "t")
+    assert key_numbers(page)["components chosen"].ours == "4"
+    assert len(figures_of(page)) == len(figures_of(evaluation_page(result(rng), "t"))) + 1
+
+
+def test_no_pyplot():
+    sources = Path(sys.modules[demo_page.__module__].__file__).parent.glob("*.py")
+    assert not any("pyplot" in source.read_text(encoding="utf-8") for source in sources)
