@@ -198,7 +198,7 @@ def _along(path, nominal, start, progress, limits, settings, kind) -> JointPlan 
     step_s = settings.step_s
     if nominal is not None:
         step_s = max(step_s, nominal.duration_s / settings.target_samples)
-    for _ in range(_N_ATTEMPTS):
+    for attempt in range(_N_ATTEMPTS):
         offset = _join(path, start, progress, limits, settings)
         bounds = _path_bounds(path, offset, limits, settings, share)
         rate = min(phase_rate, largest_rate(bounds, phase))
@@ -213,6 +213,7 @@ def _along(path, nominal, start, progress, limits, settings, kind) -> JointPlan 
         if _keeps(plan, start, limits):
             return replace(plan, slowed=nominal is not None and _too_fast(path, limits))
         share, stretch = _mend(plan, offset, limits, share, stretch)
+        share = share * (0.8 if attempt >= 3 else 1.0)  # mending in places was not enough
     return None
 
 
