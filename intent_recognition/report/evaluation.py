@@ -17,7 +17,7 @@ from intent_recognition.promp.bank import (
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.observations import merge, observe
 from intent_recognition.promp.prediction import StartPosture, mixture_at
-from intent_recognition.promp.recognition import task_posterior
+from intent_recognition.promp.recognition import TaskPosterior, task_posterior
 from intent_recognition.promp.training import Recorded, TrainingSettings, learn
 from intent_recognition.report.baselines import mean_of_task, nearest_neighbour, sample
 
@@ -76,6 +76,8 @@ class Scores:
 
 
 def _number(values: list, units: Sequence[str]):
+    if not values:
+        return None
     mean = np.mean(np.array(values, dtype=np.float64), axis=0)
     if mean.ndim == 0:
         return float(mean)
@@ -172,7 +174,7 @@ def score_demonstration(
         hypotheses = fixed_hypotheses(library, duration) if known else make_hypotheses(library)
         for fraction, bank in _snapshots(library, hypotheses, test, duration):
             posterior = task_posterior(bank, hypotheses, fraction * duration)
-            probabilities = posterior.probabilities[:-1] / posterior.probabilities[:-1].sum()
+            probabilities = _without_none(posterior, hypotheses)
             if fraction in RECOGNITION_FRACTIONS:
                 scores.add(
                     phase,
@@ -185,11 +187,26 @@ def score_demonstration(
                     phase,
                     fraction,
                     **_prediction_scores(
-                        library, bank, hypotheses, posterior.scale_weights[:-1], probabilities,
-                        label, times, truth, fraction, start,
+                        library,
+                        bank,
+                        hypotheses,
+                        posterior.scale_weights[:-1],
+                        probabilities,
+                        label,
+                        times,
+                        truth,
+                        fraction,
+                        start,
                     ),
                     **_baseline_scores(library, training, test, fraction, truth, known),
                 )
+
+
+def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> np.ndarray:
+    """Probabilities of the K tasks, renormalised; in logs, as none may outweigh all by far, (K,)."""
+    log_prior = np.logaddexp.reduce(hypotheses.log_prior.reshape(-1, hypotheses.n_scales), axis=1)
+    log_task = (log_prior + posterior.log_evidence)[:-1]
+    return np.exp(log_task - np.logaddexp.reduce(log_task))
 
 
 def _snapshots(
