@@ -120,3 +120,21 @@ def draw_set(seed: int, counts: Mapping[str, int], purpose: int) -> list[WristDe
 def demonstration_rng(seed: int, purpose: int, task: str, index: int) -> np.random.Generator:
     """The generator of one demonstration: the same whatever else is drawn, and in any order."""
     return np.random.default_rng([seed, purpose, TASKS.index(task), index])
+
+
+def hardness_table(seed: int, shares: Sequence[float] = (0.1, 0.2, 0.3, 0.5)) -> str:
+    """A Markdown table of both classifiers' accuracies for the sets of a seed."""
+    train, test = draw_set(seed, TRAINING_COUNTS, 0), draw_set(seed, TEST_COUNTS, 1)
+    rows = [
+        "| of the movement | position: leave-one-out / test | history: leave-one-out / test "
+        "| tasks apart |",
+        "|---|---|---|---|",
+    ]
+    for share in shares:
+        h = measure_hardness(train, test, share)
+        rows.append(
+            f"| {share:.0%} | {h.position_leave_one_out:.2f} / {h.position_test:.2f} "
+            f"| {h.history_leave_one_out:.2f} / {h.history_test:.2f} "
+            f"| {h.separation_m * 100:.1f} cm |"
+        )
+    return "\n".join(rows)

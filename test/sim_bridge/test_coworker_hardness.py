@@ -9,6 +9,7 @@ from sim_bridge.coworker.hardness import (
     TRAINING_COUNTS,
     draw_set,
     gaussian_labels,
+    hardness_table,
     measure_hardness,
     nearest_mean_labels,
 )
@@ -60,3 +61,7 @@ def test_classifiers_on_plain_cases():
     assert np.mean(nearest_mean_labels(stretched, labels, stretched) == labels) == pytest.approx(
         hits.mean(), abs=0.5
     )
+
+
+def test_table_in_the_readme_is_what_is_measured(repository):
+    assert hardness_table(1) in (repository / "bags" / "README.md").read_text()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The generator: reproducible to the byte; what is shipped is what it makes."""
 
+import hashlib
 from collections import Counter
 
 import numpy as np
@@ -84,3 +85,15 @@ def test_bad_requests_are_named(tmp_path, capsys):
         generate(tmp_path, 1)
     assert main(["--output", str(tmp_path)]) == 1
     assert "generate: output" in capsys.readouterr().err
+
+
+def test_shipped_files_are_those_of_the_checksum_list(repository):
+    listed = dict(
+        reversed(line.split()) for line in (repository / "bags/SHA256SUMS").read_text().splitlines()
+    )
+    files = {
+        str(path.relative_to(repository / "bags")): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in (repository / "bags" / "toolbox").rglob("*")
+        if path.is_file()
+    }
+    assert files == listed
