@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 from bag_builder import raw, write_bag
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_harness import NodeProcess
 
@@ -60,6 +60,7 @@ def test_namespace_and_remapping(parse):
     assert command[4:] == ["-r", "__ns:=/cell", "-r", "x:=y"]
 
 
+@settings(deadline=None)
 @given(
     st.one_of(
         st.booleans(),

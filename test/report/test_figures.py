@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ElementTree
 import matplotlib
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.report import figures
@@ -34,6 +34,7 @@ from intent_recognition.report.figures_interaction import (
     wrist_figure,
 )
 
+RELAXED = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 TASKS = ("hold", "plate", "screw")
 FRACTIONS = [0.25, 0.5, 0.75, 1.0]
 
@@ -155,6 +156,7 @@ def test_nothing_measured_still_draws():
         assert to_svg(figure)
 
 
+@RELAXED
 @given(st.sets(st.sampled_from("abcdefgh"), min_size=1), st.randoms())
 def test_colours_and_markers_depend_on_the_sorted_labels_alone(labels, random):
     shuffled = [*labels, "none"]
@@ -166,6 +168,7 @@ def test_colours_and_markers_depend_on_the_sorted_labels_alone(labels, random):
     assert len(set(task_markers(shuffled).values())) == len(labels) + 1
 
 
+@RELAXED
 @given(st.lists(st.tuples(st.sampled_from(TASKS), st.sampled_from((*TASKS, "none", "")))))
 def test_confusion_counts_every_pair(pairs):
     true, recognised = [t for t, _ in pairs], [r for _, r in pairs]
@@ -176,6 +179,7 @@ def test_confusion_counts_every_pair(pairs):
             assert counts[row, column] == sum(t == task and (r or "none") == name for t, r in pairs)
 
 
+@RELAXED
 @given(st.lists(st.tuples(st.floats(0.0, 1.0), st.booleans()), min_size=1, max_size=50))
 def test_reliability_bins_conserve_mass(pairs):
     probabilities, truth = (np.array(values, dtype=float) for values in zip(*pairs, strict=True))

@@ -35,8 +35,9 @@ def key_numbers(page):
     return {n.label: n for block in blocks_of(page, KeyNumbers) for n in block.numbers}
 
 
-@pytest.fixture
-def session(rng):
+@pytest.fixture(scope="module")
+def session():
+    rng = np.random.default_rng(5)
     records, traces = [], []
     for index in range(1, 10):
         task = LABELS[index % 3]
@@ -66,11 +67,20 @@ def session(rng):
     return records, traces
 
 
-def test_the_demo_report_needs_nothing_from_outside(session, tmp_path):
+@pytest.fixture(scope="module")
+def page(session):
     records, traces = session
-    path = tmp_path / "report.html"
-    write_demo_report(path, records, summarise(records), traces, {"seed": 1})
-    html = path.read_text(encoding="utf-8")
+    return demo_page(records, summarise(records), traces, {"seed": 1})
+
+
+@pytest.fixture(scope="module")
+def bare_page(session):
+    records, _ = session
+    return demo_page(records, summarise(records), (), {})
+
+
+def test_the_demo_report_needs_nothing_from_outside(page):
+    html = render(page)
     drawings = re.findall(r"data:image/svg\+xml;base64,([\w+/=]+)", html)
     texts = [html, *(base64.b64decode(code).decode() for code in drawings)]
     found = [url for text in texts for url in re.findall(r"https?://[^\s\"'<>)]+", text)]
@@ -80,18 +90,16 @@ def test_the_demo_report_needs_nothing_from_outside(session, tmp_path):
     assert all(source.startswith("data:image/") for source in sources)
 
 
-def test_the_demo_table_is_the_records(session):
-    records, traces = session
-    table = blocks_of(demo_page(records, summarise(records), traces, {}), Table)[0]
+def test_the_demo_table_is_the_records(session, page):
+    records, _ = session
+    table = blocks_of(page, Table)[0]
     assert table.rows == tuple(cells(record) for record in records)
     assert table.marked == {4}
 
 
-def test_key_numbers_stand_beside_the_papers(session):
-    records, _ = session
-    summary = summarise(records)
-    page = demo_page(records, summary, (), {})
-    numbers = key_numbers(page)
+def test_key_numbers_stand_beside_the_papers(session, bare_page):
+    summary = summarise(session[0])
+    numbers = key_numbers(bare_page)
     assert (numbers["tasks recognised"].ours, numbers["tasks recognised"].paper) == ("8/9", "40/40")
     assert numbers["tasks recognised"].good is False
     plate = numbers["hand error, plate handover"]
@@ -100,19 +108,16 @@ def test_key_numbers_stand_beside_the_papers(session):
     assert plate.paper == "3.2 \N{PLUS-MINUS SIGN} 2.6 cm"
     assert plate.good is True
     assert numbers["hand error, screw handover"].paper == ""
-    assert page.footer == summary_line(summary)
-    assert "Conditions differ" in render(page)
+    assert bare_page.footer == summary_line(summary)
+    assert "Conditions differ" in render(bare_page)
 
 
-def test_figures_without_data_are_left_out(session):
-    records, traces = session
-    summary = summarise(records)
-    everything = figures_of(demo_page(records, summary, traces, {}))
-    without = figures_of(demo_page(records, summary, (), {}))
-    assert len(without) == 5
-    assert len(everything) == 5 + 2 + 4 * 3
+def test_figures_without_data_are_left_out(session, page, bare_page):
+    records, _ = session
+    assert len(figures_of(bare_page)) == 5
+    assert len(figures_of(page)) == 5 + 2 + 4 * 3
     bare = [{"index": r.index, "wrist_m": np.zeros((5, 3))} for r in records]
-    assert len(figures_of(demo_page(records, summary, bare, {}))) == 5 + 4
+    assert len(figures_of(demo_page(records, summarise(records), bare, {}))) == 5 + 4
 
 
 def test_no_interaction_at_all_still_gives_a_page(tmp_path):
@@ -120,9 +125,8 @@ def test_no_interaction_at_all_still_gives_a_page(tmp_path):
     assert "recognised 0/0" in path.read_text(encoding="utf-8")
 
 
-def test_typical_and_missed_interactions_are_shown(session):
-    records, traces = session
-    headings = [s.heading for s in demo_page(records, summarise(records), traces, {}).sections]
+def test_typical_and_missed_interactions_are_shown(page):
+    headings = [section.heading for section in page.sections]
     assert "Missed: screw handover (interaction 5)" in headings
     assert sum(heading.startswith("Typical: ") for heading in headings) == 3
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.errors import ArgumentError
@@ -22,6 +22,7 @@ from intent_recognition.report.summary import (
     to_json,
 )
 
+RELAXED = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 PLATE, HOLD, SCREW = "plate_handover", "hold_screwdriver", "screw_handover"
 LINE = re.compile(
     r"summary: recognised \d+/\d+, decided before the end \d+/\d+, "
@@ -71,6 +72,7 @@ def any_records(draw):
     return records
 
 
+@RELAXED
 @given(any_records())
 def test_counts_add_up(records):
     summary = summarise(records)
@@ -85,6 +87,7 @@ def test_counts_add_up(records):
     assert summary.too_many_missed == (40 * summary.missed > summary.n)
 
 
+@RELAXED
 @given(any_records(), st.randoms())
 def test_order_does_not_matter(records, random):
     shuffled = list(records)
@@ -99,6 +102,7 @@ def test_order_does_not_matter(records, random):
     assert str(one.hand_error) == str(other.hand_error)
 
 
+@RELAXED
 @given(any_records())
 def test_the_mean_over_tasks_is_the_weighted_mean_of_tasks(records):
     summary = summarise(records)
@@ -112,6 +116,7 @@ def test_the_mean_over_tasks_is_the_weighted_mean_of_tasks(records):
         assert summary.hand_error == HandError(0, None, None)
 
 
+@RELAXED
 @given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=40))
 def test_hand_error_equals_numpy(errors_m):
     found = hand_error(errors_m)
@@ -125,6 +130,7 @@ def test_one_error_has_no_spread():
     assert str(hand_error([])) == "- cm"
 
 
+@RELAXED
 @given(any_records())
 def test_the_line_has_the_form_of_the_contract(records):
     line = summary_line(summarise(records))
@@ -185,6 +191,7 @@ def test_impossible_records_are_refused(changes):
         record(7, **changes)
 
 
+@RELAXED
 @given(any_records())
 def test_json_can_be_written_and_holds_every_record(records):
     content = json.loads(json.dumps(to_json(records, summarise(records), {"seed": 3})))
@@ -197,6 +204,7 @@ def test_json_can_be_written_and_holds_every_record(records):
     assert content["settings"] == {"seed": 3}
 
 
+@RELAXED
 @given(any_records())
 def test_the_table_has_a_line_per_record_and_aligned_columns(records):
     lines = table_lines(records)
