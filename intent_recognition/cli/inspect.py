@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import track
 
 from intent_recognition.cli.inspect_tables import print_bag, print_folder, print_model
 from intent_recognition.errors import BagError, describe
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         else:
             print_bag(console, summary)
         return 0
-    return _inspect_folder(console, bags, args.json)
+    return _inspect_folder(console, args.path, bags, args.json)
 
 
 def bag_json(summary: BagSummary) -> dict:
@@ -95,10 +96,13 @@ def model_json(model: Model) -> dict:
     }
 
 
-def _inspect_folder(console: Console, bags: list[Path], as_json: bool) -> int:
+def _inspect_folder(console: Console, root: Path, bags: list[Path], as_json: bool) -> int:
     """One line (or JSON object) per bag; an unreadable bag gets one too, and exit code 1."""
     found: list[tuple[Path, BagSummary | BagError]] = []
-    for bag in bags:
+    stderr = Console(stderr=True)
+    for bag in track(
+        bags, "reading", console=stderr, transient=True, disable=not stderr.is_terminal
+    ):
         try:
             found.append((bag, inspect_bag(bag)))
         except BagError as error:
@@ -113,7 +117,7 @@ def _inspect_folder(console: Console, bags: list[Path], as_json: bool) -> int:
             ]
         )
     else:
-        print_folder(console, found)
+        print_folder(console, root, found)
     return int(any(isinstance(got, BagError) for _, got in found))
 
 

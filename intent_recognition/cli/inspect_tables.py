@@ -54,20 +54,23 @@ def print_bag(console: Console, summary: BagSummary) -> None:
         console.print(f"note: {escape(note)}", style="yellow", highlight=False)
 
 
-def print_folder(console: Console, found: Sequence[tuple[Path, BagSummary | BagError]]) -> None:
-    """One line per bag, then how many of each task."""
+def print_folder(
+    console: Console, root: Path, found: Sequence[tuple[Path, BagSummary | BagError]]
+) -> None:
+    """One line per bag below `root`, then how many of each task."""
     table = _table("bag", "task", ">length [s]", ">messages", ">topics", ">gaps", "problems")
     tasks: Counter[str] = Counter()
     for path, got in found:
+        name = escape(str(path.relative_to(root)))
         if isinstance(got, BagError):
-            table.add_row(escape(path.name), *"-----", f"[red]{escape(str(got))}[/red]")
+            table.add_row(name, *"-----", f"[red]{escape(str(got))}[/red]")
             continue
         tasks.update([part.task for part in got.demonstrations] or [got.task or "(no label)"])
         label = f"session of {len(got.demonstrations)}" if got.demonstrations else got.task
         issues = [problems(topic) for topic in got.topics]
         issues += [f"{len(got.damage)} damaged"] if got.damage else []
         table.add_row(
-            escape(path.name),
+            name,
             escape(label or "(no label)"),
             f"{got.duration_s:.2f}",
             str(got.message_count),
