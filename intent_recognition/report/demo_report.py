@@ -3,7 +3,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypedDict
 
 import numpy as np
 
@@ -39,34 +38,11 @@ from intent_recognition.report.summary import (
     InteractionRecord,
     summary_line,
 )
+from intent_recognition.report.traces import Trace, usable
 
 MISSES_SHOWN = 3
 TITLE = "Toolbox assembly with a simulated coworker"
 PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
-
-
-class Trace(TypedDict, total=False):
-    """What was on the topics during one interaction; every key but `index` may be missing.
-
-    Times are seconds after onset. T observations, M joint states, L predicted points, Q joints.
-    """
-
-    index: int  # of the record it belongs to
-    share: np.ndarray  # (T,) share of the human's movement passed at each posterior
-    labels: Sequence[str]  # of the K + 1 columns of the probabilities, `none` last
-    probabilities: np.ndarray  # (T, K + 1)
-    wrist_s: np.ndarray  # (W,)
-    wrist_m: np.ndarray  # (W, 3) observed, world frame
-    predicted_wrist_m: np.ndarray  # (V, 3) predicted at the decision
-    predicted_wrist_std_m: np.ndarray  # (V, 3)
-    joint_names: Sequence[str]
-    joint_s: np.ndarray  # (M,)
-    joint_rad: np.ndarray  # (M, Q) measured
-    predicted_s: np.ndarray  # (L,)
-    predicted_rad: np.ndarray  # (L, Q) mean predicted at the decision
-    predicted_std_rad: np.ndarray  # (L, Q)
-    decision_s: float
-    end_s: float  # end of the human's movement
 
 
 def write_demo_report(
@@ -82,11 +58,13 @@ def write_demo_report(
         path: of the file; its folder is made if it is missing.
         records: all interactions, in order.
         summary: of these records.
-        traces: arrays of as many interactions as there are; figures without data are left out.
+        traces: arrays of as many interactions as there are (keys: `traces.Trace`); figures
+            without data are left out.
         settings: name and value of what the session was run with, shown at the end.
 
     Raises:
         ResourceBusyError: the file cannot be written.
+        ShapeError: arrays of a trace that belong together have different lengths.
     """
     return write_page(path, demo_page(records, summary, traces, settings or {}))
 
@@ -98,7 +76,7 @@ def demo_page(
     settings: Mapping[str, object],
 ) -> Page:
     """The report's content; arguments as of `write_demo_report`."""
-    by_index = {trace["index"]: trace for trace in traces if "index" in trace}
+    by_index = {trace["index"]: usable(trace) for trace in traces}
     sections = [
         Section("Result", (_key_numbers(summary), Text(CONDITIONS, small=True))),
         Section("Accuracy and timing", _figures_of_records(records, summary)),
@@ -261,7 +239,7 @@ def _details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]
 
 def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
     small = []
-    if np.size(trace.get("wrist_m", ())):
+    if "wrist_m" in trace:
         small.append(
             _figure(wrist_figure(trace), "The wrist, observed and predicted at the decision.")
         )
@@ -273,7 +251,7 @@ def _detail(record: InteractionRecord, trace: Trace) -> tuple[Block, ...]:
     blocks: list[Block] = [Text(_sentence(record))]
     if small:
         blocks.append(Row(tuple(small)))
-    if np.size(trace.get("predicted_rad", ())) or np.size(trace.get("joint_rad", ())):
+    if "predicted_rad" in trace or "joint_rad" in trace:
         blocks.append(
             _figure(
                 joint_figure(trace), "The robot's joints: predicted at the decision, and measured."
@@ -325,9 +303,7 @@ def _per_task(records: Sequence[InteractionRecord], name: str) -> dict[str, list
 
 
 def _has_posterior(trace: Trace | None) -> bool:
-    if trace is None or not all(key in trace for key in ("share", "labels", "probabilities")):
-        return False
-    return len(trace["share"]) > 0
+    return trace is not None and "probabilities" in trace
 
 
 def _figure(figure, caption: str) -> Figure:

@@ -234,7 +234,7 @@ def confusion_counts(
 
 
 def _bundle(axes, lines: Sequence[tuple[np.ndarray, np.ndarray]], colour: str) -> None:
-    """Thin lines, and their median over the shares that every one reaches."""
+    """Thin lines, and their median; a line that stops early is held."""
     for share, values in lines:
         inside = np.asarray(share) <= 1.0
         axes.plot(

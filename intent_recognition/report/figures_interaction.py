@@ -21,7 +21,7 @@ MAX_POINTS = 400
 
 @styled
 def wrist_figure(trace: Mapping):
-    """The wrist's path seen from above and from the side; keys as in `demo_report.Trace`."""
+    """The wrist's path seen from above and from the side; keys as in `traces.Trace`."""
     figure = new_figure(5.6, 3.9)
     grid = figure.subplots(1, 2)
     observed = thin(np.asarray(trace["wrist_m"], dtype=float))
@@ -54,7 +54,9 @@ def joint_figure(trace: Mapping):
     mean = np.asarray(trace.get("predicted_rad", ()), dtype=float)
     std = trace.get("predicted_std_rad")
     count = (mean if mean.size else measured).shape[1]
-    names = trace.get("joint_names") or [f"joint {i + 1}" for i in range(count)]
+    names = trace.get("joint_names")
+    if names is None:
+        names = [f"joint {i + 1}" for i in range(count)]
     columns = 4 if count > 3 else count
     rows = -(-count // columns)
     figure = new_figure(11.2, 0.6 + 2.1 * rows, _margins(rows, count == columns * rows))

@@ -86,6 +86,9 @@ footer { color: var(--soft); font-size: 0.85rem; padding: 4px 2px; }
   section { border: none; border-radius: 0; padding: 0; margin-bottom: 14pt; }
   h2 { break-after: avoid; }
   figure, .number, tr { break-inside: avoid; }
+  .table { overflow: visible; }
+  table { font-size: 8pt; }
+  th, td { padding: 3px 5px; }
   thead { display: table-header-group; }
   .row { grid-template-columns: 1fr 1fr; }
 }

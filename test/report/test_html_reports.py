@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from intent_recognition.errors import ShapeError
 from intent_recognition.report.demo_report import demo_page, write_demo_report
 from intent_recognition.report.evaluation_report import (
     evaluation_page,
@@ -118,6 +119,29 @@ def test_figures_without_data_are_left_out(session, page, bare_page):
     assert len(figures_of(page)) == 5 + 2 + 4 * 3
     bare = [{"index": r.index, "wrist_m": np.zeros((5, 3))} for r in records]
     assert len(figures_of(demo_page(records, summarise(records), bare, {}))) == 5 + 4
+
+
+def test_traces_may_hold_nothing(session):
+    records, _ = session
+    empty = {"wrist_m": None, "joint_rad": np.zeros((3, 7)), "share": [], "labels": LABELS}
+    page = demo_page(
+        records, summarise(records), [{"index": r.index, **empty} for r in records], {}
+    )
+    assert len(figures_of(page)) == 5
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("probabilities", np.ones((19, 4))),
+        ("probabilities", np.ones((20, 3))),
+        ("joint_rad", np.ones((21, 7))),
+    ],
+)
+def test_traces_of_unequal_length_are_refused(session, key, value):
+    records, traces = session
+    with pytest.raises(ShapeError, match=f"trace 2: {key}"):
+        demo_page(records, summarise(records), [{**traces[1], key: value}], {})
 
 
 def test_no_interaction_at_all_still_gives_a_page(tmp_path):

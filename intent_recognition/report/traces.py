@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What was on the topics during one interaction, as arrays for the report."""
+
+from collections.abc import Sequence
+from typing import TypedDict
+
+import numpy as np
+
+from intent_recognition.errors import ShapeError, describe
+
+
+class Trace(TypedDict, total=False):
+    """One interaction; every key but `index` may be missing, None or empty.
+
+    Times are seconds after onset. T posteriors, M joint states, L and V predicted points, Q joints.
+    """
+
+    index: int  # of the record it belongs to
+    share: np.ndarray  # (T,) share of the human's movement passed at each posterior
+    labels: Sequence[str]  # of the K + 1 columns of the probabilities, `none` last
+    probabilities: np.ndarray  # (T, K + 1)
+    wrist_s: np.ndarray  # (W,)
+    wrist_m: np.ndarray  # (W, 3) observed, world frame
+    predicted_wrist_m: np.ndarray  # (V, 3) predicted at the decision
+    predicted_wrist_std_m: np.ndarray  # (V, 3)
+    joint_names: Sequence[str]
+    joint_s: np.ndarray  # (M,)
+    joint_rad: np.ndarray  # (M, Q) measured
+    predicted_s: np.ndarray  # (L,)
+    predicted_rad: np.ndarray  # (L, Q) mean predicted at the decision
+    predicted_std_rad: np.ndarray  # (L, Q)
+    decision_s: float
+    end_s: float  # end of the human's movement
+
+
+GROUPS = (
+    ("share", "probabilities", "labels"),
+    ("joint_s", "joint_rad"),
+    ("predicted_s", "predicted_rad"),
+)
+"""Keys that say something only together; all but the labels have equal length."""
+
+EQUAL_LENGTHS = (
+    ("share", "probabilities"),
+    ("joint_s", "joint_rad"),
+    ("predicted_s", "predicted_rad"),
+    ("predicted_rad", "predicted_std_rad"),
+    ("predicted_wrist_m", "predicted_wrist_std_m"),
+)
+
+
+def usable(trace: Trace) -> Trace:
+    """A copy without what is empty or says nothing alone.
+
+    Raises:
+        ShapeError: arrays that belong together have different lengths.
+    """
+    kept = {key: value for key, value in trace.items() if value is not None and np.size(value)}
+    for group in GROUPS:
+        if not all(key in kept for key in group):
+            kept = {key: value for key, value in kept.items() if key not in group}
+    for one, other in EQUAL_LENGTHS:
+        if one in kept and other in kept and len(kept[one]) != len(kept[other]):
+            _refuse(trace, other, f"{len(kept[one])} rows, as `{one}` has", len(kept[other]))
+    if "labels" in kept:
+        columns = np.shape(kept["probabilities"])[-1]
+        if columns != len(kept["labels"]):
+            _refuse(trace, "probabilities", f"{len(kept['labels'])} columns", columns)
+    return kept
+
+
+def _refuse(trace: Trace, key: str, expected: str, got: object) -> None:
+    place = f"trace {trace.get('index')}: {key}"
+    raise ShapeError(describe(place, expected, got, "Cut both to the same observations."))
