@@ -146,12 +146,11 @@ def first_onset(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray
     return None
 
 
-def last_motion(times_s: np.ndarray, values: np.ndarray, threshold: float, window_s: float) -> float:
-    """Time after which the signal stays slower than `threshold`; its first time if it never moved.
+def last_motion(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray) -> float:
+    """Time at which the last movement of a recording ended; its first time if it never moved.
 
-    Not causal: for cutting recordings in training.
+    The onset of the recording played backward, so that what is noise to the onset detector is noise
+    here too. Not causal: for cutting recordings in training.
     """
-    reverse_t, reverse_v = -times_s[::-1], values[::-1]
-    speed = np.linalg.norm(windowed_velocity(reverse_t, reverse_v, window_s), axis=1)
-    moving = np.flatnonzero(speed > threshold)
-    return float(-reverse_t[moving[0]]) if moving.size else float(times_s[0])
+    onset = first_onset(settings, -times_s[::-1], values[::-1])
+    return float(times_s[0]) if onset is None else -onset

@@ -8,7 +8,6 @@ import numpy as np
 from intent_recognition.alignment.onset import OnsetSettings, first_onset, last_motion, peak_speed
 from intent_recognition.promp.signals import Signal
 
-END_SHARE = 0.05
 END_MARGIN_S = 0.05
 
 
@@ -55,9 +54,6 @@ def movement_span(
     pairs += [*zip(controlled, controlled_settings, strict=True)]
     for signal, settings in pairs:
         if signal.stamps_ns.size:
-            threshold = END_SHARE * settings.reference_speed
-            last.append(
-                last_motion(signal.seconds(start_ns), signal.values, threshold, settings.window_s)
-            )
+            last.append(last_motion(settings, signal.seconds(start_ns), signal.values))
     end = start_ns + round((max(last) + END_MARGIN_S) * 1e9) if last else end_ns
     return start, min(end, end_ns) if end > start else end_ns
