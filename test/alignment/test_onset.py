@@ -182,10 +182,23 @@ def test_peak_speed_of_a_minimum_jerk_reach(rng):
     assert peak_speed(times, values) == pytest.approx(1.875 * 0.4 / 2.0, rel=0.01)
 
 
-def test_last_motion_is_the_end_of_the_reach(rng):
-    times, values = reach(rng, duration_s=1.0, noise_m=0.0005)
-    assert last_motion(times, values, 0.05, 0.15) == pytest.approx(1.9, abs=0.1)
-    assert last_motion(times, np.zeros_like(values), 0.05, 0.15) == times[0]
+@pytest.mark.parametrize("noise_m", [0.0, 0.001, 0.003])
+@pytest.mark.parametrize("duration_s", [0.6, 1.5, 3.0])
+def test_last_motion_is_the_end_of_the_reach_however_long_the_rest(duration_s, noise_m):
+    for seed, after_s in enumerate((1.0, 5.0, 20.0)):
+        times, values = reach(
+            np.random.default_rng(seed), duration_s=duration_s, after_s=after_s, noise_m=noise_m
+        )
+        assert last_motion(REFERENCE, times, values) == pytest.approx(1.0 + duration_s, abs=0.25)
+
+
+def test_last_motion_of_the_last_of_several_movements_and_of_none(rng):
+    times, values = reach(rng, after_s=0.5)
+    later, again = reach(rng)
+    times = np.r_[times, times[-1] + 0.01 + later]
+    values = np.vstack([values, values[-1] + again])
+    assert last_motion(REFERENCE, times, values) == pytest.approx(2.5 + 2.0, abs=0.15)
+    assert last_motion(REFERENCE, times, np.zeros_like(values)) == times[0]
 
 
 @pytest.mark.parametrize("name", ["reference_speed", "window_s", "persistence_s", "rest_share"])
