@@ -24,17 +24,24 @@ FLOOR_OF_RANGE = 1e-3
 It keeps the covariance positive definite when demonstrations are identical or very few.
 """
 
+OTHERS_WORTH = 5.0
+"""Demonstrations that all other tasks together are worth in a task's target."""
+AMPLITUDE_WORTH = 4.0
+"""Demonstrations' worth of the assumption that a DOF varies alike at all phases."""
+
 
 class StructuredTarget(NamedTuple):
-    """The three factors of the target covariance and its floor.
+    """The factors of the target covariance and its floor.
 
     Attributes:
-        offset: covariance of whole-trajectory displacements, A, (D, D).
-        shape: covariance of deformations over DOFs, B, (D, D).
+        amplitude: standard deviation of each weight, (D, N).
+        offset: correlation of whole-trajectory displacements over DOFs, A, (D, D).
+        shape: correlation of deformations over DOFs, B, (D, D).
         basis: correlation of deformations over basis functions, C, (N, N).
         floor: variance added to every weight of a DOF, (D,).
     """
 
+    amplitude: np.ndarray
     offset: np.ndarray
     shape: np.ndarray
     basis: np.ndarray
@@ -43,11 +50,10 @@ class StructuredTarget(NamedTuple):
     def covariance(self) -> np.ndarray:
         """The target as one matrix, (D N, D N), weights grouped by DOF."""
         n_basis = len(self.basis)
-        return (
-            np.kron(self.offset, np.ones((n_basis, n_basis)))
-            + np.kron(self.shape, self.basis)
-            + np.diag(np.repeat(self.floor, n_basis))
-        )
+        scale = self.amplitude.ravel()
+        correlation = np.kron(self.offset, np.ones((n_basis, n_basis)))
+        correlation += np.kron(self.shape, self.basis)
+        return correlation * np.outer(scale, scale) + np.diag(np.repeat(self.floor, n_basis))
 
 
 def weight_floor(weights: np.ndarray) -> np.ndarray:
@@ -61,23 +67,49 @@ def weight_floor(weights: np.ndarray) -> np.ndarray:
 
 
 def structured_target(
-    deviations: np.ndarray, degrees_of_freedom: int, floor: np.ndarray
+    deviations: np.ndarray, tasks: np.ndarray, task: int, floor: np.ndarray
 ) -> StructuredTarget:
-    """Fit the target's factors to deviations from the tasks' means.
+    """Fit a task's target to the deviations of all demonstrations from their tasks' means.
+
+    The task's own demonstrations count fully; all others together count `OTHERS_WORTH`.
 
     Args:
         deviations: (n, D, N) weights less the mean of their task.
-        degrees_of_freedom: n less the number of means that were subtracted, at least 1.
+        tasks: number of each demonstration's task, (n,).
+        task: which task the target is for.
         floor: variance floor per DOF, (D,).
     """
     n_dofs, n_basis = deviations.shape[1:]
-    displacement = deviations.mean(axis=2)
-    offset = displacement.T @ displacement / degrees_of_freedom
-    rest = deviations - displacement[:, :, None]
-    shape = np.einsum("idk,iek->de", rest, rest) / (degrees_of_freedom * n_basis)
-    scaled = rest / np.sqrt(np.diag(shape) + floor)[None, :, None]
-    basis = np.einsum("idk,idl->kl", scaled, scaled) / (degrees_of_freedom * n_dofs)
-    return StructuredTarget(symmetrize(offset), symmetrize(shape), symmetrize(basis), floor)
+    worth = _worth(tasks, task)
+    scaled = deviations * np.sqrt(worth)[:, None, None]
+    variance = np.sum(scaled**2, axis=0)
+    typical = variance.mean(axis=1, keepdims=True)
+    demonstrations = 1.0 / np.max(worth)
+    weight = demonstrations / (demonstrations + AMPLITUDE_WORTH)
+    amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
+    scaled = scaled / amplitude
+    displacement = scaled.mean(axis=2)
+    rest = scaled - displacement[:, :, None]
+    shape = np.einsum("idk,iek->de", rest, rest) / n_basis
+    unit = rest / np.sqrt(np.diag(shape) + FLOOR_OF_RANGE**2)[None, :, None]
+    basis = np.einsum("idk,idl->kl", unit, unit) / n_dofs
+    return StructuredTarget(
+        amplitude, displacement.T @ displacement, symmetrize(shape), symmetrize(basis), floor
+    )
+
+
+def _worth(tasks: np.ndarray, task: int) -> np.ndarray:
+    """Weight of each demonstration's outer product in a task's covariance, (n,).
+
+    Each task's outer products are divided by its degrees of freedom, so that they estimate a
+    covariance without bias; these estimates are averaged by the demonstrations they are worth.
+    """
+    count = np.bincount(tasks)
+    own = float(count[task] - 1)
+    others = float(np.sum(count - 1)) - own
+    borrowed = min(OTHERS_WORTH, others)
+    per_task = np.where(np.arange(len(count)) == task, 1.0, borrowed / others if others else 0.0)
+    return per_task[tasks] / (own + borrowed)
 
 
 def shrunk_covariance(scatter: np.ndarray, n: int, target: np.ndarray, strength: float) -> np.ndarray:

@@ -2,9 +2,11 @@
 """Choose the regularisation by leave-one-out prediction of the controlled agent.
 
 For every demonstration left out of its own task, the controlled agent's trajectory is predicted
-from evenly spaced samples of the observed one, after each of `FRACTIONS` of the movement. The pair
-(strength of the target, scale of the noise) with the smallest mean negative log density wins. The
-target is pooled over all tasks and not recomputed without the one left out.
+from evenly spaced samples of the observed one, after each of `FRACTIONS` of the movement. Of the
+pairs (strength of the target, scale of the noise) whose mean negative log density lies within one
+paired standard error of the best one's, those with the least noise are kept, since less noise
+recognises earlier, and of these the best is taken. The target is not
+recomputed without the one left out.
 """
 
 from typing import NamedTuple
@@ -54,7 +56,7 @@ def leave_one_out_scores(
     strength: float,
     noise_scales: tuple[float, ...] = NOISE_SCALES,
 ) -> np.ndarray:
-    """Summed negative log density of the controlled samples per noise scale, (len(noise_scales),).
+    """Mean negative log density of each demonstration's controlled samples, (len(noise_scales), n).
 
     Args:
         samples: the demonstrations of one task, at least two.
@@ -90,7 +92,7 @@ def leave_one_out_scores(
     centred = samples.observed - np.einsum(
         "nmk,npk->nmp", samples.design, mean[:, :split].reshape(n, n_observed, n_basis)
     )
-    scores = np.zeros(len(noise_scales))
+    scores = np.zeros((len(noise_scales), n))
     for fraction in FRACTIONS:
         seen = samples.design * (samples.phase <= fraction + 1e-9)[:, :, None]
         gram = np.einsum("nmk,nml->nkl", seen, seen)
@@ -105,13 +107,14 @@ def leave_one_out_scores(
             update = np.matmul(posterior, (moment / r[None, :, None]).reshape(n, split, 1))
             error = truth - controlled_mean - np.matmul(response, update)[..., 0]
             variance = own + np.einsum("nap,nap->na", np.matmul(response, posterior), response)
-            scores[index] += 0.5 * np.sum(error**2 / variance + np.log(variance) + LOG_2_PI)
+            density = 0.5 * (error**2 / variance + np.log(variance) + LOG_2_PI)
+            scores[index] += density.mean(axis=1) / len(FRACTIONS)
     return scores
 
 
 def select(
     tasks: list[TaskSamples],
-    target: np.ndarray,
+    targets: list[np.ndarray],
     noise_variance: np.ndarray,
     scored_design: np.ndarray,
 ) -> tuple[Candidate, tuple[Candidate, ...]]:
@@ -122,25 +125,36 @@ def select(
 
     Args:
         tasks: samples of each task.
-        target: (D N, D N).
+        targets: target covariance of each task, (D N, D N).
         noise_variance: residual variance per DOF, (D,).
         scored_design: basis at the scored phases, (s, N).
     """
-    voting = [samples for samples in tasks if len(samples.weights) > 1]
+    voting = [pair for pair in zip(tasks, targets, strict=True) if len(pair[0].weights) > 1]
     if not voting:
         middle = Candidate(
             STRENGTHS[len(STRENGTHS) // 2], NOISE_SCALES[len(NOISE_SCALES) // 2], float("nan")
         )
         return middle, (middle,)
-    count = len(FRACTIONS) * sum(samples.controlled.size for samples in voting)
-    tried = []
+    tried, per_demonstration = [], []
     for strength in STRENGTHS:
-        scores = sum(
+        scores = [
             leave_one_out_scores(samples, target, noise_variance, scored_design, strength)
-            for samples in voting
-        )
-        tried += [
-            Candidate(strength, scale, float(score) / count)
-            for scale, score in zip(NOISE_SCALES, scores, strict=True)
+            for samples, target in voting
         ]
-    return min(tried, key=lambda candidate: candidate.score), tuple(tried)
+        for scale, score in zip(NOISE_SCALES, np.hstack(scores), strict=True):
+            tried.append(Candidate(strength, scale, float(score.mean())))
+            per_demonstration.append(score)
+    return _least_noise(tried, np.array(per_demonstration)), tuple(tried)
+
+
+def _least_noise(tried: list[Candidate], scores: np.ndarray) -> Candidate:
+    """The best candidate among those of least noise within one standard error, scores (c, n)."""
+    best = int(np.argmin(scores.mean(axis=1)))
+    excess = scores - scores[best]
+    error = excess.std(axis=1, ddof=1) / np.sqrt(scores.shape[1])
+    close = [tried[i] for i in np.flatnonzero(excess.mean(axis=1) <= error)]
+    least = min(candidate.noise_scale for candidate in close)
+    return min(
+        (candidate for candidate in close if candidate.noise_scale == least),
+        key=lambda candidate: candidate.score,
+    )

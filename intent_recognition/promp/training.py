@@ -272,7 +272,11 @@ def _fit(
     everything = np.concatenate(weights)
     floor = weight_floor(everything)
     deviations = np.concatenate([w - w.mean(axis=0) for w in weights])
-    target = structured_target(deviations, degrees_of_freedom, floor).covariance()
+    tasks = np.repeat(np.arange(len(labels)), [len(group) for group in groups])
+    targets = [
+        structured_target(deviations, tasks, task, floor).covariance()
+        for task in range(len(labels))
+    ]
     residual = np.mean([e.residual_variance for e in examples], axis=0)
     noise = np.maximum(residual, floor)
     samples = [
@@ -285,13 +289,13 @@ def _fit(
         )
         for w, group in zip(weights, groups, strict=True)
     ]
-    chosen, tried = select(samples, target, noise, basis.design_matrix(scored_phases()))
+    chosen, tried = select(samples, targets, noise, basis.design_matrix(scored_phases()))
     n = np.array([len(group) for group in groups])
     scatters = [np.einsum("id,ie->de", *(2 * [_flat(w)])) for w in weights]
     covariance = np.array(
         [
             shrunk_covariance(scatter, count, target, chosen.strength)
-            for scatter, count in zip(scatters, n, strict=True)
+            for scatter, count, target in zip(scatters, n, targets, strict=True)
         ]
     )
     log_mean, log_std = _timing([[e.duration_s for e in group] for group in groups])

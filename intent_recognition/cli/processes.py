@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes as child processes that never outlive the command that started them."""
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from intent_recognition.errors import IntentError, describe
+
+STOP_S = 5.0
+PR_SET_PDEATHSIG = 1
+LOG_LINES = 5
+
+
+class NodeProcesses:
+    """Starts nodes, watches them and stops all of them, whatever happens.
+
+    Each node gets a session of its own, so that a Ctrl-C in the terminal reaches only the parent,
+    which stops them in order. On Linux the kernel ends them if the parent is killed.
+
+    Args:
+        environment: of the nodes.
+        log_folder: where each node's output goes, one file each.
+    """
+
+    def __init__(self, environment: Mapping[str, str], log_folder: Path):
+        self._environment = dict(environment)
+        self._log_folder = log_folder
+        self._processes: dict[str, subprocess.Popen] = {}
+        log_folder.mkdir(parents=True, exist_ok=True)
+
+    def __enter__(self) -> "NodeProcesses":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def start(self, name: str, module: str, parameters: Mapping[str, object]) -> None:
+        """Start the node `main` of `module` with parameters (text, numbers, lists)."""
+        command = [sys.executable, "-c", f"import sys, {module} as m; sys.exit(m.main())"]
+        command += ["--ros-args"]
+        for key, value in parameters.items():
+            command += ["-p", f"{key}:={_text(value)}"]
+        with self.log_file(name).open("w", encoding="utf-8") as log:
+            self._processes[name] = subprocess.Popen(
+                command,
+                env=self._environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                preexec_fn=_die_with_parent if sys.platform == "linux" else None,
+            )
+
+    def log_file(self, name: str) -> Path:
+        """Where a node's output goes."""
+        return self._log_folder / f"{name}.log"
+
+    def running(self, name: str) -> bool:
+        """Whether a node still runs."""
+        return self._processes[name].poll() is None
+
+    def check(self, may_end: Sequence[str] = ()) -> None:
+        """Make sure that all nodes run.
+
+        Args:
+            may_end: nodes that may have ended by themselves, with exit code 0.
+
+        Raises:
+            IntentError: one has died; the end of its log is in the message.
+        """
+        for name, process in self._processes.items():
+            code = process.poll()
+            if code is None or (name in may_end and code == 0):
+                continue
+            lines = self.log_file(name).read_text(encoding="utf-8", errors="replace").splitlines()
+            raise IntentError(
+                describe(
+                    f"node {name}",
+                    "to run until the end",
+                    f"exit code {code}: {' | '.join(lines[-LOG_LINES:]) or 'no output'}",
+                    f"See {self.log_file(name)}.",
+                )
+            )
+
+    def stop(self) -> None:
+        """Interrupt all nodes, wait, and kill what is left."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            alive = [p for p in self._processes.values() if p.poll() is None]
+            for process in alive:
+                process.send_signal(number)
+            deadline = time.monotonic() + STOP_S
+            for process in alive:
+                try:
+                    process.wait(max(0.0, deadline - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    continue
+        self._processes.clear()
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_text(item) for item in value) + "]"
+    return str(value)
+
+
+def _die_with_parent() -> None:
+    """Ask the kernel to end this process with its parent (in the child, before exec)."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() == 1:
+        os._exit(1)

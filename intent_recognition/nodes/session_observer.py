@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node: listens to a whole session and keeps what was said; it publishes nothing."""
+
+from collections.abc import Callable
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.experiments.toolbox import SessionLog
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import position_array, stamp_ns, trajectory_arrays
+from intent_recognition.promp.library import NONE
+
+EVERY_PATH_NS = 100_000_000
+
+
+class SessionObserver(Node):
+    """Collects the topics of a toolbox session until `log` is asked for.
+
+    Args:
+        on_task: called with (ground truth label, or "" at the end of a movement).
+        on_active: called with the active task whenever it changes.
+    """
+
+    def __init__(
+        self, on_task: Callable[[str], None], on_active: Callable[[str], None], **kwargs
+    ) -> None:
+        super().__init__("session_observer", **kwargs)
+        self._on_task, self._on_active = on_task, on_active
+        self._labels: tuple[str, ...] = (NONE,)
+        self._wrist: list[tuple[int, np.ndarray]] = []
+        self._tasks: list[tuple[int, np.ndarray]] = []
+        self._active: list[tuple[int, str]] = []
+        self._joints: list[tuple[int, np.ndarray]] = []
+        self._predictions: list[tuple] = []
+        self._paths: list[tuple[int, np.ndarray]] = []
+        for kind, topic, handle, profile in (
+            (PoseStamped, "mocap/wrist/pose", self._take_wrist, qos.SENSOR),
+            (JointState, "intent/tasks", self._take_tasks, qos.STATE),
+            (String, "intent/active_task", self._take_active, qos.LATCHED),
+            (JointState, "joint_states", self._take_joints, qos.STATE),
+            (JointTrajectory, "intent/robot_trajectory", self._take_prediction, qos.COMMAND),
+            (Path, "intent/human_path", self._take_path, qos.COMMAND),
+            (String, "coworker/task", self._take_truth, qos.STATE),
+        ):
+            self.create_subscription(kind, topic, handle, profile)
+
+    def graph_is_complete(self) -> bool:
+        """Whether every node that is needed before the human moves has found the others."""
+        return (
+            self.count_subscribers("mocap/wrist/pose") >= 2
+            and self.count_publishers("human/wrist") >= 1
+            and self.count_subscribers("human/wrist") >= 1
+            and self.count_subscribers("intent/tasks") >= 2
+            and self.count_subscribers("joint_trajectory") >= 1
+            and self.count_publishers("joint_trajectory") >= 1
+            and self.count_subscribers("joint_states") >= 2
+            and bool(self._joints)
+        )
+
+    def log(self) -> SessionLog:
+        """Everything so far, as arrays."""
+        wrist_ns, wrist = _columns(self._wrist, 3)
+        tasks_ns, probabilities = _columns(self._tasks, len(self._labels))
+        joint_ns, joints = _columns(self._joints, 7)
+        return SessionLog(
+            self._labels,
+            wrist_ns,
+            wrist,
+            tasks_ns,
+            probabilities,
+            np.array([stamp for stamp, _ in self._active], dtype=np.int64),
+            tuple(task for _, task in self._active),
+            joint_ns,
+            joints,
+            tuple(self._predictions),
+            tuple(self._paths),
+        )
+
+    def _now_ns(self) -> int:
+        return self.get_clock().now().nanoseconds
+
+    def _take_wrist(self, message: PoseStamped) -> None:
+        self._wrist.append((stamp_ns(message), position_array(message.pose)))
+
+    def _take_tasks(self, message: JointState) -> None:
+        self._labels = tuple(message.name)
+        self._tasks.append((stamp_ns(message), np.array(message.position)))
+
+    def _take_active(self, message: String) -> None:
+        if self._active or message.data:
+            self._active.append((self._now_ns(), message.data))
+        self._on_active(message.data)
+
+    def _take_joints(self, message: JointState) -> None:
+        self._joints.append((stamp_ns(message), np.array(message.position)))
+
+    def _take_prediction(self, message: JointTrajectory) -> None:
+        now = self._now_ns()
+        if self._predictions and now - self._predictions[-1][0] < EVERY_PATH_NS:
+            return
+        times, positions, others = trajectory_arrays(message)
+        self._predictions.append(
+            (now, stamp_ns(message), message.header.frame_id, times, positions, others["effort"])
+        )
+
+    def _take_path(self, message: Path) -> None:
+        now = self._now_ns()
+        if not self._paths or now - self._paths[-1][0] >= EVERY_PATH_NS:
+            points = np.array([position_array(pose.pose) for pose in message.poses])
+            self._paths.append((now, points))
+
+    def _take_truth(self, message: String) -> None:
+        self._on_task(message.data)
+
+
+def _columns(rows: list[tuple[int, np.ndarray]], width: int) -> tuple[np.ndarray, np.ndarray]:
+    stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
+    return stamps, np.array([row for _, row in rows]).reshape(len(rows), width)
