@@ -4,16 +4,15 @@
 import json
 import os
 import tempfile
-import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from intent_recognition.alignment.onset import OnsetSettings
-from intent_recognition.errors import DofError, IntentError, ModelError, describe
+from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.storage.dofs import DofSpec
 
 FORMAT_VERSION = 1
@@ -100,27 +99,37 @@ def load_model(path: str | Path) -> Model:
 
     Raises:
         ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
-            value that is not finite.
+            value that is not finite or makes no sense; names the file and the array.
     """
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            content = {name: file[name] for name in file.files}
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
-        raise ModelError(
-            describe(str(path), "a model file written by `intent train`", error, RETRAIN)
-        ) from error
+    content = _read(path)
     header = _header(path, content)
-    for name in NUMBERS:
-        if name not in content:
-            raise ModelError(describe(f"{path}: {name}", "an array", "none", RETRAIN))
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
-        library = _library(header, content, dofs)
+        labels = _labels(header["labels"])
+        basis = NormalizedRBFBasis(**header["basis"])
+        onset = tuple(OnsetSettings(**settings) for settings in header["onset"])
+        provenance = dict(header["provenance"])
     except (KeyError, TypeError, ValueError, DofError) as error:
         if isinstance(error, IntentError):
             raise ModelError(f"{path}: {error}") from error
         raise ModelError(describe(f"{path}: header", "a complete one", error, RETRAIN)) from error
-    _check(path, library)
+    numbers = _numbers(path, content, _shapes(len(labels), dofs, basis.n_basis))
+    _check_values(path, numbers)
+    _check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
+    for name in SCALARS:
+        numbers[name] = float(numbers[name])
+    numbers["observed_groups"] = tuple(numbers["observed_groups"].tolist())
+    library = TaskLibrary(
+        labels=labels,
+        basis=basis,
+        observed_names=dofs.observed_names,
+        controlled_names=dofs.controlled_names,
+        observed_units=tuple(entry.unit for entry in dofs.observed for _ in entry.names),
+        controlled_units=tuple(entry.unit for entry in dofs.controlled for _ in entry.names),
+        onset=onset,
+        provenance=provenance,
+        **numbers,
+    )
     return Model(library, dofs)
 
 
@@ -143,6 +152,29 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> None:
             )
 
 
+def _read(path: str | Path) -> dict[str, np.ndarray]:
+    """The arrays of a model that the file holds; the others of the file are left unread."""
+    try:
+        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            names = [name for name in ("header", *NUMBERS) if name in file.files]
+            return {name: _read_array(path, file, name) for name in names}
+    except ModelError:
+        raise
+    except Exception as error:  # numpy and zipfile raise many kinds for what is no model
+        raise ModelError(
+            describe(str(path), "a model file written by `intent train`", error, RETRAIN)
+        ) from error
+
+
+def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
+    try:
+        return file[name]
+    except Exception as error:  # pickled objects, bad checksums, headers that are none
+        raise ModelError(
+            describe(f"{path}: {name}", "an array of numbers or text", error, RETRAIN)
+        ) from error
+
+
 def _header(path: str | Path, content: dict[str, np.ndarray]) -> dict:
     try:
         header = json.loads(str(content["header"]))
@@ -163,55 +195,77 @@ def _header(path: str | Path, content: dict[str, np.ndarray]) -> dict:
     return header
 
 
-def _library(header: dict, content: dict[str, np.ndarray], dofs: DofSpec) -> TaskLibrary:
-    numbers = {name: content[name] for name in NUMBERS}
-    for name in SCALARS:
-        numbers[name] = float(numbers[name])
-    numbers["observed_groups"] = tuple(int(n) for n in numbers["observed_groups"])
-    return TaskLibrary(
-        labels=tuple(header["labels"]),
-        basis=NormalizedRBFBasis(**header["basis"]),
-        observed_names=dofs.observed_names,
-        controlled_names=dofs.controlled_names,
-        observed_units=tuple(entry.unit for entry in dofs.observed for _ in entry.names),
-        controlled_units=tuple(entry.unit for entry in dofs.controlled for _ in entry.names),
-        onset=tuple(OnsetSettings(**settings) for settings in header["onset"]),
-        provenance=header["provenance"],
-        **numbers,
-    )
+def _labels(labels: list) -> tuple[str, ...]:
+    named = isinstance(labels, list) and all(isinstance(label, str) for label in labels)
+    if not named or len({*labels, NONE}) != len(labels) + 1 or not labels:
+        raise ArgumentError(
+            describe("labels", f"different names other than {NONE!r}", labels, RETRAIN)
+        )
+    return tuple(labels)
 
 
-def _check(path: str | Path, library: TaskLibrary) -> None:
-    tasks, size = library.n_tasks, library.n_observed_weights
-    total = size + library.n_controlled * library.basis.n_basis
-    shapes = {
-        "weight_mean": (tasks, total),
-        "weight_covariance": (tasks, total, total),
-        "noise_variance": (library.n_observed + library.n_controlled,),
-        "log_duration_mean": (tasks,),
-        "log_duration_std": (tasks,),
-        "task_prior": (tasks,),
-        "transition_prior": (tasks + 1, tasks),
+def _shapes(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int, ...]]:
+    observed = len(dofs.observed_names)
+    n_dofs = observed + len(dofs.controlled_names)
+    size, total = observed * n_basis, n_dofs * n_basis
+    return {
+        "weight_mean": (n_tasks, total),
+        "weight_covariance": (n_tasks, total, total),
+        "noise_variance": (n_dofs,),
+        "log_duration_mean": (n_tasks,),
+        "log_duration_std": (n_tasks,),
+        "task_prior": (n_tasks,),
+        "transition_prior": (n_tasks + 1, n_tasks),
         "none_mean": (size,),
         "none_covariance": (size, size),
         "none_log_duration": (2,),
-        "n_demonstrations": (tasks,),
+        "n_demonstrations": (n_tasks,),
+        "observed_groups": (len(dofs.observed),),
+        **dict.fromkeys(SCALARS, ()),
     }
-    for name, shape in shapes.items():
-        array = np.asarray(getattr(library, name))
-        if array.shape != shape:
-            raise ModelError(describe(f"{path}: {name}", f"shape {shape}", array.shape, RETRAIN))
+
+
+def _numbers(
+    path: str | Path, content: dict[str, np.ndarray], shapes: dict[str, tuple[int, ...]]
+) -> dict[str, np.ndarray]:
+    """The arrays, each of the right kind and shape and finite."""
+    for name in NUMBERS:
+        place = f"{path}: {name}"
+        if name not in content:
+            raise ModelError(describe(place, "an array", "none", RETRAIN))
+        array = content[name]
+        kinds = "iu" if name == "observed_groups" else "iuf"
+        if array.dtype.kind not in kinds:
+            raise ModelError(describe(place, "real numbers", f"type {array.dtype}", RETRAIN))
+        if array.shape != shapes[name]:
+            raise ModelError(describe(place, f"shape {shapes[name]}", array.shape, RETRAIN))
         if not np.all(np.isfinite(array)):
-            raise ModelError(describe(f"{path}: {name}", "finite numbers", "NaN or inf", RETRAIN))
-    if not np.all(np.isfinite([getattr(library, name) for name in SCALARS])):
-        raise ModelError(describe(f"{path}: {SCALARS}", "finite numbers", "NaN or inf", RETRAIN))
-    groups = (sum(library.observed_groups), len(library.onset))
-    if groups != (library.n_observed, len(library.observed_groups)):
+            raise ModelError(describe(place, "finite numbers", "NaN or inf", RETRAIN))
+    return {name: content[name] for name in NUMBERS}
+
+
+def _check_values(path: str | Path, numbers: dict[str, np.ndarray]) -> None:
+    positive = ("noise_variance", "noise_scale", "correlation_time_s", "log_duration_std")
+    for name in positive:
+        if not np.all(numbers[name] > 0.0):
+            raise ModelError(describe(f"{path}: {name}", "above zero", numbers[name], RETRAIN))
+    for name in ("task_prior", "transition_prior"):
+        prior = numbers[name]
+        if np.any(prior < 0.0) or np.any(np.abs(prior.sum(axis=-1) - 1.0) > 1e-6):
+            raise ModelError(describe(f"{path}: {name}", "sums of one", prior, RETRAIN))
+    if not 0.0 < numbers["none_prior"] < 1.0:
+        raise ModelError(
+            describe(f"{path}: none_prior", "between 0 and 1", numbers["none_prior"], RETRAIN)
+        )
+
+
+def _check_groups(path: str | Path, groups: np.ndarray, n_observed: int, n_onset: int) -> None:
+    if (groups.sum(), n_onset) != (n_observed, len(groups)) or np.any(groups < 1):
         raise ModelError(
             describe(
                 f"{path}: observed_groups",
-                f"groups of {library.n_observed} DOFs, one onset setting each",
-                f"{library.observed_groups} and {len(library.onset)} settings",
+                f"groups of {n_observed} DOFs, one onset setting each",
+                f"{groups.tolist()} and {n_onset} settings",
                 RETRAIN,
             )
         )

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Small models and bags of simulated people, for tests of everything that needs a model file."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from bag_builder import JOINTS, LWR, POSE
+from promp.simulation import Recording, make_library, simulate
+
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.observations import merge
+from intent_recognition.promp.training import TrainingSettings, learn
+from intent_recognition.storage import BagWriter
+from intent_recognition.storage.dofs import DofEntry, DofSpec
+from intent_recognition.storage.model import Model
+from intent_recognition.storage.stream import POSITION_FIELDS
+
+WRIST = DofEntry("mocap/wrist/pose", POSE, fields=POSITION_FIELDS, unit="m")
+TOOL = DofEntry("tracker/tool", POSE, fields=("pose.position.x", "pose.position.z"), unit="m")
+GLOVE = DofEntry("glove/joint_states", JOINTS, joints=("thumb", "index"), unit="rad")
+ROBOT = DofEntry("joint_states", JOINTS, joints=tuple(LWR), unit="rad")
+SEED = 5
+
+
+def make_dofs(*observed: DofEntry) -> DofSpec:
+    """The observed entries (the wrist if none), and the arm."""
+    return DofSpec(observed or (WRIST,), (ROBOT,))
+
+
+def true_library(dofs: DofSpec, n_tasks: int = 3, seed: int = SEED) -> TaskLibrary:
+    """What the simulated people do."""
+    library = make_library(
+        np.random.default_rng(seed),
+        n_tasks=n_tasks,
+        groups=tuple(len(entry.names) for entry in dofs.observed),
+        n_controlled=len(dofs.controlled_names),
+        spread=0.03,
+        noise_std=0.001,
+    )
+    return replace(
+        library,
+        observed_names=dofs.observed_names,
+        controlled_names=dofs.controlled_names,
+        observed_units=tuple(e.unit for e in dofs.observed for _ in e.names),
+        controlled_units=tuple(e.unit for e in dofs.controlled for _ in e.names),
+    )
+
+
+def perform(truth: TaskLibrary, task: int, seed: int, **options) -> Recording:
+    """One recording with rest before and after, at 50 Hz."""
+    options = {"rest_before_s": 0.8, "rest_after_s": 0.8, "name": f"demo_{seed:02d}"} | options
+    return simulate(truth, task, np.random.default_rng(seed), **options)
+
+
+def learned_model(dofs: DofSpec, truth: TaskLibrary | None = None, per_task: int = 8) -> Model:
+    """A model learned from simulated recordings, as `intent train` would."""
+    truth = truth or true_library(dofs)
+    recordings = [perform(truth, i % truth.n_tasks, i) for i in range(per_task * truth.n_tasks)]
+    library, _ = learn(recordings, TrainingSettings(n_basis=10), {"bags": ["simulated"]})
+    return Model(library, dofs)
+
+
+def message_of(entry: DofEntry, stamp_ns: int, values: np.ndarray) -> dict:
+    """Fields of a message that carries the entry's DOFs."""
+    header = {"stamp": int(stamp_ns), "frame_id": "world"}
+    if entry.joints:
+        return {"header": header, "name": list(entry.joints), "position": list(map(float, values))}
+    position = dict.fromkeys("xyz", 0.0)
+    for field, value in zip(entry.fields, values, strict=True):
+        position[field[-1]] = float(value)
+    return {"header": header, "pose": {"position": position, "orientation": {"w": 1.0}}}
+
+
+def write_recording(
+    path: Path, recording: Recording, dofs: DofSpec, *, task: str | None = None, **metadata: str
+) -> Path:
+    """A bag of a recording; the label is the recording's own unless given, none if empty."""
+    label = recording.task if task is None else task
+    entries = (*dofs.observed, *dofs.controlled)
+    custom_data = metadata | ({"task": label} if label else {})
+    with BagWriter(path, custom_data) as writer:
+        for observation in merge((*recording.observed, *recording.controlled)):
+            entry = entries[observation.group]
+            fields = message_of(entry, observation.stamp_ns, observation.values)
+            writer.write_message(entry.topic, entry.type, fields, observation.stamp_ns)
+    return path
