@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
@@ -17,15 +16,15 @@ from visualization_msgs.msg import MarkerArray
 
 from intent_recognition.errors import ArgumentError, DofError, IntentError, MessageError, describe
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import (
-    TrajectoryBuilder,
-    stamp_ns,
-    to_joint_state,
-    to_point,
-    to_stamp,
-)
+from intent_recognition.nodes.conversions import TrajectoryBuilder, stamp_ns, to_joint_state
 from intent_recognition.nodes.lifecycle import ManagedNode
-from intent_recognition.nodes.markers import MarkerBuilder
+from intent_recognition.nodes.markers import (
+    MarkerBuilder,
+    has_position,
+    position_columns,
+    position_of,
+    to_path,
+)
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
 from intent_recognition.promp.library import NONE
 from intent_recognition.promp.observations import Observation, group_dofs
@@ -33,10 +32,12 @@ from intent_recognition.promp.online import Estimate, IntentEstimator, Predictio
 from intent_recognition.storage.dofs import DofEntry, extract, load_dofs
 from intent_recognition.storage.model import Model, check_dofs, load_model
 from intent_recognition.storage.signals import is_raw_pose
-from intent_recognition.storage.stream import POSITION_FIELDS, pose_covariance
+from intent_recognition.storage.stream import pose_covariance
 
 STREAM_TIMEOUT_S = 0.5
 CHECK_PERIOD_S = 0.1
+CHECKS_PER_TYPE_CHECK = 10
+_OK, _WARN = 0, 1
 
 
 def human_topic(entry: DofEntry) -> str:
@@ -97,6 +98,8 @@ class IntentEstimatorNode(ManagedNode):
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/reload_model", self._on_reload)
         self._inputs: list = []
+        self._wrong_types: set[tuple[str, str, str]] = set()
+        self._checks = 0
         self._watchdog = self.create_timer(
             CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
@@ -108,7 +111,10 @@ class IntentEstimatorNode(ManagedNode):
         self._estimator = IntentEstimator(self._model.library)
         self._builder = TrajectoryBuilder(self._model.controlled_names)
         self._marker_builder = MarkerBuilder()
-        self._moving = False
+        self._shown = next(
+            (g for g, e in enumerate(self._model.dofs.observed) if has_position(e)), None
+        )
+        self._moving = self._silent = False
         self._last_arrival_s = 0.0
         self._last_publication_ns = 0
         self._frame = "world"
@@ -122,14 +128,20 @@ class IntentEstimatorNode(ManagedNode):
             topic = human_topic(entry) if raw else entry.topic
             handle = partial(self._on_odometry if raw else self._on_message, group, entry)
             self._inputs.append(self.create_subscription(kind, topic, handle, qos.SENSOR))
-        self._diagnostics.status(0, "waiting for a movement")
+        self._diagnostics.status(_OK, "waiting for a movement")
 
     def deactivate(self) -> None:
         """Let go of the observed agent and forget the movement under way."""
         while self._inputs:
             self.destroy_subscription(self._inputs.pop())
+        self._forget()
+        self._diagnostics.status(_OK, "not active")
+
+    def _forget(self) -> None:
         self._estimator.reset()
-        self._moving = False
+        self._marker_builder = MarkerBuilder()
+        self._moving = self._silent = False
+        self._last_publication_ns = 0
 
     def _load(self) -> Model:
         path = self.get_parameter("model").value
@@ -157,7 +169,6 @@ class IntentEstimatorNode(ManagedNode):
 
     def _take(self, group, entry, message, content, covariance) -> None:
         start_s = time.perf_counter()
-        self._last_arrival_s = time.monotonic()
         self._diagnostics.tick(entry.topic)
         stamp = stamp_ns(message) if hasattr(message, "header") else self._now_ns()
         try:
@@ -166,15 +177,14 @@ class IntentEstimatorNode(ManagedNode):
             self._diagnostics.reject("missing_dof", str(error))
             return
         reason = self._estimator.reason_to_reject(observation)
-        if reason is None and covariance is not None and not np.all(np.isfinite(covariance)):
-            reason = "not_finite"
         if reason is not None:
             self._diagnostics.reject(reason, f"{entry.topic} at {stamp} ns")
             return
-        self._publish(self._estimator.observe(observation), observation, entry)
+        self._last_arrival_s = time.monotonic()
+        self._publish(self._estimator.observe(observation), observation)
         self._diagnostics.latency(time.perf_counter() - start_s)
 
-    def _publish(self, estimate: Estimate, observation: Observation, entry: DofEntry) -> None:
+    def _publish(self, estimate: Estimate, observation: Observation) -> None:
         self._tasks.publish(
             to_joint_state(
                 (*self._model.labels, NONE),
@@ -184,12 +194,14 @@ class IntentEstimatorNode(ManagedNode):
                 time_ns=estimate.stamp_ns,
             )
         )
-        if estimate.moving != self._moving:
-            self._moving = estimate.moving
-            self._diagnostics.status(0, "moving" if self._moving else "waiting for a movement")
+        if estimate.moving != self._moving or self._silent:
+            self._moving, self._silent = estimate.moving, False
+            self._diagnostics.status(_OK, "moving" if self._moving else "waiting for a movement")
         if not estimate.moving:
             return
-        self._marker_builder.observe(observation, entry)
+        if observation.group == self._shown:
+            entry = self._model.dofs.observed[observation.group]
+            self._marker_builder.observe(observation.stamp_ns, position_of(entry, observation))
         if (estimate.stamp_ns - self._last_publication_ns) * 1e-9 < 0.999 / self._publish_rate:
             return
         self._last_publication_ns = estimate.stamp_ns
@@ -208,55 +220,56 @@ class IntentEstimatorNode(ManagedNode):
         self._trajectory.publish(message)
 
     def _publish_human(self, estimate: Estimate, human: Prediction) -> None:
-        for group, entry in enumerate(self._model.dofs.observed):
-            if not set(POSITION_FIELDS) <= set(entry.fields):
-                continue
-            columns = group_dofs(self._model.library, group)[
-                [entry.fields.index(field) for field in POSITION_FIELDS]
-            ]
-            positions = human.trajectory.positions[:, columns]
-            self._path.publish(self._to_path(estimate.stamp_ns, human, positions))
-            if self._markers.get_subscription_count():
-                self._markers.publish(
-                    self._marker_builder.build(
-                        estimate.stamp_ns,
-                        self._frame,
-                        f"{human.task} {np.max(estimate.probabilities):.0%}",
-                        positions,
-                        human.trajectory.std[:, columns],
-                    )
-                )
+        if self._shown is None:
             return
-
-    def _to_path(self, time_ns: int, human: Prediction, positions: np.ndarray) -> Path:
-        message = Path()
-        message.header.stamp = to_stamp(time_ns)
-        message.header.frame_id = self._frame
-        for elapsed_s, position in zip(human.trajectory.times_s, positions, strict=True):
-            pose = PoseStamped()
-            pose.header.frame_id = self._frame
-            pose.header.stamp = to_stamp(human.onset_ns + round(float(elapsed_s) * 1e9))
-            pose.pose.position = to_point(position)
-            pose.pose.orientation.w = 1.0
-            message.poses.append(pose)
-        return message
+        entry = self._model.dofs.observed[self._shown]
+        columns = group_dofs(self._model.library, self._shown)[position_columns(entry)]
+        positions = human.trajectory.positions[:, columns]
+        self._path.publish(to_path(estimate.stamp_ns, self._frame, human, positions))
+        if self._markers.get_subscription_count():
+            self._markers.publish(
+                self._marker_builder.build(
+                    estimate.stamp_ns,
+                    self._frame,
+                    f"{human.task} {np.max(estimate.probabilities):.0%}",
+                    positions,
+                    human.trajectory.std[:, columns],
+                )
+            )
 
     def _now_ns(self) -> int:
         return self.get_clock().now().nanoseconds
 
     def _check_stream(self) -> None:
-        if not self.active or not self._moving:
+        if not self.active:
             return
+        self._checks += 1
+        if self._checks % CHECKS_PER_TYPE_CHECK == 0:
+            self._check_types()
         silent_s = time.monotonic() - self._last_arrival_s
-        if silent_s > STREAM_TIMEOUT_S:
-            self._diagnostics.status(1, f"human stream stopped {silent_s:.1f} s ago")
+        if self._moving and silent_s > STREAM_TIMEOUT_S:
+            self._silent = True
+            self._diagnostics.status(_WARN, f"human stream stopped {silent_s:.1f} s ago")
+
+    def _check_types(self) -> None:
+        """Report publishers of another type, which are never heard; each one once."""
+        for subscription in self._inputs:
+            topic, kind = subscription.topic_name, subscription.msg_type
+            expected = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+            for sender in self.get_publishers_info_by_topic(topic):
+                found = (topic, sender.node_name, sender.topic_type)
+                if sender.topic_type != expected and found not in self._wrong_types:
+                    self._wrong_types.add(found)
+                    self._diagnostics.reject(
+                        "wrong_type", f"{topic} is {sender.topic_type}, expected {expected}"
+                    )
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self.active
         response.message = "reset" if self.active else "the node is not active"
         if self.active:
-            self._estimator.reset()
-            self._moving = False
+            self._forget()
+            self._diagnostics.status(_OK, "waiting for a movement")
         return response
 
     def _on_reload(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

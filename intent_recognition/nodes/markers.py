@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Markers for RViz: the observed and the predicted path of the human, with its +-2 sigma tube."""
+"""Path and markers for RViz: what was observed and is predicted of the human, +-2 sigma."""
 
 import numpy as np
-from geometry_msgs.msg import Vector3
+from geometry_msgs.msg import PoseStamped, Vector3
+from nav_msgs.msg import Path
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from intent_recognition.nodes.conversions import to_point, to_stamp
 from intent_recognition.promp.observations import Observation
+from intent_recognition.promp.online import Prediction
 from intent_recognition.storage.dofs import DofEntry
 from intent_recognition.storage.stream import POSITION_FIELDS
 
@@ -20,6 +22,43 @@ MAX_OBSERVED = 500
 NEW_MOVEMENT_NS = 500_000_000
 
 
+def has_position(entry: DofEntry) -> bool:
+    """Whether an entry of the DOF file holds a whole position that can be drawn."""
+    return set(POSITION_FIELDS) <= set(entry.fields)
+
+
+def position_columns(entry: DofEntry) -> list[int]:
+    """Columns of x, y, z among the fields of an entry that has a position."""
+    return [entry.fields.index(field) for field in POSITION_FIELDS]
+
+
+def position_of(entry: DofEntry, observation: Observation) -> np.ndarray:
+    """Position (3,) in an observation of an entry that has one."""
+    return observation.values[position_columns(entry)]
+
+
+def to_path(time_ns: int, frame: str, human: Prediction, positions: np.ndarray) -> Path:
+    """The predicted rest of the movement, each pose stamped with the time it is expected at.
+
+    Args:
+        time_ns: stamp of the whole.
+        frame: frame of the positions.
+        human: the prediction they are of.
+        positions: (T, 3) [m].
+    """
+    message = Path()
+    message.header.stamp = to_stamp(time_ns)
+    message.header.frame_id = frame
+    for elapsed_s, position in zip(human.trajectory.times_s, positions, strict=True):
+        pose = PoseStamped()
+        pose.header.frame_id = frame
+        pose.header.stamp = to_stamp(human.onset_ns + round(float(elapsed_s) * 1e9))
+        pose.pose.position = to_point(position)
+        pose.pose.orientation.w = 1.0
+        message.poses.append(pose)
+    return message
+
+
 class MarkerBuilder:
     """Remembers the observed path of the movement under way and draws both paths."""
 
@@ -27,15 +66,12 @@ class MarkerBuilder:
         self._observed: list[np.ndarray] = []
         self._last_ns = 0
 
-    def observe(self, observation: Observation, entry: DofEntry) -> None:
-        """Remember one observed position; a pause in the observations begins a new path."""
-        if not set(POSITION_FIELDS) <= set(entry.fields):
-            return
-        if observation.stamp_ns - self._last_ns > NEW_MOVEMENT_NS:
+    def observe(self, stamp_ns: int, position: np.ndarray) -> None:
+        """Remember one observed position (3,) [m]; a pause in them begins a new path."""
+        if stamp_ns - self._last_ns > NEW_MOVEMENT_NS:
             self._observed.clear()
-        self._last_ns = observation.stamp_ns
-        columns = [entry.fields.index(field) for field in POSITION_FIELDS]
-        self._observed.append(observation.values[columns])
+        self._last_ns = stamp_ns
+        self._observed.append(position)
         del self._observed[:-MAX_OBSERVED]
 
     def build(
