@@ -195,5 +195,5 @@ def test_condition_refuses_shapes_that_do_not_fit(H, y, R):
 
 def test_condition_refuses_a_noise_that_is_not_positive_definite():
     H = np.array([[1.0, 0.0], [1.0, 0.0]])
-    with pytest.raises(ArgumentError, match="innovation covariance: .*raise the noise variance"):
+    with pytest.raises(ArgumentError, match=r"innovation covariance: .*raise the noise variance"):
         condition(Gaussian(np.zeros(2), np.eye(2)), H, np.zeros(2), np.zeros((2, 2)))

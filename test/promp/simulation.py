@@ -2,6 +2,7 @@
 """Libraries with known truth, and recordings drawn from them."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -117,10 +118,7 @@ def signals(
 ) -> tuple[Signal, ...]:
     """Split columns into one signal per group."""
     edges = np.cumsum((0, *groups))
-    return tuple(
-        Signal(names[a:b], stamps_ns, values[:, a:b], unit)
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
-    )
+    return tuple(Signal(names[a:b], stamps_ns, values[:, a:b], unit) for a, b in pairwise(edges))
 
 
 def simulate(

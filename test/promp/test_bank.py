@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from promp.simulation import make_library
-from scipy.stats import multivariate_normal
+from scipy.stats import multivariate_normal, norm
 
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.promp.bank import (
@@ -82,7 +82,7 @@ def batch(bank: FilterBank, steps, hypothesis: int):
     )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seeds)
 def test_recursion_equals_one_joint_gaussian(seed):
     rng = np.random.default_rng(seed)
@@ -95,7 +95,7 @@ def test_recursion_equals_one_joint_gaussian(seed):
         assert filtered.log_evidence[b] == pytest.approx(log_evidence, rel=1e-8, abs=1e-8)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seeds, st.randoms(use_true_random=False))
 def test_order_of_observations_does_not_matter(seed, source):
     rng = np.random.default_rng(seed)
@@ -107,7 +107,7 @@ def test_order_of_observations_does_not_matter(seed, source):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seeds)
 def test_rows_of_one_observation_may_come_in_any_order(seed):
     rng = np.random.default_rng(seed)
@@ -122,7 +122,7 @@ def test_rows_of_one_observation_may_come_in_any_order(seed):
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-10)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seeds)
 def test_posterior_never_wider_exactly_symmetric_and_positive_definite(seed):
     rng = np.random.default_rng(seed)
@@ -205,7 +205,7 @@ def test_many_updates_at_low_noise_equal_the_batch(rng):
 
 def test_unobserved_dofs_have_no_influence_not_one_bit(rng):
     bank, steps = random_bank(rng), random_stream(rng)
-    dofs, rows, values, noise = steps[0]
+    dofs, rows, _, noise = steps[0]
     bystanders = [np.nan, np.inf, -7.0]
     for rubbish in bystanders:
         frame = np.full(N_DOFS, rubbish)  # what a caller holds: all DOFs, some of them missing
@@ -286,7 +286,7 @@ def test_a_noise_that_is_not_positive_definite_is_refused(rng):
 
 
 @given(seeds, st.integers(1, 20))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_grid_of_durations_covers_the_timing_prior(seed, n_scales):
     library = make_library(np.random.default_rng(seed), n_basis=4)
     hypotheses = make_hypotheses(library, n_scales=n_scales)
@@ -295,6 +295,8 @@ def test_grid_of_durations_covers_the_timing_prior(seed, n_scales):
     assert np.exp(hypotheses.log_prior).sum() == pytest.approx(1.0, abs=1e-12)
     prior = np.r_[library.task_prior * (1 - library.none_prior), library.none_prior]
     np.testing.assert_allclose(weight.sum(axis=1), prior, atol=1e-12)
+    density = norm(library.log_duration_mean[0], library.log_duration_std[0]).pdf(logs[0])
+    np.testing.assert_allclose(weight[0] / weight[0].sum(), density / density.sum(), atol=1e-12)
     mean = (weight * logs).sum(axis=1) / prior
     np.testing.assert_allclose(mean[:-1], library.log_duration_mean, atol=1e-12)
     if n_scales >= 15:

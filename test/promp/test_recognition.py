@@ -133,7 +133,7 @@ def test_recognition_is_calibrated_in_simulation(rng):
     for i in range(400):
         task = int(rng.integers(3))
         recording = simulate(library, task, rng, n_samples=12)
-        seen = [o for o in merge(recording.observed)][: 1 + i % 8]
+        seen = list(merge(recording.observed))[: 1 + i % 8]
         bank = run_bank(library, hypotheses, start_bank(library, hypotheses), seen, START_NS)
         p = task_posterior(bank, hypotheses, (seen[-1].stamp_ns - START_NS) * 1e-9).probabilities
         probabilities.append(p[:3])
