@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-settings.register_profile("untimed")  # a busy machine is no failure
+settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
 settings.load_profile("untimed")
 
 
