@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A work cell for tests: a recorded or made-up wrist, shown to the nodes on simulated time."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.kinematics.forward import forward_kinematics
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import joint_values, stamp_ns, to_pose, to_stamp
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.storage import BagReader
+from sim_bridge.nodes.lwr_sim import LwrSim
+from sim_bridge.scene import handover_point
+
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+SECOND_NS = 1_000_000_000
+START_DELAY_NS = SECOND_NS // 5
+
+
+class Wrist(NamedTuple):
+    """A wrist's way: times from its start (T,) [ns], positions (T, 3) [m], and what is known."""
+
+    times_ns: np.ndarray
+    positions: np.ndarray
+    task: str = ""
+    end_ns: int = 0
+    handover: np.ndarray | None = None
+
+
+def recorded(bag: Path, hold_s: float = 4.0) -> Wrist:
+    """The wrist of a bag, which then holds still as it last did (its last 0.2 s on and on)."""
+    reader = BagReader(bag)
+    messages = [m.message for m in reader.messages(["mocap/wrist/pose"])]
+    stamps = np.array([stamp_ns(message) for message in messages])
+    points = [m.pose.position for m in messages]
+    positions = np.array([(p.x, p.y, p.z) for p in points])
+    step_ns, n = 10_000_000, round(hold_s * 100)
+    more = stamps[-1] + step_ns * np.arange(1, n + 1)
+    again = positions[-20:][np.arange(n) % 20]
+    data = reader.custom_data
+    goal = np.array([float(x) for x in data["goal_m"].split()])
+    return Wrist(
+        np.r_[stamps, more] - stamps[0],
+        np.vstack([positions, again]),
+        reader.task,
+        int(data["human_end_ns"]) - int(stamps[0]),
+        handover_point(reader.task, goal),
+    )
+
+
+def without(wrist: Wrist, start_s: float, end_s: float) -> Wrist:
+    """The wrist out of sight between two times."""
+    t = wrist.times_ns * 1e-9
+    seen = (t < start_s) | (t > end_s)
+    return wrist._replace(times_ns=wrist.times_ns[seen], positions=wrist.positions[seen])
+
+
+class Cell:
+    """Listens to the whole graph, and moves the wrist as `/clock` goes on."""
+
+    def __init__(self, harness):
+        self.harness = harness
+        self.now_ns = 0
+        self.wrist: Wrist | None = None
+        self.start_ns, self._next = 0, 0
+        self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
+        self.predictions = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+        self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
+        self.active = harness.collect(String, "intent/active_task", qos.LATCHED)
+        self.states = harness.collect(JointState, "joint_states", qos.STATE)
+        self.reports = harness.collect(DiagnosticArray, "/diagnostics")
+        self._poses = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
+        harness.probe.create_subscription(Clock, "/clock", self._on_clock, qos.STATE)
+
+    def start_nodes(self, model: Path, *, factor: float = 1.0, **activation) -> None:
+        """All nodes in this process."""
+        simulated = {"use_sim_time": True}
+        named = simulated | {"model": str(model)}
+        self.ingest = self._add(MocapIngest, simulated)
+        self.estimator = self._add(IntentEstimatorNode, named)
+        self.activation = self._add(PrimitiveActivation, named | activation)
+        self.arm = self._add(LwrSim, {"publish_clock": True, "real_time_factor": factor})
+
+    def _add(self, kind, parameters):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        return self.harness.add(kind(parameter_overrides=overrides))
+
+    def connect(self) -> None:
+        """Wait until every topic of the chain has found its ends."""
+        count = self.harness.probe.count_subscribers
+        publishers = self.harness.probe.count_publishers
+        needs = {"human/wrist": 1, "intent/tasks": 2, "intent/robot_trajectory": 2}
+        needs |= {"joint_states": 2, "joint_trajectory": 2, "mocap/wrist/pose": 1}
+        self.harness.spin_until(
+            lambda: all(count(topic) >= n and publishers(topic) for topic, n in needs.items()),
+            what="the graph",
+        )
+        self.harness.connect(self._poses)
+        self.harness.spin_until(lambda: self.now_ns > 0 and self.active and self.states, what="sim")
+
+    def show(self, wrist: Wrist) -> None:
+        """Begin to move the wrist a little after now."""
+        self.wrist, self._next = wrist, 0
+        self.start_ns = self.now_ns + START_DELAY_NS
+
+    def shown(self) -> bool:
+        """Whether the whole of the wrist's way has been published."""
+        return self._next >= len(self.wrist.times_ns)
+
+    def _on_clock(self, message: Clock) -> None:
+        self.now_ns = stamp_ns(message.clock)
+        while self.wrist is not None and self._next < len(self.wrist.times_ns):
+            due_ns = self.start_ns + int(self.wrist.times_ns[self._next])
+            if due_ns > self.now_ns:
+                return
+            pose = PoseStamped(pose=to_pose(self.wrist.positions[self._next], UPRIGHT))
+            pose.header.stamp, pose.header.frame_id = to_stamp(due_ns), "world"
+            self._poses.publish(pose)
+            self._next += 1
+
+    def run_until(self, predicate, what: str, deadline_s: float = 120.0):
+        """Spin until something is true; the deadline is generous, simulated time may be slow."""
+        return self.harness.spin_until(predicate, deadline_s, what)
+
+    def run_to(self, elapsed_s: float) -> None:
+        """Spin until so much simulated time has passed since the wrist's start."""
+        end_ns = self.start_ns + round(elapsed_s * SECOND_NS)
+        self.run_until(lambda: stamp_ns(self.states[-1]) >= end_ns, f"{elapsed_s} simulated s")
+
+    def labels(self) -> list[str]:
+        """All values of intent/active_task so far."""
+        return [message.data for message in self.active]
+
+    def joints(self, elapsed_s: float) -> np.ndarray:
+        """Measured joint angles (7,) so long after the wrist's start."""
+        wanted = self.start_ns + elapsed_s * SECOND_NS
+        nearest = min(self.states, key=lambda message: abs(stamp_ns(message) - wanted))
+        return joint_values(nearest, JOINT_NAMES)
+
+    def hand_error_m(self, elapsed_s: float) -> float:
+        """Distance of the measured hand from where the demonstrator's rule puts it [m]."""
+        hand = forward_kinematics(self.joints(elapsed_s))[:3, 3]
+        return float(np.linalg.norm(hand - self.wrist.handover))
+
+    def leader(self, since_s: float, until_s: float) -> list[str]:
+        """Most probable label of every observation between two times."""
+        leaders = []
+        for message in self.tasks:
+            elapsed_s = (stamp_ns(message) - self.start_ns) / SECOND_NS
+            if since_s <= elapsed_s <= until_s:
+                leaders.append(message.name[int(np.argmax(message.position))])
+        return leaders
+
+    def said(self, node: str, text: str) -> bool:
+        """Whether a node has reported a status with this text."""
+        return any(
+            status.name == node and text in status.message
+            for report in self.reports
+            for status in report.status
+        )
+
+
+def path_distance(point: np.ndarray, path: Sequence[np.ndarray]) -> float:
+    """Largest joint difference (at the best place) between a posture (7,) and a path (T, 7)."""
+    path = np.asarray(path)
+    fine = np.vstack([path[:-1] + w * np.diff(path, axis=0) for w in np.linspace(0.0, 1.0, 21)])
+    return float(np.min(np.max(np.abs(fine - point), axis=1)))
