@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Real people: trained on all recordings but one, which is played to the running nodes."""
+
+import numpy as np
+import pytest
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.bag_player import BagPlayer
+from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.promp.training import TrainingSettings, learn
+from intent_recognition.storage import BagReader, read_demonstrations
+from intent_recognition.storage.dofs import load_dofs
+from intent_recognition.storage.model import Model, save_model
+
+LEFT_OUT = ("demo_0003", "demo_0014", "demo_0022", "demo_0035")
+RATE = 4.0
+
+
+@pytest.fixture(scope="module")
+def recordings(shared_data):
+    """All demonstrations of people and the YuMi arm, and their DOFs."""
+    folder = shared_data / "hri_yumi"
+    if not folder.is_dir():
+        pytest.skip(f"{folder} is not there")
+    dofs = load_dofs(folder / "dofs.yaml")
+    demonstrations, rejections = read_demonstrations(folder, dofs)
+    assert len(demonstrations) == 28 and not rejections
+    return folder, dofs, demonstrations
+
+
+def start(harness, kind, **parameters):
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    return harness.add(kind(parameter_overrides=overrides))
+
+
+@pytest.mark.parametrize("name", LEFT_OUT)
+def test_a_person_never_seen_in_training_is_recognised(harness, recordings, tmp_path, name):
+    folder, dofs, demonstrations = recordings
+    library, _ = learn([d for d in demonstrations if d.name != name], TrainingSettings())
+    save_model(tmp_path / "model.npz", Model(library, dofs))
+    task = BagReader(folder / name).task
+
+    start(harness, MocapIngest)
+    start(harness, IntentEstimatorNode, model=str(tmp_path / "model.npz"))
+    tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
+    robot = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+    player = start(harness, BagPlayer, bag=str(folder / name), rate=RATE)
+    harness.spin_until(lambda: player.done, 120.0, "the end of the recording")
+    end_ns = BagReader(folder / name).end_ns
+    harness.spin_until(lambda: stamp_ns(tasks[-1]) > end_ns - 500_000_000, what="the last tasks")
+
+    moving = [message for message in tasks if any(message.effort)]
+    leaders = [message.name[int(np.argmax(message.position))] for message in moving]
+    late = leaders[len(leaders) // 2 :]
+    assert late and late.count(task) > 0.9 * len(late)
+    of_task = [message for message in robot if message.header.frame_id == task]
+    assert of_task
+    for message in of_task:
+        assert list(message.joint_names) == [f"yumi_joint_{k}" for k in range(1, 8)]
+        times, positions, rest = trajectory_arrays(message)
+        assert positions.shape == (50, 7) and np.all(np.diff(times) > 0)
+        assert np.all(np.isfinite(positions)) and np.all(rest["effort"] > 0)

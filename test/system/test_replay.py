@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent replay` gives the numbers of the running nodes, stamp by stamp."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+
+from intent_recognition.cli.replay import replay
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.bag_player import BagPlayer
+from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.storage import BagReader, BagWriter
+from intent_recognition.storage.model import load_model
+
+TEST_BAGS = ("plate_handover_01", "screw_handover_02", "hold_screwdriver_03")
+
+
+def start(harness, kind, **parameters):
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    return harness.add(kind(parameter_overrides=overrides))
+
+
+def chain(harness, model):
+    ingest = start(harness, MocapIngest)
+    estimator = start(harness, IntentEstimatorNode, model=str(model))
+    tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
+    harness.spin_until(lambda: ingest.count_subscribers("human/wrist"), what="the chain")
+    harness.spin_until(
+        lambda: (
+            next(iter(ingest._outputs.values())).get_subscription_count()
+            and estimator._tasks.get_subscription_count()
+        ),
+        what="the chain matched",
+    )
+    return ingest, estimator, tasks
+
+
+def check_equal(messages, rows):
+    assert [stamp_ns(message) for message in messages] == [row["stamp"] for row in rows]
+    for message, row in zip(messages, rows, strict=True):
+        assert list(message.name) == list(row["probabilities"]) == list(row["phase"])
+        ours, theirs = list(row["probabilities"].values()), message.position
+        np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-9)
+        ours, theirs = list(row["phase"].values()), message.velocity
+        np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-9)
+
+
+def rejected(*nodes) -> Counter:
+    """What the nodes have rejected, by reason."""
+    return sum((node._diagnostics._counts for node in nodes), Counter())
+
+
+def feed(harness, bag: Path, ingest, estimator, tasks) -> None:
+    """The bag's own messages one after the other, each once the one before has had its effect."""
+    publisher = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
+    harness.connect(publisher)
+    for raw in BagReader(bag).raw_messages(["mocap/wrist/pose"]):
+        before = len(tasks) + rejected(ingest, estimator).total()
+        publisher.publish(deserialize_message(raw.data, PoseStamped))
+        harness.spin_until(
+            lambda before=before: len(tasks) + rejected(ingest, estimator).total() > before,
+            what="its effect",
+        )
+
+
+@pytest.mark.parametrize("name", TEST_BAGS)
+def test_replay_equals_the_nodes(harness, repository, toolbox_model, name):
+    bag = repository / "bags/toolbox/test" / name
+    ingest, estimator, tasks = chain(harness, toolbox_model)
+    feed(harness, bag, ingest, estimator, tasks)
+    rows = list(replay(BagReader(bag), load_model(toolbox_model)))
+    assert len(rows) > 200
+    check_equal(tasks, rows)
+    assert name.startswith(max(rows[-80]["probabilities"], key=rows[-80]["probabilities"].get))
+    assert {row["active_task"] for row in rows} == {"", BagReader(bag).task}
+
+
+def test_replay_equals_the_nodes_on_a_spoiled_recording(
+    harness, repository, toolbox_model, tmp_path
+):
+    """Outliers, NaN, repeated and unset stamps, another frame: dropped alike, counted alike."""
+    source = BagReader(repository / "bags/toolbox/test/plate_handover_02")
+    faults = Counter()
+    with BagWriter(tmp_path / "spoiled", {"task": "plate_handover"}) as writer:
+        for k, item in enumerate(source.messages(["mocap/wrist/pose"])):
+            message = item.message
+            p, header = message.pose.position, message.header
+            pose = {
+                "header": {"stamp": item.stamp_ns, "frame_id": header.frame_id},
+                "pose": {
+                    "position": {"x": p.x, "y": p.y, "z": p.z},
+                    "orientation": {"w": 1.0},
+                },
+            }
+            if k % 10 == 5:
+                fault = ("not_finite", "zero_stamp", "jump", "unknown_frame")[k // 10 % 4]
+                faults[fault] += 1
+                if fault == "not_finite":
+                    pose["pose"]["position"]["x"] = float("nan")
+                elif fault == "zero_stamp":
+                    pose["header"]["stamp"] = 0
+                elif fault == "jump":
+                    pose["pose"]["position"]["z"] += 2.0
+                else:
+                    pose["header"]["frame_id"] = "elsewhere"
+            writer.write_message(item.topic, item.type, pose, item.log_time_ns)
+            if k % 10 == 7:
+                faults["stamp_not_increasing"] += 1
+                writer.write_message(item.topic, item.type, pose, item.log_time_ns + 1)
+    ingest, estimator, tasks = chain(harness, toolbox_model)
+    feed(harness, tmp_path / "spoiled", ingest, estimator, tasks)
+    counted = Counter()
+    rows = list(replay(BagReader(tmp_path / "spoiled"), load_model(toolbox_model), counted))
+    check_equal(tasks, rows)
+    assert counted == rejected(ingest, estimator) == faults
+
+
+def test_replay_equals_the_nodes_behind_the_player(harness, repository, toolbox_model):
+    """In the bag's own rhythm; should a sample be lost on the way, all before it are equal."""
+    bag = repository / "bags/toolbox/test/screw_handover_00"
+    ingest, estimator, tasks = chain(harness, toolbox_model)
+    tracked = harness.collect(Odometry, "human/wrist", qos.SENSOR)
+    player = start(harness, BagPlayer, bag=str(bag), rate=1.0)
+    harness.spin_until(lambda: player.done, what="the end of the bag")
+    total = BagReader(bag).topics["/mocap/wrist/pose"].message_count
+    harness.spin_until(lambda: len(tracked) and len(tasks) >= len(tracked) - 1, what="tasks")
+    rows = list(replay(BagReader(bag), load_model(toolbox_model)))
+    assert len(rows) == total and not rejected(ingest, estimator)
+    stamps = [stamp_ns(message) for message in tasks]
+    same = next(
+        (k for k, row in enumerate(rows) if k >= len(stamps) or stamps[k] != row["stamp"]),
+        len(rows),
+    )
+    assert same > 100
+    check_equal(tasks[:same], rows[:same])
