@@ -108,6 +108,7 @@ class IntentEstimatorNode(ManagedNode):
     def configure(self) -> None:
         """Load the model and check it against the DOF file."""
         self._model = self._load()
+        self._kinds = [message_class(entry.type) for entry in self._model.dofs.observed]
         self._estimator = IntentEstimator(self._model.library)
         self._builder = TrajectoryBuilder(self._model.controlled_names)
         self._marker_builder = MarkerBuilder()
@@ -124,7 +125,7 @@ class IntentEstimatorNode(ManagedNode):
         """Subscribe to the observed agent."""
         for group, entry in enumerate(self._model.dofs.observed):
             raw = is_raw_pose(entry.topic, entry.type)
-            kind = Odometry if raw else message_class(entry.type)
+            kind = Odometry if raw else self._kinds[group]
             topic = human_topic(entry) if raw else entry.topic
             handle = partial(self._on_odometry if raw else self._on_message, group, entry)
             self._inputs.append(self.create_subscription(kind, topic, handle, qos.SENSOR))

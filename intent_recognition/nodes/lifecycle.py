@@ -26,6 +26,7 @@ class ManagedNode(LifecycleNode):
     def __init__(self, name: str, **kwargs):
         super().__init__(name, **kwargs)
         self._failure: Exception | None = None
+        self._starting = False
         self._autostart = parameter(
             self, "autostart", True, "Configure and activate at start.", read_only=True
         )
@@ -55,9 +56,11 @@ class ManagedNode(LifecycleNode):
         """
         if not self._autostart:
             return
+        self._starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != TransitionCallbackReturn.SUCCESS:
                 raise self._failure or RuntimeError("a lifecycle transition failed")
+        self._starting = False
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Handle the transition to inactive."""
@@ -91,7 +94,8 @@ class ManagedNode(LifecycleNode):
             hook()
         except IntentError as error:
             self._failure = error
-            self.get_logger().error(f"{hook.__name__}: {error}")
+            if not self._starting:  # then `start` raises it, and it is said once
+                self.get_logger().error(f"{hook.__name__}: {error}")
             return TransitionCallbackReturn.FAILURE
         except Exception as error:
             self._failure = error

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the estimator says when it cannot start: one line that names both sides, exit code 1."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from model_builder import GLOVE, WRIST, make_dofs, true_library
+from ros_harness import NodeProcess
+
+from intent_recognition.errors import DofError
+from intent_recognition.nodes.intent_estimator import human_topic, main, message_class
+from intent_recognition.storage.dofs import DofEntry
+from intent_recognition.storage.model import Model, save_model
+
+DOFS = make_dofs(WRIST, GLOVE)
+
+
+@pytest.fixture
+def model(tmp_path):
+    path = tmp_path / "model.npz"
+    save_model(path, Model(true_library(DOFS), DOFS))
+    return path
+
+
+def start(capfd, **parameters) -> str:
+    """Start the node in this process; the one line it ends with."""
+    words = [w for name, value in parameters.items() for w in ("-p", f"{name}:={value}")]
+    assert main(["intent_estimator", "--ros-args", *words]) == 1
+    lines = capfd.readouterr().err.splitlines()
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+def dof_file(folder, dofs):
+    path = folder / "mine.yaml"
+    path.write_text(yaml.safe_dump(dofs.to_dict()))
+    return path
+
+
+def test_without_a_model(capfd):
+    line = start(capfd)
+    assert "parameter model" in line and "intent train" in line
+
+
+def test_a_model_that_is_not_there(capfd, tmp_path):
+    assert str(tmp_path / "no.npz") in start(capfd, model=tmp_path / "no.npz")
+
+
+def test_a_dof_file_of_other_dofs_names_both_sides(capfd, model, tmp_path):
+    line = start(capfd, model=model, dofs=dof_file(tmp_path, make_dofs(WRIST)))
+    assert "mine.yaml: observed" in line
+    assert "thumb" in line and line.count("/mocap/wrist/pose") == 2
+
+
+def test_a_dof_file_of_other_joints_names_both_sides(capfd, model, tmp_path):
+    robot = DofEntry("joint_states", "sensor_msgs/msg/JointState", joints=("a", "b"), unit="rad")
+    other = type(DOFS)(DOFS.observed, (robot,))
+    line = start(capfd, model=model, dofs=dof_file(tmp_path, other))
+    assert "mine.yaml: controlled" in line and "lwr_a1_joint" in line and '["a", "b"]' in line
+
+
+def test_a_dof_file_that_is_not_there(capfd, model):
+    assert "/nowhere.yaml" in start(capfd, model=model, dofs="/nowhere.yaml")
+
+
+def test_a_model_from_the_future_names_both_versions(capfd, model):
+    with np.load(model, allow_pickle=False) as file:
+        arrays = dict(file)
+    header = json.loads(str(arrays["header"]))
+    header["format_version"] = 17
+    np.savez(model, **{**arrays, "header": np.array(json.dumps(header))})
+    line = start(capfd, model=model)
+    assert "format_version: expected 1, got 17" in line
+
+
+def test_a_type_that_is_not_installed(capfd, tmp_path):
+    alien = DofEntry("brain/waves", "alien_msgs/msg/Brain", fields=("alpha",), unit="V")
+    dofs = make_dofs(alien)
+    save_model(tmp_path / "m.npz", Model(true_library(dofs), dofs))
+    assert "alien_msgs/msg/Brain" in start(capfd, model=tmp_path / "m.npz")
+
+
+@pytest.mark.parametrize("rate", ["0.0", "-1.0", ".nan"])
+def test_an_impossible_rate(capfd, model, rate):
+    assert "publish_rate" in start(capfd, model=model, publish_rate=rate)
+
+
+def test_a_process_that_cannot_start_ends_with_one_line_and_code_one():
+    with NodeProcess("intent_recognition.nodes.intent_estimator") as node:
+        assert node.wait() == 1
+    assert len(node.errors.splitlines()) == 1 and "parameter model" in node.errors
+
+
+def test_it_listens_to_what_ingest_makes_of_a_raw_pose():
+    assert human_topic(WRIST) == "human/wrist"
+    cell = DofEntry("cell/mocap/elbow/pose", WRIST.type, fields=WRIST.fields, unit="m")
+    assert human_topic(cell) == "cell/human/elbow"
+
+
+def test_types_are_found_by_name():
+    assert message_class(WRIST.type).__name__ == "PoseStamped"
+    with pytest.raises(DofError, match="Pose3"):
+        message_class("geometry_msgs/msg/Pose3")
