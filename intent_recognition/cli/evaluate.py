@@ -2,22 +2,25 @@
 """`intent evaluate`: recognition and prediction on recordings left out of training."""
 
 import argparse
-import json
 from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
+from intent_recognition.cli.console import make_console
 from intent_recognition.cli.recordings import (
     add_recording_options,
+    check_output,
     print_dropped,
     print_left_out,
     progress_bar,
     read_all,
     training_settings,
+    write_json,
 )
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.report.evaluation import PHASES, evaluate, make_folds
+from intent_recognition.report.evaluation import PHASES, Fold, evaluate, make_folds
+from intent_recognition.storage.demonstration import Demonstration
 from intent_recognition.storage.dofs import load_dofs
 
 
@@ -48,29 +51,23 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print tables, write what was asked for."""
-    console = Console()
+    console = make_console()
+    check_output("--json", args.json)
+    check_output("--report", args.report)
     dofs = load_dofs(args.dofs)
-    demonstrations, rejections = read_all(args.bags, dofs, console)
-    usable = [d for d in demonstrations if d.task is not None]
-    unlabelled = [(d.name, "it has no label `task`") for d in demonstrations if d.task is None]
-    if args.protocol.startswith("holdout:"):
-        held_out, more = read_all([Path(args.protocol.removeprefix("holdout:"))], dofs, console)
+    recorded, rejections = read_all(args.bags, dofs, console)
+    protocol, _, holdout = args.protocol.partition(":")
+    held_out: list[Demonstration] = []
+    if protocol == "holdout" and holdout:
+        held_out, more = read_all([Path(holdout)], dofs, console)
         rejections += more
-        held_out = [d for d in held_out if d.task is not None]
-        n = len(usable)
-        folds = [(list(range(n)), list(range(n, n + len(held_out))))]
-        usable += held_out
-    else:
-        folds = make_folds(len(usable), args.protocol)
-    total = sum(len(test) for _, test in folds)
-    if not total:
-        raise ArgumentError(
-            describe("--protocol", "recordings to test on", "none", "Check labels and folder.")
-        )
-    print_left_out(console, [(r.path, r.reason) for r in rejections] + unlabelled)
+    unlabelled = [d.name for d in recorded + held_out if d.task is None]
+    usable, folds = _split(args.protocol, _labelled(recorded), _labelled(held_out))
+    print_left_out(console, rejections)
+    print_left_out(console, [f"{name}: it has no label `task`" for name in unlabelled])
     print_dropped(console, usable)
     with progress_bar(console) as bar:
-        task = bar.add_task("scoring", total=total)
+        task = bar.add_task("scoring", total=sum(len(test) for _, test in folds))
         result = evaluate(
             usable,
             folds,
@@ -80,13 +77,36 @@ def run(args: argparse.Namespace) -> int:
         )
     print_result(console, result)
     if args.json:
-        args.json.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        write_json(args.json, result, indent=2)
     if args.report:
         from intent_recognition.report.evaluation_report import write_evaluation_report
 
         names = ", ".join(path.name for path in args.bags)
         write_evaluation_report(args.report, result, f"Evaluation on {names}")
     return 0
+
+
+def _labelled(demonstrations: list[Demonstration]) -> list[Demonstration]:
+    return [d for d in demonstrations if d.task is not None]
+
+
+def _split(
+    protocol: str, usable: list[Demonstration], held_out: list[Demonstration]
+) -> tuple[list[Demonstration], list[Fold]]:
+    """All recordings, and the indices to train and to test on."""
+    if not protocol.startswith("holdout:") or protocol == "holdout:":
+        return usable, make_folds(len(usable), protocol)
+    if not held_out or not usable:
+        raise ArgumentError(
+            describe(
+                "--protocol",
+                "labelled recordings to train and to test on",
+                f"{len(usable)} and {len(held_out)}",
+                "Check labels and folder.",
+            )
+        )
+    n = len(usable)
+    return usable + held_out, [(list(range(n)), list(range(n, n + len(held_out))))]
 
 
 def print_result(console: Console, result: dict) -> None:

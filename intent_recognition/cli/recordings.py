@@ -2,13 +2,15 @@
 """What the commands that read recordings share: options, progress, what was left out."""
 
 import argparse
+import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from intent_recognition.errors import BagError, describe
+from intent_recognition.errors import BagError, ResourceBusyError, describe
 from intent_recognition.promp.training import SEGMENTATIONS, TrainingSettings
 from intent_recognition.storage.demonstration import Demonstration, Rejection
 from intent_recognition.storage.demonstrations import find_bags, iter_demonstrations
@@ -83,7 +85,7 @@ def read_all(
                 console_path = found.path
             bar.update(task, advance=1, description=f"reading {Path(console_path).name}")
     if not demonstrations:
-        reasons = "; ".join(f"{r.path}: {r.reason}" for r in rejections[:3]) or "nothing found"
+        reasons = "; ".join(str(r) for r in rejections[:3]) or "nothing found"
         raise BagError(
             describe(
                 "BAG", "recordings with the topics of the DOF file", reasons, "Check path and DOFs."
@@ -92,10 +94,48 @@ def read_all(
     return demonstrations, rejections
 
 
-def print_left_out(console: Console, left_out: Sequence[tuple[str, str]]) -> None:
-    """Say what could not be used and why."""
-    for name, reason in left_out:
-        console.print(f"left out {name}: {reason}", style="yellow", highlight=False)
+def check_output(option: str, path: Path | None) -> None:
+    """Find out before long work that its result could not be written.
+
+    Raises:
+        ResourceBusyError: the path is a folder, or its folder cannot be made or written to.
+    """
+    if path is None:
+        return
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    problem = ""
+    if path.is_dir():
+        problem = "a folder"
+    elif not folder.is_dir():
+        problem = f"{folder}, which is no folder"
+    elif not os.access(folder, os.W_OK):
+        problem = f"{folder}, which is write-protected"
+    if problem:
+        raise ResourceBusyError(
+            describe(f"{option} {path}", "a file that can be written", problem, "Choose another.")
+        )
+
+
+def write_json(path: Path, content: object, indent: int | None = None) -> None:
+    """Write JSON; its folder is made if it is missing.
+
+    Raises:
+        ResourceBusyError: the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(content, indent=indent) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ResourceBusyError(
+            describe(f"--json {path}", "a file that can be written", error, "Choose another.")
+        ) from error
+
+
+def print_left_out(console: Console, left_out: Sequence[object]) -> None:
+    """Say what could not be used and why: a rejection, or a sentence, each on its line."""
+    for item in left_out:
+        text = f"left out {item}"
+        console.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
 
 
 def print_dropped(console: Console, demonstrations: Sequence[Demonstration]) -> None:

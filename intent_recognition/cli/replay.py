@@ -2,7 +2,6 @@
 """`intent replay`: the online estimator over a recording, without ROS."""
 
 import argparse
-import json
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +10,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from intent_recognition.cli.console import make_console
+from intent_recognition.cli.recordings import check_output, write_json
+from intent_recognition.errors import BagError, describe
 from intent_recognition.promp.decision import DecisionSettings, DecisionState, decide
 from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.online import IntentEstimator
@@ -36,16 +38,27 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay one recording."""
-    console = Console()
+    console = make_console()
+    check_output("--json", args.json)
     model = load_model(args.model)
+    reader = BagReader(args.bag)
     rejected: Counter[str] = Counter()
-    rows = list(replay(BagReader(args.bag), model, rejected))
+    rows = list(replay(reader, model, rejected))
+    dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
+    if not rows:
+        raise BagError(
+            describe(
+                str(args.bag),
+                f"observations on {', '.join(entry.topic for entry in model.dofs.observed)}",
+                f"only {dropped}" if dropped else f"topics {', '.join(reader.topics) or 'none'}",
+                "Replay a recording with the topics of the model's DOF file.",
+            )
+        )
     if args.json:
-        args.json.write_text(json.dumps(rows) + "\n", encoding="utf-8")
+        write_json(args.json, rows)
     print_rows(console, model.library, rows)
-    if rejected:
-        parts = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
-        console.print(f"messages dropped: {parts}", style="yellow", highlight=False)
+    if dropped:
+        console.print(f"messages dropped: {dropped}", style="yellow", highlight=False)
     return 0
 
 

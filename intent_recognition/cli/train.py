@@ -10,8 +10,10 @@ from rich.console import Console
 from rich.table import Table
 
 from intent_recognition import __version__
+from intent_recognition.cli.console import make_console
 from intent_recognition.cli.recordings import (
     add_recording_options,
+    check_output,
     print_dropped,
     print_left_out,
     read_all,
@@ -37,7 +39,8 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Train, write the model, print what was learned and what was left out."""
-    console = Console()
+    console = make_console()
+    check_output("--output", args.output)
     model, report = train(args.bags, args.dofs, training_settings(args), console)
     save_model(args.output, model)
     print_library(console, model.library, report)
@@ -61,7 +64,8 @@ def train(
         "bags": [demonstration.name for demonstration in demonstrations],
     }
     library, report = learn(demonstrations, settings, provenance)
-    print_left_out(console, [(r.path, r.reason) for r in rejections] + list(report.rejected))
+    print_left_out(console, rejections)
+    print_left_out(console, [f"{name}: {reason}" for name, reason in report.rejected])
     print_dropped(console, demonstrations)
     return Model(library, dofs), report
 

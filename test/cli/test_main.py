@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent`: one parser, help for every command, one line for every error."""
+
+import subprocess
+import sys
+
+import pytest
+
+from intent_recognition import __version__
+from intent_recognition.cli import main as cli
+from intent_recognition.errors import ModelError
+
+WORK = ("train", "evaluate", "replay")
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_every_command_explains_itself(command, capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main([command, "--help"])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    assert text.startswith(f"usage: intent {command}") and len(text.splitlines()) > 5
+
+
+def test_the_parser_lists_every_command(capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["--help"])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    assert all(command in text for command in cli.COMMANDS)
+    with pytest.raises(SystemExit):
+        cli.main(["--version"])
+    assert capsys.readouterr().out.split() == ["intent", __version__]
+
+
+@pytest.mark.parametrize("argv", [[], ["dance"], ["train"], ["train", "bag"], ["replay", "bag"]])
+def test_wrong_use_is_exit_code_two(argv, capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(argv)
+    assert ended.value.code == 2
+    assert capsys.readouterr().err.startswith("usage: intent")
+
+
+@pytest.mark.parametrize(
+    "argv",
+    [
+        ["train", "/no/bag", "--output", "/tmp/never.npz"],
+        ["evaluate", "/no/bag"],
+        ["replay", "/no/bag", "--model", "/no/model.npz"],
+        ["inspect", "/no/bag"],
+        ["recover", "/no/bag", "--output", "/tmp/never"],
+        ["play", "/no/bag"],
+    ],
+)
+def test_an_error_is_one_line_and_exit_code_one(argv, capsys):
+    assert cli.main(argv) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"intent {argv[0]}: ") and "/no/" in line
+
+
+def failing(error):
+    def run(args):
+        raise error
+
+    return run
+
+
+def test_only_errors_of_this_package_are_caught(monkeypatch, capsys):
+    module = "intent_recognition.cli.replay.run"
+    argv = ["replay", "a", "--model", "b"]
+    monkeypatch.setattr(module, failing(ModelError("first line\n  second line")))
+    assert cli.main(argv) == 1
+    assert capsys.readouterr().err == "intent replay: first line second line\n"
+    monkeypatch.setattr(module, failing(KeyboardInterrupt()))
+    assert cli.main(argv) == 130
+    monkeypatch.setattr(module, failing(ZeroDivisionError()))
+    with pytest.raises(ZeroDivisionError):
+        cli.main(argv)
+
+
+def test_as_a_process_it_ends_with_code_and_one_line():
+    command = [sys.executable, "-m", "intent_recognition.cli.main", "evaluate", "/no/bag"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and not done.stdout
+    assert len(done.stderr.splitlines()) == 1 and "/no/bag" in done.stderr
+
+
+def test_a_reader_that_closes_early_sees_no_traceback(repository):
+    bag = repository / "bags" / "toolbox" / "test"
+    command = f"{sys.executable} -m intent_recognition.cli.main inspect {bag} | head -n 1"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert len(done.stdout.splitlines()) == 1 and not done.stderr
+
+
+@pytest.mark.parametrize("command", WORK)
+def test_the_commands_need_no_ros(command):
+    code = (
+        f"import sys, intent_recognition.cli.{command};"
+        "sys.exit(bool({'rclpy', 'pybullet', 'matplotlib'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent train`: what it learns, what it leaves out and says so."""
+
+import numpy as np
+import pytest
+import yaml
+from cli.recorded import DOFS, PER_TASK, spoil, write_all
+from model_builder import GLOVE, make_dofs
+
+from intent_recognition import __version__
+from intent_recognition.errors import BagError, DofError, ResourceBusyError, TrainingError
+from intent_recognition.storage.model import load_model
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    write_all(folder)
+    return folder
+
+
+@pytest.fixture
+def train(run_command, recorded, tmp_path):
+    def run(*arguments, dofs="dofs.yaml"):
+        output = tmp_path / "new" / "model.npz"
+        options = ("--dofs", recorded / dofs, "--basis", 8, "--output", output)
+        code, text = run_command("train", *arguments, *options)
+        return code, text, output
+
+    return run
+
+
+def test_it_learns_writes_and_tells(train, recorded):
+    code, text, output = train(recorded / "bags")
+    assert code == 0
+    model = load_model(output)
+    assert model.dofs == DOFS and model.labels == ("task_0", "task_1")
+    assert model.library.n_demonstrations.tolist() == [PER_TASK, PER_TASK]
+    assert model.library.basis.n_basis == 8
+    provenance = model.library.provenance
+    assert provenance["package_version"] == __version__
+    assert provenance["bags"] == [f"demo_{k:02d}" for k in range(8)]
+    assert provenance["settings"]["n_basis"] == 8
+    for word in ("task_0", "task_1", "learned from 8 demonstrations", "regularisation", "wrote"):
+        assert word in text, text
+    assert str(output) in text.replace("\n", "")
+
+
+def test_single_bags_and_folders_may_be_mixed(train, recorded):
+    names = [recorded / "bags" / f"demo_{k:02d}" for k in range(6)]
+    code, _, output = train(*names)
+    assert code == 0 and load_model(output).library.n_demonstrations.tolist() == [3, 3]
+
+
+def test_broken_bags_are_left_out_and_named(train, recorded, tmp_path):
+    reasons = spoil(tmp_path / "spoiled")
+    code, text, output = train(recorded / "bags", tmp_path / "spoiled")
+    assert code == 0
+    assert load_model(output).library.n_demonstrations.tolist() == [PER_TASK, PER_TASK]
+    lines = text
+    assert "topic /joint_states" in lines
+    for name, reason in reasons.items():
+        assert f"left out {tmp_path / 'spoiled' / name}" in lines or f"left out {name}" in lines
+        assert reason in lines
+
+
+def test_the_same_bags_give_the_same_model(train, recorded):
+    train(recorded / "bags")
+    _, _, output = train(recorded / "bags")
+    first = load_model(output).library
+    _, _, output = train(recorded / "bags")
+    second = load_model(output).library
+    np.testing.assert_array_equal(first.weight_mean, second.weight_mean)
+    np.testing.assert_array_equal(first.weight_covariance, second.weight_covariance)
+
+
+def test_nothing_to_learn_from_is_refused_with_the_reason(train, recorded, tmp_path):
+    with pytest.raises(BagError, match="/no/bag"):
+        train("/no/bag")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BagError, match="empty"):
+        train(tmp_path / "empty")
+    with pytest.raises(TrainingError, match="two"):
+        train(recorded / "bags" / "demo_00")
+
+
+def test_dofs_the_bags_do_not_have_are_refused(train, recorded):
+    content = make_dofs(*DOFS.observed, GLOVE).to_dict()
+    (recorded / "glove.yaml").write_text(yaml.safe_dump(content))
+    with pytest.raises(BagError, match="glove/joint_states"):
+        train(recorded / "bags", dofs="glove.yaml")
+    with pytest.raises(DofError, match=r"no\.yaml"):
+        train(recorded / "bags", dofs="no.yaml")
+
+
+def test_an_output_that_cannot_be_written_is_refused_before_the_work(run_command, tmp_path):
+    (tmp_path / "file").write_text("")
+    for output in (tmp_path, tmp_path / "file" / "model.npz"):
+        with pytest.raises(ResourceBusyError, match="--output"):
+            run_command("train", "/no/bag", "--output", output)
