@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A DOF file of several observed topics of different types, from bags to the running node."""
+
+import numpy as np
+import pytest
+from model_builder import GLOVE, TOOL, WRIST, make_dofs, perform, true_library, write_recording
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.cli.replay import replay
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.bag_player import BagPlayer
+from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.promp.training import TrainingSettings, learn
+from intent_recognition.storage import BagReader, read_demonstrations
+from intent_recognition.storage.model import Model, load_model, save_model
+
+MIXTURES = {
+    "wrist and glove": make_dofs(WRIST, GLOVE),
+    "glove alone": make_dofs(GLOVE),
+    "tool, glove and wrist": make_dofs(TOOL, GLOVE, WRIST),
+}
+PER_TASK = 6
+
+
+def train(folder, dofs, truth):
+    """Bags written, read and learned from; the model file."""
+    for k in range(PER_TASK * truth.n_tasks):
+        write_recording(folder / "bags" / f"demo_{k:02d}", perform(truth, k % 3, k), dofs)
+    demonstrations, rejections = read_demonstrations(folder / "bags", dofs)
+    assert not rejections
+    library, _ = learn(demonstrations, TrainingSettings(n_basis=10))
+    save_model(folder / "model.npz", Model(library, dofs))
+    return folder / "model.npz"
+
+
+def start(harness, kind, **parameters):
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    return harness.add(kind(parameter_overrides=overrides))
+
+
+@pytest.mark.parametrize("mixture", MIXTURES)
+def test_any_mixture_of_observed_topics(harness, tmp_path, mixture):
+    dofs = MIXTURES[mixture]
+    truth = true_library(dofs)
+    model = train(tmp_path, dofs, truth)
+    bag = write_recording(tmp_path / "test", perform(truth, 1, 70), dofs)
+    start(harness, MocapIngest)
+    start(harness, IntentEstimatorNode, model=str(model))
+    tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
+    robot = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+    player = start(harness, BagPlayer, bag=str(bag), rate=2.0)
+    end_ns = BagReader(bag).end_ns
+    harness.spin_until(lambda: player.done, 60.0, "the end of the bag")
+    harness.spin_until(lambda: tasks and stamp_ns(tasks[-1]) > end_ns - 500_000_000, what="tasks")
+
+    moving = [message for message in tasks if any(message.effort)]
+    assert moving[-1].name[int(np.argmax(moving[-1].position))] == "task_1"
+    assert robot and robot[-1].header.frame_id == "task_1"
+    rows = list(replay(BagReader(bag), load_model(model)))
+    assert {row["active_task"] for row in rows} == {"", "task_1"}
