@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from nav_msgs.msg import Odometry, Path
 from rclpy.clock import Clock, ClockType
+from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -37,6 +38,12 @@ from intent_recognition.storage.stream import pose_covariance
 STREAM_TIMEOUT_S = 0.5
 CHECK_PERIOD_S = 0.1
 CHECKS_PER_TYPE_CHECK = 10
+INPUT = QoSProfile(
+    history=QoSHistoryPolicy.KEEP_LAST,
+    depth=1000,
+    reliability=QoSReliabilityPolicy.BEST_EFFORT,
+)
+"""As sensor data, but nothing is lost while a movement is filtered anew (onset, new model)."""
 _OK, _WARN = 0, 1
 
 
@@ -128,7 +135,7 @@ class IntentEstimatorNode(ManagedNode):
             kind = Odometry if raw else self._kinds[group]
             topic = human_topic(entry) if raw else entry.topic
             handle = partial(self._on_odometry if raw else self._on_message, group, entry)
-            self._inputs.append(self.create_subscription(kind, topic, handle, qos.SENSOR))
+            self._inputs.append(self.create_subscription(kind, topic, handle, INPUT))
         self._diagnostics.status(_OK, "waiting for a movement")
 
     def deactivate(self) -> None:
@@ -203,7 +210,8 @@ class IntentEstimatorNode(ManagedNode):
         if observation.group == self._shown:
             entry = self._model.dofs.observed[observation.group]
             self._marker_builder.observe(observation.stamp_ns, position_of(entry, observation))
-        if (estimate.stamp_ns - self._last_publication_ns) * 1e-9 < 0.999 / self._publish_rate:
+        since_s = abs(estimate.stamp_ns - self._last_publication_ns) * 1e-9
+        if since_s < 0.999 / self._publish_rate:
             return
         self._last_publication_ns = estimate.stamp_ns
         robot = self._estimator.predict_controlled()

@@ -68,7 +68,7 @@ class MarkerBuilder:
 
     def observe(self, stamp_ns: int, position: np.ndarray) -> None:
         """Remember one observed position (3,) [m]; a pause in them begins a new path."""
-        if stamp_ns - self._last_ns > NEW_MOVEMENT_NS:
+        if abs(stamp_ns - self._last_ns) > NEW_MOVEMENT_NS:
             self._observed.clear()
         self._last_ns = stamp_ns
         self._observed.append(position)

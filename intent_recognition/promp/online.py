@@ -36,6 +36,8 @@ FINISHED_PHASE = 0.99
 PAUSE_S = 1.5
 """Shortest rest in mid-movement that ends it; longer ones are allowed in long tasks."""
 PAUSE_SHARE = 0.3
+CLOCK_RESET_AFTER = 50
+"""So many late observations of a signal on end, in order among themselves: its clock went back."""
 OVERTIME_S = 0.5
 """How long after its expected end a movement that goes on is still taken for the same one."""
 
@@ -119,12 +121,17 @@ class IntentEstimator:
         self._hypotheses = make_hypotheses(library, task_prior, n_scales)
         self._history: list[deque[Observation]] = [deque() for _ in library.observed_groups]
         self._newest_ns = [0] * len(library.observed_groups)
+        self._late = [(0, 0)] * len(library.observed_groups)
         self._movement: _Movement | None = None
         self._posterior: TaskPosterior | None = None
         self._needs_rest = False
 
     def reason_to_reject(self, observation: Observation) -> str | None:
-        """Why an observation cannot be used, as a diagnostics key, or None when it can."""
+        """Why an observation cannot be used, as a diagnostics key, or None when it can.
+
+        Asked once for each. A clock that was set back (a recording played again) is followed
+        after CLOCK_RESET_AFTER observations: all is forgotten then, as by `reset`.
+        """
         expected = self.library.observed_groups[observation.group]
         if np.shape(observation.values) != (expected,):
             return "wrong_size"
@@ -133,7 +140,12 @@ class IntentEstimator:
         if observation.stamp_ns <= 0:
             return "zero_stamp"
         if observation.stamp_ns <= self._newest_ns[observation.group]:
-            return "stamp_not_increasing"
+            last_ns, count = self._late[observation.group]
+            count = count + 1 if observation.stamp_ns > last_ns else 1
+            self._late[observation.group] = (observation.stamp_ns, count)
+            if count < CLOCK_RESET_AFTER:
+                return "stamp_not_increasing"
+            self.reset()
         if observation.covariance is not None and not _is_covariance(
             observation.covariance, expected
         ):
@@ -144,6 +156,7 @@ class IntentEstimator:
         """Take one observation that `reason_to_reject` has nothing against."""
         self._history[observation.group].append(observation)
         self._newest_ns[observation.group] = observation.stamp_ns
+        self._late[observation.group] = (0, 0)
         for history in self._history:  # a signal that fell silent must not speak for ever
             while history and observation.stamp_ns - history[0].stamp_ns > HISTORY_S * 1e9:
                 history.popleft()
@@ -216,6 +229,7 @@ class IntentEstimator:
         self._movement = self._posterior = None
         self._needs_rest = False
         self._newest_ns = [0] * len(self._history)
+        self._late = [(0, 0)] * len(self._history)
         for history in self._history:
             history.clear()
 

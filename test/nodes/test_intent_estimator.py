@@ -8,6 +8,8 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from model_builder import GLOVE, TOOL, WRIST, learned_model, make_dofs, perform, true_library
 from nav_msgs.msg import Odometry, Path
 from rclpy.parameter import Parameter
@@ -28,7 +30,7 @@ from intent_recognition.nodes.conversions import (
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.promp.library import NONE
 from intent_recognition.promp.observations import Observation, merge
-from intent_recognition.promp.online import IntentEstimator
+from intent_recognition.promp.online import CLOCK_RESET_AFTER, IntentEstimator
 from intent_recognition.storage.model import Model, save_model
 from intent_recognition.storage.stream import pose_covariance
 
@@ -412,6 +414,38 @@ def test_reload_in_mid_movement_loses_no_observation(harness, wrist, tmp_path):
     check_tasks(graph.tasks[80:], always[80:], other.labels)
 
 
+def test_nothing_is_lost_while_a_model_is_swapped(harness, wrist):
+    """What arrives meanwhile waits, even hundreds of samples."""
+    graph = Graph(harness, wrist)
+    tasks = harness.collect(JointState, "intent/tasks", 1000)
+    harness.spin_until(lambda: graph.node._tasks.get_subscription_count() == 2)
+    observations = wrist.observations(1)
+    graph.feed(observations[:70])
+    client = harness.probe.create_client(Trigger, "intent_estimator/reload_model")
+    harness.spin_until(client.service_is_ready)
+    future = client.call_async(Trigger.Request())
+    for observation in observations[70:]:
+        graph.inputs[0].publish(message_for(DOFS, observation))
+    harness.spin_until(lambda: future.done() and len(tasks) >= len(observations))
+    assert future.result().success
+    check_tasks(tasks, expected(wrist.model, observations), wrist.model.labels)
+
+
+def test_a_clock_that_was_set_back_is_followed(harness, wrist):
+    graph = Graph(harness, wrist)
+    observations = wrist.observations(0, rest_before_s=2.0)
+    graph.feed(observations[:160])
+    again = shifted(observations, -1000.0)
+    late = 0
+    while not graph.send(message_for(DOFS, again[late])):
+        late += 1
+    assert late == CLOCK_RESET_AFTER - 1 == graph.rejected("stamp_not_increasing")
+    del graph.tasks[:-1], graph.robot[:]
+    graph.feed(again[late + 1 :])
+    check_tasks(graph.tasks, expected(wrist.model, again[late:]), wrist.model.labels)
+    harness.spin_until(lambda: len(graph.robot) > 10)
+
+
 def test_a_model_of_other_dofs_is_refused_and_the_old_one_kept(harness, wrist, mixed):
     graph = Graph(harness, wrist)
     observations = wrist.observations(1)
@@ -451,6 +485,26 @@ def test_inactive_it_is_silent_and_active_again_it_starts_anew(harness, wrist):
     harness.spin_until(lambda: graph.inputs[0].get_subscription_count() == 0)
     assert graph.status().message == "not active"
     graph.node.trigger_activate()
+    harness.connect(*graph.inputs)
+    del graph.tasks[:]
+    graph.feed(observations)
+    check_tasks(graph.tasks, expected(wrist.model, observations), wrist.model.labels)
+
+
+def test_it_obeys_the_services_of_a_lifecycle_node(harness, wrist):
+    graph = Graph(harness, wrist)
+    observations = wrist.observations(2)
+    graph.feed(observations[:90])
+    for transition, state in (
+        (Transition.TRANSITION_DEACTIVATE, "inactive"),
+        (Transition.TRANSITION_CLEANUP, "unconfigured"),
+        (Transition.TRANSITION_CONFIGURE, "inactive"),
+        (Transition.TRANSITION_ACTIVATE, "active"),
+    ):
+        request = ChangeState.Request(transition=Transition(id=transition))
+        assert harness.call(ChangeState, "intent_estimator/change_state", request).success
+        answer = harness.call(GetState, "intent_estimator/get_state", GetState.Request())
+        assert answer.current_state.label == state
     harness.connect(*graph.inputs)
     del graph.tasks[:]
     graph.feed(observations)

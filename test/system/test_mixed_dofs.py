@@ -23,7 +23,7 @@ MIXTURES = {
     "glove alone": make_dofs(GLOVE),
     "tool, glove and wrist": make_dofs(TOOL, GLOVE, WRIST),
 }
-PER_TASK = 6
+PER_TASK = 4
 
 
 def train(folder, dofs, truth):
