@@ -36,6 +36,7 @@ class Wrist(NamedTuple):
     times_ns: np.ndarray
     positions: np.ndarray
     task: str = ""
+    onset_ns: int = 0
     end_ns: int = 0
     handover: np.ndarray | None = None
 
@@ -56,6 +57,7 @@ def recorded(bag: Path, hold_s: float = 4.0) -> Wrist:
         np.r_[stamps, more] - stamps[0],
         np.vstack([positions, again]),
         reader.task,
+        int(data["human_onset_ns"]) - int(stamps[0]),
         int(data["human_end_ns"]) - int(stamps[0]),
         handover_point(reader.task, goal),
     )

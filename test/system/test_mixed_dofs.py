@@ -23,7 +23,7 @@ MIXTURES = {
     "glove alone": make_dofs(GLOVE),
     "tool, glove and wrist": make_dofs(TOOL, GLOVE, WRIST),
 }
-PER_TASK = 4
+PER_TASK = 6
 
 
 def train(folder, dofs, truth):
@@ -60,5 +60,5 @@ def test_any_mixture_of_observed_topics(harness, tmp_path, mixture):
     moving = [message for message in tasks if any(message.effort)]
     assert moving[-1].name[int(np.argmax(moving[-1].position))] == "task_1"
     assert robot and robot[-1].header.frame_id == "task_1"
-    rows = list(replay(BagReader(bag), load_model(model)))
-    assert {row["active_task"] for row in rows} == {"", "task_1"}
+    active = [row["active_task"] for row in replay(BagReader(bag), load_model(model))]
+    assert active[0] == active[-1] == "" and [a for a in active if a][-1] == "task_1"

@@ -83,10 +83,8 @@ def test_an_interaction_ends_at_home_and_the_next_one_begins(cell, repository):
 
 def test_occlusion_in_mid_movement(cell, repository):
     wrist = recorded(repository / "bags/toolbox/test/hold_screwdriver_01")
-    end_s = wrist.end_ns * 1e-9
-    onset_s = 0.75
-    middle = onset_s + 0.45 * (end_s - onset_s)
-    check_interaction(cell, without(wrist, middle, middle + 0.35))
+    middle_s = (0.55 * wrist.onset_ns + 0.45 * wrist.end_ns) * 1e-9
+    check_interaction(cell, without(wrist, middle_s, middle_s + 0.35))
 
 
 def unknown_wrist(start: np.ndarray, seed: int) -> Wrist:
