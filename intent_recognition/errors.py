@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One exception family; every message names the argument, what was expected, what came and the cure."""
+"""One exception family; messages name the argument, what was expected, what came and the cure."""
 
 
 class IntentError(Exception):
@@ -27,7 +27,7 @@ class MessageError(BagError):
 
 
 class ModelError(IntentError):
-    """A model file cannot be used: unknown version, missing array, wrong shape, non-finite value."""
+    """A model file cannot be used: unknown version, missing array, wrong shape, non-finite."""
 
 
 class TrainingError(IntentError):

@@ -8,7 +8,8 @@ import numpy as np
 from intent_recognition.alignment.onset import OnsetSettings, first_onset, last_motion, peak_speed
 from intent_recognition.promp.signals import Signal
 
-END_MARGIN_S = 0.05
+END_MARGIN_S = 0.3
+"""How much of the rest at the end belongs to the interaction: a primitive ends at rest."""
 
 
 def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSettings, ...]:
@@ -20,9 +21,9 @@ def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSetting
     references = []
     for index in range(len(recordings[0])):
         peaks = [
-            peak_speed(signals[index].seconds(int(signals[index].stamps_ns[0])), signals[index].values)
-            for signals in recordings
-            if signals[index].stamps_ns.size
+            peak_speed(signal.seconds(int(signal.stamps_ns[0])), signal.values)
+            for signal in (signals[index] for signals in recordings)
+            if signal.stamps_ns.size
         ]
         references.append(max(float(np.median(peaks)), 1e-6) if peaks else 1e-6)
     return tuple(OnsetSettings(reference_speed=reference) for reference in references)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from intent_recognition.cli.console import make_console
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from intent_recognition.promp.training import TrainingSettings
 
@@ -87,7 +88,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the demo; 1 if a node died or more than one interaction in forty was missed."""
-    console = Console()
+    console = make_console()
     try:
         import rclpy  # noqa: F401
     except ImportError as error:

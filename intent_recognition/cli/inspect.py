@@ -10,13 +10,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
+from intent_recognition.cli.console import make_console
 from intent_recognition.cli.inspect_tables import print_bag, print_folder, print_model
 from intent_recognition.errors import BagError, describe
 from intent_recognition.storage.demonstrations import find_bags
 from intent_recognition.storage.inspect import BagSummary, inspect_bag
 from intent_recognition.storage.model import Model, load_model
 
-WIDTH_OF_A_PIPE = 140
 CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
 
 
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
         BagError: there is nothing that could be a recording.
         ModelError: the model file cannot be used.
     """
-    console = Console() if sys.stdout.isatty() else Console(width=WIDTH_OF_A_PIPE)
+    console = make_console()
     if args.path.suffix == ".npz":
         model = load_model(args.path)
         if args.json:

@@ -85,7 +85,7 @@ def score_session(
 def score_interaction(
     log: SessionLog, interaction: Interaction, first_ns: int, until_ns: int, number: int
 ) -> tuple[InteractionRecord, dict]:
-    """Score one interaction; arguments as of `score_session`, `until_ns` is the next one's onset."""
+    """Score one interaction; arguments as of `score_session`, `until_ns` ends the search."""
     onset = first_ns + round(interaction.onset_s * 1e9)
     end = first_ns + round(interaction.end_s * 1e9)
     movement_s = (end - onset) * 1e-9

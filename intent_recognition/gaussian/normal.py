@@ -65,7 +65,7 @@ def condition(
     observation: np.ndarray,
     noise_covariance: np.ndarray,
 ) -> tuple[Gaussian, float]:
-    """Condition on y = H w + noise (Maeda et al. 2014, Eq. 6, with the prior covariance in the gain).
+    """Condition on y = H w + noise (Maeda et al. 2014, Eq. 6; prior covariance in the gain).
 
     An unobserved quantity has no row in H.
 
@@ -121,7 +121,7 @@ class Regression(NamedTuple):
 def regression(joint: Gaussian, n_source: int) -> Regression:
     """The conditional of the last elements of a joint Gaussian on its first `n_source`.
 
-    Source: w_c | w_o = mu_c + S_co S_oo^-1 (w_o - mu_o) for the weights of Maeda et al. 2014, Eq. 4.
+    For the weights of Maeda et al. 2014, Eq. 4: w_c | w_o = mu_c + S_co S_oo^-1 (w_o - mu_o).
     """
     source, target = slice(0, n_source), slice(n_source, None)
     factor = (cholesky(joint.covariance[source, source]), True)

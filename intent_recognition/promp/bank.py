@@ -142,6 +142,4 @@ def condition_bank(
     # S - V V^T with V V^T formed from one factor: symmetric, as cheap as the textbook's.
     shrink = np.matmul(np.swapaxes(scaled_cross, 1, 2), scaled_cross)
     log_density = -0.5 * np.sum(whitened[..., 0] ** 2, axis=1) - log_normalizer(factor)
-    return FilterBank(
-        bank.mean + update, bank.covariance - shrink, bank.log_evidence + log_density
-    )
+    return FilterBank(bank.mean + update, bank.covariance - shrink, bank.log_evidence + log_density)

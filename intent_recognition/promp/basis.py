@@ -45,7 +45,7 @@ class NormalizedRBFBasis:
         return self.width / (self.n_basis - 1)
 
     def design_matrix(self, phase: np.ndarray) -> np.ndarray:
-        """Basis functions at phases (...,): (..., N). Phases outside [0, 1] are held at the ends."""
+        """Basis functions at phases (...,): (..., N); outside [0, 1] the ends are held."""
         offset = (np.clip(phase, 0.0, 1.0)[..., None] - self.centers) / self.scale
         exponent = -0.5 * offset**2
         values = np.exp(exponent - np.max(exponent, axis=-1, keepdims=True))

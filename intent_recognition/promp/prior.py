@@ -3,10 +3,15 @@
 
 With D demonstrations the sample covariance (Maeda et al. 2014, Eq. 5) has rank D - 1 at most, while
 the weights have (P + Q) N = 100 to 250 elements. It is shrunk toward a target whose structure says
-what demonstrations of one task have in common: each DOF is displaced as a whole (the person stands
-elsewhere), and deforms smoothly along the phase. Both are pooled over all tasks:
+what demonstrations of one task have in common: at each phase the DOFs of both agents deviate
+together in one way, and deviations last along the phase in one way for all DOFs. Between weight k
+of DOF d and weight l of DOF e the target's covariance is
 
-    target = A (x) 1 1^T + B (x) C,   A, B: (P+Q, P+Q) over DOFs,  C: (N, N) over basis functions.
+    a_dk a_el C_kl (F_k F_l^T)_de,   F_k F_k^T = R_k,
+
+with a the amplitudes, R_k (D, D) the correlation over DOFs near phase k and C (N, N) the
+correlation along the phase. It is positive semidefinite by the Schur product theorem, and the
+coupling of the agents at one phase is not diluted by other phases, as it is in a Kronecker product.
 
 `strength` is the target's worth in demonstrations, as in an inverse-Wishart prior. It is chosen by
 leave-one-out prediction (`selection.py`), never by hand.
@@ -26,6 +31,8 @@ It keeps the covariance positive definite when demonstrations are identical or v
 
 OTHERS_WORTH = 5.0
 """Demonstrations that all other tasks together are worth in a task's target."""
+PHASE_WIDTH = 0.15
+"""How far in phase the correlation over DOFs is averaged."""
 AMPLITUDE_WORTH = 4.0
 """Demonstrations' worth of the assumption that a DOF varies alike at all phases."""
 
@@ -34,26 +41,28 @@ class StructuredTarget(NamedTuple):
     """The factors of the target covariance and its floor.
 
     Attributes:
-        amplitude: standard deviation of each weight, (D, N).
-        offset: correlation of whole-trajectory displacements over DOFs, A, (D, D).
-        shape: correlation of deformations over DOFs, B, (D, D).
-        basis: correlation of deformations over basis functions, C, (N, N).
+        amplitude: standard deviation of each weight, a, (D, N).
+        dofs: correlation over DOFs at each basis function, R, (N, D, D).
+        basis: correlation along the basis functions, C, (N, N).
         floor: variance added to every weight of a DOF, (D,).
     """
 
     amplitude: np.ndarray
-    offset: np.ndarray
-    shape: np.ndarray
+    dofs: np.ndarray
     basis: np.ndarray
     floor: np.ndarray
 
     def covariance(self) -> np.ndarray:
         """The target as one matrix, (D N, D N), weights grouped by DOF."""
         n_basis = len(self.basis)
+        values, vectors = np.linalg.eigh(self.dofs)
+        root = (vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+        gram = np.einsum("kdr,ler->dkel", root, root)
+        gram *= self.basis[None, :, None, :]
+        size = self.amplitude.size
         scale = self.amplitude.ravel()
-        correlation = np.kron(self.offset, np.ones((n_basis, n_basis)))
-        correlation += np.kron(self.shape, self.basis)
-        return correlation * np.outer(scale, scale) + np.diag(np.repeat(self.floor, n_basis))
+        covariance = gram.reshape(size, size) * np.outer(scale, scale)
+        return symmetrize(covariance) + np.diag(np.repeat(self.floor, n_basis))
 
 
 def weight_floor(weights: np.ndarray) -> np.ndarray:
@@ -88,14 +97,44 @@ def structured_target(
     weight = demonstrations / (demonstrations + AMPLITUDE_WORTH)
     amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
     scaled = scaled / amplitude
-    displacement = scaled.mean(axis=2)
-    rest = scaled - displacement[:, :, None]
-    shape = np.einsum("idk,iek->de", rest, rest) / n_basis
-    unit = rest / np.sqrt(np.diag(shape) + FLOOR_OF_RANGE**2)[None, :, None]
-    basis = np.einsum("idk,idl->kl", unit, unit) / n_dofs
-    return StructuredTarget(
-        amplitude, displacement.T @ displacement, symmetrize(shape), symmetrize(basis), floor
-    )
+    phase = np.linspace(0.0, 1.0, n_basis)
+    kernel = np.exp(-0.5 * ((phase[:, None] - phase) / PHASE_WIDTH) ** 2)
+    kernel /= kernel.sum(axis=1, keepdims=True)
+    local = np.einsum("idk,iek->kde", scaled, scaled)
+    dofs = np.einsum("kl,lde->kde", kernel, local)
+    own = np.sqrt(np.einsum("kdd->kd", dofs) + FLOOR_OF_RANGE**2)
+    dofs /= own[:, :, None] * own[:, None, :]
+    basis = np.einsum("idk,idl->kl", scaled, scaled) / n_dofs
+    spread = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
+    basis /= np.outer(spread, spread)
+    return StructuredTarget(amplitude, symmetrize(dofs), symmetrize(basis), floor)
+
+
+def leave_one_out_targets(
+    deviations: np.ndarray, tasks: np.ndarray, task: int, floor: np.ndarray
+) -> np.ndarray:
+    """The task's target covariance without each of its demonstrations in turn, (n_task, d, d).
+
+    Where nothing would be left to estimate it from (two demonstrations in all), it is the same
+    target for each; a task of one demonstration has none. Arguments as of `structured_target`.
+    """
+    own = np.flatnonzero(tasks == task)
+    size = deviations.shape[1] * deviations.shape[2]
+    if len(own) < 2:
+        return np.zeros((0, size, size))
+    count = np.bincount(tasks)
+    count[task] -= 1
+    if np.max(count) < 2:
+        target = structured_target(deviations, tasks, task, floor).covariance()
+        return np.repeat(target[None], len(own), axis=0)
+    targets = []
+    for left_out in own:
+        rest = np.delete(deviations, left_out, axis=0)
+        rest_tasks = np.delete(tasks, left_out)
+        mine = rest_tasks == task
+        rest[mine] -= rest[mine].mean(axis=0)
+        targets.append(structured_target(rest, rest_tasks, task, floor).covariance())
+    return np.array(targets)
 
 
 def _worth(tasks: np.ndarray, task: int) -> np.ndarray:
@@ -112,7 +151,9 @@ def _worth(tasks: np.ndarray, task: int) -> np.ndarray:
     return per_task[tasks] / (own + borrowed)
 
 
-def shrunk_covariance(scatter: np.ndarray, n: int, target: np.ndarray, strength: float) -> np.ndarray:
+def shrunk_covariance(
+    scatter: np.ndarray, n: int, target: np.ndarray, strength: float
+) -> np.ndarray:
     """Predictive covariance of one more weight vector of a task, (..., d, d).
 
     (scatter + strength * target) / (n - 1 + strength), times 1 + 1/n for the uncertain mean.

@@ -5,8 +5,8 @@ For every demonstration left out of its own task, the controlled agent's traject
 from evenly spaced samples of the observed one, after each of `FRACTIONS` of the movement. Of the
 pairs (strength of the target, scale of the noise) whose mean negative log density lies within one
 paired standard error of the best one's, those with the least noise are kept, since less noise
-recognises earlier, and of these the best is taken. The target is not
-recomputed without the one left out.
+recognises earlier, and of these the best is taken. The target too is
+estimated without the one left out.
 """
 
 from typing import NamedTuple
@@ -16,14 +16,14 @@ import numpy as np
 from intent_recognition.gaussian.linalg import LOG_2_PI, symmetrize
 from intent_recognition.promp.prior import shrunk_covariance
 
-STRENGTHS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
-NOISE_SCALES = (1.0, 4.0, 16.0, 64.0, 256.0)
-FRACTIONS = (0.25, 0.5, 1.0)
+STRENGTHS = (0.3, 1.0, 2.0, 4.0, 10.0, 30.0, 100.0, 300.0)
+NOISE_SCALES = (1.0, 4.0, 16.0, 64.0)
+FRACTIONS = (0.5, 0.75, 1.0)
 SCORED_PHASES = 20
 
 
 class Candidate(NamedTuple):
-    """A pair of hyperparameters and its leave-one-out score (nats per DOF and sample, lower wins)."""
+    """Two hyperparameters and their leave-one-out score (nats per DOF and sample, lower wins)."""
 
     strength: float
     noise_scale: float
@@ -50,7 +50,7 @@ class TaskSamples(NamedTuple):
 
 def leave_one_out_scores(
     samples: TaskSamples,
-    target: np.ndarray,
+    targets: np.ndarray,
     noise_variance: np.ndarray,
     scored_design: np.ndarray,
     strength: float,
@@ -60,7 +60,7 @@ def leave_one_out_scores(
 
     Args:
         samples: the demonstrations of one task, at least two.
-        target: (D N, D N).
+        targets: target covariance without each demonstration in turn, (n, D N, D N).
         noise_variance: residual variance per DOF, (D,).
         scored_design: basis at the scored phases, (s, N).
         strength: the target's worth in demonstrations.
@@ -73,8 +73,10 @@ def leave_one_out_scores(
     mean = (flat.sum(axis=0) - flat) / (n - 1)
     deviation = flat - flat.mean(axis=0)
     # Scatter without demonstration i: total less n/(n-1) times its own outer product.
-    scatter = deviation.T @ deviation - (n / (n - 1)) * np.einsum("id,ie->ide", deviation, deviation)
-    covariance = shrunk_covariance(scatter, n - 1, target, strength)
+    scatter = deviation.T @ deviation - (n / (n - 1)) * np.einsum(
+        "id,ie->ide", deviation, deviation
+    )
+    covariance = shrunk_covariance(scatter, n - 1, targets, strength)
     s_oo, s_oc = covariance[:, :split, :split], covariance[:, :split, split:]
     precision = symmetrize(np.linalg.inv(s_oo))
     gain = np.swapaxes(np.matmul(precision, s_oc), 1, 2)  # (n, QN, PN)
@@ -125,7 +127,8 @@ def select(
 
     Args:
         tasks: samples of each task.
-        targets: target covariance of each task, (D N, D N).
+        targets: of each task, its target covariance without each demonstration in turn,
+            (n, D N, D N).
         noise_variance: residual variance per DOF, (D,).
         scored_design: basis at the scored phases, (s, N).
     """
@@ -138,8 +141,8 @@ def select(
     tried, per_demonstration = [], []
     for strength in STRENGTHS:
         scores = [
-            leave_one_out_scores(samples, target, noise_variance, scored_design, strength)
-            for samples, target in voting
+            leave_one_out_scores(samples, loo_targets, noise_variance, scored_design, strength)
+            for samples, loo_targets in voting
         ]
         for scale, score in zip(NOISE_SCALES, np.hstack(scores), strict=True):
             tried.append(Candidate(strength, scale, float(score.mean())))

@@ -2,7 +2,7 @@
 """From demonstrations to a `TaskLibrary`."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -14,6 +14,7 @@ from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.library import NONE, TaskLibrary, pooled_none_model
 from intent_recognition.promp.prior import (
     FLOOR_OF_RANGE,
+    leave_one_out_targets,
     shrunk_covariance,
     structured_target,
     weight_floor,
@@ -29,7 +30,7 @@ MIN_DURATION_S = 0.2
 
 
 class Recorded(Protocol):
-    """What training needs of a demonstration (`storage.Demonstration` has it)."""
+    """What training needs of a demonstration, a dataclass (`storage.Demonstration` has it)."""
 
     name: str
     task: str | None
@@ -66,7 +67,9 @@ class TrainingSettings:
     def __post_init__(self):
         if self.segmentation not in SEGMENTATIONS:
             raise ArgumentError(
-                describe("segmentation", f"one of {SEGMENTATIONS}", self.segmentation, "Choose one.")
+                describe(
+                    "segmentation", f"one of {SEGMENTATIONS}", self.segmentation, "Choose one."
+                )
             )
         if not 0 < self.none_prior < 1 or not self.none_spread > 0:
             raise ArgumentError(
@@ -127,22 +130,19 @@ def scored_phases() -> np.ndarray:
     return np.linspace(0.0, 1.0, SCORED_PHASES)
 
 
-def make_example(
-    recorded: Recorded,
-    basis: NormalizedRBFBasis,
-    ridge: float,
-    start_ns: int,
-    end_ns: int,
-) -> Example:
-    """Weights of one demonstration between two moments.
+def make_example(recorded: Recorded, basis: NormalizedRBFBasis, ridge: float) -> Example:
+    """Weights of one demonstration from its start to its end.
 
     Raises:
         TrainingError: too short, or a DOF has too few samples.
     """
+    start_ns, end_ns = recorded.start_ns, recorded.end_ns
     duration = (end_ns - start_ns) * 1e-9
     if duration < MIN_DURATION_S:
         raise TrainingError(
-            describe("demonstration", f"at least {MIN_DURATION_S} s", f"{duration:.3f} s", "Re-record.")
+            describe(
+                "demonstration", f"at least {MIN_DURATION_S} s", f"{duration:.3f} s", "Re-record."
+            )
         )
     weights, residuals, samples = [], [], {True: [], False: []}
     for observed, signal in [(True, s) for s in recorded.observed] + [
@@ -175,6 +175,25 @@ def make_example(
         np.hstack(samples[True]),
         np.hstack(samples[False]),
     )
+
+
+def cut_to_movement(demonstrations: Sequence[Recorded]) -> list[Recorded]:
+    """The same recordings, each from the human's onset to both agents' rest.
+
+    Thresholds come from the recordings themselves; the onset is found as it would be online.
+    """
+    if not demonstrations:
+        return []
+    observed = onset_settings([recorded.observed for recorded in demonstrations])
+    controlled = onset_settings([recorded.controlled for recorded in demonstrations])
+    spans = [
+        movement_span(r.observed, r.controlled, observed, controlled, r.start_ns, r.end_ns)
+        for r in demonstrations
+    ]
+    return [
+        replace(recorded, start_ns=start, end_ns=end)
+        for recorded, (start, end) in zip(demonstrations, spans, strict=True)
+    ]
 
 
 def learn(
@@ -211,24 +230,13 @@ def learn(
             rejected.append((recorded.name, reason))
         else:
             labelled.append(recorded)
-    observed_settings: tuple[OnsetSettings, ...] = ()
+    onset = onset_settings([recorded.observed for recorded in labelled]) if labelled else ()
+    if settings.segmentation == "movement":
+        labelled = cut_to_movement(labelled)
     examples = []
-    if labelled:
-        observed_settings = onset_settings([recorded.observed for recorded in labelled])
-        controlled_settings = onset_settings([recorded.controlled for recorded in labelled])
     for recorded in labelled:
         try:
-            start_ns, end_ns = recorded.start_ns, recorded.end_ns
-            if settings.segmentation == "movement":
-                start_ns, end_ns = movement_span(
-                    recorded.observed,
-                    recorded.controlled,
-                    observed_settings,
-                    controlled_settings,
-                    start_ns,
-                    end_ns,
-                )
-            examples.append(make_example(recorded, basis, settings.ridge, start_ns, end_ns))
+            examples.append(make_example(recorded, basis, settings.ridge))
         except TrainingError as error:
             rejected.append((recorded.name, str(error)))
     if not examples:
@@ -241,9 +249,7 @@ def learn(
                 "Check the labels and the DOF file.",
             )
         )
-    library, chosen, tried = _fit(
-        examples, labelled[0], basis, settings, observed_settings, provenance or {}
-    )
+    library, chosen, tried = _fit(examples, labelled[0], basis, settings, onset, provenance or {})
     used = tuple(example.name for example in examples)
     return library, TrainingReport(used, tuple(rejected), chosen, tried)
 
@@ -277,6 +283,9 @@ def _fit(
         structured_target(deviations, tasks, task, floor).covariance()
         for task in range(len(labels))
     ]
+    loo_targets = [
+        leave_one_out_targets(deviations, tasks, task, floor) for task in range(len(labels))
+    ]
     residual = np.mean([e.residual_variance for e in examples], axis=0)
     noise = np.maximum(residual, floor)
     samples = [
@@ -289,7 +298,7 @@ def _fit(
         )
         for w, group in zip(weights, groups, strict=True)
     ]
-    chosen, tried = select(samples, targets, noise, basis.design_matrix(scored_phases()))
+    chosen, tried = select(samples, loo_targets, noise, basis.design_matrix(scored_phases()))
     n = np.array([len(group) for group in groups])
     scatters = [np.einsum("id,ie->de", *(2 * [_flat(w)])) for w in weights]
     covariance = np.array(
@@ -304,7 +313,10 @@ def _fit(
     centre = task_means.mean(axis=0)
     observed = everything[:, :n_observed]
     none_mean, none_covariance = pooled_none_model(
-        observed - centre, centre, np.sqrt(floor[:n_observed]) / FLOOR_OF_RANGE, settings.none_spread
+        observed - centre,
+        centre,
+        np.sqrt(floor[:n_observed]) / FLOOR_OF_RANGE,
+        settings.none_spread,
     )
     all_logs = np.log([e.duration_s for e in examples])
     library = TaskLibrary(

@@ -37,7 +37,7 @@ def mean_of_task(
 def nearest_neighbour(
     training: Sequence[Recorded], test: Recorded, phases: np.ndarray, fraction: float, known: bool
 ) -> np.ndarray:
-    """Controlled agent of the demonstration whose observed agent moved most alike so far, (T, Q)."""
+    """Controlled agent of the demonstration whose observed agent moved most alike, (T, Q)."""
     seen = phases[phases <= fraction + 1e-9]
     observed = sample(test.observed, test.start_ns, _times(test, test, seen, known))
     distances = [

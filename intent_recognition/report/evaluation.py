@@ -3,6 +3,7 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +19,12 @@ from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.observations import merge, observe
 from intent_recognition.promp.prediction import StartPosture, mixture_at
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
-from intent_recognition.promp.training import Recorded, TrainingSettings, learn
+from intent_recognition.promp.training import (
+    Recorded,
+    TrainingSettings,
+    cut_to_movement,
+    learn,
+)
 from intent_recognition.report.baselines import mean_of_task, nearest_neighbour, sample
 
 RECOGNITION_FRACTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
@@ -66,7 +72,7 @@ class Scores:
     def table(
         self, phase: str, fractions: Sequence[float], units: Sequence[str], names: Sequence[str]
     ) -> dict[str, dict[str, object]]:
-        """Means over demonstrations as {fraction: {name: number}}; one number per unit if several."""
+        """Means over demonstrations: {fraction: {name: number}}, one number per unit if several."""
         return {
             str(fraction): {
                 name: _number(self._values[phase, fraction, name], units) for name in names
@@ -117,6 +123,9 @@ def evaluate(
     Raises:
         TrainingError: a fold cannot be learned from.
     """
+    if settings.segmentation == "movement":
+        demonstrations = cut_to_movement(demonstrations)
+        settings = replace(settings, segmentation="recording")
     scores = Scores()
     done, units, labels = 0, (), set()
     for train, test in folds:
@@ -203,7 +212,7 @@ def score_demonstration(
 
 
 def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> np.ndarray:
-    """Probabilities of the K tasks, renormalised; in logs, as none may outweigh all by far, (K,)."""
+    """Probabilities of the K tasks, renormalised in logs: none may outweigh all by far, (K,)."""
     log_prior = np.logaddexp.reduce(hypotheses.log_prior.reshape(-1, hypotheses.n_scales), axis=1)
     log_task = (log_prior + posterior.log_evidence)[:-1]
     return np.exp(log_task - np.logaddexp.reduce(log_task))

@@ -6,7 +6,7 @@ import pytest
 from promp.simulation import START_NS, minimum_jerk
 
 from intent_recognition.alignment.onset import OnsetSettings, first_onset
-from intent_recognition.alignment.segment import movement_span, onset_settings
+from intent_recognition.alignment.segment import END_MARGIN_S, movement_span, onset_settings
 from intent_recognition.promp.signals import Signal
 
 
@@ -35,9 +35,9 @@ def span(observed, controlled, end_s: float = 6.0) -> tuple[float, float]:
 def test_from_the_humans_onset_to_the_end_of_the_last_of_both(rng):
     start, end = span([moving(1.0, 2.0, rng=rng)], [moving(1.5, 4.0, rng=rng)])
     assert start == pytest.approx(1.0, abs=0.12)
-    assert end == pytest.approx(4.0, abs=0.25)
+    assert end == pytest.approx(4.0 + END_MARGIN_S, abs=0.25)
     _, end = span([moving(1.0, 4.5)], [moving(1.5, 3.0)])
-    assert end == pytest.approx(4.5, abs=0.25)
+    assert end == pytest.approx(4.5 + END_MARGIN_S, abs=0.25)
 
 
 def test_a_robot_that_moves_first_does_not_begin_the_interaction():
