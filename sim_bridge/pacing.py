@@ -55,6 +55,12 @@ class Pacer:
         """Return the simulated time by which the physics is behind the clock [s]."""
         return (now_s - self._origin_s) * self.factor - n_done * self._step_s
 
+    def change_factor(self, factor: float, now_s: float, n_done: int) -> None:
+        """Go on at another factor from now; the lag, in simulated time, stays what it is."""
+        lag_s = self.lag(now_s, n_done)
+        self.factor = factor
+        self._origin_s = now_s - (n_done * self._step_s + lag_s) / factor
+
     def achieved_factor(self, now_s: float, n_done: int) -> float:
         """Return simulated seconds per second of the clock since this was last asked."""
         since_s, n_then = self._window

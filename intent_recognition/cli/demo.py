@@ -22,6 +22,7 @@ DEFAULT_RATE = 1.5
 GRAPH_DEADLINE_S = 30.0
 LAST_MOTION_S = 3.0
 SLICE_S = 0.1
+PACE_PERIOD_S = 0.2
 DOMAINS = (1, 101)
 NODES = {
     "lwr_sim": "sim_bridge.nodes.lwr_sim",
@@ -149,6 +150,7 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
     """Start all nodes, wait until they know one another, then let the human begin."""
     from rclpy.parameter import Parameter
 
+    from intent_recognition.nodes.pace_keeper import PaceKeeper
     from intent_recognition.nodes.runtime import make_executor
     from intent_recognition.nodes.session_observer import SessionObserver
 
@@ -161,6 +163,15 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
     executor = make_executor()
     executor.add_node(observer)
 
+    pace = PaceKeeper(observer, args.rate)
+    looked = time.monotonic()
+
+    def keep_pace() -> None:
+        nonlocal looked
+        if time.monotonic() - looked > PACE_PERIOD_S:
+            looked = time.monotonic()
+            pace.update(observer.lag_s())
+
     def spin_until(condition: Callable[[], bool], deadline_s: float, what: str) -> None:
         end = time.monotonic() + deadline_s
         while not condition():
@@ -170,6 +181,7 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
                     describe(what, f"within {deadline_s:.0f} s", "nothing", "See the nodes' logs.")
                 )
             executor.spin_once(timeout_sec=SLICE_S)
+            keep_pace()
 
     try:
         _refuse_busy_domain(observer, executor)
@@ -183,13 +195,19 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
             "wait_for_subscribers": 3 if args.record else 2,
         }
         processes.start("coworker_sim", NODES["coworker_sim"], parameters)
-        longest = 60.0 + 15.0 * len(tasks) / args.rate
+        longest = 120.0 + 150.0 * len(tasks)
         with progress:
             spin_until(lambda: not processes.running("coworker_sim"), longest, "the session's end")
             end = time.monotonic() + LAST_MOTION_S / args.rate
             while time.monotonic() < end:
                 executor.spin_once(timeout_sec=SLICE_S)
         processes.check(may_end=("coworker_sim",))
+        if pace.slowest < args.rate:
+            console.print(
+                f"the machine was busy: simulated time ran down to {pace.slowest:.2f} x real time",
+                style="yellow",
+                highlight=False,
+            )
         return observer.log()
     finally:
         executor.shutdown()

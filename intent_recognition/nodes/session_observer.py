@@ -63,6 +63,16 @@ class SessionObserver(Node):
             and bool(self._joints)
         )
 
+    def lag_s(self) -> float:
+        """Simulated time by which the newest estimate is behind the newest wrist pose [s].
+
+        The pose is taken as seen when its time has come on the clock, so that a tracker that is
+        slow to publish counts too. Zero before the human is there.
+        """
+        if not self._wrist or not self._tasks or not self._joints:
+            return 0.0
+        return max(0.0, (self._joints[-1][0] - self._tasks[-1][0]) * 1e-9)
+
     def log(self) -> SessionLog:
         """Everything so far, as arrays."""
         wrist_ns, wrist = _columns(self._wrist, 3)

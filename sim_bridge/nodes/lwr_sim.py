@@ -9,6 +9,7 @@ import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
@@ -65,6 +66,7 @@ class LwrSim(Node):
             self.get_parameter("use_sim_time").value and not self._publishes_clock
         )
         self._pacer: Pacer | None = None
+        self.add_post_set_parameters_callback(self._on_parameters)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._pacing_timers = [
             self.create_timer(TICK_S, self._tick, clock=steady),
@@ -77,13 +79,20 @@ class LwrSim(Node):
         self.arm.close()
 
     def _declare(self) -> None:
-        """Declare all parameters; none can change while the physics runs."""
+        """Declare all parameters; only the pace can change while the physics runs."""
 
         def get(name: str, default: object, text: str, low=None, high=None) -> object:
             return parameter(self, name, default, text, minimum=low, maximum=high, read_only=True)
 
         self._rate_hz = get("joint_state_rate", 200.0, "JointState per simulated second.", 1, 1000)
-        self._factor = get("real_time_factor", 1.0, "Simulated per real second.", 0.01, 50.0)
+        self._factor = parameter(
+            self,
+            "real_time_factor",
+            1.0,
+            "Simulated per real second; can be changed while running.",
+            minimum=0.01,
+            maximum=50.0,
+        )
         self._publishes_clock = get("publish_clock", False, "Publish /clock and stamp with it.")
         self._headless = get("headless", True, "False opens PyBullet's window.")
         self._initial = get("initial_position", HOME.tolist(), "Seven joint angles [rad].")
@@ -119,6 +128,13 @@ class LwrSim(Node):
             self.create_subscription(String, "intent/active_task", self._on_task, LATCHED)
         self.create_subscription(WrenchStamped, "~/push", self._on_push, SENSOR)
         self.create_service(SetBool, "~/gravity_compensation", self._on_gravity_compensation)
+
+    def _on_parameters(self, parameters: list[Parameter]) -> None:
+        for changed in parameters:
+            if changed.name == "real_time_factor" and self._pacer is not None:
+                if not self._external_clock:
+                    self._pacer.change_factor(changed.value, self._now_s(), self.arm.n_steps)
+                self._factor = changed.value
 
     def _control(self, arm: LwrArm) -> None:
         """Set the reference and the push of the coming step."""

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Slows simulated time down where the machine cannot keep up, and speeds it up again."""
+
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+
+LAG_HIGH_S = 0.12
+LAG_LOW_S = 0.06
+SLOWEST = 0.1
+SLOWER, FASTER = 0.6, 1.15
+
+
+def next_factor(factor: float, asked: float, lag_s: float) -> float:
+    """Pace to go on with: less when the nodes lag behind the clock, else back toward what is asked.
+
+    Args:
+        factor: simulated seconds per real second now.
+        asked: the same, as the user wants it.
+        lag_s: simulated time by which the newest estimate is older than the clock.
+    """
+    if lag_s > LAG_HIGH_S:
+        return max(factor * SLOWER, min(SLOWEST, asked))
+    if lag_s < LAG_LOW_S:
+        return min(factor * FASTER, asked)
+    return factor
+
+
+class PaceKeeper:
+    """Sets `real_time_factor` of the arm's physics so that the other nodes keep up.
+
+    Simulated time is only as good as the slowest node: on a busy machine the human would be over
+    before the robot had seen it begin.
+
+    Args:
+        node: whose executor spins.
+        asked: simulated seconds per real second when nothing lags.
+        simulator: name of the node that paces `/clock`.
+    """
+
+    def __init__(self, node: Node, asked: float, simulator: str = "lwr_sim"):
+        self._client = node.create_client(SetParameters, f"{simulator}/set_parameters")
+        self._asked = self.factor = asked
+        self.slowest = asked
+
+    def update(self, lag_s: float) -> None:
+        """Take the lag measured now into account."""
+        factor = next_factor(self.factor, self._asked, lag_s)
+        if factor == self.factor or not self._client.service_is_ready():
+            return
+        self.factor = factor
+        self.slowest = min(self.slowest, factor)
+        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=float(factor))
+        change = Parameter(name="real_time_factor", value=value)
+        request = SetParameters.Request(parameters=[change])
+        self._client.call_async(request)
