@@ -24,6 +24,7 @@ os.environ.update(
     MPLBACKEND="Agg",
 )
 os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in nodes: small matrices, shared cores
 for path in (str(ROOT), str(ROOT / "test")):
     if path not in sys.path:
         sys.path.insert(0, path)

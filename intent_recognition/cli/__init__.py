@@ -1,1 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+
+import os
+
+# Before numpy is loaded; see intent_recognition.nodes.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,1 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
+
+import os
+
+# Before anything here loads numpy: the matrices are small, and threads of BLAS that wait for one
+# another cost tens of milliseconds an observation where other processes want the cores.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
