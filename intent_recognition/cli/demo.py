@@ -15,6 +15,7 @@ from rich.console import Console
 from intent_recognition.cli.console import make_console
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from intent_recognition.promp.training import TrainingSettings
+from intent_recognition.storage.model import load_model, save_model
 
 SCENARIOS = ("toolbox",)
 DEFAULT_INTERACTIONS = 40
@@ -96,9 +97,11 @@ def run(args: argparse.Namespace) -> int:
         raise IntentError(
             describe("rclpy", "ROS 2 Jazzy", error, "Source it, or pip install .[ros].")
         ) from error
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _interrupt)
     args.output.mkdir(parents=True, exist_ok=True)
+    if args.model is not None:
+        load_model(args.model)
     model = args.model or _train(args.output / "model.npz", console)
     started = time.monotonic()
     log, plan, first_ns = _session(args, model, console)
@@ -108,7 +111,6 @@ def run(args: argparse.Namespace) -> int:
 def _train(path: Path, console: Console) -> Path:
     from intent_recognition.cli.train import print_library, train
     from intent_recognition.share import share_path
-    from intent_recognition.storage.model import save_model
 
     started = time.monotonic()
     bags = share_path("bags/toolbox/train")
@@ -187,6 +189,9 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
         _refuse_busy_domain(observer, executor)
         _start_nodes(args, model, processes)
         spin_until(observer.graph_is_complete, GRAPH_DEADLINE_S, "the node graph")
+        console.print(
+            f"the nodes found one another; {len(tasks)} interactions begin", highlight=False
+        )
         parameters = {
             "use_sim_time": True,
             "task_list": ",".join(tasks),

@@ -47,3 +47,18 @@ def test_goes_on_after_the_clock_was_set_back():
 def test_bad_arguments(arguments):
     with pytest.raises(ArgumentError):
         Pacer(*arguments)
+
+
+def test_another_factor_holds_from_the_moment_it_is_set():
+    pacer = Pacer(0.001, 2.0, 10.0)
+    assert pacer.due(10.01, 0) == 20
+    pacer.change_factor(0.5, 10.01, 20)
+    assert pacer.due(10.01, 20) == 0
+    assert pacer.due(10.05, 20) == 20
+
+
+def test_a_change_of_factor_keeps_the_backlog():
+    pacer = Pacer(0.001, 1.0, 0.0)
+    lag = pacer.lag(0.03, 10)
+    pacer.change_factor(3.0, 0.03, 10)
+    assert abs(pacer.lag(0.03, 10) - lag) < 1e-12

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demo as a user runs it: real processes, a short session, and every way out."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+START_S, END_S = 60.0, 300.0
+
+
+def command(output: Path, *arguments: str) -> list[str]:
+    return [
+        *(sys.executable, "-m", "intent_recognition.cli.main", "demo", "--headless"),
+        *("--output", str(output), *arguments),
+    ]
+
+
+def children(pid: int) -> list[int]:
+    """Process ids of the nodes a demo has started."""
+    listed = subprocess.run(
+        ["ps", "-o", "pid=", "--ppid", str(pid)], capture_output=True, text=True, check=False
+    )
+    return [int(line) for line in listed.stdout.split()]
+
+
+def alive(pid: int) -> bool:
+    status = Path(f"/proc/{pid}/status")
+    try:
+        return "State:\tZ" not in status.read_text(encoding="utf-8")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory, repository) -> Path:
+    """A model of the shipped bags."""
+    path = tmp_path_factory.mktemp("model") / "m.npz"
+    bags = repository / "bags/toolbox/train"
+    subprocess.run(
+        [*(sys.executable, "-m", "intent_recognition.cli.main"), "train", bags, "--output", path],
+        check=True,
+        capture_output=True,
+    )
+    return path
+
+
+@pytest.fixture
+def running_demo(tmp_path, model):
+    """A demo in the middle of its session, with the pids of its nodes."""
+    process = subprocess.Popen(
+        command(tmp_path / "out", "--model", str(model), "--interactions", "3"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    line = process.stdout.readline()
+    assert "interactions begin" in line, line + process.stderr.read()
+    nodes = children(process.pid)
+    yield process, nodes
+    if process.poll() is None:
+        process.kill()
+    process.communicate()
+
+
+def test_recognises_and_helps(tmp_path, model):
+    result = subprocess.run(
+        command(
+            tmp_path / "out",
+            *("--model", str(model), "--task-list", "plate_handover,hold_screwdriver"),
+            *("--json", str(tmp_path / "numbers.json"), "--record", str(tmp_path / "bag")),
+        ),
+        capture_output=True,
+        text=True,
+        timeout=END_S,
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    last = result.stdout.strip().splitlines()[-1]
+    assert last.startswith("summary: recognised 2/2, decided before the end 2/2, hand error ")
+    numbers = json.loads((tmp_path / "numbers.json").read_text(encoding="utf-8"))
+    for interaction in numbers["interactions"]:
+        assert interaction["recognised"] == interaction["task"]
+        assert interaction["hand_error_m"] < 0.06
+        assert interaction["observations"] > 5
+    page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
+    assert "plate_handover" in page
+    assert any((tmp_path / "bag").glob("*.mcap"))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_it_stops_every_process(running_demo, number):
+    process, nodes = running_demo
+    assert len(nodes) >= 5
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=START_S)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert [pid for pid in nodes if alive(pid)] == []
+
+
+def test_a_node_that_dies_ends_the_demo_with_its_name(running_demo):
+    process, nodes = running_demo
+    os.kill(nodes[0], signal.SIGKILL)
+    _, errors = process.communicate(timeout=START_S)
+    assert process.returncode == 1
+    assert "intent demo: node " in errors
+    assert "Traceback" not in errors
+    assert [pid for pid in nodes if alive(pid)] == []
+
+
+def test_killed_it_leaves_no_orphan(running_demo):
+    process, nodes = running_demo
+    process.kill()
+    process.wait(timeout=START_S)
+    for pid in nodes:
+        gone = ["timeout", str(START_S), "tail", "--pid", str(pid), "-f", "/dev/null"]
+        subprocess.run(gone, check=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--task-list", "juggling"), "task_list: expected labels"),
+        (("--model", "/nowhere.npz"), "/nowhere.npz: expected a model file"),
+    ],
+)
+def test_bad_options_are_one_line(tmp_path, model, arguments, message):
+    if "--model" not in arguments:
+        arguments = (*arguments, "--model", str(model))
+    result = subprocess.run(
+        command(tmp_path / "out", *arguments, "--interactions", "1"),
+        capture_output=True,
+        text=True,
+        timeout=START_S,
+        check=False,
+    )
+    assert result.returncode == 1
+    assert message in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1

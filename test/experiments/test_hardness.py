@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The shipped demonstrations are hard: where the wrist is does not say what it is up to."""
+
+import pytest
+
+from intent_recognition.experiments.hardness import compare, compare_folds
+from intent_recognition.storage import load_dofs, read_demonstrations
+
+
+@pytest.fixture(scope="module")
+def bags(repository):
+    return {
+        name: read_demonstrations(repository / "bags/toolbox" / name, load_dofs())[0]
+        for name in ("train", "test")
+    }
+
+
+def test_a_shortcut_on_the_position_fails_where_the_library_does_not(bags):
+    for accuracy in (compare(bags["train"], bags["test"]), compare_folds(bags["train"], 4, 0.3)):
+        assert accuracy.shortcut <= 0.85
+        assert accuracy.library >= accuracy.shortcut + 0.10
+        assert accuracy.library >= 0.95
