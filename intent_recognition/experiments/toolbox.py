@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scoring of a toolbox session: what was on the topics against what the coworker did."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 
+from intent_recognition.experiments.session_log import SessionLog
 from intent_recognition.kinematics.forward import hand_position
 from intent_recognition.promp.library import NONE
 from intent_recognition.report.summary import InteractionRecord
@@ -19,34 +17,6 @@ EARLIEST_DECISION_S = 0.1
 REST_SPEED_RAD_S = 0.03
 AWAY_FROM_HOME_M = 0.08
 DETAIL_S = 1.5
-
-
-@dataclass(frozen=True)
-class SessionLog:
-    """What was on the topics of a session, in integer nanoseconds of its clock.
-
-    Attributes:
-        labels: columns of the probabilities, `none` last.
-        wrist_ns, wrist_m: raw tracker poses, (W,), (W, 3).
-        tasks_ns, probabilities: stamps and posteriors of intent/tasks, (T,), (T, K + 1).
-        active_ns, active: when intent/active_task changed, and to what.
-        joint_ns, joint_rad: measured joints, (M,), (M, 7).
-        predictions: (arrival ns, onset ns, task, times_s (L,), rad (L, 7), std (L, 7)) of
-            intent/robot_trajectory.
-        paths: (stamp ns, wrist (V, 3)) of intent/human_path.
-    """
-
-    labels: tuple[str, ...]
-    wrist_ns: np.ndarray
-    wrist_m: np.ndarray
-    tasks_ns: np.ndarray
-    probabilities: np.ndarray
-    active_ns: np.ndarray
-    active: tuple[str, ...]
-    joint_ns: np.ndarray
-    joint_rad: np.ndarray
-    predictions: Sequence[tuple]
-    paths: Sequence[tuple]
 
 
 def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:

@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.experiments.toolbox import SessionLog
+from intent_recognition.experiments.session_log import SessionLog
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns, trajectory_arrays
 from intent_recognition.promp.library import NONE

@@ -239,7 +239,13 @@ class IntentEstimator:
         Raises:
             DofError: the other library observes or controls other DOFs.
         """
-        for agent in ("observed_names", "controlled_names", "observed_groups"):
+        for agent in (
+            "observed_names",
+            "observed_units",
+            "observed_groups",
+            "controlled_names",
+            "controlled_units",
+        ):
             ours, theirs = getattr(self.library, agent), getattr(library, agent)
             if ours != theirs:
                 raise DofError(

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from intent_recognition.promp.examples import Recorded
 from intent_recognition.promp.signals import Signal
-from intent_recognition.promp.training import Recorded
 
 
 def sample(signals: Sequence[Signal], start_ns: int, times_s: np.ndarray) -> np.ndarray:

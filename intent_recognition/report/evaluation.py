@@ -15,16 +15,12 @@ from intent_recognition.promp.bank import (
     make_hypotheses,
     start_bank,
 )
+from intent_recognition.promp.examples import Recorded, cut_to_movement
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.observations import merge, observe
 from intent_recognition.promp.prediction import StartPosture, mixture_at
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
-from intent_recognition.promp.training import (
-    Recorded,
-    TrainingSettings,
-    cut_to_movement,
-    learn,
-)
+from intent_recognition.promp.training import TrainingSettings, learn
 from intent_recognition.report.baselines import mean_of_task, nearest_neighbour, sample
 
 RECOGNITION_FRACTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)

@@ -10,8 +10,9 @@ from promp.simulation import START_NS, Recording, draw_weights, make_library, si
 from intent_recognition.alignment.segment import END_MARGIN_S
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.examples import make_example
 from intent_recognition.promp.signals import Signal
-from intent_recognition.promp.training import TrainingSettings, learn, make_example
+from intent_recognition.promp.training import TrainingSettings, learn
 
 WHOLE = TrainingSettings(n_basis=8, segmentation="recording")
 
