@@ -42,7 +42,7 @@ def training(folder: Path) -> tuple[list[Result], TaskLibrary, list[Demonstratio
     parts = f"{read_s:.2f} s reading, {learn_s:.2f} s learning, {save_s:.2f} s writing"
     n = len(demonstrations)
     name = f"{n} demonstrations, bags to model"
-    result = Result(name, marks[-1] - marks[0], 15.0, "at most", "s", parts)
+    result = Result(name, marks[-1] - marks[0], 10.0, "at most", "s", parts)
     return [result], library, demonstrations
 
 
@@ -87,7 +87,7 @@ def evaluation(demonstrations: Sequence[Demonstration]) -> Result:
     return Result(
         f"one fold of {len(demonstrations)}, learned and scored",
         time.perf_counter() - start,
-        15.0,
+        10.0,
         "at most",
         "s",
     )
