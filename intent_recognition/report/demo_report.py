@@ -188,12 +188,13 @@ def _figures_of_posteriors(
         probabilities,
         [r.decision_share for r, _ in both],
     )
+    noticed = [p[p[:, -1] < 1.0] for p in probabilities]  # before the onset was, none is certain
     truth = [
         np.tile([label == r.task for label in labels], (len(p), 1))
-        for (r, _), p in zip(both, probabilities, strict=True)
+        for (r, _), p in zip(both, noticed, strict=True)
     ]
     bins = reliability_bins(
-        np.concatenate([p.ravel() for p in probabilities]),
+        np.concatenate([p.ravel() for p in noticed]),
         np.concatenate([t.ravel() for t in truth]),
     )
     return (
@@ -207,8 +208,8 @@ def _figures_of_posteriors(
                 confusion,
                 _figure(
                     reliability_figure(*bins),
-                    "Are the probabilities to be believed? Every posterior of every interaction,"
-                    " pooled; successive posteriors of one interaction are not independent.",
+                    "Are the probabilities to be believed? Every posterior since the onset was"
+                    " noticed, pooled; those of one interaction are not independent.",
                 ),
             )
         ),
