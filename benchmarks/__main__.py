@@ -27,7 +27,7 @@ def results() -> Iterator[Result]:
     yield from trained
     (recorded,), _ = read_demonstrations(share_path(HELD_OUT), load_dofs())
     yield from online(library, recorded)
-    yield from decoding(bags)
+    yield from decoding(share_path(HELD_OUT))
     yield evaluation(demonstrations)
 
 
