@@ -189,9 +189,6 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
         _refuse_busy_domain(observer, executor)
         _start_nodes(args, model, processes)
         spin_until(observer.graph_is_complete, GRAPH_DEADLINE_S, "the node graph")
-        console.print(
-            f"the nodes found one another; {len(tasks)} interactions begin", highlight=False
-        )
         parameters = {
             "use_sim_time": True,
             "task_list": ",".join(tasks),
@@ -200,6 +197,9 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
             "wait_for_subscribers": 3 if args.record else 2,
         }
         processes.start("coworker_sim", NODES["coworker_sim"], parameters)
+        console.print(
+            f"the nodes found one another; {len(tasks)} interactions begin", highlight=False
+        )
         longest = 120.0 + 150.0 * len(tasks)
         with progress:
             spin_until(lambda: not processes.running("coworker_sim"), longest, "the session's end")
