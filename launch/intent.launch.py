@@ -36,8 +36,8 @@ def generate_launch_description():
             DeclareLaunchArgument("model", description="Model file written by `intent train`."),
             DeclareLaunchArgument(
                 "dofs",
-                default_value=PathJoinSubstitution([share, "config", "dofs.yaml"]),
-                description="Which topics and fields are the degrees of freedom.",
+                default_value="",
+                description="DOF file to check the model against; empty takes the model's own.",
             ),
             DeclareLaunchArgument(
                 "params_file",

@@ -281,7 +281,7 @@ def _report(args, log, plan, first_ns: int, wall_s: float, console: Console) -> 
         "duration of the session [s, real]": round(wall_s, 1),
     }
     for line in table_lines(records):
-        console.print(line, highlight=False, soft_wrap=True)
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     report = args.output / "report.html"
     write_demo_report(report, records, summary, traces, settings)
     if args.json:

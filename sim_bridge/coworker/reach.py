@@ -70,7 +70,8 @@ class Reach:
 def minimum_jerk(tau: np.ndarray) -> np.ndarray:
     """Progress s in [0, 1] at normalised time tau, clipped to the movement; any shape."""
     tau = np.clip(tau, 0.0, 1.0)
-    return tau**3 * (10.0 + tau * (-15.0 + 6.0 * tau))
+    # Rounding may go beyond 1, where the bow's root has no value.
+    return np.minimum(tau**3 * (10.0 + tau * (-15.0 + 6.0 * tau)), 1.0)
 
 
 def bow_profile(progress: np.ndarray, skew: float) -> np.ndarray:

@@ -87,7 +87,10 @@ def test_speed_varies_by_two_and_a_half_and_goals_fill_a_region(task):
     assert nominal.max() / nominal.min() > 2.3
     assert max(r.duration_s for r in drawn) <= LONGEST_MOVEMENT_S
     goals = np.array([r.goal_m for r in drawn])
-    assert np.all(np.ptp(goals, axis=0) > [0.14, 0.22, 0.14])
+    region = 2.0 * STYLES[task].goal_half_width_m
+    assert np.all(np.ptp(goals, axis=0) <= region)
+    assert np.all(np.ptp(goals, axis=0) > 0.9 * region)
+    assert np.all(region > 0.12)
     hesitating = np.mean([bool(r.hesitations) for r in drawn])
     assert 0.25 < hesitating < 0.45
 
