@@ -3,45 +3,22 @@
 
 import argparse
 import json
-import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
 
 from intent_recognition.cli.console import make_console
-from intent_recognition.errors import IntentError, ResourceBusyError, describe
+from intent_recognition.cli.demo_session import END_SIGNALS, interrupt, run_session
+from intent_recognition.errors import IntentError, describe
 from intent_recognition.promp.training import TrainingSettings
 from intent_recognition.storage.model import load_model, save_model
 
 SCENARIOS = ("toolbox",)
 DEFAULT_INTERACTIONS = 40
 DEFAULT_RATE = 1.5
-GRAPH_DEADLINE_S = 30.0
-LAST_MOTION_S = 3.0
-SLICE_S = 0.1
-PACE_PERIOD_S = 0.2
-DOMAINS = (1, 101)
-NODES = {
-    "lwr_sim": "sim_bridge.nodes.lwr_sim",
-    "mocap_ingest": "intent_recognition.nodes.mocap_ingest",
-    "intent_estimator": "intent_recognition.nodes.intent_estimator",
-    "primitive_activation": "intent_recognition.nodes.primitive_activation",
-    "coworker_sim": "sim_bridge.nodes.coworker_sim",
-    "bag_recorder": "intent_recognition.nodes.bag_recorder",
-}
-RECORDED = (
-    "mocap/wrist/pose",
-    "joint_states",
-    "intent/tasks",
-    "intent/robot_trajectory",
-    "intent/active_task",
-    "joint_trajectory",
-    "coworker/task",
-)
 
 
 def add_parser(subparsers) -> None:
@@ -97,14 +74,14 @@ def run(args: argparse.Namespace) -> int:
         raise IntentError(
             describe("rclpy", "ROS 2 Jazzy", error, "Source it, or pip install .[ros].")
         ) from error
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, _interrupt)
+    for number in END_SIGNALS:
+        signal.signal(number, interrupt)
     args.output.mkdir(parents=True, exist_ok=True)
     if args.model is not None:
         load_model(args.model)
     model = args.model or _train(args.output / "model.npz", console)
     started = time.monotonic()
-    log, plan, first_ns = _session(args, model, console)
+    log, plan, first_ns = run_session(args, model, console)
     return _report(args, log, plan, first_ns, time.monotonic() - started, console)
 
 
@@ -119,150 +96,6 @@ def _train(path: Path, console: Console) -> Path:
     print_library(console, model.library, report)
     console.print(f"trained in {time.monotonic() - started:.1f} s", highlight=False)
     return path
-
-
-def _session(args: argparse.Namespace, model: Path, console: Console):
-    """Start the nodes, watch the session, stop the nodes; returns its log and ground truth."""
-    import rclpy
-
-    from intent_recognition.cli.processes import NodeProcesses
-    from intent_recognition.experiments.toolbox import first_sample_ns
-    from intent_recognition.share import node_environment
-    from sim_bridge.coworker import parse_task_list, plan_session
-
-    tasks = parse_task_list(args.task_list, args.seed, args.interactions)
-    plan = plan_session(args.seed, tasks)
-    environment = node_environment(os.environ, _domain())
-    os.environ.update(environment)
-    rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    try:
-        with NodeProcesses(environment, args.output / "logs") as processes:
-            log = _watch(args, model, tasks, processes, console)
-    finally:
-        rclpy.try_shutdown()
-    first_ns = first_sample_ns(log, plan)
-    if first_ns is None:
-        raise IntentError(
-            describe("mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs.")
-        )
-    return log, plan, first_ns
-
-
-def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console):
-    """Start all nodes, wait until they know one another, then let the human begin."""
-    from rclpy.parameter import Parameter
-
-    from intent_recognition.nodes.pace_keeper import PaceKeeper
-    from intent_recognition.nodes.runtime import make_executor
-    from intent_recognition.nodes.session_observer import SessionObserver
-
-    progress = _Progress(len(tasks), console)
-    observer = SessionObserver(
-        progress.on_task,
-        progress.on_active,
-        parameter_overrides=[Parameter("use_sim_time", value=True)],
-    )
-    executor = make_executor()
-    executor.add_node(observer)
-
-    pace = PaceKeeper(observer, args.rate)
-    looked = time.monotonic()
-
-    def keep_pace() -> None:
-        nonlocal looked
-        if time.monotonic() - looked > PACE_PERIOD_S:
-            looked = time.monotonic()
-            pace.update(observer.lag_s())
-
-    def spin_until(condition: Callable[[], bool], deadline_s: float, what: str) -> None:
-        end = time.monotonic() + deadline_s
-        while not condition():
-            processes.check(may_end=("coworker_sim",))
-            if time.monotonic() > end:
-                raise IntentError(
-                    describe(what, f"within {deadline_s:.0f} s", "nothing", "See the nodes' logs.")
-                )
-            executor.spin_once(timeout_sec=SLICE_S)
-            keep_pace()
-
-    try:
-        _refuse_busy_domain(observer, executor)
-        _start_nodes(args, model, processes)
-        spin_until(observer.graph_is_complete, GRAPH_DEADLINE_S, "the node graph")
-        parameters = {
-            "use_sim_time": True,
-            "task_list": ",".join(tasks),
-            "seed": args.seed,
-            "exit_at_end": True,
-            "wait_for_subscribers": 3 if args.record else 2,
-        }
-        processes.start("coworker_sim", NODES["coworker_sim"], parameters)
-        console.print(
-            f"the nodes found one another; {len(tasks)} interactions begin", highlight=False
-        )
-        longest = 120.0 + 150.0 * len(tasks)
-        with progress:
-            spin_until(lambda: not processes.running("coworker_sim"), longest, "the session's end")
-            end = time.monotonic() + LAST_MOTION_S / args.rate
-            while time.monotonic() < end:
-                executor.spin_once(timeout_sec=SLICE_S)
-        processes.check(may_end=("coworker_sim",))
-        if pace.slowest < args.rate:
-            console.print(
-                f"the machine was busy: simulated time ran down to {pace.slowest:.2f} x real time",
-                style="yellow",
-                highlight=False,
-            )
-        return observer.log()
-    finally:
-        executor.shutdown()
-        observer.destroy_node()
-
-
-def _start_nodes(args: argparse.Namespace, model: Path, processes) -> None:
-    from sim_bridge.scene import HOME
-
-    sim = {"use_sim_time": True}
-    parameters = {
-        "lwr_sim": {
-            "publish_clock": True,
-            "real_time_factor": float(args.rate),
-            "headless": args.headless or not os.environ.get("DISPLAY"),
-            "sensor_noise": True,
-            "seed": args.seed,
-        },
-        "mocap_ingest": sim,
-        "intent_estimator": sim | {"model": model.resolve()},
-        "primitive_activation": sim | {"model": model.resolve(), "home": HOME.tolist()},
-    }
-    if args.record:
-        if args.record.exists():
-            raise ResourceBusyError(
-                describe("--record", "a folder that does not exist", args.record, "Name another.")
-            )
-        parameters["bag_recorder"] = sim | {
-            "output": args.record.resolve(),
-            "topics": list(RECORDED),
-        }
-    for name, values in parameters.items():
-        processes.start(name, NODES[name], values)
-
-
-def _refuse_busy_domain(observer, executor) -> None:
-    """Make sure that no other graph with such nodes is in this domain."""
-    end = time.monotonic() + 0.5
-    while time.monotonic() < end:
-        executor.spin_once(timeout_sec=SLICE_S)
-    taken = sorted(set(observer.get_node_names()) & set(NODES))
-    if taken:
-        raise ResourceBusyError(
-            describe(
-                f"ROS_DOMAIN_ID {os.environ['ROS_DOMAIN_ID']}",
-                "no other graph in it",
-                ", ".join(taken),
-                "Stop those nodes, or choose another ROS_DOMAIN_ID.",
-            )
-        )
 
 
 def _report(args, log, plan, first_ns: int, wall_s: float, console: Console) -> int:
@@ -292,63 +125,6 @@ def _report(args, log, plan, first_ns: int, wall_s: float, console: Console) -> 
     sys.stdout.write(summary_line(summary) + "\n")
     sys.stdout.flush()
     return 1 if summary.too_many_missed else 0
-
-
-class _Progress:
-    """One line that says where the session is."""
-
-    def __init__(self, total: int, console: Console):
-        self._total, self._console = total, console
-        self._number, self._truth, self._active, self._right = 0, "", "", 0
-        self._status = console.status("waiting for the coworker")
-
-    def __enter__(self) -> "_Progress":
-        self._status.__enter__()
-        return self
-
-    def __exit__(self, *details: object) -> None:
-        self._status.__exit__(*details)
-
-    def on_task(self, label: str) -> None:
-        """Take note of the ground truth: a movement began, or ended."""
-        if label:
-            self._number, self._truth, self._active = self._number + 1, label, ""
-        elif self._truth:
-            self._right += self._active == self._truth
-            self._truth = ""
-        self._show()
-
-    def on_active(self, label: str) -> None:
-        """Take note of the active task."""
-        self._active = self._active or label
-        self._show()
-
-    def _show(self) -> None:
-        truth = self._truth or "-"
-        self._status.update(
-            f"interaction {self._number}/{self._total}, {self._right} right so far;"
-            f" human: {truth}, robot: {self._active or '-'}"
-        )
-
-
-def _domain() -> int:
-    """The user's ROS_DOMAIN_ID, or one of this process's own.
-
-    Raises:
-        IntentError: ROS_DOMAIN_ID is no domain.
-    """
-    chosen = os.environ.get("ROS_DOMAIN_ID")
-    if chosen is None:
-        return DOMAINS[0] + os.getpid() % (DOMAINS[1] - DOMAINS[0] + 1)
-    if not chosen.isdigit() or int(chosen) > DOMAINS[1]:
-        raise IntentError(
-            describe("ROS_DOMAIN_ID", "a number from 0 to 101", chosen, "Set it, or unset it.")
-        )
-    return int(chosen)
-
-
-def _interrupt(number: int, frame: object) -> None:
-    raise KeyboardInterrupt
 
 
 def _positive(text: str) -> int:
