@@ -65,14 +65,19 @@ class StructuredTarget(NamedTuple):
         return symmetrize(covariance) + np.diag(np.repeat(self.floor, n_basis))
 
 
-def weight_floor(weights: np.ndarray) -> np.ndarray:
-    """Variance floor per DOF from the range of its weights over all demonstrations, (D,).
+def weight_extent(weights: np.ndarray) -> np.ndarray:
+    """Range of the weights of each DOF over all demonstrations, 1 where there is none, (D,).
 
     Args:
         weights: (n, D, N).
     """
     extent = np.ptp(np.moveaxis(weights, 1, 0).reshape(weights.shape[1], -1), axis=1)
-    return (FLOOR_OF_RANGE * np.where(extent > 0, extent, 1.0)) ** 2
+    return np.where(extent > 0, extent, 1.0)
+
+
+def weight_floor(weights: np.ndarray) -> np.ndarray:
+    """Variance floor per DOF from the range of its weights (n, D, N), (D,)."""
+    return (FLOOR_OF_RANGE * weight_extent(weights)) ** 2
 
 
 def structured_target(

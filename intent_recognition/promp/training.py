@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.alignment.onset import OnsetSettings
 from intent_recognition.alignment.segment import onset_settings
 from intent_recognition.errors import ArgumentError, TrainingError, describe
 from intent_recognition.promp.basis import NormalizedRBFBasis
@@ -22,15 +21,20 @@ from intent_recognition.promp.examples import (
 )
 from intent_recognition.promp.library import NONE, TaskLibrary, pooled_none_model
 from intent_recognition.promp.prior import (
-    FLOOR_OF_RANGE,
     leave_one_out_targets,
     shrunk_covariance,
     structured_target,
+    weight_extent,
     weight_floor,
 )
 from intent_recognition.promp.selection import Candidate, TaskSamples, select
 
 SEGMENTATIONS = ("movement", "recording")
+DURATION_WORTH = 4.0
+"""Demonstrations' worth of the assumption that all tasks' durations spread alike."""
+SMALLEST_DURATION_STD = 0.05
+NONE_DURATION_STD = 0.2
+"""Smallest spreads of the log duration, of a task and of none."""
 
 
 @dataclass(frozen=True)
@@ -107,9 +111,47 @@ def learn(
         TrainingError: nothing usable, or no task with at least two demonstrations.
     """
     settings = settings or TrainingSettings()
+    labelled, rejected = _usable(demonstrations)
+    onset = onset_settings([recorded.observed for recorded in labelled]) if labelled else ()
+    if settings.segmentation == "movement":
+        labelled = cut_to_movement(labelled)
     basis = NormalizedRBFBasis(settings.n_basis, settings.width)
-    rejected: list[tuple[str, str]] = []
-    labelled = []
+    examples = []
+    for recorded in labelled:
+        try:
+            examples.append(make_example(recorded, basis, settings.ridge))
+        except TrainingError as error:
+            rejected.append((recorded.name, str(error)))
+    labels = tuple(sorted({example.task for example in examples}))
+    _check_enough(len(demonstrations), examples, labels, rejected)
+    groups = [[e for e in examples if e.task == label] for label in labels]
+    learned, chosen, tried = _primitives(groups, basis)
+    library = TaskLibrary(
+        labels=labels,
+        basis=basis,
+        **_names(labelled[0]),
+        **learned,
+        **_timing([np.log([e.duration_s for e in group]) for group in groups]),
+        **_none_model(groups, settings.none_spread),
+        task_prior=np.full(len(labels), 1.0 / len(labels)),
+        transition_prior=np.full((len(labels) + 1, len(labels)), 1.0 / len(labels)),
+        none_prior=settings.none_prior,
+        n_demonstrations=np.array([len(group) for group in groups]),
+        onset=onset,
+        provenance={
+            **(provenance or {}),
+            "settings": asdict(settings),
+            "chosen": chosen._asdict(),
+        },
+    )
+    used = tuple(example.name for example in examples)
+    return library, TrainingReport(used, tuple(rejected), chosen, tried)
+
+
+def _usable(demonstrations: Sequence[Recorded]) -> tuple[list[Recorded], list[tuple[str, str]]]:
+    """The labelled recordings with the DOFs of the first one, and why others are left out."""
+    labelled: list[Recorded] = []
+    rejected = []
     for recorded in demonstrations:
         if recorded.task is None:
             rejected.append((recorded.name, "it has no label `task`"))
@@ -125,42 +167,27 @@ def learn(
             rejected.append((recorded.name, reason))
         else:
             labelled.append(recorded)
-    onset = onset_settings([recorded.observed for recorded in labelled]) if labelled else ()
-    if settings.segmentation == "movement":
-        labelled = cut_to_movement(labelled)
-    examples = []
-    for recorded in labelled:
-        try:
-            examples.append(make_example(recorded, basis, settings.ridge))
-        except TrainingError as error:
-            rejected.append((recorded.name, str(error)))
+    return labelled, rejected
+
+
+def _check_enough(
+    n_given: int,
+    examples: Sequence[Example],
+    labels: Sequence[str],
+    rejected: Sequence[tuple[str, str]],
+) -> None:
+    """Refuse what no covariance can be learned from."""
     if not examples:
         raise TrainingError(
             describe(
                 "demonstrations",
                 "at least two usable, labelled demonstrations of a task",
-                f"none of {len(demonstrations)}"
+                f"none of {n_given}"
                 + "".join(f"; {name}: {reason}" for name, reason in rejected[:3]),
                 "Check the labels and the DOF file.",
             )
         )
-    library, chosen, tried = _fit(examples, labelled[0], basis, settings, onset, provenance or {})
-    used = tuple(example.name for example in examples)
-    return library, TrainingReport(used, tuple(rejected), chosen, tried)
-
-
-def _fit(
-    examples: list[Example],
-    first: Recorded,
-    basis: NormalizedRBFBasis,
-    settings: TrainingSettings,
-    onset: tuple[OnsetSettings, ...],
-    provenance: Mapping[str, object],
-) -> tuple[TaskLibrary, Candidate, tuple[Candidate, ...]]:
-    labels = tuple(sorted({example.task for example in examples}))
-    groups = [[e for e in examples if e.task == label] for label in labels]
-    degrees_of_freedom = len(examples) - len(labels)
-    if degrees_of_freedom < 1:
+    if len(examples) == len(labels):
         raise TrainingError(
             describe(
                 "demonstrations",
@@ -169,95 +196,92 @@ def _fit(
                 "Record more: 5 to 20 of each task are usual.",
             )
         )
+
+
+def _primitives(
+    groups: Sequence[Sequence[Example]], basis: NormalizedRBFBasis
+) -> tuple[dict[str, object], Candidate, tuple[Candidate, ...]]:
+    """Weights' means and covariances per task and the noise, regularised by leave-one-out."""
     weights = [np.array([e.weights for e in group]) for group in groups]
-    everything = np.concatenate(weights)
-    floor = weight_floor(everything)
+    counts = [len(w) for w in weights]
+    floor = weight_floor(np.concatenate(weights))
     deviations = np.concatenate([w - w.mean(axis=0) for w in weights])
-    tasks = np.repeat(np.arange(len(labels)), [len(group) for group in groups])
-    targets = [
-        structured_target(deviations, tasks, task, floor).covariance()
-        for task in range(len(labels))
-    ]
-    loo_targets = [
-        leave_one_out_targets(deviations, tasks, task, floor) for task in range(len(labels))
-    ]
-    residual = np.mean([e.residual_variance for e in examples], axis=0)
+    tasks = np.repeat(np.arange(len(groups)), counts)
+    residual = np.mean([e.residual_variance for group in groups for e in group], axis=0)
     noise = np.maximum(residual, floor)
-    samples = [
-        TaskSamples(
-            w,
-            np.array([e.observed for e in group]),
-            np.repeat(basis.design_matrix(sample_phases())[None], len(group), axis=0),
-            np.repeat(sample_phases()[None], len(group), axis=0),
-            np.array([e.controlled for e in group]),
-        )
-        for w, group in zip(weights, groups, strict=True)
-    ]
-    chosen, tried = select(samples, loo_targets, noise, basis.design_matrix(scored_phases()))
-    n = np.array([len(group) for group in groups])
-    scatters = [np.einsum("id,ie->de", *(2 * [_flat(w)])) for w in weights]
-    covariance = np.array(
-        [
-            shrunk_covariance(scatter, count, target, chosen.strength)
-            for scatter, count, target in zip(scatters, n, targets, strict=True)
-        ]
+    chosen, tried = select(
+        [_samples(group, basis) for group in groups],
+        [leave_one_out_targets(deviations, tasks, task, floor) for task in range(len(groups))],
+        noise,
+        basis.design_matrix(scored_phases()),
     )
-    log_mean, log_std = _timing([[e.duration_s for e in group] for group in groups])
-    n_observed = examples[0].observed.shape[1]
-    task_means = np.array([w.mean(axis=0)[:n_observed] for w in weights])
-    centre = task_means.mean(axis=0)
-    observed = everything[:, :n_observed]
-    none_mean, none_covariance = pooled_none_model(
-        observed - centre,
-        centre,
-        np.sqrt(floor[:n_observed]) / FLOOR_OF_RANGE,
-        settings.none_spread,
+    covariances = []
+    for task, count in enumerate(counts):
+        flat = deviations[tasks == task].reshape(count, -1)
+        target = structured_target(deviations, tasks, task, floor).covariance()
+        covariances.append(shrunk_covariance(flat.T @ flat, count, target, chosen.strength))
+    learned = {
+        "weight_mean": np.array([w.mean(axis=0).ravel() for w in weights]),
+        "weight_covariance": np.array(covariances),
+        "noise_variance": noise,
+        "noise_scale": chosen.noise_scale,
+    }
+    return learned, chosen, tried
+
+
+def _samples(group: Sequence[Example], basis: NormalizedRBFBasis) -> TaskSamples:
+    """What the hyperparameters are scored on, of one task."""
+    phase = np.repeat(sample_phases()[None], len(group), axis=0)
+    return TaskSamples(
+        np.array([e.weights for e in group]),
+        np.array([e.observed for e in group]),
+        basis.design_matrix(phase),
+        phase,
+        np.array([e.controlled for e in group]),
     )
-    all_logs = np.log([e.duration_s for e in examples])
-    library = TaskLibrary(
-        labels=labels,
-        basis=basis,
-        observed_names=tuple(name for s in first.observed for name in s.names),
-        controlled_names=tuple(name for s in first.controlled for name in s.names),
-        observed_units=tuple(s.unit for s in first.observed for _ in s.names),
-        controlled_units=tuple(s.unit for s in first.controlled for _ in s.names),
-        weight_mean=np.array([w.mean(axis=0).ravel() for w in weights]),
-        weight_covariance=covariance,
-        noise_variance=noise,
-        noise_scale=chosen.noise_scale,
-        correlation_time_s=float(np.exp(all_logs).mean()) / SAMPLES_PER_MOVEMENT,
-        log_duration_mean=log_mean,
-        log_duration_std=log_std,
-        task_prior=np.full(len(labels), 1.0 / len(labels)),
-        transition_prior=np.full((len(labels) + 1, len(labels)), 1.0 / len(labels)),
-        none_mean=none_mean,
-        none_covariance=none_covariance,
-        none_log_duration=np.array([all_logs.mean(), max(float(all_logs.std()), 0.2)]),
-        none_prior=settings.none_prior,
-        n_demonstrations=n,
-        observed_groups=tuple(len(s.names) for s in first.observed),
-        onset=onset,
-        provenance={**provenance, "settings": asdict(settings), "chosen": chosen._asdict()},
+
+
+def _none_model(groups: Sequence[Sequence[Example]], spread: float) -> dict[str, np.ndarray]:
+    """Observed weights and timing of any human movement, from all demonstrations together."""
+    n_observed = groups[0][0].observed.shape[1]
+    weights = [np.array([e.weights[:n_observed] for e in group]) for group in groups]
+    everything = np.concatenate(weights)
+    centre = np.mean([w.mean(axis=0) for w in weights], axis=0)
+    mean, covariance = pooled_none_model(
+        everything - centre, centre, weight_extent(everything), spread
     )
-    return library, chosen, tried
+    logs = np.log([e.duration_s for group in groups for e in group])
+    return {
+        "none_mean": mean,
+        "none_covariance": covariance,
+        "none_log_duration": np.array([logs.mean(), max(float(logs.std()), NONE_DURATION_STD)]),
+    }
+
+
+def _timing(logs: Sequence[np.ndarray]) -> dict[str, object]:
+    """Timing prior per task from log durations; the spread leans on all tasks."""
+    scatter = np.array([np.sum((x - x.mean()) ** 2) for x in logs])
+    n = np.array([len(x) for x in logs])
+    pooled = scatter.sum() / max(n.sum() - len(n), 1)
+    variance = (scatter + DURATION_WORTH * pooled) / (n - 1 + DURATION_WORTH) * (1 + 1 / n)
+    return {
+        "log_duration_mean": np.array([x.mean() for x in logs]),
+        "log_duration_std": np.sqrt(np.maximum(variance, SMALLEST_DURATION_STD**2)),
+        "correlation_time_s": float(np.exp(np.concatenate(logs)).mean()) / SAMPLES_PER_MOVEMENT,
+    }
+
+
+def _names(recorded: Recorded) -> dict[str, tuple]:
+    """Names, units and groups of the DOFs."""
+    return {
+        "observed_names": tuple(name for s in recorded.observed for name in s.names),
+        "controlled_names": tuple(name for s in recorded.controlled for name in s.names),
+        "observed_units": tuple(s.unit for s in recorded.observed for _ in s.names),
+        "controlled_units": tuple(s.unit for s in recorded.controlled for _ in s.names),
+        "observed_groups": tuple(len(s.names) for s in recorded.observed),
+    }
 
 
 def _dofs(recorded: Recorded) -> tuple[tuple[tuple[str, ...], str], ...]:
     """Names and unit of each signal, observed then controlled."""
     return tuple((s.names, s.unit) for s in (*recorded.observed, *recorded.controlled))
-
-
-def _flat(weights: np.ndarray) -> np.ndarray:
-    """Deviations from the mean, flattened: (n, D N)."""
-    return (weights - weights.mean(axis=0)).reshape(len(weights), -1)
-
-
-def _timing(durations: list[list[float]]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation of log duration per task; the spread leans on all tasks."""
-    logs = [np.log(values) for values in durations]
-    scatter = np.array([np.sum((x - x.mean()) ** 2) for x in logs])
-    n = np.array([len(x) for x in logs])
-    pooled = scatter.sum() / max(n.sum() - len(n), 1)
-    worth = 4.0
-    variance = (scatter + worth * pooled) / (n - 1 + worth) * (1 + 1 / n)
-    return np.array([x.mean() for x in logs]), np.sqrt(np.maximum(variance, 0.05**2))
