@@ -27,6 +27,7 @@ DISCOVERY_PERIOD_S = 0.1
 FLUSH_PERIOD_S = 0.5
 QUEUE_DEPTH = 2000
 NOISE_TOPICS = ("/rosout", "/parameter_events")
+ABSOLUTE_TOPICS = ("/clock", "/diagnostics")
 OK, WARN, ERROR = 0, 1, 2
 
 
@@ -55,7 +56,10 @@ class BagRecorder(Node):
         super().__init__("bag_recorder", **kwargs)
         parameter(self, "output", "", "directory of the new bag; recording starts when it is given")
         parameter(self, "task", "", "label of the demonstration; empty records without a label")
-        self._wanted = parameter(self, "topics", [], "topics to record; none means all there are")
+        self._wanted = parameter(
+            self, "topics", [], "topics to record; none means all there are in the namespace"
+        )
+        self._check_names()
         self._sources: dict[str, _Source] = {}
         self._writer: BagWriter | None = None
         self._lock = threading.RLock()
@@ -145,15 +149,28 @@ class BagRecorder(Node):
             elif types:
                 self._follow(resolved, stored, types[0])
 
+    def _check_names(self) -> None:
+        """Refuse topics that would be one and the same in the bag."""
+        stored: dict[str, str] = {}
+        for topic in map(self.resolve_topic_name, self._wanted):
+            other = stored.setdefault(self._stored_name(topic), topic)
+            if other != topic:
+                cure = "Record one of them, or record both without a namespace."
+                found = f"{other} and {topic}"
+                raise BagError(describe("topics", "names that differ in the bag", found, cure))
+
     def _wanted_topics(self, found: Sequence[str]) -> dict[str, str]:
         """Stored name of every topic to record, by its resolved name."""
         if self._wanted:
-            return {self.resolve_topic_name(t): self._stored_name(t) for t in self._wanted}
+            resolved = map(self.resolve_topic_name, self._wanted)
+            return {t: self._stored_name(t) for t in resolved}
+        space = self.get_namespace().rstrip("/") + "/"
         hidden = [t for t in found if any(part.startswith("_") for part in t.split("/"))]
         return {
             t: self._stored_name(t)
             for t in found
             if t not in NOISE_TOPICS
+            and (t.startswith(space) or t in ABSOLUTE_TOPICS)
             and t not in hidden
             and (self.count_publishers(t) or t in self._sources)
         }

@@ -15,6 +15,7 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
+from intent_recognition.errors import BagError
 from intent_recognition.nodes.bag_recorder import BagRecorder, message_type
 from intent_recognition.nodes.qos import LATCHED, SENSOR, STATE
 from intent_recognition.storage import BagReader
@@ -196,6 +197,28 @@ def test_namespace_is_left_out_of_the_bag(harness, tmp_path):
     harness.spin_until(lambda: node._writer.message_count)
     node.stop()
     assert list(BagReader(tmp_path / "bag").topics) == ["/mocap/wrist/pose"]
+
+
+def test_all_there_are_in_a_namespace_leave_other_cells_out(harness, tmp_path):
+    """A topic of the same name elsewhere would become the same topic of the bag."""
+    publishers = [
+        harness.publisher(PoseStamped, topic, STATE)
+        for topic in ("/p", "/lab/p", "/lab2/p", "/diagnostics_of_others")
+    ]
+    overrides = [Parameter("output", value=str(tmp_path / "bag"))]
+    node = harness.add(BagRecorder(namespace="lab", parameter_overrides=overrides))
+    harness.connect(publishers[1])
+    harness.spin_until(lambda: {"/lab/p", "/diagnostics"} <= set(node.listening))
+    harness.spin_until(lambda: all(node.count_publishers(p.topic_name) for p in publishers))
+    node.discover()
+    assert not {"/p", "/lab2/p", "/diagnostics_of_others"} & set(node.listening)
+    node.stop()
+
+
+def test_topics_that_would_be_one_in_the_bag_are_refused(harness, tmp_path):
+    overrides = [Parameter("topics", value=["p", "/p"])]
+    with pytest.raises(BagError, match="differ in the bag"):
+        BagRecorder(namespace="lab", parameter_overrides=overrides)
 
 
 @pytest.mark.parametrize("name", ["no_such_package/msg/Thing", "std_msgs/msg/Thing", "nonsense"])
