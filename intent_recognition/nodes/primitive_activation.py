@@ -260,6 +260,9 @@ class PrimitiveActivation(ManagedNode):
             self.diagnostics.value(f"count {name}", count)
         if activation.mode is Mode.STOPPED:
             self.diagnostics.status(_WARN, f"stopped: {activation.stop_reason}")
+        elif activation.held_back:
+            self.diagnostics.value("last held back", activation.held_back)
+            self.diagnostics.status(_WARN, activation.held_back)
         else:
             self.diagnostics.status(_OK, activation.mode.value)
 

@@ -31,7 +31,7 @@ from intent_recognition.promp.activation_settings import (
     Mode,
     Prediction,
 )
-from intent_recognition.promp.decision import DecisionState, decide
+from intent_recognition.promp.decision import DecisionState, decide, uncertain_end
 
 _ARRIVED = 1.0 - 1e-6
 _LARGEST_AHEAD_NS = 1_000_000_000
@@ -55,6 +55,7 @@ class Activation:
         mode: see `Mode`.
         active_task: task being executed, empty when idle.
         stop_reason: why the last stop happened, empty when none is in force.
+        held_back: why a recognised task is not executed (its end is uncertain), or empty.
         counts: how often plans were made, slowed, clamped, stopped and so on.
         decision: the state of the decision.
     """
@@ -72,7 +73,7 @@ class Activation:
         """Back to the beginning, but for the measured arm."""
         self.mode = Mode.IDLE
         self.active_task = ""
-        self.stop_reason = ""
+        self.stop_reason = self.held_back = ""
         self.decision = DecisionState()
         self._current: Command | None = None
         self._previous: Command | None = None
@@ -113,6 +114,7 @@ class Activation:
         state, _ = decide(self._settings.decision, self.decision, labels, probabilities, end_std)
         self._tasks_stamp_ns, self._heard_ns = stamp_ns, now_ns
         self.decision = state
+        self._note_held_back(uncertain_end(self._settings.decision, state, end_std))
         if state.event:
             self.counts[state.event] += 1
         if state.event == "over":
@@ -120,6 +122,16 @@ class Activation:
         if state.idle:
             self._served_end_ns = None
             self._prediction = None
+
+    def _note_held_back(self, reason: str) -> None:
+        """Keep why nothing is executed; rejected once, if the movement ends without."""
+        if reason:
+            self.held_back = reason
+        elif self.decision.active:
+            self.held_back = ""
+        elif self.decision.idle and self.held_back:
+            self._reject("uncertain_end", self.held_back)
+            self.held_back = ""
 
     def take_prediction(self, now_ns: int, prediction: Prediction) -> None:
         """Take the newest prediction; it is used if its task is the active one."""
@@ -144,7 +156,7 @@ class Activation:
 
     def reset(self, now_ns: int) -> Command | None:
         """Forget the interaction; an arm under way goes home."""
-        self.decision = DecisionState()
+        self.decision, self.held_back = DecisionState(), ""
         self._prediction, self._served_end_ns = None, None
         if self.mode in (Mode.EXECUTING, Mode.STOPPED):
             self._served_end_ns = self._executed.end_ns

@@ -121,6 +121,25 @@ def decide(
     return DecisionState(active, candidate, n_for, n_against, event, False), active
 
 
+def uncertain_end(settings: DecisionSettings, state: DecisionState, end_std: float | None) -> str:
+    """Why a task that was recognised is not active: text for people, or empty.
+
+    Args:
+        settings: when to act.
+        state: as `decide` returned it.
+        end_std: what `decide` was given.
+    """
+    recognised = state.candidate and state.n_for >= settings.n_observations
+    if not recognised or state.active == state.candidate:
+        return ""
+    if end_std is None:
+        return f"recognised {state.candidate}, but its end was not predicted"
+    return (
+        f"recognised {state.candidate}, but the predicted end is uncertain: "
+        f"{end_std:.2f} rad > max_end_std {settings.max_end_std_rad:g}"
+    )
+
+
 def _follow(settings, state, labels, p, ready: str) -> tuple[str, int, str]:
     """Active task, its count of contrary observations, and what happened."""
     if not state.active:

@@ -357,6 +357,41 @@ def test_none_and_uncertain_ends_activate_nothing(graph):
     assert graph.mode == "idle" and not graph.commands
 
 
+def test_diagnostics_say_why_a_recognised_task_is_not_executed(graph):
+    graph.begin()
+    uncertain = predicted("plate", graph.onset_ns)
+    uncertain.points[-1].effort = [0.05] * 6 + [0.52]
+    for _ in range(8):
+        graph.tick()
+        graph.send_joints()
+        graph.send_prediction(uncertain)
+        graph.send_tasks()
+    text = "recognised plate, but the predicted end is uncertain: 0.52 rad > max_end_std 0.35"
+    status, values = graph.report()
+    assert status.level == b"\x01" and status.message == text
+    assert values["last held back"] == text and "rejected uncertain_end" not in values
+    graph.task = "idle"
+    graph.step()
+    graph.step()
+    status, values = graph.report()
+    assert status.level == b"\x00" and status.message == "idle"
+    assert values["rejected uncertain_end"] == "1" and values["last held back"] == text
+
+
+def test_an_end_that_becomes_certain_is_no_complaint(graph):
+    graph.begin()
+    uncertain = predicted("plate", graph.onset_ns)
+    uncertain.points[-1].effort = [0.52] * 7
+    for _ in range(8):
+        graph.tick()
+        graph.send_joints()
+        graph.send_prediction(uncertain)
+        graph.send_tasks()
+    graph.until(lambda: graph.mode == "executing")
+    status, values = graph.report()
+    assert status.message == "executing" and "rejected uncertain_end" not in values
+
+
 def test_reset_sends_the_arm_home(graph):
     graph.begin(already_s=0.2)
     graph.until(lambda: graph.mode == "executing")
