@@ -2,6 +2,8 @@
 """The shipped parameter file fits the nodes."""
 
 import importlib
+import re
+from pathlib import Path
 
 import pytest
 import yaml
@@ -11,7 +13,8 @@ from rclpy.parameter import Parameter
 from intent_recognition.share import share_path
 
 ROOMS = {"lwr_sim": "sim_bridge", "coworker_sim": "sim_bridge"}
-SECTIONS = yaml.safe_load(share_path("config/params.yaml").read_text(encoding="utf-8"))
+TEXT = share_path("config/params.yaml").read_text(encoding="utf-8")
+SECTIONS = yaml.safe_load(TEXT)
 
 
 def node_class(name):
@@ -39,6 +42,21 @@ def test_node_takes_its_section(harness, section):
     assert node.get_name() == name
     for parameter, value in values.items():
         assert node.get_parameter(parameter).value == value, parameter
+    own = set(node._parameters) - {"use_sim_time", "start_type_description_service"}
+    assert own <= set(words(name)), "not in the shipped file, not even as a comment"
+
+
+def words(name):
+    """Every word of a section, comments included: parameters without a default stand there."""
+    (section,) = re.findall(rf"^/\*\*/{name}:\n((?:  .*\n|\n)+)", TEXT, re.MULTILINE)
+    return re.findall(r"\w+", section)
+
+
+def test_every_node_has_a_section():
+    """One for each executable but `intent`."""
+    setup = (Path(__file__).parents[2] / "setup.py").read_text(encoding="utf-8")
+    nodes = re.findall(r'^    "(\w+)": (?:PACKAGE|"sim_bridge"),$', setup, re.MULTILINE)
+    assert {f"/**/{name}" for name in nodes} == set(SECTIONS)
 
 
 def test_player_declares_its_section():
