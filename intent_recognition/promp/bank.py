@@ -24,11 +24,13 @@ class Hypotheses(NamedTuple):
         n_scales: S.
         duration_s: duration of the whole interaction under each hypothesis, (B,).
         log_prior: log prior probability of each, (B,); sums to one as probabilities.
+        duration_evidence: exponent of the evidence in the posterior of the duration.
     """
 
     n_scales: int
     duration_s: np.ndarray
     log_prior: np.ndarray
+    duration_evidence: float = 1.0
 
     def phase(self, elapsed_s: float | np.ndarray) -> np.ndarray:
         """Phase of each hypothesis so long after onset, in [0, 1]: (..., B)."""
@@ -68,7 +70,8 @@ def make_hypotheses(
     duration = np.exp(mean[:, None] + std[:, None] * offsets)
     with np.errstate(divide="ignore"):
         log_task = np.log(np.r_[prior * (1.0 - library.none_prior), library.none_prior])
-    return Hypotheses(n_scales, duration.ravel(), (log_task[:, None] + log_weight).ravel())
+    log_prior = (log_task[:, None] + log_weight).ravel()
+    return Hypotheses(n_scales, duration.ravel(), log_prior, library.duration_evidence)
 
 
 def fixed_hypotheses(library: TaskLibrary, duration_s: float) -> Hypotheses:

@@ -41,6 +41,7 @@ class TaskLibrary:
         n_demonstrations: per task, (K,).
         observed_groups: number of DOFs of each observed signal, in order; they sum to P.
         onset: how movement onset is detected, one for each observed signal.
+        duration_evidence: exponent of the evidence in the posterior of a movement's duration.
         provenance: where it came from: bags, settings, version, score.
     """
 
@@ -66,6 +67,7 @@ class TaskLibrary:
     n_demonstrations: np.ndarray
     observed_groups: tuple[int, ...]
     onset: tuple[OnsetSettings, ...]
+    duration_evidence: float = 1.0
     provenance: Mapping[str, object] = field(default_factory=dict)
 
     @property

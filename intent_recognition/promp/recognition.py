@@ -3,6 +3,11 @@
 
 Eq. 11 as printed forgets the past; here the posterior after one observation is the prior of the
 next, which in log space is a running sum.
+
+People's progress is not linear in time, so that under every constant duration the innovations are
+correlated, and their product is surer of the duration than it should be. The posterior of the
+duration, and only this one, therefore takes the evidence to a power (`duration_evidence`; 1 is
+Bayes' rule as it stands).
 """
 
 from typing import NamedTuple
@@ -34,13 +39,15 @@ def task_posterior(bank: FilterBank, hypotheses: Hypotheses, elapsed_s: float) -
     """Posterior of the tasks so long after onset, marginal over the durations."""
     shape = (-1, hypotheses.n_scales)
     log_prior = hypotheses.log_prior.reshape(shape)
-    log_joint = log_prior + bank.log_evidence.reshape(shape)
+    log_scale_evidence = bank.log_evidence.reshape(shape)
+    log_joint = log_prior + log_scale_evidence
     log_task_prior = np.logaddexp.reduce(log_prior, axis=1)
     log_task = np.logaddexp.reduce(log_joint, axis=1)
     possible = np.isfinite(log_task)
     with np.errstate(invalid="ignore"):
         log_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
-        scale_weights = np.exp(log_joint - log_task[:, None])
+        tempered = log_prior + hypotheses.duration_evidence * log_scale_evidence
+        scale_weights = np.exp(tempered - np.max(tempered, axis=1, keepdims=True))
     scale_weights[~possible] = 1.0 / hypotheses.n_scales
     scale_weights /= scale_weights.sum(axis=1, keepdims=True)
     probabilities = np.exp(log_task - np.max(log_task))

@@ -31,10 +31,11 @@ NUMBERS = (
     "none_covariance",
     "none_log_duration",
     "none_prior",
+    "duration_evidence",
     "n_demonstrations",
     "observed_groups",
 )
-SCALARS = ("noise_scale", "correlation_time_s", "none_prior")
+SCALARS = ("noise_scale", "correlation_time_s", "none_prior", "duration_evidence")
 
 
 @dataclass(frozen=True)

@@ -150,3 +150,19 @@ def test_recognition_is_calibrated_in_simulation(rng):
         assert n > 20
         assert abs(happened - expected) < 3.5 * std + 1.0
     assert pytest.approx(1.0, abs=1e-3) == p.sum(axis=1).mean()
+
+
+def test_the_evidence_of_the_duration_can_be_taken_to_a_power(rng):
+    """It moves the duration's posterior toward the prior, and nothing else."""
+    library = make_library(rng, n_tasks=2, n_basis=6)
+    hypotheses = make_hypotheses(library, n_scales=5)
+    bank = start_bank(library, hypotheses)._replace(log_evidence=rng.normal(size=15) * 10.0)
+    exact = task_posterior(bank, hypotheses, 0.5)
+    for power in (1.0, 0.3, 0.0):
+        found = task_posterior(bank, hypotheses._replace(duration_evidence=power), 0.5)
+        prior = hypotheses.log_prior.reshape(3, 5)
+        expected = np.exp(prior + power * bank.log_evidence.reshape(3, 5))
+        expected /= expected.sum(axis=1, keepdims=True)
+        np.testing.assert_allclose(found.scale_weights, expected, atol=1e-12)
+        np.testing.assert_array_equal(found.probabilities, exact.probabilities)
+        np.testing.assert_array_equal(found.log_evidence, exact.log_evidence)
