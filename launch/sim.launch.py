@@ -41,7 +41,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 "use_sim_time",
                 default_value="false",
-                description="The coworker takes the time from /clock (set publish_clock too).",
+                description="Take the time from /clock, the arm's own (publish_clock) or another.",
             ),
             DeclareLaunchArgument(
                 "publish_clock", default_value="false", description="The arm publishes /clock."
@@ -63,6 +63,7 @@ def generate_launch_description():
                     {
                         "headless": typed("headless", bool),
                         "publish_clock": typed("publish_clock", bool),
+                        "use_sim_time": typed("use_sim_time", bool),
                     },
                 ],
                 **common,

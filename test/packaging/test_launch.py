@@ -105,6 +105,14 @@ def test_nodes_are_executables_with_parameters(describe, repository, name):
         assert f"/**/{node.options['name']}" in sections
 
 
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_every_node_takes_the_namespace_and_the_simulated_time(describe, name):
+    for node in (entity for entity in describe(name) if entity.kind == "Node"):
+        _, *values = node.options["parameters"]
+        assert any("use_sim_time" in given for given in values), node.options["name"]
+        assert node.options["namespace"].args == ("namespace",)
+
+
 def test_demo_passes_only_arguments_that_exist(describe):
     for entity in describe("demo.launch.py"):
         if entity.kind == "IncludeLaunchDescription":
