@@ -104,6 +104,37 @@ def test_every_requirement_of_setup_is_pinned():
     assert names <= pinned
 
 
+KEYS = {
+    "pybullet_utils": "python3-pybullet-pip",
+    "pybullet": "python3-pybullet-pip",
+    "rosbags": "python3-rosbags-pip",
+    "yaml": "python3-yaml",
+    "mcap_ros2": "mcap-ros2-support",
+}
+
+
+def imported_packages():
+    """Top-level names imported by what is installed, but the standard library and itself."""
+    for folder in ("intent_recognition", "sim_bridge", "launch"):
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Import):
+                    yield from (alias.name.split(".")[0] for alias in node.names)
+                elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                    yield node.module.split(".")[0]
+
+
+def test_everything_imported_is_declared(manifest):
+    """In package.xml, or in setup.py for what rosdep does not know."""
+    declared = {element.text for element in manifest.iter("exec_depend")}
+    setup = (ROOT / "setup.py").read_text(encoding="utf-8")
+    own = {*sys.stdlib_module_names, "intent_recognition", "sim_bridge"}
+    for name in sorted(set(imported_packages()) - own):
+        key = KEYS.get(name, name)
+        known = {key, f"python3-{key}"} & declared or re.search(rf'"{key}(>=[\d.]+)?",', setup)
+        assert known, name
+
+
 def entry_points():
     run = subprocess.run(
         [
