@@ -162,8 +162,9 @@ def _read(path: str | Path) -> dict[str, np.ndarray]:
     except ModelError:
         raise
     except Exception as error:  # numpy and zipfile raise many kinds for what is no model
+        found = error if isinstance(error, OSError) else "another file, or a damaged one"
         raise ModelError(
-            describe(str(path), "a model file written by `intent train`", error, RETRAIN)
+            describe(str(path), "a model file written by `intent train`", found, RETRAIN)
         ) from error
 
 

@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent`: one parser, help for every command, one line for every error."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from cli.recorded import write_all
 
 from intent_recognition import __version__
 from intent_recognition.cli import main as cli
 from intent_recognition.errors import ModelError
 
+ROOT = Path(__file__).parents[2]
 WORK = ("train", "evaluate", "replay")
 
 
@@ -99,3 +103,37 @@ def test_the_commands_need_no_ros(command):
         "sys.exit(bool({'rclpy', 'pybullet', 'matplotlib'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_commands_run_where_there_is_no_ros(tmp_path):
+    """Every import of a ROS package is refused, as on a machine without ROS."""
+    write_all(tmp_path)
+    program = tmp_path / "without_ros.py"
+    program.write_text(
+        "import importlib.util, sys\n"
+        "class NoRos:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name.split('.')[0].endswith(('rclpy', '_msgs', '_interfaces', '_srvs')):\n"
+        "            raise ModuleNotFoundError(name)\n"
+        "sys.meta_path.insert(0, NoRos())\n"
+        "from intent_recognition.cli.main import main\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    bags, bag, dofs = (tmp_path / name for name in ("bags", "bags/demo_00", "dofs.yaml"))
+    model, saved = tmp_path / "model.npz", tmp_path / "saved"
+    for command in (
+        ("train", bags, "--dofs", dofs, "--output", model),
+        ("evaluate", bags, "--dofs", dofs, "--protocol", "kfold:2"),
+        ("replay", bag, "--model", model),
+        ("inspect", bag),
+        ("inspect", model),
+        ("recover", bag, "--output", saved),
+    ):
+        run = subprocess.run(
+            [sys.executable, str(program), *map(str, command)],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, sys.path)])},
+        )
+        assert run.returncode == 0, (command, run.stderr)
