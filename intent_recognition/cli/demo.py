@@ -29,7 +29,9 @@ def add_parser(subparsers) -> None:
         description="Train on the shipped bags, start the nodes as separate processes, and let a"
         " simulated coworker assemble a toolbox with the arm's help. Needs ROS 2.",
     )
-    parser.add_argument("--scenario", choices=SCENARIOS, default="toolbox")
+    parser.add_argument(
+        "--scenario", choices=SCENARIOS, default="toolbox", help="what to do (default: toolbox)"
+    )
     parser.add_argument(
         "--task-list",
         default="random",

@@ -30,8 +30,10 @@ def add_parser(subparsers) -> None:
         help="run the online estimator over a recording",
         description="Print the task posterior over time, as the nodes would publish it.",
     )
-    parser.add_argument("bag", type=Path, metavar="BAG")
-    parser.add_argument("--model", type=Path, required=True, metavar="M.npz")
+    parser.add_argument("bag", type=Path, metavar="BAG", help="bag directory or .mcap file")
+    parser.add_argument(
+        "--model", type=Path, required=True, metavar="M.npz", help="written by `intent train`"
+    )
     parser.add_argument("--json", type=Path, metavar="OUT", help="write every observation as JSON")
     parser.set_defaults(run=run)
 

@@ -26,6 +26,13 @@ def test_every_command_explains_itself(command, capsys):
     assert text.startswith(f"usage: intent {command}") and len(text.splitlines()) > 5
 
 
+def test_every_option_explains_itself():
+    (commands,) = (a for a in cli.make_parser()._actions if a.choices and not a.option_strings)
+    for command, parser in commands.choices.items():
+        for action in parser._actions:
+            assert action.help, (command, action.dest)
+
+
 def test_the_parser_lists_every_command(capsys):
     with pytest.raises(SystemExit) as ended:
         cli.main(["--help"])

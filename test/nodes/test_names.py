@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names, qualities of service and endings that the contract fixes, for every node."""
+
+import json
+import os
+import signal
+
+import pytest
+from bag_builder import write_bag
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSReliabilityPolicy
+from ros_harness import NodeProcess
+
+from intent_recognition.nodes.bag_player import BagPlayer
+from intent_recognition.nodes.bag_recorder import BagRecorder
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.share import node_environment
+from sim_bridge.nodes.coworker_sim import CoworkerSim
+from sim_bridge.nodes.lwr_sim import LwrSim
+
+NODES = {
+    "mocap_ingest": (MocapIngest, {}),
+    "intent_estimator": (IntentEstimatorNode, {"autostart": False}),
+    "primitive_activation": (PrimitiveActivation, {}),
+    "bag_recorder": (BagRecorder, {}),
+    "bag_player": (BagPlayer, {"start_paused": True, "wait_for_subscribers": 0.0}),
+    "lwr_sim": (LwrSim, {"publish_clock": True}),
+    "coworker_sim": (CoworkerSim, {"use_sim_time": True}),
+}
+ABSOLUTE = {"/clock", "/diagnostics", "/rosout", "/parameter_events"}
+SENSOR = (QoSReliabilityPolicy.BEST_EFFORT, QoSDurabilityPolicy.VOLATILE, 10)
+STATE = (QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.VOLATILE, 10)
+COMMAND = (QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.VOLATILE, 1)
+LATCHED = (QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.TRANSIENT_LOCAL, 1)
+OFFERED = {
+    "mocap_ingest": {"human/wrist": SENSOR},
+    "intent_estimator": {
+        "intent/tasks": STATE,
+        "intent/robot_trajectory": COMMAND,
+        "intent/human_path": COMMAND,
+        "intent/markers": COMMAND,
+    },
+    "primitive_activation": {"joint_trajectory": COMMAND, "intent/active_task": LATCHED},
+    "lwr_sim": {"joint_states": STATE, "robot_description": LATCHED},
+    "coworker_sim": {"mocap/wrist/pose": SENSOR, "coworker/task": STATE},
+}
+SERVICES = {
+    "intent_estimator": {"reset", "reload_model"},
+    "primitive_activation": {"reset"},
+    "bag_recorder": {"start", "stop"},
+    "lwr_sim": {"gravity_compensation"},
+}
+
+
+@pytest.fixture
+def bag(tmp_path):
+    write_bag(tmp_path / "bag")
+    return str(tmp_path / "bag")
+
+
+def make(harness, name, bag):
+    kind, values = NODES[name]
+    values = {**values, "bag": bag} if name == "bag_player" else values
+    overrides = [Parameter(key, value=value) for key, value in values.items()]
+    return harness.add(kind(namespace="/cell1", parameter_overrides=overrides))
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_every_name_is_in_the_namespace_but_clock_and_diagnostics(harness, bag, name):
+    node = make(harness, name, bag)
+    topics = {entity.topic_name for entity in (*node.publishers, *node.subscriptions)}
+    assert "/diagnostics" in topics
+    assert all(topic.startswith("/cell1/") for topic in topics - ABSOLUTE)
+    offered = {service.service_name for service in node.services}
+    assert all(service.startswith(f"/cell1/{name}/") for service in offered)
+    assert offered >= {f"/cell1/{name}/{service}" for service in SERVICES.get(name, ())}
+
+
+@pytest.mark.parametrize("name", OFFERED)
+def test_topics_are_offered_as_the_contract_says(harness, bag, name):
+    profiles = {p.topic_name: p.qos_profile for p in make(harness, name, bag).publishers}
+    for topic, (reliability, durability, depth) in OFFERED[name].items():
+        profile = profiles[f"/cell1/{topic}"]
+        assert (profile.reliability, profile.durability) == (reliability, durability), topic
+        assert (profile.history, profile.depth) == (QoSHistoryPolicy.KEEP_LAST, depth), topic
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_every_node_ends_quietly_when_asked_to(harness, bag, name):
+    kind, values = NODES[name]
+    values = {**values, "bag": bag} if name == "bag_player" else values
+    pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in values.items())
+    arguments = ["--ros-args", *(word for pair in pairs for word in pair)]
+    reports = harness.collect(DiagnosticArray, "/diagnostics")
+    environment = node_environment(dict(os.environ))
+    with NodeProcess(kind.__module__, *arguments, environment=environment) as process:
+        harness.spin_until(
+            lambda: any(status.name == name for report in reports for status in report.status),
+            what="diagnostics",
+        )
+        assert process.stop(signal.SIGTERM) == 0, process.errors
+    assert "Traceback" not in process.errors
