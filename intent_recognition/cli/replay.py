@@ -13,7 +13,12 @@ from rich.table import Table
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.recordings import check_output, write_json
 from intent_recognition.errors import BagError, describe
-from intent_recognition.promp.decision import DecisionSettings, DecisionState, decide
+from intent_recognition.promp.decision import (
+    DecisionSettings,
+    DecisionState,
+    decide,
+    uncertain_end,
+)
 from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.online import IntentEstimator
 from intent_recognition.storage.bag_reader import BagReader
@@ -45,7 +50,8 @@ def run(args: argparse.Namespace) -> int:
     model = load_model(args.model)
     reader = BagReader(args.bag)
     rejected: Counter[str] = Counter()
-    rows = list(replay(reader, model, rejected))
+    held_back: dict[str, str] = {}
+    rows = list(replay(reader, model, rejected, held_back=held_back))
     dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
     if not rows:
         raise BagError(
@@ -59,6 +65,9 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         write_json(args.json, rows)
     print_rows(console, model.library, rows)
+    active = {row["active_task"] for row in rows}
+    for reason in (reason for task, reason in held_back.items() if task not in active):
+        console.print(f"not activated: {reason}", style="yellow", highlight=False)
     if dropped:
         console.print(f"messages dropped: {dropped}", style="yellow", highlight=False)
     return 0
@@ -69,6 +78,7 @@ def replay(
     model: Model,
     rejected: Counter[str] | None = None,
     settings: DecisionSettings | None = None,
+    held_back: dict[str, str] | None = None,
 ) -> Iterator[dict]:
     """One dictionary per observation: stamp, probabilities, phase, active task.
 
@@ -77,9 +87,12 @@ def replay(
         model: the trained model; its own DOF file says what is read.
         rejected: counts what is dropped, by reason.
         settings: of the activation's decision; the node's defaults when None.
+        held_back: takes, by task, the last reason for which a recognised one was not active.
     """
     rejected = Counter() if rejected is None else rejected
     settings = settings or DecisionSettings()
+    held_back = {} if held_back is None else held_back
+    unit = "/".join(dict.fromkeys(entry.unit for entry in model.dofs.controlled))
     estimator, state = IntentEstimator(model.library), DecisionState()
     labels = (*model.library.labels, NONE)
     for observation in iter_observations(reader, model.dofs, rejected=rejected):
@@ -92,6 +105,9 @@ def replay(
         if estimate.moving and np.argmax(estimate.probabilities) < model.library.n_tasks:
             end_std = estimator.predicted_end_std()
         state, active = decide(settings, state, labels, estimate.probabilities, end_std)
+        reason = uncertain_end(settings, state, end_std, unit)
+        if reason:
+            held_back[state.candidate] = reason
         yield {
             "stamp": estimate.stamp_ns,
             "probabilities": dict(zip(labels, estimate.probabilities.tolist(), strict=True)),

@@ -121,13 +121,16 @@ def decide(
     return DecisionState(active, candidate, n_for, n_against, event, False), active
 
 
-def uncertain_end(settings: DecisionSettings, state: DecisionState, end_std: float | None) -> str:
+def uncertain_end(
+    settings: DecisionSettings, state: DecisionState, end_std: float | None, unit: str = "rad"
+) -> str:
     """Why a task that was recognised is not active: text for people, or empty.
 
     Args:
         settings: when to act.
         state: as `decide` returned it.
         end_std: what `decide` was given.
+        unit: unit of the controlled DOFs.
     """
     recognised = state.candidate and state.n_for >= settings.n_observations
     if not recognised or state.active == state.candidate:
@@ -136,7 +139,7 @@ def uncertain_end(settings: DecisionSettings, state: DecisionState, end_std: flo
         return f"recognised {state.candidate}, but its end was not predicted"
     return (
         f"recognised {state.candidate}, but the predicted end is uncertain: "
-        f"{end_std:.2f} rad > max_end_std {settings.max_end_std_rad:g}"
+        f"{end_std:.2f} {unit} > max_end_std {settings.max_end_std_rad:g}"
     )
 
 

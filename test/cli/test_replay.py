@@ -10,6 +10,7 @@ from cli.recorded import DOFS, TRUTH
 from model_builder import learned_model, perform, write_recording
 
 from intent_recognition.errors import BagError, ModelError, ResourceBusyError
+from intent_recognition.promp.decision import DecisionSettings
 from intent_recognition.promp.observations import merge
 from intent_recognition.promp.online import IntentEstimator
 from intent_recognition.storage import BagReader, BagWriter
@@ -63,6 +64,15 @@ def test_the_right_task_becomes_active_and_ends(replay, bag):
     assert rows[first]["probabilities"]["task_1"] >= 0.9
     sure = [row["probabilities"]["task_1"] >= 0.9 for row in rows]
     assert all(sure[first - 4 : first + 1])  # five on end
+
+
+def test_why_a_recognised_task_never_was_active_is_said(replay, bag, monkeypatch):
+    assert "not activated" not in replay(bag)[1]
+    strict = DecisionSettings(max_end_std_rad=1e-6)
+    monkeypatch.setattr("intent_recognition.cli.replay.DecisionSettings", lambda: strict)
+    _, text, rows = replay(bag)
+    assert {row["active_task"] for row in rows} == {""}
+    assert "not activated: recognised task_1, but the predicted end is uncertain" in text
 
 
 def test_numbers_are_the_estimator_s(replay, bag, model):

@@ -7,7 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.promp.decision import DecisionSettings, DecisionState, decide
+from intent_recognition.promp.decision import (
+    DecisionSettings,
+    DecisionState,
+    decide,
+    uncertain_end,
+)
 
 LABELS = ("plate", "screw", "none")
 SURE = {"plate": (0.95, 0.04, 0.01), "screw": (0.02, 0.97, 0.01), "none": (0.03, 0.02, 0.95)}
@@ -47,6 +52,18 @@ def test_an_uncertain_or_unknown_end_holds_it_back(end_std):
     assert set(play([SURE["plate"]] * 9, end_std=end_std)[1]) == {""}
     loose = DecisionSettings(max_end_std_rad=np.inf)
     assert play([SURE["plate"]] * 5, loose, end_std=end_std)[1][-1] == "plate"
+
+
+def test_why_it_is_held_back_is_said_once_everything_else_holds():
+    state, _, _ = play([SURE["plate"]] * 4, end_std=0.52)
+    assert uncertain_end(SETTINGS, state, 0.52) == ""
+    state, _, _ = play([SURE["plate"]] * 5, end_std=0.52)
+    text = "recognised plate, but the predicted end is uncertain: 0.52 rad > max_end_std 0.35"
+    assert uncertain_end(SETTINGS, state, 0.52) == text
+    assert "0.52 m >" in uncertain_end(SETTINGS, state, 0.52, "m")
+    assert "not predicted" in uncertain_end(SETTINGS, state, None)
+    state, _, _ = play([SURE["plate"]], state=state)
+    assert state.active == "plate" and uncertain_end(SETTINGS, state, 0.52) == ""
 
 
 def test_activates_as_soon_as_the_end_becomes_certain():
