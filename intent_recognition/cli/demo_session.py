@@ -103,11 +103,13 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
     pace = PaceKeeper(observer, args.rate)
     looked = time.monotonic()
 
-    def keep_pace() -> None:
+    def session_over() -> bool:
         nonlocal looked
-        if time.monotonic() - looked > PACE_PERIOD_S:
+        over = not processes.running("coworker_sim")
+        if not progress.over and time.monotonic() - looked > PACE_PERIOD_S:
             looked = time.monotonic()
             pace.update(observer.lag_s())
+        return over
 
     def spin_until(condition: Callable[[], bool], deadline_s: float, what: str) -> None:
         end = time.monotonic() + deadline_s
@@ -120,7 +122,6 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
                     describe(what, f"within {deadline_s:.0f} s", "nothing", "See the nodes' logs.")
                 )
             executor.spin_once(timeout_sec=SLICE_S)
-            keep_pace()
 
     try:
         _refuse_busy_domain(observer, executor)
@@ -139,7 +140,7 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
         )
         longest = 120.0 + 150.0 * len(tasks)
         with progress:
-            spin_until(lambda: not processes.running("coworker_sim"), longest, "the session's end")
+            spin_until(session_over, longest, "the session's end")
             end = time.monotonic() + LAST_MOTION_S / args.rate
             spin_until(lambda: time.monotonic() > end, 2 * LAST_MOTION_S / args.rate, "the end")
         processes.check(may_end=("coworker_sim",))
@@ -215,6 +216,11 @@ class _Progress:
 
     def __exit__(self, *details: object) -> None:
         self._status.__exit__(*details)
+
+    @property
+    def over(self) -> bool:
+        """Whether the last movement of the session has ended."""
+        return self._number == self._total and not self._truth
 
     def on_task(self, label: str) -> None:
         """Take note of the ground truth: a movement began, or ended."""
