@@ -69,6 +69,34 @@ def observe(
     return condition_bank(bank, dofs, rows, observation.values, noise)
 
 
+class BankRun:
+    """A bank that takes one observation after the other, and minds when each signal was last used.
+
+    Args:
+        library: the learned tasks.
+        hypotheses: the bank's grid.
+        bank: the bank at onset.
+        onset_ns: stamp from which phases count.
+    """
+
+    def __init__(
+        self, library: TaskLibrary, hypotheses: Hypotheses, bank: FilterBank, onset_ns: int
+    ):
+        self.library, self.hypotheses, self.onset_ns = library, hypotheses, onset_ns
+        self.bank = bank
+        self._last_ns: dict[int, int] = {}
+
+    def observe(self, observation: Observation) -> None:
+        """Condition the bank on an observation."""
+        previous = self._last_ns.get(observation.group)
+        interval = np.inf if previous is None else (observation.stamp_ns - previous) * 1e-9
+        elapsed = (observation.stamp_ns - self.onset_ns) * 1e-9
+        self.bank = observe(
+            self.library, self.hypotheses, self.bank, observation, elapsed, interval
+        )
+        self._last_ns[observation.group] = observation.stamp_ns
+
+
 def run_bank(
     library: TaskLibrary,
     hypotheses: Hypotheses,
@@ -77,11 +105,7 @@ def run_bank(
     onset_ns: int,
 ) -> FilterBank:
     """Condition the bank on a stretch of observations that begins at onset."""
-    last: dict[int, int] = {}
+    run = BankRun(library, hypotheses, bank, onset_ns)
     for observation in observations:
-        previous = last.get(observation.group)
-        interval = np.inf if previous is None else (observation.stamp_ns - previous) * 1e-9
-        elapsed = (observation.stamp_ns - onset_ns) * 1e-9
-        bank = observe(library, hypotheses, bank, observation, elapsed, interval)
-        last[observation.group] = observation.stamp_ns
-    return bank
+        run.observe(observation)
+    return run.bank

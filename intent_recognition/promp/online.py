@@ -15,13 +15,12 @@ from intent_recognition.errors import DofError, describe
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.bank import (
     N_SCALES,
-    FilterBank,
     Hypotheses,
     make_hypotheses,
     start_bank,
 )
 from intent_recognition.promp.library import NONE, TaskLibrary
-from intent_recognition.promp.observations import Observation, observe
+from intent_recognition.promp.observations import BankRun, Observation
 from intent_recognition.promp.prediction import (
     Trajectory,
     controlled_weights,
@@ -78,24 +77,16 @@ class Prediction(NamedTuple):
     trajectory: Trajectory
 
 
-class _Movement:
+class _Movement(BankRun):
     """The movement under way: its onset, its observations and the filtered bank."""
 
     def __init__(self, library: TaskLibrary, hypotheses: Hypotheses, onset_ns: int):
-        self.library, self.hypotheses, self.onset_ns = library, hypotheses, onset_ns
-        self.bank: FilterBank = start_bank(library, hypotheses)
+        super().__init__(library, hypotheses, start_bank(library, hypotheses), onset_ns)
         self.observations: list[Observation] = []
-        self._last: dict[int, int] = {}
 
     def observe(self, observation: Observation) -> None:
-        previous = self._last.get(observation.group)
-        interval = np.inf if previous is None else (observation.stamp_ns - previous) * 1e-9
-        elapsed = (observation.stamp_ns - self.onset_ns) * 1e-9
-        self.bank = observe(
-            self.library, self.hypotheses, self.bank, observation, elapsed, interval
-        )
+        super().observe(observation)
         self.observations.append(observation)
-        self._last[observation.group] = observation.stamp_ns
 
     def posterior(self, stamp_ns: int) -> TaskPosterior:
         return task_posterior(self.bank, self.hypotheses, (stamp_ns - self.onset_ns) * 1e-9)

@@ -17,7 +17,7 @@ from intent_recognition.promp.bank import (
 )
 from intent_recognition.promp.examples import Recorded, cut_to_movement
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.observations import merge, observe
+from intent_recognition.promp.observations import BankRun, merge
 from intent_recognition.promp.prediction import StartPosture, mixture_at
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
 from intent_recognition.promp.training import TrainingSettings, learn
@@ -219,20 +219,16 @@ def _snapshots(
 ) -> Iterator[tuple[float, FilterBank]]:
     """The bank after each share of the movement's time, in order."""
     fractions = sorted({*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS})
-    bank = start_bank(library, hypotheses)
-    last: dict[int, int] = {}
+    run = BankRun(library, hypotheses, start_bank(library, hypotheses), test.start_ns)
     for observation in merge(test.observed):
         elapsed = (observation.stamp_ns - test.start_ns) * 1e-9
         if observation.stamp_ns > test.end_ns:
             break
         while fractions and elapsed > fractions[0] * duration_s + 1e-9:
-            yield fractions.pop(0), bank
-        previous = last.get(observation.group)
-        interval = np.inf if previous is None else (observation.stamp_ns - previous) * 1e-9
-        bank = observe(library, hypotheses, bank, observation, elapsed, interval)
-        last[observation.group] = observation.stamp_ns
+            yield fractions.pop(0), run.bank
+        run.observe(observation)
     for fraction in fractions:
-        yield fraction, bank
+        yield fraction, run.bank
 
 
 def per_unit(library: TaskLibrary, values: np.ndarray) -> np.ndarray:
