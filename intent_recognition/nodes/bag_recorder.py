@@ -79,11 +79,6 @@ class BagRecorder(Node):
             self.start()
 
     @property
-    def is_recording(self) -> bool:
-        """Whether messages are being written."""
-        return self._writer is not None
-
-    @property
     def listening(self) -> tuple[str, ...]:
         """Resolved names of the topics subscribed to."""
         return tuple(self._sources)

@@ -131,10 +131,6 @@ class BagReader:
         """Messages over all topics."""
         return sum(topic.message_count for topic in self.topics.values())
 
-    def has_topic(self, topic: str) -> bool:
-        """Whether a topic was recorded; a leading slash makes no difference."""
-        return any(name.lstrip("/") == topic.lstrip("/") for name in self.topics)
-
     def raw_messages(self, topics: Iterable[str] | None = None) -> Iterator[RawMessage]:
         """All messages, or those of `topics`, ordered by log time, then as recorded.
 
