@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controlled agent's posture at onset: found by stamp, and whether training knows such starts.
+
+It conditions trajectories (`prediction.controlled_weights`), never the task evidence: where the
+robot stands is its own doing.
+"""
+
+from collections import deque
+
+import numpy as np
+from scipy.stats import chi2
+
+from intent_recognition.gaussian.linalg import cholesky, solve_lower, symmetrize
+from intent_recognition.promp.library import TaskLibrary
+
+MAX_AGE_S = 0.25
+"""A posture measured longer before the onset is not the one at onset."""
+SPAN_S = 4.0
+"""How long samples are kept: an onset is found up to two seconds late."""
+OUTSIDE_QUANTILE = 0.999
+"""Of the trained starts so many are within; a start beyond is outside."""
+
+
+class PostureHistory:
+    """The latest samples of the controlled agent, whose DOFs may come on several topics.
+
+    Args:
+        n_groups: number of controlled signals.
+    """
+
+    def __init__(self, n_groups: int):
+        self._samples: list[deque[tuple[int, np.ndarray]]] = [deque() for _ in range(n_groups)]
+
+    @property
+    def n_groups(self) -> int:
+        """Number of controlled signals."""
+        return len(self._samples)
+
+    def take(self, stamp_ns: int, group: int, values: np.ndarray) -> str | None:
+        """Take one sample; returns why it was not taken, as a diagnostics key, or None."""
+        samples = self._samples[group]
+        if not np.all(np.isfinite(values)):
+            return "not_finite"
+        if stamp_ns <= 0:
+            return "zero_stamp"
+        if samples and stamp_ns <= samples[-1][0]:
+            return "stamp_not_increasing"
+        samples.append((stamp_ns, np.array(values, dtype=np.float64)))
+        while stamp_ns - samples[0][0] > SPAN_S * 1e9:
+            samples.popleft()
+        return None
+
+    def at(self, stamp_ns: int) -> np.ndarray | None:
+        """Newest values not after a stamp of all DOFs, (Q,); None where one is missing or old."""
+        parts = []
+        for samples in self._samples:
+            before = next((s for s in reversed(samples) if s[0] <= stamp_ns), None)
+            if before is None or stamp_ns - before[0] > MAX_AGE_S * 1e9:
+                return None
+            parts.append(before[1])
+        return np.concatenate(parts)
+
+    def passed(self, stamp_ns: int) -> bool:
+        """Whether every signal has gone beyond a stamp, so that `at` cannot change any more."""
+        return all(samples and samples[-1][0] >= stamp_ns for samples in self._samples)
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        for samples in self._samples:
+            samples.clear()
+
+
+def start_distance(library: TaskLibrary, task: int, position: np.ndarray) -> float:
+    """Squared Mahalanobis distance of a posture from a task's starts (phase 0).
+
+    Args:
+        library: the learned tasks.
+        task: number of the task.
+        position: of the controlled DOFs, (Q,).
+    """
+    primitive, n_observed = library.primitive(task), library.n_observed_weights
+    row = library.basis.design_matrix(np.zeros(1))
+    design = np.kron(np.eye(library.n_controlled), row)
+    covariance = design @ primitive.covariance[n_observed:, n_observed:] @ design.T
+    covariance = symmetrize(covariance) + np.diag(library.control_noise_variance())
+    factor = cholesky(covariance, name="covariance of the trained starts")
+    whitened = solve_lower(factor, (position - design @ primitive.mean[n_observed:])[:, None])
+    return float(np.sum(whitened**2))
+
+
+def within_trained_starts(library: TaskLibrary, task: int, position: np.ndarray) -> bool:
+    """Whether a posture is one from which the task was taught.
+
+    The learned covariance is that of the next demonstration, so the squared distance of a start
+    like the trained ones is chi-square with Q degrees of freedom.
+    """
+    limit = chi2.ppf(OUTSIDE_QUANTILE, library.n_controlled)
+    return start_distance(library, task, position) <= limit
+
+
+def start_mean(library: TaskLibrary, task: int) -> np.ndarray:
+    """Mean posture in which a task begins, (Q,)."""
+    row = library.basis.design_matrix(np.zeros(1))[0]
+    weights = library.weight_mean[task, library.n_observed_weights :]
+    return weights.reshape(library.n_controlled, -1) @ row

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which task follows which: learned from recorded sequences, used as p(s) of the next movement.
+
+A first-order Markov chain over tasks. What is remembered of the past is a belief over the last
+task, not a decision: after each movement
+
+    belief'(k) = p(k) + p(none) belief(k)
+
+with the movement's task posterior p, so that a movement that is none of the tasks leaves the
+memory as it was, and one that might have been two tasks speaks for both. The next movement's prior
+is p(s) = sum_k belief(k) T(k, s). The last row of T, and the last entry of the belief, stand for
+"no last task": the beginning of a session, after a reset, after a long silence.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import gammaln
+
+from intent_recognition.errors import ShapeError, describe
+
+FORGET_AFTER_S = 60.0
+"""So long after the end of a movement the last task tells nothing about the next."""
+COMPLETED_PHASE = 0.9
+"""A movement that ended before this expected phase was broken off: it is no last task."""
+_PSEUDO_COUNTS = np.geomspace(0.1, 100.0, 61)
+
+
+class TaskMemory(NamedTuple):
+    """What is remembered of the movements before.
+
+    Attributes:
+        belief: probability that each task was the last, "no last task" at the end, (K + 1,).
+        ended_ns: when the last movement ended, 0 when there was none.
+    """
+
+    belief: np.ndarray
+    ended_ns: int = 0
+
+    @classmethod
+    def empty(cls, n_tasks: int) -> "TaskMemory":
+        """No last task."""
+        belief = np.zeros(n_tasks + 1)
+        belief[-1] = 1.0
+        return cls(belief)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is remembered."""
+        return bool(self.belief[-1] >= 1.0)
+
+    def last_task(self, labels: Sequence[str]) -> str:
+        """The most probable last task, empty where "no last task" is more probable."""
+        best = int(np.argmax(self.belief))
+        return labels[best] if best < len(labels) else ""
+
+    def relabelled(self, before: Sequence[str], after: Sequence[str]) -> "TaskMemory":
+        """The same memory over other labels; a task that is no more becomes "no last task"."""
+        belief = np.zeros(len(after) + 1)
+        for label, p in zip((*before, None), self.belief, strict=True):
+            belief[after.index(label) if label in after else -1] += p
+        return TaskMemory(belief, self.ended_ns)
+
+
+def remember(
+    memory: TaskMemory, probabilities: np.ndarray, phase: np.ndarray, ended_ns: int
+) -> TaskMemory:
+    """The memory after a movement; one that was broken off changes only the time.
+
+    Args:
+        memory: before the movement.
+        probabilities: of the K tasks and none at the movement's end, (K + 1,).
+        phase: expected phase under each then, (K + 1,).
+        ended_ns: when it ended.
+    """
+    p = np.where(np.asarray(phase) >= COMPLETED_PHASE, probabilities, 0.0)
+    p[-1] = 1.0 - p[:-1].sum()
+    belief = p[-1] * memory.belief
+    belief[:-1] += p[:-1]
+    return TaskMemory(belief / belief.sum(), ended_ns)
+
+
+def next_task_prior(transition_prior: np.ndarray, memory: TaskMemory) -> np.ndarray:
+    """p(s) of the next movement, (K,), sums to one.
+
+    Args:
+        transition_prior: p(next | last), (K + 1, K).
+        memory: of the movements before.
+    """
+    possible = np.flatnonzero(memory.belief > 1e-9)  # with thousands of tasks: a few
+    prior = memory.belief[possible] @ transition_prior[possible]
+    return prior / prior.sum()
+
+
+def count_transitions(sequences: Iterable[Sequence[str]], labels: Sequence[str]) -> np.ndarray:
+    """How often which task followed which, (K + 1, K); the last row counts first tasks.
+
+    A label that is none of the tasks is passed over, as online, where it is `none`.
+    """
+    index = {label: k for k, label in enumerate(labels)}
+    counts = np.zeros((len(labels) + 1, len(labels)))
+    for sequence in sequences:
+        last = len(labels)
+        for label in sequence:
+            if label in index:
+                counts[last, index[label]] += 1.0
+                last = index[label]
+    return counts
+
+
+def smoothed_transitions(counts: np.ndarray) -> np.ndarray:
+    """p(next | last) from counts, (K + 1, K): Dirichlet smoothing, its strength from the data.
+
+    Row k is (n_kj + a) / (n_k + K a) under a symmetric Dirichlet prior with a pseudo-counts a
+    task. The rows are averaged over a, weighted by the evidence of all counts (the
+    Dirichlet-multinomial likelihood, flat in log a from 0.1 to 100), so that a habit seen often
+    is believed and one seen twice is not. A row without counts is uniform.
+
+    Raises:
+        ShapeError: counts are not (K + 1, K).
+    """
+    n = np.asarray(counts, dtype=np.float64)
+    if n.ndim != 2 or n.shape[0] != n.shape[1] + 1:
+        cure = "One row a last task and one for none, one column a task."
+        raise ShapeError(describe("counts", "shape (K + 1, K)", n.shape, cure))
+    a = _PSEUDO_COUNTS[:, None, None]
+    total = n.shape[1] * a[:, :, 0]
+    cells = np.sum(gammaln(n + a) - gammaln(a), axis=2)
+    log_evidence = np.sum(cells + gammaln(total) - gammaln(total + n.sum(axis=1)), axis=1)
+    weight = np.exp(log_evidence - log_evidence.max())
+    rows = (n + a) / (n.sum(axis=1, keepdims=True) + n.shape[1] * a)
+    prior = np.tensordot(weight / weight.sum(), rows, axes=1)
+    return prior / prior.sum(axis=1, keepdims=True)
