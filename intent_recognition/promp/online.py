@@ -21,21 +21,15 @@ from intent_recognition.promp.bank import (
 )
 from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.observations import BankRun, Observation
-from intent_recognition.promp.posture import PostureHistory, within_trained_starts
+from intent_recognition.promp.posture import POSTURE_UNKNOWN, OnsetPosture
 from intent_recognition.promp.prediction import (
-    StartPosture,
     Trajectory,
     controlled_weights,
     observed_weights,
     rollout,
 )
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
-from intent_recognition.promp.transitions import (
-    FORGET_AFTER_S,
-    TaskMemory,
-    next_task_prior,
-    remember,
-)
+from intent_recognition.promp.transitions import FORGET_AFTER_S, Expectation
 
 HISTORY_S = 2.0
 """How much of the past the onset detector sees."""
@@ -45,7 +39,6 @@ PAUSE_S = 1.5
 PAUSE_SHARE = 0.3
 CLOCK_RESET_AFTER = 50
 """So many late observations of a signal on end, in order among themselves: its clock went back."""
-POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 OVERTIME_S = 0.5
 """How long after its expected end a movement that goes on is still taken for the same one."""
 
@@ -79,8 +72,7 @@ class Prediction(NamedTuple):
         task: its label.
         onset_ns: the stamp from which the trajectory's times count.
         trajectory: means and spread.
-        start: what became of the controlled agent's posture at onset: POSTURE_USED,
-            POSTURE_OUTSIDE (the task was not taught from there) or POSTURE_UNKNOWN.
+        start: what became of the controlled agent's posture at onset; see `posture`.
     """
 
     task: str
@@ -95,9 +87,6 @@ class _Movement(BankRun):
     def __init__(self, library: TaskLibrary, hypotheses: Hypotheses, onset_ns: int):
         super().__init__(library, hypotheses, start_bank(library, hypotheses), onset_ns)
         self.observations: list[Observation] = []
-        self.start: np.ndarray | None = None
-        self.start_is_final = False
-        self.starts: dict[int, tuple[StartPosture | None, str]] = {}
 
     def observe(self, observation: Observation) -> None:
         super().observe(observation)
@@ -133,12 +122,8 @@ class IntentEstimator:
     ):
         self.library = library
         self._n_scales = n_scales
-        self._transitions = transitions
-        self._fixed_prior = task_prior
-        self._forget_after_s = forget_after_s
-        self._use_posture = start_posture
-        self._postures: PostureHistory | None = None
-        self.memory = TaskMemory.empty(library.n_tasks)
+        self._posture = OnsetPosture() if start_posture else None
+        self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._hypotheses = self._make_hypotheses()
         self._history: list[deque[Observation]] = [deque() for _ in library.observed_groups]
         self._newest_ns = [0] * len(library.observed_groups)
@@ -182,7 +167,8 @@ class IntentEstimator:
             while history and observation.stamp_ns - history[0].stamp_ns > HISTORY_S * 1e9:
                 history.popleft()
         if self._movement is None:
-            self._forget_if_long_ago(observation.stamp_ns)
+            if self.expectation.forget_if_long_ago(observation.stamp_ns):
+                self._hypotheses = self._make_hypotheses()
             self._begin_if_moving()
         elif observation.stamp_ns >= self._movement.onset_ns:
             self._movement.observe(observation)
@@ -190,7 +176,8 @@ class IntentEstimator:
             return self._idle(observation.stamp_ns)
         self._posterior = self._movement.posterior(observation.stamp_ns)
         if self._finished(observation.stamp_ns, self._posterior):
-            self._remember(observation.stamp_ns, self._posterior)
+            self.expectation.remember(observation.stamp_ns, self._posterior)
+            self._hypotheses = self._make_hypotheses()
             self._movement = self._posterior = None
             return self._idle(observation.stamp_ns)
         return Estimate(
@@ -206,21 +193,13 @@ class IntentEstimator:
     def observe_controlled(self, observation: Observation) -> str | None:
         """Take the controlled agent's position; returns why it was not taken, or None.
 
-        It is used for its posture at onset only, found by stamp: see `posture`. The groups are
-        the controlled signals in the order of the DOF file.
+        Used for its posture at onset alone (`posture`). Groups count the controlled signals, in
+        the order of the DOF file.
         """
-        if self._postures is None or observation.group >= self._postures.n_groups:
-            self._postures = PostureHistory(observation.group + 1)
-        return self._postures.take(observation.stamp_ns, observation.group, observation.values)
-
-    @property
-    def expected_tasks(self) -> np.ndarray:
-        """p(s) of the next movement, (K,)."""
-        if self._fixed_prior is not None:
-            return self._fixed_prior
-        if not self._transitions:
-            return self.library.task_prior
-        return next_task_prior(self.library.transition_prior, self.memory)
+        if self._posture is None:
+            return None
+        stamp_ns, group, values, _ = observation
+        return self._posture.history.take(stamp_ns, group, values)
 
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """The controlled agent's whole interaction from onset, under the most probable task.
@@ -233,7 +212,9 @@ class IntentEstimator:
         if task == self.library.n_tasks:
             return None
         observed = self._observed(task)
-        start, used = self._start(task)
+        start, used = None, POSTURE_UNKNOWN
+        if self._posture is not None:
+            start, used = self._posture.given(self.library, task, self._movement.onset_ns)
         weights = controlled_weights(self.library, task, observed, start)
         noise = self.library.control_noise_variance()
         phase = np.linspace(1.0, 0.0, n_points)[::-1]
@@ -259,25 +240,6 @@ class IntentEstimator:
     def _observed(self, task: int) -> Gaussian:
         return observed_weights(self._movement.bank, self._posterior.scale_weights, task)
 
-    def _start(self, task: int) -> tuple[StartPosture | None, str]:
-        """The posture at onset, if the task was taught from such, and what became of it."""
-        movement, postures = self._movement, self._postures
-        if not self._use_posture or postures is None:
-            return None, POSTURE_UNKNOWN
-        if not movement.start_is_final:
-            movement.start = postures.at(movement.onset_ns)
-            movement.start_is_final = postures.passed(movement.onset_ns)
-            movement.starts.clear()
-        if movement.start is None or movement.start.shape != (self.library.n_controlled,):
-            return None, POSTURE_UNKNOWN
-        if task not in movement.starts:
-            if within_trained_starts(self.library, task, movement.start):
-                start = StartPosture(movement.start, np.zeros(self.library.n_controlled))
-                movement.starts[task] = start, POSTURE_USED
-            else:
-                movement.starts[task] = None, POSTURE_OUTSIDE
-        return movement.starts[task]
-
     def _prediction(
         self, task: int, weights: Gaussian, noise: np.ndarray, phase: np.ndarray
     ) -> Prediction:
@@ -290,9 +252,10 @@ class IntentEstimator:
     def reset(self) -> None:
         """Forget the movement under way and the past."""
         self._movement = self._posterior = None
-        self._set_memory(TaskMemory.empty(self.library.n_tasks))
-        if self._postures is not None:
-            self._postures.clear()
+        self.expectation.reset()
+        self._hypotheses = self._make_hypotheses()
+        if self._posture is not None:
+            self._posture.clear()
         self._needs_rest = False
         self._newest_ns = [0] * len(self._history)
         self._late = [(0, 0)] * len(self._history)
@@ -317,33 +280,20 @@ class IntentEstimator:
                 raise DofError(
                     describe(f"library {agent}", str(ours), str(theirs), "Train on the same DOFs.")
                 )
-        self.memory = self.memory.relabelled(self.library.labels, library.labels)
-        self.library, self._fixed_prior = library, task_prior
+        self.library = library
+        self.expectation.swap(library, task_prior)
         self._hypotheses = self._make_hypotheses()
+        if self._posture is not None:
+            self._posture.library_changed()
         if self._movement is not None:
             before = self._movement
             self._movement = _Movement(library, self._hypotheses, before.onset_ns)
-            self._movement.start = before.start
-            self._movement.start_is_final = before.start_is_final
             for observation in before.observations:
                 self._movement.observe(observation)
             self._posterior = self._movement.posterior(before.observations[-1].stamp_ns)
 
     def _make_hypotheses(self) -> Hypotheses:
-        return make_hypotheses(self.library, self.expected_tasks, self._n_scales)
-
-    def _set_memory(self, memory: TaskMemory) -> None:
-        self.memory = memory
-        self._hypotheses = self._make_hypotheses()
-
-    def _remember(self, stamp_ns: int, posterior: TaskPosterior) -> None:
-        """The movement is over: what it was tells about the next one."""
-        self._set_memory(remember(self.memory, posterior.probabilities, posterior.phase, stamp_ns))
-
-    def _forget_if_long_ago(self, stamp_ns: int) -> None:
-        since_s = (stamp_ns - self.memory.ended_ns) * 1e-9
-        if not self.memory.is_empty and since_s > self._forget_after_s:
-            self._set_memory(TaskMemory.empty(self.library.n_tasks))
+        return make_hypotheses(self.library, self.expectation.prior, self._n_scales)
 
     def _arrays(self, group: int) -> tuple[np.ndarray, np.ndarray]:
         history = self._history[group]

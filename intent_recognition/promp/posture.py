@@ -12,7 +12,9 @@ from scipy.stats import chi2
 
 from intent_recognition.gaussian.linalg import cholesky, solve_lower, symmetrize
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.prediction import StartPosture
 
+POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 MAX_AGE_S = 0.25
 """A posture measured longer before the onset is not the one at onset."""
 SPAN_S = 4.0
@@ -22,22 +24,21 @@ OUTSIDE_QUANTILE = 0.999
 
 
 class PostureHistory:
-    """The latest samples of the controlled agent, whose DOFs may come on several topics.
+    """The latest samples of the controlled agent, whose DOFs may come on several topics."""
 
-    Args:
-        n_groups: number of controlled signals.
-    """
-
-    def __init__(self, n_groups: int):
-        self._samples: list[deque[tuple[int, np.ndarray]]] = [deque() for _ in range(n_groups)]
-
-    @property
-    def n_groups(self) -> int:
-        """Number of controlled signals."""
-        return len(self._samples)
+    def __init__(self) -> None:
+        self._samples: list[deque[tuple[int, np.ndarray]]] = []
 
     def take(self, stamp_ns: int, group: int, values: np.ndarray) -> str | None:
-        """Take one sample; returns why it was not taken, as a diagnostics key, or None."""
+        """Take one sample; returns why it was not taken, as a diagnostics key, or None.
+
+        Args:
+            stamp_ns: time of measurement.
+            group: which controlled signal it is, in the order of the DOF file.
+            values: its DOFs, (m,).
+        """
+        while group >= len(self._samples):
+            self._samples.append(deque())
         samples = self._samples[group]
         if not np.all(np.isfinite(values)):
             return "not_finite"
@@ -58,7 +59,7 @@ class PostureHistory:
             if before is None or stamp_ns - before[0] > MAX_AGE_S * 1e9:
                 return None
             parts.append(before[1])
-        return np.concatenate(parts)
+        return np.concatenate(parts) if parts else None
 
     def passed(self, stamp_ns: int) -> bool:
         """Whether every signal has gone beyond a stamp, so that `at` cannot change any more."""
@@ -66,8 +67,55 @@ class PostureHistory:
 
     def clear(self) -> None:
         """Forget all samples."""
-        for samples in self._samples:
-            samples.clear()
+        self._samples.clear()
+
+
+class OnsetPosture:
+    """The posture at the onset of the movement under way, as one task's prediction may use it."""
+
+    def __init__(self) -> None:
+        self.history = PostureHistory()
+        self._forget_onset(0)
+
+    def _forget_onset(self, onset_ns: int) -> None:
+        self._onset_ns, self._position, self._final = onset_ns, None, False
+        self._known: dict[int, tuple[StartPosture | None, str]] = {}
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.history.clear()
+        self._forget_onset(0)
+
+    def library_changed(self) -> None:
+        """Another library has other starts."""
+        self._known.clear()
+
+    def given(
+        self, library: TaskLibrary, task: int, onset_ns: int
+    ) -> tuple[StartPosture | None, str]:
+        """What to condition on, and POSTURE_USED, POSTURE_OUTSIDE or POSTURE_UNKNOWN.
+
+        Args:
+            library: the learned tasks.
+            task: number of the task.
+            onset_ns: stamp of the movement's onset.
+        """
+        if onset_ns != self._onset_ns:
+            self._forget_onset(onset_ns)
+        if not self._final:
+            self._position = self.history.at(onset_ns)
+            self._final = self.history.passed(onset_ns)
+            self._known.clear()
+        position = self._position
+        if position is None or position.shape != (library.n_controlled,):
+            return None, POSTURE_UNKNOWN
+        if task not in self._known:
+            if within_trained_starts(library, task, position):
+                start = StartPosture(position, np.zeros(library.n_controlled))
+                self._known[task] = start, POSTURE_USED
+            else:
+                self._known[task] = None, POSTURE_OUTSIDE
+        return self._known[task]
 
 
 def start_distance(library: TaskLibrary, task: int, position: np.ndarray) -> float:

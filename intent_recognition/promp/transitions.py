@@ -19,6 +19,8 @@ import numpy as np
 from scipy.special import gammaln
 
 from intent_recognition.errors import ShapeError, describe
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.recognition import TaskPosterior
 
 FORGET_AFTER_S = 60.0
 """So long after the end of a movement the last task tells nothing about the next."""
@@ -91,6 +93,68 @@ def next_task_prior(transition_prior: np.ndarray, memory: TaskMemory) -> np.ndar
     possible = np.flatnonzero(memory.belief > 1e-9)  # with thousands of tasks: a few
     prior = memory.belief[possible] @ transition_prior[possible]
     return prior / prior.sum()
+
+
+class Expectation:
+    """What the next task will be, kept up to date from one movement to the next.
+
+    Args:
+        library: the learned tasks, with their transition prior.
+        fixed_prior: p(s), (K,), whatever went before; None: as learned.
+        transitions: use the transition prior; else p(s) is the library's task prior.
+        forget_after_s: see FORGET_AFTER_S.
+
+    Attributes:
+        memory: of the movements before.
+        prior: p(s) of the next movement, (K,).
+    """
+
+    def __init__(
+        self,
+        library: TaskLibrary,
+        fixed_prior: np.ndarray | None = None,
+        transitions: bool = True,
+        forget_after_s: float = FORGET_AFTER_S,
+    ):
+        self._library, self._fixed_prior = library, fixed_prior
+        self._transitions, self._forget_after_s = transitions, forget_after_s
+        self.reset()
+
+    @property
+    def last_task(self) -> str:
+        """Label of the most probable last task, empty when there is none."""
+        return self.memory.last_task(self._library.labels)
+
+    def reset(self) -> None:
+        """No last task."""
+        self._set(TaskMemory.empty(self._library.n_tasks))
+
+    def remember(self, ended_ns: int, posterior: TaskPosterior) -> None:
+        """Take note of a movement that has ended."""
+        self._set(remember(self.memory, posterior.probabilities, posterior.phase, ended_ns))
+
+    def forget_if_long_ago(self, now_ns: int) -> bool:
+        """Forget the last task when it is too long ago; whether it was."""
+        since_s = (now_ns - self.memory.ended_ns) * 1e-9
+        if self.memory.is_empty or since_s <= self._forget_after_s:
+            return False
+        self.reset()
+        return True
+
+    def swap(self, library: TaskLibrary, fixed_prior: np.ndarray | None) -> None:
+        """Go on with another library."""
+        memory = self.memory.relabelled(self._library.labels, library.labels)
+        self._library, self._fixed_prior = library, fixed_prior
+        self._set(memory)
+
+    def _set(self, memory: TaskMemory) -> None:
+        self.memory = memory
+        if self._fixed_prior is not None:
+            self.prior = self._fixed_prior
+        elif self._transitions:
+            self.prior = next_task_prior(self._library.transition_prior, memory)
+        else:
+            self.prior = self._library.task_prior
 
 
 def count_transitions(sequences: Iterable[Sequence[str]], labels: Sequence[str]) -> np.ndarray:
