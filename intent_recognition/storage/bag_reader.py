@@ -1,60 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read a rosbag2 directory with MCAP storage: raw or decoded messages in the order of log time."""
 
-import heapq
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from mcap.records import Channel, Message, Schema
-from mcap_ros2.decoder import DecoderFactory
+import numpy as np
 
-from intent_recognition.errors import BagError, MessageError, describe
-from intent_recognition.storage.bag_metadata import (
-    FILE_NAME,
-    BagMetadata,
-    TopicInfo,
-    parse_qos,
-    read_metadata,
+from intent_recognition.errors import MessageError, describe
+from intent_recognition.storage.bag_files import find_files, find_metadata
+from intent_recognition.storage.bag_messages import (
+    RECOVER,
+    BagMessage,
+    RawMessage,
+    decode,
+    is_standard,
+    schema_decoder,
 )
-from intent_recognition.storage.definitions import Definition, definition
-from intent_recognition.storage.fast_decode import fast_decoder
-from intent_recognition.storage.mcap_scan import (
-    PARSE_ERRORS,
-    Block,
-    Damage,
-    Scan,
-    open_view,
-    read_block,
-    scan_file,
-)
-
-RECOVER = "Save what is left with `intent recover`."
-
-
-@dataclass(frozen=True)
-class RawMessage:
-    """One message as it was recorded; `data` are its CDR bytes."""
-
-    topic: str
-    type: str
-    log_time_ns: int
-    publish_time_ns: int
-    data: bytes
-    sequence: int = 0
-
-
-@dataclass(frozen=True)
-class BagMessage:
-    """One decoded message; `stamp_ns` is its header's stamp, or the log time without a header."""
-
-    topic: str
-    type: str
-    log_time_ns: int
-    stamp_ns: int
-    message: object
+from intent_recognition.storage.bag_metadata import TopicInfo, parse_qos
+from intent_recognition.storage.columns import Columns, ColumnsBuilder
+from intent_recognition.storage.definitions import Definition
+from intent_recognition.storage.mcap_chunk import Block
+from intent_recognition.storage.mcap_file import McapFile
+from intent_recognition.storage.mcap_scan import Damage
 
 
 class BagReader:
@@ -79,11 +47,11 @@ class BagReader:
         self.path = Path(path)
         self.notes: list[str] = []
         self.damage: list[Damage] = []
-        self._tolerant = tolerant
-        self.metadata = self._read_metadata()
-        self._scans = [(file, scan_file(file)) for file in self._files()]
-        self.is_finished = all(scan.is_finished for _, scan in self._scans)
-        self.damage.extend(damage for _, scan in self._scans for damage in scan.damage)
+        self.metadata, notes = find_metadata(self.path, tolerant=tolerant)
+        files, more = find_files(self.path, self.metadata, tolerant=tolerant)
+        self.notes.extend([*notes, *more])
+        self._files = [McapFile(f, tolerant=tolerant, damage=self.damage) for f in files]
+        self.is_finished = all(file.scan.is_finished for file in self._files)
         if not self.is_finished:
             self.notes.append("the recording was not closed; up to a second may be missing")
 
@@ -112,10 +80,10 @@ class BagReader:
         """All topics by their recorded name, with message counts."""
         hashes = {t.name: t.type_hash for t in self.metadata.topics} if self.metadata else {}
         topics: dict[str, TopicInfo] = {}
-        for file, scan in self._scans:
-            counts = self._counts(file, scan)
-            for channel in scan.channels.values():
-                schema = scan.schemas.get(channel.schema_id)
+        for file in self._files:
+            counts = file.counts()
+            for channel in file.scan.channels.values():
+                schema = file.schema(channel)
                 before = topics.get(channel.topic)
                 topics[channel.topic] = TopicInfo(
                     channel.topic,
@@ -139,18 +107,48 @@ class BagReader:
                 that what stands before it has been given out.
         """
         wanted = None if topics is None else {topic.lstrip("/") for topic in topics}
-        for file, scan in self._scans:
-            for message, channel, schema in self._ordered(file, scan, wanted):
+        for file in self._files:
+            for item in file.items(wanted):
+                schema = file.schema(item.channel)
                 yield RawMessage(
-                    channel.topic,
+                    item.channel.topic,
                     schema.name if schema else "",
-                    message.log_time,
-                    message.publish_time,
-                    message.data,
-                    message.sequence,
+                    item.log_time_ns,
+                    item.publish_time_ns,
+                    item.data,
+                    item.sequence,
                 )
-            if scan.damage and not self._tolerant:
-                raise self._damaged(file, scan, scan.damage[0])
+
+    def columns(self, topics: Iterable[str]) -> dict[str, Columns | None]:
+        """All messages of some topics as arrays, for PoseStamped and JointState.
+
+        The values are those of `messages`, bit for bit, in the same order.
+
+        Args:
+            topics: names, with or without leading slash.
+
+        Returns:
+            By topic name without leading slash; None where `messages` must do it: another type,
+            a definition of its own, big endian, more than a few different layouts, or bytes
+            that do not fit the type.
+
+        Raises:
+            BagError: damage; nothing is given out then.
+        """
+        names = {topic.lstrip("/") for topic in topics}
+        builders = {name: self._builder(name) for name in names}
+        for number, file in enumerate(self._files):
+            channels: dict[str, list[int]] = {name: [] for name, b in builders.items() if b}
+            for channel in file.scan.channels.values():
+                if builders.get(name := channel.topic.lstrip("/")):
+                    channels[name].append(channel.id)
+            for table in file.tables() if any(channels.values()) else ():
+                for name, ids in channels.items():
+                    builder = builders[name]
+                    rows = np.flatnonzero(np.isin(table.channels, ids))
+                    if builder and rows.size and not builder.add(number, table.rows(rows)):
+                        builders[name] = None
+        return {name: builder and builder.columns() for name, builder in builders.items()}
 
     def messages(self, topics: Iterable[str] | None = None) -> Iterator[BagMessage]:
         """Decoded messages in the same order, of any type the bag defines.
@@ -173,22 +171,19 @@ class BagReader:
             MessageError: the definition in the bag cannot be used.
         """
         try:
-            for _, scan in self._scans:
-                for schema in scan.schemas.values():
-                    if schema.name == type_name:
-                        found = DecoderFactory().decoder_for("cdr", schema)
-                        if found is not None:
-                            standard = schema.data.decode() == _jazzy_text(type_name)
-                            return fast_decoder(type_name, found) if standard else found
+            for file in self._files:
+                for schema in file.scan.schemas.values():
+                    if schema.name == type_name and (found := schema_decoder(schema)):
+                        return found
         except Exception as error:  # the parser of definitions raises what it meets
             raise self._no_decoder(topic, type_name, error) from error
         raise self._no_decoder(topic, type_name, "no ros2msg definition of it")
 
     def definition_of(self, topic: str) -> Definition | None:
         """The definition the bag itself holds of a topic's type, None when it holds none."""
-        for _, scan in self._scans:
-            for channel in scan.channels.values():
-                schema = scan.schemas.get(channel.schema_id)
+        for file in self._files:
+            for channel in file.scan.channels.values():
+                schema = file.schema(channel)
                 if channel.topic == topic and schema is not None:
                     text = schema.data.decode(errors="replace")
                     return Definition(
@@ -200,143 +195,16 @@ class BagReader:
         expected = f"a usable definition of {type_name or 'its type'}"
         return MessageError(describe(f"{self.path}: topic {topic}", expected, error, RECOVER))
 
-    def _read_metadata(self) -> BagMetadata | None:
-        if not self.path.exists():
-            raise BagError(describe(str(self.path), "a bag", "nothing there", "Check the path."))
-        if self.path.is_file():
-            return None
-        try:
-            metadata = read_metadata(self.path)
-        except BagError as error:
-            if not any(self.path.glob("*.mcap")):
-                cure = "Record with MCAP storage (`ros2 bag record -s mcap`)."
-                raise BagError(describe(str(self.path), "a bag", error, cure)) from error
-            if (self.path / FILE_NAME).exists() and not self._tolerant:
-                raise
-            self.notes.append(f"no usable {FILE_NAME}: no labels")
-            return None
-        if metadata.storage != "mcap" or metadata.compression:
-            got = f"storage {metadata.storage} {metadata.compression}".strip()
-            cure = "Convert it: `ros2 bag convert` to storage_id mcap without compression."
-            raise BagError(describe(str(self.path), "uncompressed MCAP storage", got, cure))
-        return metadata
-
-    def _files(self) -> list[Path]:
-        if self.path.is_file():
-            return [self.path]
-        if self.metadata is None or not self.metadata.files:
-            files = sorted(self.path.glob("*.mcap"))
-        else:
-            files = [self.path / name for name in self.metadata.files]
-        missing = [file.name for file in files if not file.is_file()]
-        if self._tolerant and missing:
-            self.notes.append(f"missing: {', '.join(missing)}")
-            files = [file for file in files if file.is_file()] or sorted(self.path.glob("*.mcap"))
-            missing = []
-        if missing or not files:
-            cure = "Copy the whole directory of the bag."
-            got = f"no {', '.join(missing) or '.mcap file'}"
-            raise BagError(describe(str(self.path), "the files of the bag", got, cure))
-        return files
-
     def _blocks(self) -> Iterator[Block]:
-        return (block for _, scan in self._scans for block in scan.blocks)
+        return (block for file in self._files for block in file.scan.blocks)
 
-    def _counts(self, file: Path, scan: Scan) -> dict[int, int]:
-        """Messages per channel; counted when the summary does not say."""
-        if scan.statistics and not scan.damage:
-            return dict(scan.statistics.channel_message_counts)
-        counts: Counter[int] = Counter()
-        with open_view(file) as view:
-            for block in scan.blocks:
-                try:
-                    records = read_block(view, block)
-                except PARSE_ERRORS:
-                    continue
-                counts.update(r.channel_id for r in records if isinstance(r, Message))
-        return counts
-
-    def _ordered(
-        self, file: Path, scan: Scan, wanted: set[str] | None
-    ) -> Iterator[tuple[Message, Channel, Schema | None]]:
-        """Merge blocks that overlap in time; only those are in memory at once."""
-        waiting: list[tuple[int, int, int, Message, Channel]] = []
-        with open_view(file) as view:
-            for block in sorted(self._usable(scan), key=lambda b: (b.start_ns, b.offset)):
-                while waiting and waiting[0][0] < block.start_ns:
-                    *_, message, channel = heapq.heappop(waiting)
-                    yield message, channel, scan.schemas.get(channel.schema_id)
-                for i, message in enumerate(self._block_messages(view, file, scan, block)):
-                    channel = self._channel(file, scan, block, message)
-                    if channel and (wanted is None or channel.topic.lstrip("/") in wanted):
-                        item = (message.log_time, block.offset, i, message, channel)
-                        heapq.heappush(waiting, item)
-            while waiting:
-                *_, message, channel = heapq.heappop(waiting)
-                yield message, channel, scan.schemas.get(channel.schema_id)
-
-    def _usable(self, scan: Scan) -> list[Block]:
-        """All blocks; a reader that is not tolerant stops at the first damage."""
-        if self._tolerant or not scan.damage:
-            return scan.blocks
-        return [b for b in scan.blocks if b.offset < scan.damage[0].offset and not b.is_cut]
-
-    def _block_messages(self, view, file: Path, scan: Scan, block: Block) -> list[Message]:
-        try:
-            found = [r for r in read_block(view, block) if isinstance(r, Message)]
-            if any(not block.start_ns <= m.log_time <= block.end_ns for m in found):
-                raise ValueError("times of the chunk and of its messages disagree")
-        except PARSE_ERRORS as error:
-            damage = Damage(block.offset, str(error), block.start_ns, block.end_ns)
-            if not self._tolerant:
-                raise self._damaged(file, scan, damage) from error
-            if damage not in self.damage:
-                self.damage.append(damage)
-            return []
-        return found
-
-    def _channel(self, file: Path, scan: Scan, block: Block, message: Message) -> Channel | None:
-        channel = scan.channels.get(message.channel_id)
-        if channel is None:
-            reason = f"nothing tells the topic of channel {message.channel_id}"
-            damage = Damage(block.offset, reason, block.start_ns, block.end_ns)
-            if not self._tolerant:
-                raise self._damaged(file, scan, damage)
-            if damage not in self.damage:
-                self.damage.append(damage)
-        return channel
-
-    def _damaged(self, file: Path, scan: Scan, damage: Damage) -> BagError:
-        topics = ", ".join(sorted(c.topic for c in scan.channels.values())) or "unknown"
-        until = f" to {damage.end_ns}" if damage.end_ns else ""
-        place = f"{file}: topics {topics}: time {damage.start_ns}{until} ns: byte {damage.offset}"
-        return BagError(describe(place, "a whole recording", damage.reason, RECOVER))
-
-
-def _jazzy_text(type_name: str) -> str | None:
-    try:
-        return definition(type_name).text
-    except MessageError:
-        return None
-
-
-def decode(raw: RawMessage, decoder: Callable[[bytes], object]) -> BagMessage:
-    """Decode one raw message.
-
-    Raises:
-        MessageError: the bytes do not fit the type; names topic and time.
-    """
-    try:
-        message = decoder(raw.data)
-    except Exception as error:  # the decoder raises what struct, numpy and utf-8 raise
-        place = f"topic {raw.topic} at {raw.log_time_ns} ns"
-        raise MessageError(describe(place, f"a {raw.type}", error, RECOVER)) from error
-    return BagMessage(raw.topic, raw.type, raw.log_time_ns, stamp_of(message, raw), message)
-
-
-def stamp_of(message: object, raw: RawMessage) -> int:
-    """Stamp of the header in nanoseconds; the log time for a type without header."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    if stamp is None:
-        return raw.log_time_ns
-    return stamp.sec * 1_000_000_000 + stamp.nanosec
+    def _builder(self, name: str) -> ColumnsBuilder | None:
+        """Where the columns of a topic are collected, None if its type has none."""
+        schemas = [
+            file.schema(channel)
+            for file in self._files
+            for channel in file.scan.channels.values()
+            if channel.topic.lstrip("/") == name
+        ]
+        types = {schema.name if schema and is_standard(schema) else "" for schema in schemas}
+        return ColumnsBuilder(types.pop()) if len(types) == 1 else None

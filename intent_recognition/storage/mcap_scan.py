@@ -10,24 +10,26 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
-import lz4.frame
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Message, Schema, Statistics
+from mcap.records import Channel, Schema, Statistics
 
 from intent_recognition.errors import BagError, describe
+from intent_recognition.storage.mcap_chunk import (
+    CHUNK_HEADER,
+    PARSE_ERRORS,
+    RECORD_HEADER,
+    Block,
+    parse_definition,
+    read_definitions,
+)
 
 MAGIC = b"\x89MCAP0\r\n"
-RECORD_HEADER = struct.Struct("<BQ")
-CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, compression length
 FOOTER = struct.Struct("<QQI")
 LONGEST_COMPRESSION = 16
 CHUNK_START = re.compile(
     rb"(?=\x06.{36}(?:\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4|\x00\x00\x00\x00))", re.DOTALL
 )
-PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError)
 
 
 @dataclass(frozen=True)
@@ -38,27 +40,6 @@ class Damage:
     reason: str
     start_ns: int = 0
     end_ns: int = 0
-
-
-@dataclass(frozen=True)
-class Block:
-    """One chunk, or one message outside of chunks.
-
-    Attributes:
-        offset: of the record in the file.
-        length: of its content, the 9 bytes of opcode and length not counted.
-        start_ns: log time of the first message, as the record's header says.
-        end_ns: log time of the last message.
-        is_chunk: chunk or bare message.
-        is_cut: the file ends inside of this chunk.
-    """
-
-    offset: int
-    length: int
-    start_ns: int
-    end_ns: int
-    is_chunk: bool = True
-    is_cut: bool = False
 
 
 @dataclass
@@ -104,33 +85,8 @@ def scan_file(path: Path) -> Scan:
     return scan
 
 
-def read_block(view: bytes | mmap.mmap, block: Block) -> list[Schema | Channel | Message]:
-    """Schemas, channels and messages of one block, its checksum verified.
-
-    Of a chunk cut off by the end of the file all that can be decompressed is returned.
-
-    Raises:
-        ValueError, McapError, zstandard.ZstdError, struct.error, RuntimeError: it is damaged.
-            `PARSE_ERRORS` lists them all.
-    """
-    start = block.offset + RECORD_HEADER.size
-    content = bytes(view[start : start + block.length])
-    if not block.is_chunk:
-        return [Message.read(ReadDataStream(BytesIO(content)), len(content))]
-    _, _, size, crc, name_length = CHUNK_HEADER.unpack_from(content)
-    at = CHUNK_HEADER.size
-    compression = content[at : at + name_length].decode()
-    data = _decompress(compression, content[at + name_length + 8 :], size, block.is_cut)
-    if not block.is_cut:
-        if len(data) != size:
-            raise ValueError(f"chunk of {len(data)} bytes says it has {size}")
-        if crc and zlib.crc32(data) != crc:
-            raise ValueError("checksum of the chunk does not match")
-    return list(_chunk_records(data, block.is_cut))
-
-
 def open_view(path: Path) -> mmap.mmap:
-    """The bytes of a file for `read_block`; close it after use."""
+    """The bytes of a file for `read_messages`; close it after use."""
     with path.open("rb") as stream:
         return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
 
@@ -201,7 +157,7 @@ def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan:
     elif opcode == Opcode.MESSAGE_INDEX:
         return length >= 6 and struct.unpack_from("<I", view, start + 2)[0] == length - 6
     elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-        _take_definition(_definition(opcode, bytes(view[start : start + length])), scan)
+        _take_definition(parse_definition(opcode, bytes(view[start : start + length])), scan)
     elif opcode == Opcode.FOOTER:
         return length == FOOTER.size
     elif opcode == Opcode.DATA_END:
@@ -257,44 +213,6 @@ def _resynchronise(view: mmap.mmap, position: int, failed: int) -> int | None:
     return None
 
 
-def _decompress(compression: str, data: bytes, size: int, is_cut: bool) -> bytes:
-    if compression == "zstd":
-        if is_cut:
-            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-    if compression == "lz4":
-        if is_cut:
-            return lz4.frame.LZ4FrameDecompressor().decompress(data)
-        return lz4.frame.decompress(data)
-    if compression == "":
-        return data
-    raise ValueError(f"unknown compression {compression!r}")
-
-
-def _chunk_records(data: bytes, is_cut: bool) -> Iterator[Schema | Channel | Message]:
-    position = 0
-    while position < len(data):
-        start = position + RECORD_HEADER.size
-        if start > len(data):
-            break
-        opcode, length = RECORD_HEADER.unpack_from(data, position)
-        position = start + length
-        if position > len(data):
-            break
-        if opcode == Opcode.MESSAGE:
-            stream = ReadDataStream(BytesIO(data[start:position]))
-            yield Message.read(stream, length)
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            yield _definition(opcode, data[start:position])
-    if position != len(data) and not is_cut:
-        raise ValueError("the chunk ends inside of a record")
-
-
-def _definition(opcode: int, data: bytes) -> Schema | Channel:
-    stream = ReadDataStream(BytesIO(data))
-    return Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
-
-
 def _take_definition(found: Schema | Channel, scan: Scan) -> None:
     known = scan.schemas if isinstance(found, Schema) else scan.channels
     known.setdefault(found.id, found)
@@ -338,7 +256,7 @@ def _summary_definitions(summary: bytes) -> Iterator[Schema | Channel]:
         start = position + RECORD_HEADER.size
         position = start + length
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and position <= len(summary):
-            yield _definition(opcode, summary[start:position])
+            yield parse_definition(opcode, summary[start:position])
 
 
 def _definitions_of_chunks(view: mmap.mmap, scan: Scan) -> None:
@@ -346,11 +264,9 @@ def _definitions_of_chunks(view: mmap.mmap, scan: Scan) -> None:
         if not block.is_chunk:
             continue
         try:
-            records = read_block(view, block)
+            records = list(read_definitions(view, block))
         except PARSE_ERRORS:
             continue
         for found in records:
-            if isinstance(found, Schema):
-                scan.schemas[found.id] = found
-            elif isinstance(found, Channel):
-                scan.channels[found.id] = found
+            known = scan.schemas if isinstance(found, Schema) else scan.channels
+            known[found.id] = found

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All messages of a topic as arrays: decoded by whole columns where their layout is constant."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.storage.cdr_layout import Layout, layout_of
+from intent_recognition.storage.mcap_chunk import MessageTable, payloads
+
+POSE = "geometry_msgs/msg/PoseStamped"
+JOINT_STATE = "sensor_msgs/msg/JointState"
+MOST_LAYOUTS = 16
+"""A topic that changes its texts or lengths more often is read message by message."""
+
+
+@dataclass(frozen=True)
+class PoseColumns:
+    """The PoseStamped messages of a topic in the order of log time.
+
+    Attributes:
+        log_times_ns: int64 (T,).
+        stamps_ns: of the headers, int64 (T,).
+        frame_ids: frames of the headers; one may stand here twice.
+        frames: index into `frame_ids` of each message, int64 (T,).
+        positions: (T, 3), in the unit of the recording, metres by convention.
+        orientations: (T, 4) xyzw.
+    """
+
+    log_times_ns: np.ndarray
+    stamps_ns: np.ndarray
+    frame_ids: tuple[str, ...]
+    frames: np.ndarray
+    positions: np.ndarray
+    orientations: np.ndarray
+
+
+class JointPart(NamedTuple):
+    """Those messages of a topic that name the same joints and fill the same fields.
+
+    Attributes:
+        rows: which of the topic's messages these are, int64 (n,).
+        frame_id: of the header.
+        names: joint names as recorded.
+        position: (n, J); J is 0 where the field is empty, and need not be the number of names.
+        velocity: (n, J).
+        effort: (n, J).
+    """
+
+    rows: np.ndarray
+    frame_id: str
+    names: tuple[str, ...]
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+@dataclass(frozen=True)
+class JointColumns:
+    """The JointState messages of a topic in the order of log time.
+
+    Attributes:
+        log_times_ns: int64 (T,).
+        stamps_ns: of the headers, int64 (T,).
+        parts: one for each layout; several where, say, arm and gripper share the topic.
+    """
+
+    log_times_ns: np.ndarray
+    stamps_ns: np.ndarray
+    parts: tuple[JointPart, ...]
+
+
+Columns = PoseColumns | JointColumns
+
+
+class ColumnsBuilder:
+    """Collects the messages of one topic block by block.
+
+    Args:
+        type_name: of all messages.
+    """
+
+    def __init__(self, type_name: str):
+        self._type = type_name
+        self._layout_of = layout_of(type_name)
+        self._layouts: list[Layout] = []
+        self._pieces: list[_Piece] = []
+        self._count = 0
+
+    def add(self, file: int, table: MessageTable) -> bool:
+        """Take in the messages of a block of the `file`-th file, in file order.
+
+        Returns:
+            False if one of them is not for columns; the builder is of no use then.
+        """
+        if self._layout_of is None or np.any(table.log_times_ns > np.iinfo(np.int64).max):
+            return False
+        numbers = self._count + np.arange(table.starts.size)
+        self._count += table.starts.size
+        for length in np.unique(table.lengths).tolist():
+            chosen = table.lengths == length
+            part = table if chosen.all() else table.rows(chosen)
+            if not self._add_equal(file, part, numbers[chosen], payloads(part, length)):
+                return False
+        return True
+
+    def columns(self) -> Columns:
+        """Everything added, in the order of log time within each file."""
+        joined = [_join([getattr(p, name) for p in self._pieces]) for name in _Piece._fields[:5]]
+        files, numbers, log_times_ns, stamps_ns, layouts = joined
+        order = np.lexsort((numbers, log_times_ns, files))
+        in_order = bool(np.all(order[1:] > order[:-1]))
+        log_times_ns, stamps_ns, layouts = log_times_ns[order], stamps_ns[order], layouts[order]
+        parts = []
+        for index in range(len(self._layouts)):
+            pieces = [p for p in self._pieces if p.layouts[0] == index]
+            rows = np.flatnonzero(layouts == index)
+            # The order is that among the messages of all layouts; of these alone, their ranks.
+            own = slice(None) if in_order else np.argsort(np.argsort(order[rows]))
+            values = [
+                np.concatenate(arrays)[own]
+                for arrays in zip(*(p.values for p in pieces), strict=True)
+            ]
+            parts.append((rows, *values))
+        if self._type == JOINT_STATE:
+            return self._joints(log_times_ns, stamps_ns, parts)
+        return self._poses(log_times_ns, stamps_ns, layouts, parts)
+
+    def _add_equal(
+        self, file: int, table: MessageTable, numbers: np.ndarray, messages: np.ndarray
+    ) -> bool:
+        """Messages of one length, uint8 (n, length)."""
+        open_rows = np.arange(len(messages))
+        index = 0
+        while open_rows.size:
+            if index == len(self._layouts) and not self._new_layout(messages[open_rows[0]]):
+                return False
+            layout = self._layouts[index]
+            if layout.template.size == messages.shape[1]:
+                whole = open_rows.size == len(messages)
+                left = messages if whole else messages[open_rows]
+                hit = layout.matches(left)
+                rows = open_rows[hit]
+                if rows.size:
+                    found = left if hit.all() else left[hit]
+                    self._pieces.append(
+                        _Piece(
+                            np.full(rows.size, file),
+                            numbers[rows],
+                            table.log_times_ns[rows].astype(np.int64),
+                            layout.stamps_ns(found),
+                            np.full(rows.size, index),
+                            layout.values(found),
+                        )
+                    )
+                    open_rows = open_rows[~hit]
+            index += 1
+        return True
+
+    def _new_layout(self, message: np.ndarray) -> bool:
+        layout = self._layout_of(message.tobytes())
+        if layout is None or len(self._layouts) == MOST_LAYOUTS:
+            return False
+        self._layouts.append(layout)
+        return True
+
+    def _joints(self, log_times_ns, stamps_ns, parts) -> JointColumns:
+        named = (
+            JointPart(rows, layout.frame_id, layout.names, *values)
+            for layout, (rows, *values) in zip(self._layouts, parts, strict=True)
+        )
+        return JointColumns(log_times_ns, stamps_ns, tuple(named))
+
+    def _poses(self, log_times_ns, stamps_ns, layouts, parts) -> PoseColumns:
+        positions, orientations = np.empty((stamps_ns.size, 3)), np.empty((stamps_ns.size, 4))
+        for rows, *values in parts:
+            positions[rows], orientations[rows] = values
+        frame_ids = tuple(layout.frame_id for layout in self._layouts)
+        return PoseColumns(log_times_ns, stamps_ns, frame_ids, layouts, positions, orientations)
+
+
+class _Piece(NamedTuple):
+    """Messages of one block and one layout."""
+
+    files: np.ndarray
+    numbers: np.ndarray
+    log_times_ns: np.ndarray
+    stamps_ns: np.ndarray
+    layouts: np.ndarray
+    values: tuple[np.ndarray, ...]
+
+
+def _join(arrays: list[np.ndarray]) -> np.ndarray:
+    return np.concatenate(arrays) if arrays else np.empty(0, np.int64)
