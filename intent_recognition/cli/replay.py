@@ -23,7 +23,7 @@ from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.online import IntentEstimator
 from intent_recognition.storage.bag_reader import BagReader
 from intent_recognition.storage.model import Model, load_model
-from intent_recognition.storage.stream import iter_observations
+from intent_recognition.storage.stream import iter_samples
 
 PRINTED_ROWS = 20
 
@@ -95,7 +95,10 @@ def replay(
     unit = "/".join(dict.fromkeys(entry.unit for entry in model.dofs.controlled))
     estimator, state = IntentEstimator(model.library), DecisionState()
     labels = (*model.library.labels, NONE)
-    for observation in iter_observations(reader, model.dofs, rejected=rejected):
+    for controlled, observation in iter_samples(reader, model.dofs, rejected=rejected):
+        if controlled:
+            estimator.observe_controlled(observation)
+            continue
         reason = estimator.reason_to_reject(observation)
         if reason is not None:
             rejected[reason] += 1

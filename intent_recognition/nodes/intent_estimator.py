@@ -17,6 +17,7 @@ from visualization_msgs.msg import MarkerArray
 
 from intent_recognition.errors import ArgumentError, DofError, IntentError, MessageError, describe
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
 from intent_recognition.nodes.conversions import TrajectoryBuilder, stamp_ns, to_joint_state
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import (
@@ -30,6 +31,7 @@ from intent_recognition.nodes.runtime import Diagnostics, parameter, run
 from intent_recognition.promp.library import NONE
 from intent_recognition.promp.observations import Observation, group_dofs
 from intent_recognition.promp.online import Estimate, IntentEstimator, Prediction
+from intent_recognition.promp.transitions import FORGET_AFTER_S
 from intent_recognition.storage.dofs import DofEntry, extract, load_dofs
 from intent_recognition.storage.model import Model, check_dofs, load_model
 from intent_recognition.storage.signals import is_raw_pose
@@ -95,7 +97,32 @@ class IntentEstimatorNode(ManagedNode):
             maximum=1000.0,
             read_only=True,
         )
+        self._start_posture = parameter(
+            self,
+            "start_posture",
+            True,
+            "Condition trajectories on the controlled agent's posture at onset (joint_states).",
+            read_only=True,
+        )
+        self._transitions = parameter(
+            self,
+            "transition_prior",
+            True,
+            "Expect the task that was learned to follow the last one; false: all alike.",
+            read_only=True,
+        )
+        self._forget_after_s = parameter(
+            self,
+            "forget_after",
+            FORGET_AFTER_S,
+            "So long after a movement it tells nothing about the next [s].",
+            minimum=0.0,
+            maximum=1e9,
+            read_only=True,
+        )
         self._diagnostics = Diagnostics(self)
+        self._postures = PostureInput(self, self._diagnostics)
+        self._next_task = NextTaskOutput(self)
         self._tasks = self.create_publisher(JointState, "intent/tasks", qos.STATE)
         self._trajectory = self.create_publisher(
             JointTrajectory, "intent/robot_trajectory", qos.COMMAND
@@ -116,7 +143,12 @@ class IntentEstimatorNode(ManagedNode):
         """Load the model and check it against the DOF file."""
         self._model = self._load()
         self._kinds = [message_class(entry.type) for entry in self._model.dofs.observed]
-        self._estimator = IntentEstimator(self._model.library)
+        self._estimator = IntentEstimator(
+            self._model.library,
+            transitions=self._transitions,
+            forget_after_s=self._forget_after_s,
+            start_posture=self._start_posture,
+        )
         self._builder = TrajectoryBuilder(self._model.controlled_names)
         self._marker_builder = MarkerBuilder()
         self._shown = next(
@@ -136,17 +168,23 @@ class IntentEstimatorNode(ManagedNode):
             topic = human_topic(entry) if raw else entry.topic
             handle = partial(self._on_odometry if raw else self._on_message, group, entry)
             self._inputs.append(self.create_subscription(kind, topic, handle, INPUT))
+        if self._start_posture:
+            controlled = self._model.dofs.controlled
+            self._postures.open(self._estimator, controlled, message_class, human_topic)
+        self._next_task.update(self._estimator)
         self._diagnostics.status(_OK, "waiting for a movement")
 
     def deactivate(self) -> None:
         """Let go of the observed agent and forget the movement under way."""
         while self._inputs:
             self.destroy_subscription(self._inputs.pop())
+        self._postures.close()
         self._forget()
         self._diagnostics.status(_OK, "not active")
 
     def _forget(self) -> None:
         self._estimator.reset()
+        self._next_task.update(self._estimator)
         self._marker_builder = MarkerBuilder()
         self._moving = self._silent = False
         self._last_publication_ns = 0
@@ -205,6 +243,7 @@ class IntentEstimatorNode(ManagedNode):
         if estimate.moving != self._moving or self._silent:
             self._moving, self._silent = estimate.moving, False
             self._diagnostics.status(_OK, "moving" if self._moving else "waiting for a movement")
+        self._next_task.update(self._estimator)
         if not estimate.moving:
             return
         if observation.group == self._shown:
@@ -216,6 +255,7 @@ class IntentEstimatorNode(ManagedNode):
         self._last_publication_ns = estimate.stamp_ns
         robot = self._estimator.predict_controlled()
         if robot is not None:
+            self._postures.note(robot)
             self._publish_trajectory(robot)
             self._diagnostics.tick("intent/robot_trajectory")
         if self._path.get_subscription_count() or self._markers.get_subscription_count():
@@ -289,6 +329,7 @@ class IntentEstimatorNode(ManagedNode):
             check_dofs(self._model, model.dofs, str(self.get_parameter("model").value))
             self._estimator.swap(model.library)
             self._model = model
+            self._next_task.update(self._estimator)
         except IntentError as error:
             response.success, response.message = False, str(error)
             self.get_logger().error(f"reload_model: {error}")

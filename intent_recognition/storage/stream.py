@@ -3,6 +3,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,13 @@ from intent_recognition.storage.signals import MISSING_DOF, is_raw_pose, pose_me
 from intent_recognition.tracking.ingest import IngestSettings, IngestState, Rejected, ingest_pose
 
 POSITION_FIELDS = ("pose.position.x", "pose.position.y", "pose.position.z")
+
+
+class Sample(NamedTuple):
+    """One measurement of either agent; groups count the signals of each agent for itself."""
+
+    controlled: bool
+    observation: Observation
 
 
 def pose_covariance(entry: DofEntry, position_covariance: np.ndarray) -> np.ndarray:
@@ -35,7 +43,20 @@ def iter_observations(
     settings: IngestSettings | None = None,
     rejected: Counter[str] | None = None,
 ) -> Iterator[Observation]:
-    """Observations of the human in the order they were recorded.
+    """Observations of the human in the order they were recorded; see `iter_samples`."""
+    for _, observation in iter_samples(reader, dofs, settings, rejected, controlled=False):
+        yield observation
+
+
+def iter_samples(
+    reader: BagReader,
+    dofs: DofSpec,
+    settings: IngestSettings | None = None,
+    rejected: Counter[str] | None = None,
+    *,
+    controlled: bool = True,
+) -> Iterator[Sample]:
+    """Measurements of both agents in the order they were recorded.
 
     Raw tracker poses pass through the same ingest as in the node `mocap_ingest`.
 
@@ -44,17 +65,21 @@ def iter_observations(
         dofs: which topics and fields to read.
         settings: of the ingest; the node's defaults when None.
         rejected: counts what is dropped, by reason.
+        controlled: whether to read the controlled agent too.
     """
     settings = settings or IngestSettings()
     rejected = Counter() if rejected is None else rejected
-    groups: dict[str, list[int]] = defaultdict(list)
-    for group, entry in enumerate(dofs.observed):
-        groups[entry.topic].append(group)
+    entries = [(False, group, entry) for group, entry in enumerate(dofs.observed)]
+    if controlled:
+        entries += [(True, group, entry) for group, entry in enumerate(dofs.controlled)]
+    by_topic: dict[str, list[tuple[bool, int, DofEntry]]] = defaultdict(list)
+    for found in entries:
+        by_topic[found[2].topic].append(found)
     states: Mapping[str, IngestState] = defaultdict(IngestState.initial)
-    for item in reader.messages(list(groups)):
+    for item in reader.messages(list(by_topic)):
         topic = item.topic.lstrip("/")
         stamp, message, covariance = item.stamp_ns, item.message, None
-        if is_raw_pose(topic, dofs.observed[groups[topic][0]].type):
+        if is_raw_pose(topic, by_topic[topic][0][2].type):
             states[topic], result = ingest_pose(
                 settings, states[topic], stamp, *_pose(message), message.header.frame_id
             )
@@ -62,15 +87,14 @@ def iter_observations(
                 rejected[result.reason] += 1
                 continue
             message, covariance = pose_message(message.header, result), result.position_covariance
-        for group in groups[topic]:
-            entry = dofs.observed[group]
+        for of_controlled, group, entry in by_topic[topic]:
             try:
                 values = extract(entry, message)
             except MessageError:
                 rejected[MISSING_DOF] += 1
                 continue
             noise = None if covariance is None else pose_covariance(entry, covariance)
-            yield Observation(stamp, group, values, noise)
+            yield Sample(of_controlled, Observation(stamp, group, values, noise))
 
 
 def _pose(message: object) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the estimator node adds before and around a movement: start posture in, next task out."""
+
+from functools import partial
+
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from intent_recognition.errors import MessageError
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import stamp_ns, to_joint_state
+from intent_recognition.nodes.runtime import Diagnostics
+from intent_recognition.promp.observations import Observation
+from intent_recognition.promp.online import IntentEstimator, Prediction
+from intent_recognition.promp.posture import POSTURE_OUTSIDE, POSTURE_UNKNOWN
+from intent_recognition.promp.transitions import TaskMemory
+from intent_recognition.storage.dofs import DofEntry, extract
+from intent_recognition.storage.signals import is_raw_pose
+
+POSTURES = QoSProfile(
+    history=QoSHistoryPolicy.KEEP_LAST,
+    depth=100,
+    reliability=QoSReliabilityPolicy.BEST_EFFORT,
+)
+"""As sensor data; deep enough for the moment of onset, when a movement is filtered anew."""
+
+
+class PostureInput:
+    """Hands the controlled agent's measured positions to the estimator, for its posture at onset.
+
+    Args:
+        node: subscribes.
+        diagnostics: what is rejected is counted under `posture_<reason>`, a posture that could
+            not be used under `start_posture_<why>`, once a movement and task; a graph without an
+            arm counts nothing.
+    """
+
+    def __init__(self, node: Node, diagnostics: Diagnostics):
+        self._node, self._diagnostics = node, diagnostics
+        self._subscriptions: list = []
+        self._estimator: IntentEstimator | None = None
+        self._noted: tuple | None = None
+        self._heard = False
+
+    def open(self, estimator: IntentEstimator, entries, message_class, human_topic) -> None:
+        """Subscribe to the controlled signals.
+
+        Args:
+            estimator: takes them.
+            entries: of the DOF file, in order.
+            message_class: gives the class of a type's name.
+            human_topic: gives the topic on which a raw pose is republished.
+        """
+        self._estimator = estimator
+        for group, entry in enumerate(entries):
+            raw = is_raw_pose(entry.topic, entry.type)
+            self._subscriptions.append(
+                self._node.create_subscription(
+                    Odometry if raw else message_class(entry.type),
+                    human_topic(entry) if raw else entry.topic,
+                    partial(self._take, group, entry, raw),
+                    POSTURES,
+                )
+            )
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        while self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions.pop())
+
+    def _take(self, group: int, entry: DofEntry, raw: bool, message: object) -> None:
+        self._diagnostics.tick(entry.topic)
+        self._heard = True
+        clock = self._node.get_clock()
+        stamp = stamp_ns(message) if hasattr(message, "header") else clock.now().nanoseconds
+        try:
+            values = extract(entry, message.pose if raw else message)
+        except MessageError as error:
+            self._diagnostics.reject("posture_missing_dof", str(error))
+            return
+        reason = self._estimator.observe_controlled(Observation(stamp, group, values))
+        if reason is not None:
+            self._diagnostics.reject(f"posture_{reason}", f"{entry.topic} at {stamp} ns")
+
+    def note(self, prediction: Prediction) -> None:
+        """Report whether a prediction could use the posture."""
+        key = (prediction.onset_ns, prediction.task, prediction.start)
+        if not self._subscriptions or key == self._noted:
+            return
+        self._noted = key
+        self._diagnostics.value("start posture", prediction.start)
+        if prediction.start == POSTURE_OUTSIDE:
+            text = f"{prediction.task} was not taught from where the arm was at onset"
+            self._diagnostics.reject("start_posture_outside", text)
+        elif prediction.start == POSTURE_UNKNOWN and self._heard:
+            self._diagnostics.count("start_posture_unknown")
+
+
+class NextTaskOutput:
+    """Publishes what the next task will be, whenever that has changed.
+
+    `intent/next_task` is a sensor_msgs/JointState used as a stamped named vector: `name` = task
+    labels, `position` = p(s) of the next movement, sum 1; `header.frame_id` = the last task,
+    empty when there is none; the stamp is that of the observation that ended the last movement.
+    """
+
+    def __init__(self, node: Node):
+        self._publisher = node.create_publisher(JointState, "intent/next_task", qos.LATCHED)
+        self._published: TaskMemory | None = None
+
+    def update(self, estimator: IntentEstimator) -> None:
+        """Publish, if the estimator's memory is another one than at the last call."""
+        expectation = estimator.expectation
+        if expectation.memory is self._published:
+            return
+        self._published = expectation.memory
+        message = to_joint_state(
+            estimator.library.labels, expectation.prior, time_ns=expectation.memory.ended_ns
+        )
+        message.header.frame_id = expectation.last_task
+        self._publisher.publish(message)
