@@ -42,6 +42,7 @@ OFFERED = {
         "intent/robot_trajectory": COMMAND,
         "intent/human_path": COMMAND,
         "intent/markers": COMMAND,
+        "intent/next_task": LATCHED,
     },
     "primitive_activation": {"joint_trajectory": COMMAND, "intent/active_task": LATCHED},
     "lwr_sim": {"joint_states": STATE, "robot_description": LATCHED},

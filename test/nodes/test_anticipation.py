@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The estimator node with the arm's posture at onset and with tasks that follow one another."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from model_builder import ROBOT, WRIST, learned_model, make_dofs, perform, true_library
+from nav_msgs.msg import Odometry
+from nodes.test_intent_estimator import message_for, shifted, with_covariance
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, trajectory_arrays
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.promp.observations import Observation, merge
+from intent_recognition.promp.online import IntentEstimator
+from intent_recognition.promp.posture import POSTURE_USED, start_mean
+from intent_recognition.storage.model import save_model
+
+DOFS = make_dofs(WRIST)
+RING = np.array([[0.04, 0.92, 0.04], [0.04, 0.04, 0.92], [0.92, 0.04, 0.04], [1 / 3] * 3])
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return true_library(DOFS)
+
+
+@pytest.fixture(scope="module")
+def model(truth):
+    learned = learned_model(DOFS, truth)
+    return replace(learned, library=replace(learned.library, transition_prior=RING))
+
+
+@pytest.fixture(scope="module")
+def path(model, tmp_path_factory):
+    path = tmp_path_factory.mktemp("ring") / "model.npz"
+    save_model(path, model)
+    return path
+
+
+def movement(truth, task, seed=100):
+    found = merge(perform(truth, task, seed).observed)
+    return [with_covariance(DOFS, observation) for observation in found]
+
+
+class Graph:
+    """The node between a fake tracker, a fake arm and listeners."""
+
+    def __init__(self, harness, path, **parameters):
+        self.harness = harness
+        values = {"model": str(path), "publish_rate": 1000.0, **parameters}
+        overrides = [Parameter(name, value=value) for name, value in values.items()]
+        self.node = harness.add(IntentEstimatorNode(parameter_overrides=overrides))
+        self.wrist = harness.publisher(Odometry, "human/wrist", qos.SENSOR)
+        self.arm = harness.publisher(JointState, "joint_states", qos.STATE)
+        self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
+        self.robot = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+        self.next = harness.collect(JointState, "intent/next_task", qos.LATCHED)
+        harness.connect(self.wrist)
+        if values.get("start_posture", True):
+            harness.connect(self.arm)
+        topics = ("intent/tasks", "intent/robot_trajectory", "intent/next_task")
+        harness.connect(*(p for p in self.node.publishers if p.topic_name.lstrip("/") in topics))
+
+    def received(self, topic):
+        return self.node._diagnostics._totals[topic]
+
+    def send(self, publisher, message, topic):
+        before = self.received(topic)
+        publisher.publish(message)
+        self.harness.spin_until(lambda: self.received(topic) > before, what=topic)
+
+    def feed(self, observations, arm=lambda stamp: None):
+        """Human and arm in turn: the arm's sample of a stamp after the human's."""
+        for observation in observations:
+            message = message_for(DOFS, observation)
+            self.send(self.wrist, message, WRIST.topic)
+            posture = arm(observation.stamp_ns)
+            if posture is not None:
+                sample = to_joint_state(ROBOT.joints, posture, time_ns=observation.stamp_ns)
+                self.send(self.arm, sample, ROBOT.topic)
+
+    def rejected(self, reason):
+        return self.node._diagnostics.rejected(reason)
+
+
+def alone(model, observations, arm):
+    """What the library says of the same messages."""
+    estimator = IntentEstimator(model.library)
+    predictions = []
+    for observation in observations:
+        estimator.observe(observation)
+        prediction = estimator.predict_controlled()
+        estimator.observe_controlled(Observation(observation.stamp_ns, 0, arm(0)))
+        if prediction is not None:
+            predictions.append(prediction)
+    return predictions
+
+
+def test_the_start_posture_is_used_and_equals_the_library_s(harness, model, path, truth):
+    start = start_mean(model.library, 1) + 0.003
+    graph = Graph(harness, path)
+    observations = movement(truth, 1)
+    graph.feed(observations, lambda stamp: start)
+    predictions = alone(model, observations, lambda stamp: start)
+    harness.spin_until(lambda: len(graph.robot) >= len(predictions), what="predictions")
+    assert sum(p.start == POSTURE_USED for p in predictions) > 50
+    for message, prediction in zip(graph.robot, predictions, strict=True):
+        _, positions, _ = trajectory_arrays(message)
+        np.testing.assert_array_equal(positions, prediction.trajectory.positions)
+    harness.spin_until(lambda: len(graph.tasks) == len(observations), what="all tasks")
+    plain = IntentEstimator(model.library)
+    for message, observation in zip(graph.tasks, observations, strict=True):
+        expected = plain.observe(observation).probabilities
+        np.testing.assert_allclose(message.position, expected, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("on", [True, False])
+def test_a_posture_outside_is_skipped_counted_and_reported(harness, model, path, truth, on):
+    graph = Graph(harness, path, start_posture=on)
+    observations = movement(truth, 1)
+    far = start_mean(model.library, 1) + 0.8
+    graph.feed(observations, (lambda stamp: far) if on else (lambda stamp: None))
+    expected = alone(model, observations, lambda stamp: far)
+    harness.spin_until(lambda: len(graph.robot) >= len(expected), what="predictions")
+    for message, prediction in zip(graph.robot, expected, strict=True):
+        _, positions, _ = trajectory_arrays(message)
+        np.testing.assert_array_equal(positions, prediction.trajectory.positions)
+    assert graph.rejected("start_posture_outside") >= on
+    values = {v.key: v.value for v in graph.node._diagnostics.report().values}
+    assert values.get("start posture") == ("outside" if on else None)
+
+
+def test_bad_joint_states_are_counted_and_harm_nothing(harness, model, path, truth):
+    graph = Graph(harness, path)
+    start = start_mean(model.library, 1)
+    names, stamp = list(ROBOT.joints), 1_600_000_000_000_000_000
+    for position, labels, time_ns, reason in (
+        (start, names, stamp, ""),
+        (start, names, stamp, "posture_stamp_not_increasing"),
+        (start, names, 0, "posture_zero_stamp"),
+        (np.full(7, np.nan), names, stamp + 10, "posture_not_finite"),
+        (start[:3], names[:3], stamp + 20, "posture_missing_dof"),
+    ):
+        message = to_joint_state(labels, position, time_ns=time_ns)
+        graph.send(graph.arm, message, ROBOT.topic)
+        assert not reason or graph.rejected(reason) == 1
+    graph.feed(movement(truth, 1)[:80])
+    assert graph.node._diagnostics.report().level == b"\x00"
+
+
+def test_the_next_task_is_published_when_a_movement_ends(harness, model, path, truth):
+    graph = Graph(harness, path)
+    harness.spin_until(lambda: graph.next, what="the first expectation")
+    first = graph.next[0]
+    assert list(first.name) == list(model.labels) and first.header.frame_id == ""
+    np.testing.assert_allclose(first.position, RING[3])
+    observations = movement(truth, 1)
+    graph.feed(observations)
+    harness.spin_until(lambda: len(graph.next) == 2, what="the next task")
+    after = graph.next[1]
+    assert after.header.frame_id == "task_1"
+    assert abs(sum(after.position) - 1.0) <= 1e-9
+    np.testing.assert_allclose(after.position, RING[1], atol=1e-3)
+    harness.spin_until(lambda: len(graph.tasks) == len(observations), what="all tasks")
+    idle = [m for m in graph.tasks if stamp_ns(m) >= stamp_ns(after)]
+    assert stamp_ns(idle[0]) == stamp_ns(after) and idle[0].position[-1] == 1.0
+    later = shifted(movement(truth, 2), 6.0)
+    graph.feed(later[:70])
+    harness.spin_until(lambda: len(graph.tasks) == len(observations) + 70, what="all tasks")
+    both = [IntentEstimator(model.library, transitions=on) for on in (True, False)]
+    for estimator in both:
+        ours = [estimator.observe(o).probabilities for o in (*observations, *later[:70])]
+        same = np.allclose([m.position for m in graph.tasks], ours, rtol=0.0, atol=1e-12)
+        assert same == (estimator is both[0])
+    response = harness.call(Trigger, "intent_estimator/reset", Trigger.Request())
+    assert response.success
+    harness.spin_until(lambda: len(graph.next) == 3, what="nothing expected again")
+    assert graph.next[2].header.frame_id == ""
+
+
+def test_without_the_transition_prior_all_tasks_are_expected_alike(harness, path, truth):
+    graph = Graph(harness, path, transition_prior=False)
+    graph.feed(movement(truth, 1))
+    harness.spin_until(lambda: len(graph.next) == 2, what="the next task")
+    assert graph.next[1].header.frame_id == "task_1"
+    np.testing.assert_allclose(graph.next[1].position, 1 / 3)
+
+
+def test_the_last_task_is_forgotten_after_a_while(harness, path, truth):
+    graph = Graph(harness, path, forget_after=5.0)
+    observations = movement(truth, 1)
+    graph.feed(observations)
+    harness.spin_until(lambda: len(graph.next) == 2, what="the next task")
+    graph.feed(shifted(observations[-2:], 5.1))
+    harness.spin_until(lambda: len(graph.next) == 3, what="nothing expected again")
+    assert graph.next[2].header.frame_id == ""
