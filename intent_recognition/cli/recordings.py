@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from intent_recognition.errors import BagError, ResourceBusyError, describe
-from intent_recognition.promp.training import SEGMENTATIONS, TrainingSettings
+from intent_recognition.promp.training_settings import SEGMENTATIONS, TrainingSettings
 from intent_recognition.storage.demonstration import Demonstration, Rejection
 from intent_recognition.storage.demonstrations import find_bags, iter_demonstrations
 from intent_recognition.storage.dofs import DofSpec

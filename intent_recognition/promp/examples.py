@@ -7,12 +7,13 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from intent_recognition.alignment.onset import OnsetSettings
 from intent_recognition.alignment.segment import movement_span, onset_settings
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.selection import SCORED_PHASES
 from intent_recognition.promp.signals import Signal
-from intent_recognition.promp.weights import MIN_SAMPLES, fit_weights
+from intent_recognition.promp.weights import MIN_SAMPLES, WeightFit, fit_weights_together
 
 SAMPLES_PER_MOVEMENT = 30
 """Samples of one movement that count as independent evidence; denser ones share it."""
@@ -68,21 +69,56 @@ def make_example(recorded: Recorded, basis: NormalizedRBFBasis, ridge: float) ->
     Raises:
         TrainingError: too short, or a DOF has too few samples.
     """
+    (example,) = make_examples([recorded], basis, ridge)
+    if isinstance(example, TrainingError):
+        raise example
+    return example
+
+
+def make_examples(
+    recordings: Sequence[Recorded], basis: NormalizedRBFBasis, ridge: float
+) -> list[Example | TrainingError]:
+    """The same of many, for each the error if it cannot be used.
+
+    Signals that were sampled at the same phases, as in aligned demonstrations, are fitted together.
+    """
+    found = [_movement(recorded) for recorded in recordings]
+    parts = [part for parts in found if not isinstance(parts, TrainingError) for part in parts]
+    fits = iter(
+        fit_weights_together(
+            basis, [part.phase for part in parts], [part.values for part in parts], ridge
+        )
+    )
+    return [
+        parts
+        if isinstance(parts, TrainingError)
+        else _assemble(recorded, parts, [next(fits) for _ in parts])
+        for recorded, parts in zip(recordings, found, strict=True)
+    ]
+
+
+class _Part(NamedTuple):
+    """One signal during the movement: phases (T,) and values (T, d)."""
+
+    phase: np.ndarray
+    values: np.ndarray
+
+
+def _movement(recorded: Recorded) -> list[_Part] | TrainingError:
+    """Each signal from start to end, observed ones first, or why that is too little."""
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     duration = (end_ns - start_ns) * 1e-9
     if duration < MIN_DURATION_S:
-        raise TrainingError(
+        return TrainingError(
             describe(
                 "demonstration", f"at least {MIN_DURATION_S} s", f"{duration:.3f} s", "Re-record."
             )
         )
-    weights, residuals, samples = [], [], {True: [], False: []}
-    for observed, signal in [(True, s) for s in recorded.observed] + [
-        (False, s) for s in recorded.controlled
-    ]:
+    parts = []
+    for signal in (*recorded.observed, *recorded.controlled):
         part = signal.between(start_ns, end_ns)
         if len(part.stamps_ns) < MIN_SAMPLES:
-            raise TrainingError(
+            return TrainingError(
                 describe(
                     ", ".join(signal.names),
                     f"at least {MIN_SAMPLES} samples during the movement",
@@ -90,23 +126,28 @@ def make_example(recorded: Recorded, basis: NormalizedRBFBasis, ridge: float) ->
                     "Record it again, or leave it out.",
                 )
             )
-        phase = part.seconds(start_ns) / duration
-        fit = fit_weights(basis, phase, part.values, ridge)
-        weights.append(fit.weights)
-        residuals.append(fit.residual_variance)
-        at = sample_phases() if observed else scored_phases()
-        samples[observed].append(
-            np.stack([np.interp(at, phase, column) for column in part.values.T], axis=1)
-        )
+        parts.append(_Part(part.seconds(start_ns) / duration, part.values))
+    return parts
+
+
+def _assemble(recorded: Recorded, parts: Sequence[_Part], fits: Sequence[WeightFit]) -> Example:
+    """The example of a recording from its signals and their weights."""
+    n_observed = len(recorded.observed)
     return Example(
         recorded.name,
         str(recorded.task),
-        np.vstack(weights),
-        np.concatenate(residuals),
-        duration,
-        np.hstack(samples[True]),
-        np.hstack(samples[False]),
+        np.vstack([fit.weights for fit in fits]),
+        np.concatenate([fit.residual_variance for fit in fits]),
+        (recorded.end_ns - recorded.start_ns) * 1e-9,
+        np.hstack([_at(sample_phases(), part) for part in parts[:n_observed]]),
+        np.hstack([_at(scored_phases(), part) for part in parts[n_observed:]]),
     )
+
+
+def _at(phases: np.ndarray, part: _Part) -> np.ndarray:
+    """Values at other phases, between samples by a line, (len(phases), d)."""
+    columns = [np.interp(phases, part.phase, column) for column in part.values.T]
+    return np.stack(columns, axis=1)
 
 
 def cut_to_movement(demonstrations: Sequence[Recorded]) -> list[Recorded]:
@@ -118,11 +159,19 @@ def cut_to_movement(demonstrations: Sequence[Recorded]) -> list[Recorded]:
         return []
     observed = onset_settings([recorded.observed for recorded in demonstrations])
     controlled = onset_settings([recorded.controlled for recorded in demonstrations])
-    spans = [
-        movement_span(r.observed, r.controlled, observed, controlled, r.start_ns, r.end_ns)
-        for r in demonstrations
-    ]
-    return [
-        replace(recorded, start_ns=start, end_ns=end)
-        for recorded, (start, end) in zip(demonstrations, spans, strict=True)
-    ]
+    return [cut_one(recorded, observed, controlled) for recorded in demonstrations]
+
+
+def cut_one(
+    recorded: Recorded, observed: Sequence[OnsetSettings], controlled: Sequence[OnsetSettings]
+) -> Recorded:
+    """One recording from the human's onset to both agents' rest, by given thresholds."""
+    start_ns, end_ns = movement_span(
+        recorded.observed,
+        recorded.controlled,
+        observed,
+        controlled,
+        recorded.start_ns,
+        recorded.end_ns,
+    )
+    return replace(recorded, start_ns=start_ns, end_ns=end_ns)

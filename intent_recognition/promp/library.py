@@ -141,25 +141,26 @@ class TaskLibrary:
 
 
 def pooled_none_model(
-    deviations: np.ndarray, mean: np.ndarray, extent: np.ndarray, spread: float
+    scatter: np.ndarray, n: int, mean: np.ndarray, extent: np.ndarray, spread: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Observed weights of any human movement: everything seen, spread wider, anywhere about.
 
     Args:
-        deviations: (n, P, N) observed weights less the mean over all demonstrations.
-        mean: (P, N) that mean.
+        scatter: sum of outer products of the observed weights' deviations from `mean`, over all
+            demonstrations, (P N, P N).
+        n: number of all demonstrations.
+        mean: (P, N) where the movements lie.
         extent: range of each observed DOF over all demonstrations, (P,).
         spread: factor of the variance.
 
     Returns:
         Mean (P N,) and covariance (P N, P N).
     """
-    n, n_dofs, n_basis = deviations.shape
-    flat = deviations.reshape(n, -1)
+    n_dofs, n_basis = mean.shape
     isotropic = float(np.mean(extent**2))
     somewhere = np.kron(isotropic * np.eye(n_dofs), np.ones((n_basis, n_basis)))
     phase = np.linspace(0.0, 1.0, n_basis)
     smooth = np.exp(-0.5 * ((phase[:, None] - phase[None, :]) / 0.25) ** 2)
     anyhow = np.kron(0.25 * isotropic * np.eye(n_dofs), smooth + 1e-4 * np.eye(n_basis))
-    covariance = spread * flat.T @ flat / max(n - 1, 1) + somewhere + anyhow
+    covariance = spread * scatter / max(n - 1, 1) + somewhere + anyhow
     return mean.reshape(-1), symmetrize(covariance)

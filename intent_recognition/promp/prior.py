@@ -37,6 +37,18 @@ AMPLITUDE_WORTH = 4.0
 """Demonstrations' worth of the assumption that a DOF varies alike at all phases."""
 
 
+class Scatter(NamedTuple):
+    """Sum of outer products of weights' deviations from the mean of their task.
+
+    Attributes:
+        matrix: (D N, D N), weights grouped by DOF.
+        freedom: demonstrations less means taken from them.
+    """
+
+    matrix: np.ndarray
+    freedom: int
+
+
 class StructuredTarget(NamedTuple):
     """The factors of the target covariance and its floor.
 
@@ -54,12 +66,12 @@ class StructuredTarget(NamedTuple):
 
     def covariance(self) -> np.ndarray:
         """The target as one matrix, (D N, D N), weights grouped by DOF."""
-        n_basis = len(self.basis)
+        n_basis, size = len(self.basis), self.amplitude.size
         values, vectors = np.linalg.eigh(self.dofs)
         root = (vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-        gram = np.einsum("kdr,ler->dkel", root, root)
+        flat = np.swapaxes(root, 0, 1).reshape(size, -1)
+        gram = (flat @ flat.T).reshape(-1, n_basis, size // n_basis, n_basis)
         gram *= self.basis[None, :, None, :]
-        size = self.amplitude.size
         scale = self.amplitude.ravel()
         covariance = gram.reshape(size, size) * np.outer(scale, scale)
         return symmetrize(covariance) + np.diag(np.repeat(self.floor, n_basis))
@@ -80,80 +92,91 @@ def weight_floor(weights: np.ndarray) -> np.ndarray:
     return (FLOOR_OF_RANGE * weight_extent(weights)) ** 2
 
 
-def structured_target(
-    deviations: np.ndarray, tasks: np.ndarray, task: int, floor: np.ndarray
-) -> StructuredTarget:
+def structured_target(own: Scatter, pooled: Scatter, floor: np.ndarray) -> StructuredTarget:
     """Fit a task's target to the deviations of all demonstrations from their tasks' means.
 
     The task's own demonstrations count fully; all others together count `OTHERS_WORTH`.
 
     Args:
-        deviations: (n, D, N) weights less the mean of their task.
-        tasks: number of each demonstration's task, (n,).
-        task: which task the target is for.
+        own: scatter of the task the target is for.
+        pooled: sum over all tasks, this one included; some task has two demonstrations.
         floor: variance floor per DOF, (D,).
     """
-    n_dofs, n_basis = deviations.shape[1:]
-    worth = _worth(tasks, task)
-    scaled = deviations * np.sqrt(worth)[:, None, None]
-    variance = np.sum(scaled**2, axis=0)
+    scatter, demonstrations = _borrow(own, pooled)
+    n_dofs = len(floor)
+    variance = np.diag(scatter).reshape(n_dofs, -1)
     typical = variance.mean(axis=1, keepdims=True)
-    demonstrations = 1.0 / np.max(worth)
     weight = demonstrations / (demonstrations + AMPLITUDE_WORTH)
     amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
-    scaled = scaled / amplitude
+    n_basis = amplitude.shape[1]
+    scale = amplitude.ravel()
+    scaled = (scatter / np.outer(scale, scale)).reshape(n_dofs, n_basis, n_dofs, n_basis)
     phase = np.linspace(0.0, 1.0, n_basis)
     kernel = np.exp(-0.5 * ((phase[:, None] - phase) / PHASE_WIDTH) ** 2)
     kernel /= kernel.sum(axis=1, keepdims=True)
-    local = np.einsum("idk,iek->kde", scaled, scaled)
+    local = np.einsum("dkek->kde", scaled)
     dofs = np.einsum("kl,lde->kde", kernel, local)
-    own = np.sqrt(np.einsum("kdd->kd", dofs) + FLOOR_OF_RANGE**2)
-    dofs /= own[:, :, None] * own[:, None, :]
-    basis = np.einsum("idk,idl->kl", scaled, scaled) / n_dofs
+    spread = np.sqrt(np.einsum("kdd->kd", dofs) + FLOOR_OF_RANGE**2)
+    dofs /= spread[:, :, None] * spread[:, None, :]
+    basis = np.einsum("dkdl->kl", scaled) / n_dofs
     spread = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
     basis /= np.outer(spread, spread)
     return StructuredTarget(amplitude, symmetrize(dofs), symmetrize(basis), floor)
 
 
 def leave_one_out_targets(
-    deviations: np.ndarray, tasks: np.ndarray, task: int, floor: np.ndarray
+    own: Scatter, pooled: Scatter, deviations: np.ndarray, floor: np.ndarray
 ) -> np.ndarray:
-    """The task's target covariance without each of its demonstrations in turn, (n_task, d, d).
+    """The task's target covariance without each of some demonstrations in turn, (m, d, d).
 
     Where nothing would be left to estimate it from (two demonstrations in all), it is the same
-    target for each; a task of one demonstration has none. Arguments as of `structured_target`.
+    target for each; a task of one demonstration has none.
+
+    Args:
+        own: scatter of the task.
+        pooled: sum over all tasks, this one included.
+        deviations: of those left out from the mean of the task, them included, (m, D, N).
+        floor: variance floor per DOF, (D,).
     """
-    own = np.flatnonzero(tasks == task)
-    size = deviations.shape[1] * deviations.shape[2]
-    if len(own) < 2:
+    size = own.matrix.shape[0]
+    if own.freedom < 1:
         return np.zeros((0, size, size))
-    count = np.bincount(tasks)
-    count[task] -= 1
-    if np.max(count) < 2:
-        target = structured_target(deviations, tasks, task, floor).covariance()
-        return np.repeat(target[None], len(own), axis=0)
+    if pooled.freedom < 2:
+        target = structured_target(own, pooled, floor).covariance()
+        return np.repeat(target[None], len(deviations), axis=0)
     targets = []
-    for left_out in own:
-        rest = np.delete(deviations, left_out, axis=0)
-        rest_tasks = np.delete(tasks, left_out)
-        mine = rest_tasks == task
-        rest[mine] -= rest[mine].mean(axis=0)
-        targets.append(structured_target(rest, rest_tasks, task, floor).covariance())
+    for deviation in deviations:
+        part = leave_one_out_scatter(own, deviation.ravel())
+        rest = Scatter(pooled.matrix - (own.matrix - part), pooled.freedom - 1)
+        target = structured_target(Scatter(part, own.freedom - 1), rest, floor)
+        targets.append(target.covariance())
     return np.array(targets)
 
 
-def _worth(tasks: np.ndarray, task: int) -> np.ndarray:
-    """Weight of each demonstration's outer product in a task's covariance, (n,).
+def leave_one_out_scatter(own: Scatter, deviations: np.ndarray) -> np.ndarray:
+    """Scatter without one demonstration, for each of those given, (..., d, d).
+
+    Args:
+        own: of all n demonstrations of the task, at least two.
+        deviations: of those left out from the mean of all n, (..., d).
+    """
+    if own.freedom == 1:  # nothing varies about the mean of one; no rounding is left either
+        return np.zeros((*deviations.shape[:-1], *own.matrix.shape))
+    factor = (own.freedom + 1) / own.freedom
+    return own.matrix - factor * deviations[..., :, None] * deviations[..., None, :]
+
+
+def _borrow(own: Scatter, pooled: Scatter) -> tuple[np.ndarray, float]:
+    """Covariance of a task from its own and all demonstrations, and how many it is worth.
 
     Each task's outer products are divided by its degrees of freedom, so that they estimate a
     covariance without bias; these estimates are averaged by the demonstrations they are worth.
     """
-    count = np.bincount(tasks)
-    own = float(count[task] - 1)
-    others = float(np.sum(count - 1)) - own
+    others = float(pooled.freedom - own.freedom)
     borrowed = min(OTHERS_WORTH, others)
-    per_task = np.where(np.arange(len(count)) == task, 1.0, borrowed / others if others else 0.0)
-    return per_task[tasks] / (own + borrowed)
+    share = borrowed / others if others else 0.0
+    worth = own.freedom + borrowed
+    return ((1.0 - share) * own.matrix + share * pooled.matrix) / worth, worth
 
 
 def shrunk_covariance(

@@ -9,12 +9,13 @@ recognises earlier, and of these the best is taken. The target too is
 estimated without the one left out.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from intent_recognition.gaussian.linalg import LOG_2_PI, symmetrize
-from intent_recognition.promp.prior import shrunk_covariance
+from intent_recognition.promp.prior import Scatter, leave_one_out_scatter, shrunk_covariance
 
 STRENGTHS = (0.3, 1.0, 2.0, 4.0, 10.0, 30.0, 100.0, 300.0)
 NOISE_SCALES = (1.0, 4.0, 16.0, 64.0)
@@ -31,16 +32,20 @@ class Candidate(NamedTuple):
 
 
 class TaskSamples(NamedTuple):
-    """Evenly spaced samples of the demonstrations of one task, for scoring.
+    """Evenly spaced samples of demonstrations of one task, for scoring.
 
     Attributes:
-        weights: (n, D, N), observed DOFs first.
+        mean: mean weights of all demonstrations of the task, (D, N), observed DOFs first.
+        scatter: about that mean, of all demonstrations of the task.
+        weights: of the n demonstrations to score, some or all of them, (n, D, N).
         observed: samples of the observed DOFs, (n, m, P).
         design: basis at the samples' phases, (n, m, N).
         phase: their phases, (n, m), increasing.
         controlled: truth of the controlled DOFs at the scored phases, (n, s, Q).
     """
 
+    mean: np.ndarray
+    scatter: Scatter
     weights: np.ndarray
     observed: np.ndarray
     design: np.ndarray
@@ -59,7 +64,7 @@ def leave_one_out_scores(
     """Mean negative log density of each demonstration's controlled samples, (len(noise_scales), n).
 
     Args:
-        samples: the demonstrations of one task, at least two.
+        samples: of a task of at least two demonstrations.
         targets: target covariance without each demonstration in turn, (n, D N, D N).
         noise_variance: residual variance per DOF, (D,).
         scored_design: basis at the scored phases, (s, N).
@@ -69,14 +74,11 @@ def leave_one_out_scores(
     n, n_dofs, n_basis = samples.weights.shape
     n_observed = samples.observed.shape[2]
     split = n_observed * n_basis
-    flat = samples.weights.reshape(n, -1)
-    mean = (flat.sum(axis=0) - flat) / (n - 1)
-    deviation = flat - flat.mean(axis=0)
-    # Scatter without demonstration i: total less n/(n-1) times its own outer product.
-    scatter = deviation.T @ deviation - (n / (n - 1)) * np.einsum(
-        "id,ie->ide", deviation, deviation
-    )
-    covariance = shrunk_covariance(scatter, n - 1, targets, strength)
+    rest = samples.scatter.freedom  # demonstrations of the task without the one left out
+    deviation = (samples.weights - samples.mean).reshape(n, -1)
+    mean = samples.mean.ravel() - deviation / rest
+    scatter = leave_one_out_scatter(samples.scatter, deviation)
+    covariance = shrunk_covariance(scatter, rest, targets, strength)
     s_oo, s_oc = covariance[:, :split, :split], covariance[:, :split, split:]
     precision = symmetrize(np.linalg.inv(s_oo))
     gain = np.swapaxes(np.matmul(precision, s_oc), 1, 2)  # (n, QN, PN)
@@ -115,8 +117,8 @@ def leave_one_out_scores(
 
 
 def select(
-    tasks: list[TaskSamples],
-    targets: list[np.ndarray],
+    tasks: Iterable[TaskSamples],
+    targets: Iterable[np.ndarray],
     noise_variance: np.ndarray,
     scored_design: np.ndarray,
 ) -> tuple[Candidate, tuple[Candidate, ...]]:
@@ -126,28 +128,32 @@ def select(
     grids is taken, with a score of NaN.
 
     Args:
-        tasks: samples of each task.
-        targets: of each task, its target covariance without each demonstration in turn,
-            (n, D N, D N).
+        tasks: samples of each task; those of many demonstrations may come in parts.
+        targets: for each of these, the target covariance without each demonstration in turn,
+            (n, D N, D N). Only one is held at a time, so both may be generators.
         noise_variance: residual variance per DOF, (D,).
         scored_design: basis at the scored phases, (s, N).
     """
-    voting = [pair for pair in zip(tasks, targets, strict=True) if len(pair[0].weights) > 1]
-    if not voting:
+    parts = []
+    for samples, loo_targets in zip(tasks, targets, strict=True):
+        if samples.scatter.freedom > 0:
+            scores = [
+                leave_one_out_scores(samples, loo_targets, noise_variance, scored_design, strength)
+                for strength in STRENGTHS
+            ]
+            parts.append(np.concatenate(scores))
+    if not parts:
         middle = Candidate(
             STRENGTHS[len(STRENGTHS) // 2], NOISE_SCALES[len(NOISE_SCALES) // 2], float("nan")
         )
         return middle, (middle,)
-    tried, per_demonstration = [], []
-    for strength in STRENGTHS:
-        scores = [
-            leave_one_out_scores(samples, loo_targets, noise_variance, scored_design, strength)
-            for samples, loo_targets in voting
-        ]
-        for scale, score in zip(NOISE_SCALES, np.hstack(scores), strict=True):
-            tried.append(Candidate(strength, scale, float(score.mean())))
-            per_demonstration.append(score)
-    return _least_noise(tried, np.array(per_demonstration)), tuple(tried)
+    per_demonstration = np.hstack(parts)
+    grid = [(strength, scale) for strength in STRENGTHS for scale in NOISE_SCALES]
+    tried = [
+        Candidate(strength, scale, float(score))
+        for (strength, scale), score in zip(grid, per_demonstration.mean(axis=1), strict=True)
+    ]
+    return _least_noise(tried, per_demonstration), tuple(tried)
 
 
 def _least_noise(tried: list[Candidate], scores: np.ndarray) -> Candidate:

@@ -60,12 +60,13 @@ def test_none_model_is_positive_definite_and_wider_than_everything_seen(seed, n,
     rng = np.random.default_rng(seed)
     deviations = rng.normal(size=(n, 2, 6))
     deviations -= deviations.mean(axis=0)
-    mean, covariance = pooled_none_model(deviations, np.ones((2, 6)), np.full(2, 0.5), spread)
+    flat = deviations.reshape(n, -1)
+    scatter = flat.T @ flat
+    mean, covariance = pooled_none_model(scatter, n, np.ones((2, 6)), np.full(2, 0.5), spread)
     assert np.array_equal(mean, np.ones(12))
     assert np.array_equal(covariance, covariance.T)
     assert np.linalg.eigvalsh(covariance).min() > 0
-    flat = deviations.reshape(n, -1)
-    seen = spread * flat.T @ flat / max(n - 1, 1)
+    seen = spread * scatter / max(n - 1, 1)
     assert np.linalg.eigvalsh(covariance - seen).min() > -1e-9
 
 

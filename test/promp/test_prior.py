@@ -6,16 +6,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from intent_recognition.promp.prior import shrunk_covariance, structured_target, weight_floor
+from intent_recognition.promp.prior import (
+    Scatter,
+    leave_one_out_targets,
+    shrunk_covariance,
+    structured_target,
+    weight_floor,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 
 
+def scatter_of(weights: np.ndarray) -> Scatter:
+    """Of one task, (n, D, N)."""
+    flat = (weights - weights.mean(axis=0)).reshape(len(weights), -1)
+    return Scatter(flat.T @ flat, len(weights) - 1)
+
+
 def target_of(weights: np.ndarray) -> np.ndarray:
     """The target of the only task there is."""
-    tasks = np.zeros(len(weights), dtype=int)
-    deviations = weights - weights.mean(axis=0)
-    return structured_target(deviations, tasks, 0, weight_floor(weights)).covariance()
+    scatter = scatter_of(weights)
+    return structured_target(scatter, scatter, weight_floor(weights)).covariance()
 
 
 def shrunk(weights: np.ndarray, strength: float) -> np.ndarray:
@@ -45,9 +56,9 @@ def test_positive_definite_when_demonstrations_are_identical(n, weights):
 
 def test_a_task_of_one_demonstration_borrows_from_the_others(rng):
     weights = rng.normal(size=(5, 2, 6))
-    deviations = np.concatenate([np.zeros((1, 2, 6)), weights[1:] - weights[1:].mean(axis=0)])
-    tasks = np.array([0, 1, 1, 1, 1])
-    target = structured_target(deviations, tasks, 0, weight_floor(weights)).covariance()
+    nothing = Scatter(np.zeros((12, 12)), 0)
+    others = scatter_of(weights[1:])
+    target = structured_target(nothing, others, weight_floor(weights)).covariance()
     covariance = shrunk_covariance(np.zeros((12, 12)), 1, target, 10.0)
     assert np.linalg.eigvalsh(covariance).min() > 0
     assert np.trace(covariance) > np.trace(np.cov(weights[1:].reshape(4, -1).T))
@@ -120,3 +131,35 @@ def test_a_dof_that_never_moved_gets_a_floor():
     assert np.all(floor > 0)
     moved = weight_floor(np.array([[[0.0, 10.0]], [[0.0, 10.0]]]))
     np.testing.assert_allclose(np.sqrt(moved), 0.01)
+
+
+def pooled_with(other: Scatter, own: Scatter) -> Scatter:
+    return Scatter(own.matrix + other.matrix, own.freedom + other.freedom)
+
+
+@pytest.mark.parametrize("n", [2, 3, 6])
+@pytest.mark.parametrize("n_others", [1, 4])
+def test_target_without_one_is_that_of_the_others(rng, n, n_others):
+    """Against fitting it again to the demonstrations that are left."""
+    weights, others = rng.normal(size=(n, 3, 5)), scatter_of(rng.normal(size=(n_others, 3, 5)))
+    floor, own = weight_floor(weights), scatter_of(weights)
+    deviations = weights - weights.mean(axis=0)
+    found = leave_one_out_targets(own, pooled_with(others, own), deviations, floor)
+    if n + n_others - 3 < 1:  # two in all: nothing would be left
+        expected = structured_target(own, pooled_with(others, own), floor).covariance()
+        assert np.array_equal(found, np.repeat(expected[None], n, axis=0))
+        return
+    for i in range(n):
+        rest = scatter_of(np.delete(weights, i, axis=0))
+        expected = structured_target(rest, pooled_with(others, rest), floor).covariance()
+        np.testing.assert_allclose(found[i], expected, rtol=1e-9, atol=1e-12)
+
+
+def test_other_tasks_count_as_a_few_demonstrations(rng):
+    """Many demonstrations of other tasks do not drown one's own."""
+    own = scatter_of(rng.normal(size=(41, 2, 6)))
+    others = scatter_of(10.0 * rng.normal(size=(1001, 2, 6)))
+    floor = np.full(2, 1e-6)
+    amplitude = structured_target(own, pooled_with(others, own), floor).amplitude
+    expected = np.sqrt((40 * 1.0 + 5 * 100.0) / 45)
+    np.testing.assert_allclose(np.sqrt(np.mean(amplitude**2)), expected, rtol=0.1)

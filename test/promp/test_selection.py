@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.prior import structured_target, weight_floor
+from intent_recognition.promp.prior import Scatter, structured_target, weight_floor
 from intent_recognition.promp.selection import (
     FRACTIONS,
     NOISE_SCALES,
@@ -25,6 +25,12 @@ SCORED = BASIS.design_matrix(np.linspace(0, 1, 6))
 P, Q = 2, 1
 
 
+def scatter_of(weights: np.ndarray) -> Scatter:
+    """Of one task, (n, D, N)."""
+    flat = (weights - weights.mean(axis=0)).reshape(len(weights), -1)
+    return Scatter(flat.T @ flat, len(weights) - 1)
+
+
 def make_samples(rng: np.random.Generator, weights: np.ndarray, noise_std: float) -> TaskSamples:
     """Samples of demonstrations of given weights (n, P + Q, N)."""
     n = len(weights)
@@ -32,6 +38,8 @@ def make_samples(rng: np.random.Generator, weights: np.ndarray, noise_std: float
     observed = np.einsum("mk,npk->nmp", design, weights[:, :P])
     controlled = np.einsum("sk,nqk->nsq", SCORED, weights[:, P:])
     return TaskSamples(
+        weights.mean(axis=0),
+        scatter_of(weights),
         weights,
         observed + noise_std * rng.normal(size=observed.shape),
         np.repeat(design[None], n, axis=0),
@@ -84,11 +92,9 @@ def test_batched_scores_equal_a_slow_independent_loop(seed, n, strength):
 def targets_of(tasks: list[np.ndarray]) -> list[np.ndarray]:
     """Target covariance of each task from the weights of all."""
     floor = weight_floor(np.concatenate(tasks))
-    deviations = np.concatenate([w - w.mean(axis=0) for w in tasks])
-    index = np.repeat(np.arange(len(tasks)), [len(w) for w in tasks])
-    return [
-        structured_target(deviations, index, task, floor).covariance() for task in range(len(tasks))
-    ]
+    own = [scatter_of(weights) for weights in tasks]
+    pooled = Scatter(sum(s.matrix for s in own), sum(s.freedom for s in own))
+    return [structured_target(scatter, pooled, floor).covariance() for scatter in own]
 
 
 def choose(rng: np.random.Generator, tasks: list[np.ndarray], noise_std: float = 0.05):
@@ -140,6 +146,22 @@ def test_excess_noise_is_noticed(rng):
     noise = np.array([0.05**2, 0.05**2, 0.5**2])
     chosen, _ = select(samples, targets_of(tasks), noise, SCORED)
     assert chosen.noise_scale >= 16.0
+
+
+def test_a_task_may_come_in_parts(rng):
+    """The demonstrations left out in parts, each predicted from all others."""
+    weights = structured(rng, 7)
+    whole, (target,) = make_samples(rng, weights, 0.1), targets_of([weights])
+    targets, noise = np.repeat(target[None], 7, axis=0), np.full(3, 0.01)
+    arrays = ("weights", "observed", "design", "phase", "controlled")
+    parts = [
+        whole._replace(**{name: getattr(whole, name)[part] for name in arrays})
+        for part in (slice(0, 3), slice(3, 7))
+    ]
+    chosen, tried = select([whole], [targets], noise, SCORED)
+    again, tried_again = select(iter(parts), iter([targets[:3], targets[3:]]), noise, SCORED)
+    np.testing.assert_allclose(tried_again, tried, rtol=1e-12)
+    assert again[:2] == chosen[:2]
 
 
 def test_tasks_of_one_demonstration_do_not_vote(rng):

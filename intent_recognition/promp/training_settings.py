@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a user may set about learning."""
+
+from dataclasses import dataclass
+
+from intent_recognition.errors import ArgumentError, describe
+
+SEGMENTATIONS = ("movement", "recording")
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How a library is learned.
+
+    Attributes:
+        n_basis: basis functions per DOF.
+        width: their width in units of their spacing.
+        ridge: relative curvature penalty of the weights' regression.
+        segmentation: "movement" cuts each recording to the interaction, as the online detector
+            would; "recording" takes it whole.
+        none_prior: prior probability that a movement is none of the tasks.
+        none_spread: variance of the none model relative to everything seen.
+        duration_evidence: exponent of the evidence in the posterior of a movement's duration, in
+            (0, 1]; on real recordings 0.1 predicts better than 1 (docs/method.md).
+
+    Raises:
+        ArgumentError: a setting is out of range.
+    """
+
+    n_basis: int = 20
+    width: float = 1.0
+    ridge: float = 3e-3
+    segmentation: str = "movement"
+    none_prior: float = 0.05
+    none_spread: float = 2.0
+    duration_evidence: float = 0.1
+
+    def __post_init__(self):
+        if self.segmentation not in SEGMENTATIONS:
+            raise ArgumentError(
+                describe(
+                    "segmentation", f"one of {SEGMENTATIONS}", self.segmentation, "Choose one."
+                )
+            )
+        if not 0 < self.duration_evidence <= 1:
+            raise ArgumentError(
+                describe(
+                    "duration_evidence", "an exponent in (0, 1]", self.duration_evidence, "Try 0.1."
+                )
+            )
+        if not 0 < self.none_prior < 1 or not self.none_spread > 0:
+            raise ArgumentError(
+                describe(
+                    "none_prior, none_spread",
+                    "a probability between 0 and 1 and a positive factor",
+                    f"{self.none_prior}, {self.none_spread}",
+                    "Try 0.05 and 2.",
+                )
+            )
