@@ -146,15 +146,15 @@ def metadata(shown: Demonstrated) -> dict[str, str]:
 def messages(shown: Demonstrated) -> Iterator[tuple[str, str, int, dict]]:
     """Yield (topic, type, stamp in ns, fields), in order of time."""
     samples, arm = shown.wrist.samples, shown.arm
-    positions = _counts(samples.positions_m, POSITION_STEP_M)
-    turns = _counts(samples.orientations, QUATERNION_STEP)
-    angles = _counts(arm.positions_rad, ANGLE_STEP_RAD)
-    rates = _counts(arm.velocities_rad_s, RATE_STEP_RAD_S)
-    torques = _counts(arm.torques_nm, TORQUE_STEP_NM)
+    positions = to_counts(samples.positions_m, POSITION_STEP_M)
+    turns = to_counts(samples.orientations, QUATERNION_STEP)
+    angles = to_counts(arm.positions_rad, ANGLE_STEP_RAD)
+    rates = to_counts(arm.velocities_rad_s, RATE_STEP_RAD_S)
+    torques = to_counts(arm.torques_nm, TORQUE_STEP_NM)
     for k in range(len(samples.times_s)):
         stamp = shown.order.start_ns + k * SAMPLE_NS
         if samples.visible[k]:
-            yield POSE_TOPIC, POSE_TYPE, stamp, _pose(stamp, positions[k], turns[k])
+            yield POSE_TOPIC, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
         yield JOINT_TOPIC, JOINT_TYPE, stamp, {
             "header": {"stamp": stamp},
             "name": list(JOINT_NAMES),
@@ -225,11 +225,13 @@ def _make(order: Order, output: Path) -> Path:
     return write_demonstration(demonstrate(order), output)
 
 
-def _counts(values: np.ndarray, step: float) -> np.ndarray:
+def to_counts(values: np.ndarray, step: float) -> np.ndarray:
+    """Values as a sensor of that resolution delivers them."""
     return np.round(values / step) * step
 
 
-def _pose(stamp_ns: int, position: np.ndarray, turn: np.ndarray) -> dict:
+def pose_fields(stamp_ns: int, position: np.ndarray, turn: np.ndarray) -> dict:
+    """Fields of a PoseStamped in the world: position (3,) [m], quaternion (4,) xyzw."""
     return {
         "header": {"stamp": stamp_ns, "frame_id": "world"},
         "pose": {

@@ -19,6 +19,7 @@ from intent_recognition.cli.recordings import (
     read_all,
     training_settings,
 )
+from intent_recognition.cli.transitions import add_sessions_option, with_sessions
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.training import TrainingReport, TrainingSettings, learn
 from intent_recognition.storage.dofs import load_dofs
@@ -34,6 +35,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--output", type=Path, required=True, metavar="M.npz", help="model file to write"
     )
+    add_sessions_option(parser)
     parser.set_defaults(run=run)
 
 
@@ -42,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
     console = make_console()
     check_output("--output", args.output)
     model, report = train(args.bags, args.dofs, training_settings(args), console)
+    model = with_sessions(model, args.sessions, console)
     save_model(args.output, model)
     print_library(console, model.library, report)
     console.print(f"wrote {args.output}", highlight=False)

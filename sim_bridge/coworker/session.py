@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from intent_recognition.errors import ArgumentError, describe
+from sim_bridge.coworker.habit import habitual_tasks
 from sim_bridge.coworker.reach import Reach, draw_reach, draw_rest, draw_retract
 from sim_bridge.coworker.styles import STYLES, TASKS
 from sim_bridge.coworker.timeline import WristSamples, sample_wrist
@@ -73,11 +74,12 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
     """Turn a node's `task_list` parameter into labels.
 
     Args:
-        task_list: "random" (every task equally often, in random order), labels separated by
-            commas, or a text or YAML file with a list of labels.
-        seed: of the random order.
+        task_list: "random" (every task equally often, in random order), "habit" (in the
+            coworker's habitual order, with variation), labels separated by commas, or a text or
+            YAML file with a list of labels.
+        seed: of the order.
         interactions: how many; a given list is repeated or cut to that number, and 0 takes a
-            given list as it is (40 for "random").
+            given list as it is (40 for "random" and "habit").
 
     Raises:
         ArgumentError: an unknown label, an empty list, or a file that is neither.
@@ -87,6 +89,8 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
             describe("interactions", "0 or more", interactions, "Give the number of reaches.")
         )
     text = task_list.strip()
+    if text == "habit":
+        return habitual_tasks(seed, interactions or 40)
     if text == "random":
         count = interactions or 40
         rng = np.random.default_rng([seed, 7])
@@ -98,7 +102,7 @@ def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, 
         raise ArgumentError(
             describe(
                 "task_list",
-                f"labels of {sorted(STYLES)}, a file of them, or 'random'",
+                f"labels of {sorted(STYLES)}, a file of them, 'random' or 'habit'",
                 unknown or repr(task_list),
                 "Correct the labels or the path.",
             )

@@ -65,10 +65,14 @@ class CoworkerSim(Node):
         """Declare the parameters of the session and plan it."""
         seed = parameter(self, "seed", 1, "Seed of the whole session.", minimum=0)
         task_list = parameter(
-            self, "task_list", "random", "Comma separated labels, a file of them, or 'random'."
+            self, "task_list", "random", "Labels and commas, a file of them, 'random' or 'habit'."
         )
         count = parameter(
-            self, "interactions", 0, "How many; 0 takes the list as it is (random: 40).", minimum=0
+            self,
+            "interactions",
+            0,
+            "How many; 0: as listed (random, habit: 40).",
+            minimum=0,
         )
         default = SessionTiming()
         timing = SessionTiming(

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--sessions`: learn from session bags which task follows which."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from intent_recognition.cli.recordings import print_left_out
+from intent_recognition.errors import BagError, describe
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.transitions import count_transitions, smoothed_transitions
+from intent_recognition.storage.model import Model
+from intent_recognition.storage.task_sequences import read_task_sequences
+
+
+def add_sessions_option(parser: argparse.ArgumentParser) -> None:
+    """The option of `train`."""
+    parser.add_argument(
+        "--sessions",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="DIR",
+        help="session bags, or folders of them, from which to learn which task follows which"
+        " (default: all tasks are as likely after any)",
+    )
+
+
+def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> Model:
+    """The model with the transition prior of recorded sessions; as it is when there are none.
+
+    Raises:
+        BagError: a path does not exist, or no session holds a task of the model.
+    """
+    if not sessions:
+        return model
+    library = model.library
+    sequences, rejections = read_task_sequences(sessions)
+    print_left_out(console, rejections)
+    counts = count_transitions([sequence.tasks for sequence in sequences], library.labels)
+    if not counts.sum():
+        seen = sorted({task for sequence in sequences for task in sequence.tasks})
+        raise BagError(
+            describe(
+                "--sessions",
+                f"recordings in which {', '.join(library.labels)} follow one another",
+                f"labels {', '.join(seen)}" if seen else f"{len(rejections)} bags without labels",
+                "Give session bags with `demonstration` or `intent/active_task` labels.",
+            )
+        )
+    names = [Path(sequence.source).name for sequence in sequences]
+    provenance = {
+        **library.provenance,
+        "sessions": list(dict.fromkeys(names)),
+        "transition_counts": counts.astype(int).tolist(),
+    }
+    learned = replace(library, transition_prior=smoothed_transitions(counts), provenance=provenance)
+    unknown = {t for sequence in sequences for t in sequence.tasks} - set(library.labels)
+    for label in sorted(unknown):
+        console.print(f"passed over in sessions: {label}, no task of the model", style="yellow")
+    print_transitions(console, learned, int(counts.sum()))
+    return replace(model, library=learned)
+
+
+def print_transitions(console: Console, library: TaskLibrary, n_seen: int) -> None:
+    """A table of p(next | last)."""
+    table = Table(title=f"which task follows which, from {n_seen} tasks in sessions")
+    table.add_column("after")
+    for label in library.labels:
+        table.add_column(label, justify="right")
+    for label, row in zip((*library.labels, "no task"), library.transition_prior, strict=True):
+        table.add_row(label, *(f"{p:.2f}" for p in row))
+    console.print(table)
