@@ -145,7 +145,7 @@ class BagReader:
             for table in file.tables() if any(channels.values()) else ():
                 for name, ids in channels.items():
                     builder = builders[name]
-                    rows = np.flatnonzero(np.isin(table.channels, ids))
+                    rows = np.flatnonzero(np.any([table.channels == i for i in ids], axis=0))
                     if builder and rows.size and not builder.add(number, table.rows(rows)):
                         builders[name] = None
         return {name: builder and builder.columns() for name, builder in builders.items()}

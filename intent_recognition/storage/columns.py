@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """All messages of a topic as arrays: decoded by whole columns where their layout is constant."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ POSE = "geometry_msgs/msg/PoseStamped"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 MOST_LAYOUTS = 16
 """A topic that changes its texts or lengths more often is read message by message."""
+LATEST_NS = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -94,35 +96,39 @@ class ColumnsBuilder:
         Returns:
             False if one of them is not for columns; the builder is of no use then.
         """
-        if self._layout_of is None or np.any(table.log_times_ns > np.iinfo(np.int64).max):
+        if self._layout_of is None or np.any(table.log_times_ns > LATEST_NS):
             return False
         numbers = self._count + np.arange(table.starts.size)
         self._count += table.starts.size
+        first = int(table.lengths[0]) if numbers.size else 0
+        if np.all(table.lengths == first):
+            return self._add_equal(file, table, numbers, payloads(table, first))
         for length in np.unique(table.lengths).tolist():
             chosen = table.lengths == length
-            part = table if chosen.all() else table.rows(chosen)
+            part = table.rows(chosen)
             if not self._add_equal(file, part, numbers[chosen], payloads(part, length)):
                 return False
         return True
 
     def columns(self) -> Columns:
         """Everything added, in the order of log time within each file."""
-        joined = [_join([getattr(p, name) for p in self._pieces]) for name in _Piece._fields[:5]]
-        files, numbers, log_times_ns, stamps_ns, layouts = joined
-        order = np.lexsort((numbers, log_times_ns, files))
-        in_order = bool(np.all(order[1:] > order[:-1]))
-        log_times_ns, stamps_ns, layouts = log_times_ns[order], stamps_ns[order], layouts[order]
+        numbers, log_times_ns, stamps_ns = (
+            _join([piece[k] for piece in self._pieces]) for k in range(3)
+        )
+        sizes = [piece.numbers.size for piece in self._pieces]
+        files = np.repeat([piece.file for piece in self._pieces], sizes)
+        layouts = np.repeat(np.array([p.layout for p in self._pieces], np.int64), sizes)
+        order = _order(files, log_times_ns, numbers)
+        if order is not None:
+            log_times_ns, stamps_ns, layouts = log_times_ns[order], stamps_ns[order], layouts[order]
         parts = []
         for index in range(len(self._layouts)):
-            pieces = [p for p in self._pieces if p.layouts[0] == index]
+            pieces = [p for p in self._pieces if p.layout == index]
             rows = np.flatnonzero(layouts == index)
             # The order is that among the messages of all layouts; of these alone, their ranks.
-            own = slice(None) if in_order else np.argsort(np.argsort(order[rows]))
-            values = [
-                np.concatenate(arrays)[own]
-                for arrays in zip(*(p.values for p in pieces), strict=True)
-            ]
-            parts.append((rows, *values))
+            own = None if order is None else np.argsort(np.argsort(order[rows]))
+            values = [_join(arrays) for arrays in zip(*(p.values for p in pieces), strict=True)]
+            parts.append((rows, *(v if own is None else v[own] for v in values)))
         if self._type == JOINT_STATE:
             return self._joints(log_times_ns, stamps_ns, parts)
         return self._poses(log_times_ns, stamps_ns, layouts, parts)
@@ -144,16 +150,15 @@ class ColumnsBuilder:
                 rows = open_rows[hit]
                 if rows.size:
                     found = left if hit.all() else left[hit]
-                    self._pieces.append(
-                        _Piece(
-                            np.full(rows.size, file),
-                            numbers[rows],
-                            table.log_times_ns[rows].astype(np.int64),
-                            layout.stamps_ns(found),
-                            np.full(rows.size, index),
-                            layout.values(found),
-                        )
+                    piece = _Piece(
+                        numbers[rows],
+                        table.log_times_ns[rows].astype(np.int64),
+                        layout.stamps_ns(found),
+                        layout.values(found),
+                        file,
+                        index,
                     )
+                    self._pieces.append(piece)
                     open_rows = open_rows[~hit]
             index += 1
         return True
@@ -173,23 +178,34 @@ class ColumnsBuilder:
         return JointColumns(log_times_ns, stamps_ns, tuple(named))
 
     def _poses(self, log_times_ns, stamps_ns, layouts, parts) -> PoseColumns:
-        positions, orientations = np.empty((stamps_ns.size, 3)), np.empty((stamps_ns.size, 4))
-        for rows, *values in parts:
-            positions[rows], orientations[rows] = values
+        if len(parts) == 1:
+            _, positions, orientations = parts[0]
+        else:
+            positions, orientations = np.empty((stamps_ns.size, 3)), np.empty((stamps_ns.size, 4))
+            for rows, *values in parts:
+                positions[rows], orientations[rows] = values
         frame_ids = tuple(layout.frame_id for layout in self._layouts)
         return PoseColumns(log_times_ns, stamps_ns, frame_ids, layouts, positions, orientations)
 
 
 class _Piece(NamedTuple):
-    """Messages of one block and one layout."""
+    """Messages of one block and one layout, as they were recorded."""
 
-    files: np.ndarray
     numbers: np.ndarray
     log_times_ns: np.ndarray
     stamps_ns: np.ndarray
-    layouts: np.ndarray
     values: tuple[np.ndarray, ...]
+    file: int
+    layout: int
 
 
-def _join(arrays: list[np.ndarray]) -> np.ndarray:
+def _join(arrays: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate(arrays) if arrays else np.empty(0, np.int64)
+
+
+def _order(files: np.ndarray, log_times_ns: np.ndarray, numbers: np.ndarray) -> np.ndarray | None:
+    """Indices that sort by file, log time and number; None if they are sorted already."""
+    later = (np.diff(files) > 0) | (np.diff(log_times_ns) >= 0)
+    if np.all(later) and np.all(np.diff(numbers) > 0):
+        return None
+    return np.lexsort((numbers, log_times_ns, files))

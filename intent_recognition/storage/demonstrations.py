@@ -14,7 +14,13 @@ from intent_recognition.storage.bag_reader import BagMessage, BagReader
 from intent_recognition.storage.demonstration import Demonstration, Rejection
 from intent_recognition.storage.dofs import DofSpec, relative_topic
 from intent_recognition.storage.sessions import find_marker_topic, split_session
-from intent_recognition.storage.signals import TopicSamples, clean_topic, signals_of
+from intent_recognition.storage.signals import (
+    TopicSamples,
+    clean_columns,
+    clean_topic,
+    signals_of,
+)
+from intent_recognition.storage.topic_values import ORIENTATION_FIELDS, has_columns
 
 MIN_SAMPLES = 2
 Paths = str | Path | Iterable[str | Path]
@@ -86,18 +92,14 @@ def _read_bag(
     if problem is not None:
         yield problem
         return
-    messages, damage = _collect(reader, dofs, marker)
+    samples, markers, damage = _collect(reader, dofs, marker, extrinsics)
     if damage is not None and marker is None:
         yield damage
         return
-    samples = {
-        topic: clean_topic(topic, kind, messages[topic], extrinsics)
-        for topic, kind in dofs.topics.items()
-    }
     if marker is None:
         yield _whole_bag(reader, dofs, samples)
         return
-    for part in split_session(messages[marker], samples, str(path)):
+    for part in split_session(markers, samples, str(path)):
         if isinstance(part, Rejection):
             yield part
         else:
@@ -129,21 +131,52 @@ def _missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:
 
 
 def _collect(
-    reader: BagReader, dofs: DofSpec, marker: str | None
-) -> tuple[dict[str, list[BagMessage]], Rejection | None]:
-    """Decoded messages by relative topic up to the first damage, and what that was."""
-    topics = [*dofs.topics, *([marker] if marker else [])]
-    messages: dict[str, list[BagMessage]] = {topic: [] for topic in topics}
-    last_ns = 0
+    reader: BagReader, dofs: DofSpec, marker: str | None, extrinsics: Mapping[str, tuple] | None
+) -> tuple[dict[str, TopicSamples], list[BagMessage], Rejection | None]:
+    """Samples by relative topic and markers up to the first damage, and what that was."""
+    marker_topics = [marker] if marker else []
     try:
-        for message in reader.messages(topics):
+        samples = _columns(reader, dofs, extrinsics)
+        if samples is not None:
+            return samples, list(reader.messages(marker_topics)) if marker else [], None
+    except BagError:  # message by message it comes out how far the recording is good
+        pass
+    messages: dict[str, list[BagMessage]] = {t: [] for t in [*dofs.topics, *marker_topics]}
+    last_ns, damage = 0, None
+    try:
+        for message in reader.messages(messages):
             messages[relative_topic(message.topic)].append(message)
             last_ns = message.log_time_ns
     except MessageError as error:
-        return messages, Rejection(str(reader.path), "", last_ns, f"wrong schema: {error}")
+        damage = Rejection(str(reader.path), "", last_ns, f"wrong schema: {error}")
     except BagError as error:
-        return messages, Rejection(str(reader.path), "", last_ns, f"damaged: {error}")
-    return messages, None
+        damage = Rejection(str(reader.path), "", last_ns, f"damaged: {error}")
+    samples = {
+        topic: clean_topic(topic, kind, messages[topic], extrinsics)
+        for topic, kind in dofs.topics.items()
+    }
+    return samples, messages[marker] if marker else [], damage
+
+
+def _columns(
+    reader: BagReader, dofs: DofSpec, extrinsics: Mapping[str, tuple] | None
+) -> dict[str, TopicSamples] | None:
+    """Samples of all topics by columns, None if there is a topic that has none."""
+    entries = (*dofs.observed, *dofs.controlled)
+    if not all(map(has_columns, entries)):
+        return None
+    columns = reader.columns(dofs.topics)
+    if any(found is None for found in columns.values()):
+        return None
+    fields = {topic: set() for topic in dofs.topics}
+    for entry in entries:
+        fields[entry.topic].update(entry.fields)
+    return {
+        topic: clean_columns(
+            topic, found, extrinsics, oriented=not fields[topic].isdisjoint(ORIENTATION_FIELDS)
+        )
+        for topic, found in columns.items()
+    }
 
 
 def _whole_bag(

@@ -13,7 +13,13 @@ from mcap.records import Channel, Schema
 
 from intent_recognition.errors import BagError, describe
 from intent_recognition.storage.bag_messages import RECOVER
-from intent_recognition.storage.mcap_chunk import PARSE_ERRORS, Block, MessageTable, read_messages
+from intent_recognition.storage.mcap_chunk import (
+    PARSE_ERRORS,
+    Block,
+    MessageTable,
+    Scratch,
+    read_messages,
+)
 from intent_recognition.storage.mcap_scan import Damage, open_view, scan_file
 
 
@@ -69,12 +75,15 @@ class McapFile:
     def tables(self) -> Iterator[MessageTable]:
         """All messages block by block, in the order they were recorded.
 
+        A table's `data` is valid until the next is asked for.
+
         Raises:
             BagError: damage, as in `items`.
         """
         with open_view(self.path) as view:
+            scratch = Scratch()
             for block in sorted(self._usable(), key=lambda b: b.offset):
-                yield self._table(view, block)
+                yield self._table(view, block, scratch)
         self._raise_damage()
 
     def items(self, wanted: set[str] | None) -> Iterator[_Item]:
@@ -123,10 +132,10 @@ class McapFile:
             )
         ]
 
-    def _table(self, view: mmap, block: Block) -> MessageTable:
+    def _table(self, view: mmap, block: Block, scratch: Scratch | None = None) -> MessageTable:
         """Messages of a block whose topics are known; none of a broken one if tolerant."""
         try:
-            table = read_messages(view, block)
+            table = read_messages(view, block, scratch)
             times_ns = table.log_times_ns
             if times_ns.size and not (
                 block.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= block.end_ns

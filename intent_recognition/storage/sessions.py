@@ -66,10 +66,7 @@ def _unended(source: str, marker: BagMessage, label: str, when: str) -> Rejectio
 
 def _clock_shift_ns(samples: Mapping[str, TopicSamples]) -> int:
     """Log time minus stamp, where the two are different clocks; 0 where they are one."""
-    differences = [
-        log_ns - stamp_ns
-        for topic in samples.values()
-        for stamp_ns, log_ns in zip(topic.stamps_ns, topic.log_times_ns, strict=True)
-    ]
-    shift_ns = int(np.median(differences)) if differences else 0
+    differences = [topic.log_times_ns - topic.stamps_ns for topic in samples.values()]
+    joined = np.concatenate(differences) if differences else np.empty(0)
+    shift_ns = int(np.median(joined)) if joined.size else 0
     return shift_ns if abs(shift_ns) > SAME_CLOCK_NS else 0

@@ -4,37 +4,45 @@
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 
-from intent_recognition.errors import MessageError
 from intent_recognition.promp.signals import Signal
-from intent_recognition.storage.bag_reader import BagMessage
-from intent_recognition.storage.dofs import DofEntry, DofSpec, extract, relative_topic
+from intent_recognition.storage.bag_messages import BagMessage
+from intent_recognition.storage.columns import POSE, Columns, PoseColumns
+from intent_recognition.storage.dofs import DofEntry, DofSpec, relative_topic
+from intent_recognition.storage.topic_values import Content, values_of
 from intent_recognition.tracking.ingest import (
     NOT_FINITE,
     STAMP_NOT_INCREASING,
     ZERO_STAMP,
     IngestSettings,
-    IngestState,
     TrackedPose,
-    ingest_pose,
 )
+from intent_recognition.tracking.ingest_many import AcceptedPoses, ingest_poses
 
-POSE = "geometry_msgs/msg/PoseStamped"
 RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
 MISSING_DOF = "missing_dof"
 
 
 @dataclass(frozen=True)
 class TopicSamples:
-    """Accepted messages of one topic: stamps in ns and in log time, decoded and checked."""
+    """Accepted messages of one topic: decoded and checked; T of them.
 
-    stamps_ns: tuple[int, ...]
-    log_times_ns: tuple[int, ...]
-    messages: tuple[object, ...]
+    Attributes:
+        stamps_ns: int64 (T,), strictly increasing.
+        log_times_ns: int64 (T,).
+        content: of all messages recorded, poses in the world frame.
+        rows: which of these were accepted, int64 (T,).
+        rejected: how many were not, by reason.
+    """
+
+    stamps_ns: np.ndarray
+    log_times_ns: np.ndarray
+    content: Content
+    rows: np.ndarray
     rejected: Mapping[str, int]
 
 
@@ -54,20 +62,40 @@ def clean_topic(
     Poses come out in the world frame. Without `extrinsics` the frame of the recording counts as
     the world: `world` where any message names it, else the frame most messages name.
     """
+    decoded = [message.message for message in messages]
+    stamps_ns = np.array([message.stamp_ns for message in messages], np.int64)
+    log_times_ns = np.array([message.log_time_ns for message in messages], np.int64)
     if is_raw_pose(topic, type_name):
-        return _clean_poses(messages, extrinsics)
-    rejected: Counter[str] = Counter()
-    accepted: list[BagMessage] = []
-    last_ns = 0
-    for message in messages:
-        if message.stamp_ns <= 0:
-            rejected[ZERO_STAMP] += 1
-        elif message.stamp_ns <= last_ns:
-            rejected[STAMP_NOT_INCREASING] += 1
-        else:
-            accepted.append(message)
-            last_ns = message.stamp_ns
-    return _samples(accepted, [m.message for m in accepted], rejected)
+        accepted = _ingest(_pose_columns(stamps_ns, log_times_ns, decoded), extrinsics, True)
+        for k, row in enumerate(accepted.rows):
+            position, orientation = accepted.positions[k], accepted.orientations[k]
+            decoded[row] = _message(decoded[row].header, position, orientation)
+        rows, rejected = _longest_increasing(stamps_ns, accepted)
+    else:
+        rows, rejected = _increasing(stamps_ns)
+    return TopicSamples(stamps_ns[rows], log_times_ns[rows], decoded, rows, rejected)
+
+
+def clean_columns(
+    topic: str,
+    columns: Columns,
+    extrinsics: Mapping[str, tuple] | None = None,
+    *,
+    oriented: bool = True,
+) -> TopicSamples:
+    """The same from columns; orientations of raw poses are NaN unless `oriented`."""
+    stamps_ns = columns.stamps_ns
+    if isinstance(columns, PoseColumns) and is_raw_pose(topic, POSE):
+        accepted = _ingest(columns, extrinsics, oriented)
+        positions, orientations = np.full((2, stamps_ns.size, 4), np.nan)
+        positions[accepted.rows, :3] = accepted.positions
+        if oriented:
+            orientations[accepted.rows] = accepted.orientations
+        columns = replace(columns, positions=positions[:, :3], orientations=orientations)
+        rows, rejected = _longest_increasing(stamps_ns, accepted)
+    else:
+        rows, rejected = _increasing(stamps_ns)
+    return TopicSamples(stamps_ns[rows], columns.log_times_ns[rows], columns, rows, rejected)
 
 
 def signal_of(
@@ -78,25 +106,17 @@ def signal_of(
     A message that lacks one of the joints, or holds NaN or infinity in one of the DOFs, is
     dropped and counted.
     """
-    rejected: Counter[str] = Counter()
-    stamps, rows = [], []
-    for stamp_ns, message in zip(samples.stamps_ns, samples.messages, strict=True):
-        if (start_ns is not None and stamp_ns < start_ns) or (
-            end_ns is not None and stamp_ns > end_ns
-        ):
-            continue
-        try:
-            values = extract(entry, message)
-        except MessageError:
-            rejected[MISSING_DOF] += 1
-            continue
-        if np.all(np.isfinite(values)):
-            stamps.append(stamp_ns)
-            rows.append(values)
-        else:
-            rejected[NOT_FINITE] += 1
-    values = np.array(rows).reshape(len(rows), len(entry.names))
-    return Signal(entry.names, np.array(stamps, np.int64), values, entry.unit), rejected
+    inside = np.ones(samples.stamps_ns.size, bool)
+    if start_ns is not None:
+        inside &= samples.stamps_ns >= start_ns
+    if end_ns is not None:
+        inside &= samples.stamps_ns <= end_ns
+    stamps_ns = samples.stamps_ns[inside]
+    values, found = values_of(entry, samples.content, samples.rows[inside])
+    finite = found & np.all(np.isfinite(values), axis=1)
+    counts = {MISSING_DOF: np.sum(~found), NOT_FINITE: np.sum(found & ~finite)}
+    signal = Signal(entry.names, stamps_ns[finite], values[finite], entry.unit)
+    return signal, _counter(counts)
 
 
 def signals_of(
@@ -126,61 +146,14 @@ def signals_of(
     return sides[0], sides[1], rejected
 
 
-def _clean_poses(
-    messages: Sequence[BagMessage], extrinsics: Mapping[str, tuple] | None
-) -> TopicSamples:
-    settings = _settings(messages, extrinsics)
-    state = IngestState.initial()
-    rejected: Counter[str] = Counter()
-    accepted, poses = [], []
-    for item in messages:
-        raw = item.message
-        position, orientation = raw.pose.position, raw.pose.orientation
-        state, result = ingest_pose(
-            settings,
-            state,
-            item.stamp_ns,
-            np.array([position.x, position.y, position.z]),
-            np.array([orientation.x, orientation.y, orientation.z, orientation.w]),
-            raw.header.frame_id,
-        )
-        if isinstance(result, TrackedPose):
-            accepted.append(item)
-            poses.append(pose_message(raw.header, result))
-        else:
-            rejected[result.reason] += 1
-    # After a clock that was set back the track goes on; a signal cannot: keep the longest part.
-    return _increasing(accepted, poses, rejected)
-
-
-def _increasing(accepted: list[BagMessage], poses: list, rejected: Counter) -> TopicSamples:
-    stamps = np.array([item.stamp_ns for item in accepted], dtype=np.int64)
-    breaks = np.flatnonzero(np.diff(stamps) <= 0) + 1
-    if breaks.size:
-        edges = [0, *breaks.tolist(), len(accepted)]
-        longest = int(np.argmax(np.diff(edges)))
-        first, last = edges[longest], edges[longest + 1]
-        rejected[STAMP_NOT_INCREASING] += len(accepted) - (last - first)
-        accepted, poses = accepted[first:last], poses[first:last]
-    return _samples(accepted, poses, rejected)
-
-
-def _settings(
-    messages: Sequence[BagMessage], extrinsics: Mapping[str, tuple] | None
-) -> IngestSettings:
-    if extrinsics is not None:
-        return IngestSettings(extrinsics=extrinsics)
-    frames = Counter(item.message.header.frame_id for item in messages)
-    default = IngestSettings().world_frame
-    if not frames or default in {frame.removeprefix("/") for frame in frames}:
-        return IngestSettings()
-    return IngestSettings(world_frame=frames.most_common(1)[0][0])
-
-
 def pose_message(header: object, pose: TrackedPose) -> SimpleNamespace:
     """The world-frame pose with the attributes of a PoseStamped, for the field paths."""
-    x, y, z = pose.position
-    qx, qy, qz, qw = pose.orientation
+    return _message(header, pose.position, pose.orientation)
+
+
+def _message(header: object, position: np.ndarray, orientation: np.ndarray) -> SimpleNamespace:
+    x, y, z = position
+    qx, qy, qz, qw = orientation
     return SimpleNamespace(
         header=header,
         pose=SimpleNamespace(
@@ -190,10 +163,79 @@ def pose_message(header: object, pose: TrackedPose) -> SimpleNamespace:
     )
 
 
-def _samples(accepted: list[BagMessage], messages: list, rejected: Counter) -> TopicSamples:
-    return TopicSamples(
-        tuple(item.stamp_ns for item in accepted),
-        tuple(item.log_time_ns for item in accepted),
-        tuple(messages),
-        dict(rejected),
+def _pose_columns(stamps_ns, log_times_ns, messages: Sequence[object]) -> PoseColumns:
+    """Columns of decoded PoseStamped messages."""
+    frames: dict[str, int] = {}
+    indices = [frames.setdefault(m.header.frame_id, len(frames)) for m in messages]
+    positions = [(p.x, p.y, p.z) for p in (m.pose.position for m in messages)]
+    orientations = [(q.x, q.y, q.z, q.w) for q in (m.pose.orientation for m in messages)]
+    return PoseColumns(
+        log_times_ns,
+        stamps_ns,
+        tuple(frames),
+        np.array(indices, np.int64),
+        np.array(positions, np.float64).reshape(-1, 3),
+        np.array(orientations, np.float64).reshape(-1, 4),
     )
+
+
+def _ingest(
+    columns: PoseColumns, extrinsics: Mapping[str, tuple] | None, oriented: bool
+) -> AcceptedPoses:
+    return ingest_poses(
+        _settings(columns, extrinsics),
+        columns.stamps_ns,
+        columns.positions,
+        columns.orientations,
+        columns.frame_ids,
+        columns.frames,
+        oriented=oriented,
+    )
+
+
+def _settings(columns: PoseColumns, extrinsics: Mapping[str, tuple] | None) -> IngestSettings:
+    if extrinsics is not None:
+        return IngestSettings(extrinsics=extrinsics)
+    named, first, counts = np.unique(columns.frames, return_index=True, return_counts=True)
+    frames: Counter[str] = Counter()
+    for k in np.argsort(first):
+        frames[columns.frame_ids[named[k]]] += int(counts[k])
+    default = IngestSettings().world_frame
+    if not frames or default in {frame.removeprefix("/") for frame in frames}:
+        return IngestSettings()
+    return IngestSettings(world_frame=frames.most_common(1)[0][0])
+
+
+def _increasing(stamps_ns: np.ndarray) -> tuple[np.ndarray, Counter[str]]:
+    """Rows whose stamp is positive and later than all before, and counts of the others."""
+    positive = stamps_ns > 0
+    latest_ns = np.maximum.accumulate(np.where(positive, stamps_ns, 0))
+    before_ns = np.concatenate([[0], latest_ns[:-1]])[: stamps_ns.size]
+    accepted = positive & (stamps_ns > before_ns)
+    late = np.sum(positive & ~accepted)
+    return np.flatnonzero(accepted), _counter(
+        {ZERO_STAMP: np.sum(~positive), STAMP_NOT_INCREASING: late}
+    )
+
+
+def _longest_increasing(
+    stamps_ns: np.ndarray, accepted: AcceptedPoses
+) -> tuple[np.ndarray, Counter[str]]:
+    """Accepted rows; after a clock was set back the track goes on, but a signal cannot.
+
+    The longest part is kept.
+    """
+    rows, rejected = accepted.rows, accepted.rejected.copy()
+    breaks = np.flatnonzero(np.diff(stamps_ns[rows]) <= 0) + 1
+    if breaks.size:
+        edges = [0, *breaks.tolist(), rows.size]
+        longest = int(np.argmax(np.diff(edges)))
+        kept = rows[edges[longest] : edges[longest + 1]]
+        rejected[STAMP_NOT_INCREASING] += rows.size - kept.size
+        rows = kept
+    return rows, rejected
+
+
+def _counter(counts: Mapping[str, int]) -> Counter[str]:
+    """Only what did occur."""
+    return Counter({reason: int(count) for reason, count in counts.items() if count})
