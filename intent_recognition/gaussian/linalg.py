@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The delicate numerics, once: symmetric positive definite factors, solves and log densities."""
 
+from math import isfinite
+
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
@@ -33,7 +35,7 @@ def cholesky(matrix: np.ndarray, *, name: str = "covariance") -> np.ndarray:
                 "Regularise it, or raise the noise variance.",
             )
         ) from None
-    if not np.isfinite(np.sum(factor)):  # LAPACK lets NaN and infinity pass
+    if not isfinite(np.add.reduce(factor, axis=None)):  # LAPACK lets NaN and infinity pass
         raise ArgumentError(
             describe(name, "finite numbers", "NaN or infinity", "Leave such measurements out.")
         )
@@ -45,17 +47,25 @@ def solve_lower(factor: np.ndarray, right: np.ndarray) -> np.ndarray:
 
     Forward substitution in d steps, each vectorised over the batch.
     """
-    d = factor.shape[-1]
-    solution = np.empty(np.broadcast_shapes(factor.shape[:-2], right.shape[:-2]) + right.shape[-2:])
-    for i in range(d):
-        row = right[..., i, :]
-        if i:
-            row = row - np.matmul(factor[..., i : i + 1, :i], solution[..., :i, :])[..., 0, :]
-        solution[..., i, :] = row / factor[..., i, i, None]
+    batch = np.broadcast_shapes(factor.shape[:-2], right.shape[:-2])
+    solution = np.array(np.broadcast_to(right, batch + right.shape[-2:]), dtype=np.float64)
+    solve_lower_in_place(factor, solution)
     return solution
+
+
+def solve_lower_in_place(factor: np.ndarray, right: np.ndarray) -> None:
+    """`solve_lower` whose right side (..., d, k) becomes the solution."""
+    for i in range(factor.shape[-1]):
+        row = right[..., i, :]
+        if i > 2:
+            row -= np.matmul(factor[..., i : i + 1, :i], right[..., :i, :])[..., 0, :]
+        else:
+            for j in range(i):
+                row -= factor[..., i, j, None] * right[..., j, :]
+        row /= factor[..., i, i, None]
 
 
 def log_normalizer(factor: np.ndarray) -> np.ndarray:
     """0.5 log det(2 pi S) from the Cholesky factor of S, (...)."""
     diagonal = np.diagonal(factor, axis1=-2, axis2=-1)
-    return np.sum(np.log(diagonal), axis=-1) + 0.5 * factor.shape[-1] * LOG_2_PI
+    return np.add.reduce(np.log(diagonal), axis=-1) + 0.5 * factor.shape[-1] * LOG_2_PI

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tasks that cannot matter any more are not filtered, and the posterior stays what it is.
+
+A task whose posterior is negligible is set aside; the observations since are kept. The last task,
+`none`, never is, and tasks are measured by each other, because the evidence of none is not taken
+as it is (`recognition.calibrated_none`). None of the kept observations can have been likelier
+under a task than at the peak of its own noise, because an innovation covariance H S H^T + R is
+never smaller than R. So
+
+    log p(all so far | task)  <=  log p(until set aside | task) + sum of -1/2 log det(2 pi R),
+
+and while even this bound is negligible, nothing is lost. When it is not negligible any more, some
+of the kept observations are tried: with their exact joint density the bound is lower. If that is
+not enough, all of them are replayed, and the task is where it would be had it never been set aside.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.gaussian.linalg import cholesky, log_normalizer
+from intent_recognition.promp.running_bank import RunningBank
+
+SET_ASIDE = 70.0
+"""A task is set aside when its log posterior is so far below the likeliest task's."""
+NEGLIGIBLE = 46.0
+"""The bound on a task set aside stays so far below; e^-46 is 1e-20."""
+CHECK_EVERY = 8
+"""Observations between two looks for tasks to set aside."""
+N_TRIED = 6
+MAX_KEPT = 4096
+"""So many kept observations are replayed at the latest: memory is bounded."""
+
+
+class Step(NamedTuple):
+    """One observation as the filter takes it.
+
+    Attributes:
+        elapsed_s: time since onset.
+        dofs: (m,).
+        derivative: whether velocities were observed.
+        values: (m,).
+        noise_covariance: (m, m), or one per hypothesis, (B, m, m).
+    """
+
+    elapsed_s: float
+    dofs: np.ndarray
+    derivative: bool
+    values: np.ndarray
+    noise_covariance: np.ndarray
+
+
+Rows = Callable[[Step, np.ndarray | slice], np.ndarray]
+"""Rows of the observation matrix, (n, m, N) or (n, 1, N), of a step under some hypotheses."""
+
+
+class PrunedBank:
+    """A bank whose negligible tasks are set aside.
+
+    Args:
+        bank: the filtered hypotheses, all active.
+        log_prior: of each hypothesis, (B,).
+        rows: makes the rows of a step.
+    """
+
+    def __init__(self, bank: RunningBank, log_prior: np.ndarray, rows: Rows):
+        self._bank, self._log_prior, self._rows = bank, log_prior, rows
+        n_tasks = bank.shape[0]
+        self._is_known = np.arange(len(log_prior)) < (n_tasks - 1) * bank.shape[1]
+        self._aside = np.zeros(n_tasks, dtype=bool)
+        self._since = np.zeros(n_tasks, dtype=int)
+        self._kept: list[Step] = []
+        self._peaks: list[float] = []  # log density of each kept step at most
+        self._bound = np.full(n_tasks, -np.inf)  # on the log joint, less the peaks so far
+        self._highest_bound = -np.inf
+        self._peak = 0.0
+        self._until_check = CHECK_EVERY
+
+    @property
+    def tasks_aside(self) -> np.ndarray:
+        """Numbers of the tasks that are set aside."""
+        return np.flatnonzero(self._aside)
+
+    @property
+    def log_evidence(self) -> np.ndarray:
+        """Of all hypotheses, (B,); of those set aside, a bound it does not exceed."""
+        evidence = self._bank.log_evidence
+        if self._kept:
+            n_scales = self._bank.shape[1]
+            joint = self._log_joint(evidence)
+            aside = self._aside & np.isfinite(joint)
+            lift = self._bound[aside] + self._peak - joint[aside]
+            evidence.reshape(-1, n_scales)[aside] += lift[:, None]
+        return evidence
+
+    def condition(self, step: Step) -> None:
+        """Condition the active tasks on one observation, and see to the others."""
+        _condition(self._bank, self._rows, step)
+        if self._aside.any():
+            peak = _peak(step.noise_covariance)
+            self._kept.append(step)
+            self._peaks.append(peak)
+            self._peak += peak
+            self._take_back_what_may_matter()
+        self._until_check -= 1
+        if self._until_check <= 0:
+            self._until_check = CHECK_EVERY
+            self._set_aside_what_is_negligible()
+
+    def revive(self, tasks: np.ndarray | None = None) -> None:
+        """Bring tasks (all of them when None) to where they would be had they been filtered."""
+        tasks = self.tasks_aside if tasks is None else tasks
+        for since in np.unique(self._since[tasks]):
+            group = tasks[self._since[tasks] == since]
+            density = self._run(group, self._kept[since:], fold=True)
+            self._bank.activate(group, density)
+        self._aside[tasks] = False
+        self._bound[tasks] = -np.inf
+        self._highest_bound = np.max(self._bound)
+        if not self._aside.any():
+            self._kept, self._peaks, self._peak = [], [], 0.0
+
+    def _run(self, tasks: np.ndarray, steps: list[Step], *, fold: bool) -> np.ndarray:
+        """Log density of some steps under tasks set aside, (n S,); fold to keep the outcome."""
+        n_scales = self._bank.shape[1]
+        index = (tasks[:, None] * n_scales + np.arange(n_scales)).ravel()
+        density, first = np.zeros(len(index)), 0
+        for block in self._bank.gather(tasks):
+            some = slice(first, first + len(block.mean))
+            for step in steps:
+                rows = self._rows(step, index[some])
+                noise = _of(step.noise_covariance, index[some])
+                density[some] += block.condition(step.dofs, rows, step.values, noise)
+            if fold:
+                block.fold()
+            first = some.stop
+        return density
+
+    def _take_back_what_may_matter(self) -> None:
+        active = self._bank.active
+        joint = self._log_prior[active] + self._bank.active_evidence
+        top = np.max(joint, where=self._is_known[active], initial=-np.inf)
+        if len(self._kept) >= MAX_KEPT:
+            self.revive()
+        elif self._highest_bound + self._peak > top - NEGLIGIBLE:
+            close = np.flatnonzero(self._aside & (self._bound + self._peak > top - NEGLIGIBLE))
+            self.revive(self._still_close(close, top - 0.5 * (NEGLIGIBLE + SET_ASIDE)))
+
+    def _still_close(self, tasks: np.ndarray, limit: float) -> np.ndarray:
+        """Those whose bound stays above the limit when some of the kept steps are tried."""
+        close = []
+        for since in np.unique(self._since[tasks]):
+            group = tasks[self._since[tasks] == since]
+            kept = len(self._kept) - since
+            room = max(1, self._bank.n_pending_rows // max(len(s.dofs) for s in self._kept))
+            chosen = since + np.unique(
+                np.linspace(0, kept - 1, min(kept, room, N_TRIED)).round().astype(int)
+            )
+            density = self._run(group, [self._kept[k] for k in chosen], fold=False)
+            peaks = np.sum(self._peaks[since:]) - np.sum([self._peaks[k] for k in chosen])
+            n_scales = self._bank.shape[1]
+            evidence = self._bank.log_evidence.reshape(-1, n_scales)[group]
+            prior = self._log_prior.reshape(-1, n_scales)[group]
+            tried = prior + evidence + density.reshape(-1, n_scales) + peaks
+            bound = np.logaddexp.reduce(tried, axis=1)
+            self._bound[group] = bound - self._peak
+            close.append(group[bound > limit])
+        return np.concatenate(close)
+
+    def _set_aside_what_is_negligible(self) -> None:
+        joint = self._log_joint(self._bank.log_evidence)[:-1]
+        active = ~self._aside[:-1]
+        tasks = np.flatnonzero(active & (joint < np.max(joint[active]) - SET_ASIDE))
+        if len(tasks):
+            self._bank.set_aside(tasks)
+            self._aside[tasks] = True
+            self._since[tasks] = len(self._kept)
+            self._bound[tasks] = joint[tasks] - self._peak
+            self._highest_bound = np.max(self._bound)
+
+    def _log_joint(self, log_evidence: np.ndarray) -> np.ndarray:
+        """Log prior and evidence of each task, durations summed out, (T,)."""
+        joint = (self._log_prior + log_evidence).reshape(-1, self._bank.shape[1])
+        return np.logaddexp.reduce(joint, axis=1)
+
+
+def _condition(bank: RunningBank, rows: Rows, step: Step) -> None:
+    active = bank.active
+    noise = _of(step.noise_covariance, active)
+    bank.condition(step.dofs, rows(step, active), step.values, noise)
+
+
+def _of(noise_covariance: np.ndarray, hypotheses: np.ndarray | slice) -> np.ndarray:
+    return noise_covariance if noise_covariance.ndim == 2 else noise_covariance[hypotheses]
+
+
+def _peak(noise_covariance: np.ndarray) -> float:
+    """Log density of an observation at most, whatever the hypothesis."""
+    return float(np.max(-log_normalizer(cholesky(noise_covariance, name="noise covariance"))))
