@@ -2,16 +2,18 @@
 """Recursive conditioning of every (task, phase) hypothesis at once (Maeda et al. 2014, Eq. 6-11).
 
 Only the observed block of the weights is filtered: observations do not touch the rest, which is
-recovered by regression when asked for (`prediction.py`). No loop runs over hypotheses.
+recovered by regression when asked for (`prediction.py`). No loop runs over hypotheses. These are
+values; what filters a movement under way is `running_bank.py`.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from intent_recognition.errors import ShapeError, describe
-from intent_recognition.gaussian.linalg import cholesky, log_normalizer, solve_lower
-from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.filter_block import FilterBlock
+from intent_recognition.promp.library import READ_AS_IT_IS, TaskLibrary
 
 N_SCALES = 15
 SCALE_SPAN = 2.5
@@ -25,16 +27,24 @@ class Hypotheses(NamedTuple):
         duration_s: duration of the whole interaction under each hypothesis, (B,).
         log_prior: log prior probability of each, (B,); sums to one as probabilities.
         duration_evidence: exponent of the evidence in the posterior of the duration.
+        none_calibration: how the evidence against none is read; see `none_calibration`.
     """
 
     n_scales: int
     duration_s: np.ndarray
     log_prior: np.ndarray
     duration_evidence: float = 1.0
+    none_calibration: Sequence[float] = READ_AS_IT_IS
 
     def phase(self, elapsed_s: float | np.ndarray) -> np.ndarray:
         """Phase of each hypothesis so long after onset, in [0, 1]: (..., B)."""
-        return np.clip(np.asarray(elapsed_s)[..., None] / self.duration_s, 0.0, 1.0)
+        phase = np.asarray(elapsed_s)[..., None] / self.duration_s
+        return np.minimum(np.maximum(phase, 0.0), 1.0)
+
+    def phase_rate(self, elapsed_s: float | np.ndarray) -> np.ndarray:
+        """Phase per second so long after onset, zero before it and after the end: (..., B)."""
+        phase = np.asarray(elapsed_s)[..., None] / self.duration_s
+        return np.where((phase >= 0.0) & (phase <= 1.0), 1.0 / self.duration_s, 0.0)
 
 
 class FilterBank(NamedTuple):
@@ -71,7 +81,13 @@ def make_hypotheses(
     with np.errstate(divide="ignore"):
         log_task = np.log(np.r_[prior * (1.0 - library.none_prior), library.none_prior])
     log_prior = (log_task[:, None] + log_weight).ravel()
-    return Hypotheses(n_scales, duration.ravel(), log_prior, library.duration_evidence)
+    return Hypotheses(
+        n_scales,
+        duration.ravel(),
+        log_prior,
+        library.duration_evidence,
+        library.none_calibration,
+    )
 
 
 def fixed_hypotheses(library: TaskLibrary, duration_s: float) -> Hypotheses:
@@ -80,7 +96,8 @@ def fixed_hypotheses(library: TaskLibrary, duration_s: float) -> Hypotheses:
         log_prior = np.log(
             np.r_[library.task_prior * (1.0 - library.none_prior), library.none_prior]
         )
-    return Hypotheses(1, np.full(library.n_tasks + 1, float(duration_s)), log_prior)
+    duration = np.full(library.n_tasks + 1, float(duration_s))
+    return Hypotheses(1, duration, log_prior, none_calibration=library.none_calibration)
 
 
 def start_bank(library: TaskLibrary, hypotheses: Hypotheses) -> FilterBank:
@@ -109,14 +126,29 @@ def condition_bank(
         rows: row of the observation matrix within that DOF's block, (B, m, N) or (B, 1, N) for
             positions, whose row is the same for all DOFs.
         values: observed values, (m,).
-        noise_covariance: (m, m), positive definite.
+        noise_covariance: (m, m) or one per hypothesis, (B, m, m), positive definite.
 
     Raises:
         ShapeError: the arrays do not fit each other.
         ArgumentError: an innovation covariance is not positive definite.
     """
-    m, n_basis = len(dofs), rows.shape[-1]
-    if np.shape(values) != (m,) or np.shape(noise_covariance) != (m, m):
+    check_observation(dofs, values, noise_covariance)
+    n, n_basis = len(bank.mean), rows.shape[-1]
+    rows = np.broadcast_to(rows, (n, *rows.shape[1:]))
+    block = FilterBlock(bank.mean.copy(), bank.covariance.copy(), n_basis)
+    log_density = block.condition(dofs, rows, values, noise_covariance)
+    block.fold()
+    return FilterBank(block.mean, block.covariance, bank.log_evidence + log_density)
+
+
+def check_observation(dofs: np.ndarray, values: np.ndarray, noise_covariance: np.ndarray) -> None:
+    """Whether values and noise go with the DOFs.
+
+    Raises:
+        ShapeError: they do not.
+    """
+    m = len(dofs)
+    if np.shape(values) != (m,) or np.shape(noise_covariance)[-2:] != (m, m):
         raise ShapeError(
             describe(
                 "values, noise_covariance",
@@ -125,24 +157,3 @@ def condition_bank(
                 "Pass one value and one row and column of noise per entry of dofs.",
             )
         )
-    rows = np.broadcast_to(rows, (len(bank.mean), m, n_basis))
-    cross = np.empty((len(bank.mean), m, bank.mean.shape[1]))  # H S
-    innovation = np.empty((len(bank.mean), m))
-    for i, dof in enumerate(dofs):
-        block = slice(dof * n_basis, (dof + 1) * n_basis)
-        row = rows[:, i, :, None]
-        cross[:, i] = np.matmul(bank.covariance[:, :, block], row)[..., 0]
-        innovation[:, i] = values[i] - np.matmul(bank.mean[:, None, block], row)[:, 0, 0]
-    covariance = np.empty((len(bank.mean), m, m))
-    for j, dof in enumerate(dofs):
-        block = slice(dof * n_basis, (dof + 1) * n_basis)
-        covariance[:, :, j] = np.matmul(cross[:, :, block], rows[:, j, :, None])[..., 0]
-    covariance = 0.5 * (covariance + np.swapaxes(covariance, 1, 2)) + noise_covariance
-    factor = cholesky(covariance, name="innovation covariance")
-    whitened = solve_lower(factor, innovation[..., None])
-    scaled_cross = solve_lower(factor, cross)
-    update = np.matmul(np.swapaxes(scaled_cross, 1, 2), whitened)[..., 0]
-    # S - V V^T with V V^T formed from one factor: symmetric, as cheap as the textbook's.
-    shrink = np.matmul(np.swapaxes(scaled_cross, 1, 2), scaled_cross)
-    log_density = -0.5 * np.sum(whitened[..., 0] ** 2, axis=1) - log_normalizer(factor)
-    return FilterBank(bank.mean + update, bank.covariance - shrink, bank.log_evidence + log_density)

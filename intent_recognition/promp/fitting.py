@@ -8,22 +8,20 @@ import numpy as np
 
 from intent_recognition.promp.examples import SAMPLES_PER_MOVEMENT
 from intent_recognition.promp.gathering import Reference
-from intent_recognition.promp.library import TaskLibrary, pooled_none_model
+from intent_recognition.promp.library import READ_AS_IT_IS, TaskLibrary
+from intent_recognition.promp.none import none_model
 from intent_recognition.promp.prior import (
     shrunk_covariance,
     structured_target,
-    weight_extent,
     weight_floor,
 )
 from intent_recognition.promp.selection import Candidate
 from intent_recognition.promp.statistics import TaskStatistics, pooled_moments
-from intent_recognition.promp.training_settings import TrainingSettings
 
 DURATION_WORTH = 4.0
 """Demonstrations' worth of the assumption that all tasks' durations spread alike."""
 SMALLEST_DURATION_STD = 0.05
-NONE_DURATION_STD = 0.2
-"""Smallest spreads of the log duration, of a task and of none."""
+"""Smallest spread of the log duration of a task."""
 
 
 def library_from_statistics(
@@ -31,6 +29,7 @@ def library_from_statistics(
     reference: Reference,
     chosen: Candidate,
     provenance: Mapping[str, object] | None = None,
+    none_calibration: Sequence[float] = READ_AS_IT_IS,
 ) -> TaskLibrary:
     """The library of given statistics.
 
@@ -39,6 +38,7 @@ def library_from_statistics(
         reference: how their examples were made.
         chosen: the hyperparameters.
         provenance: what to remember about the origin.
+        none_calibration: a hyperparameter too, but it takes a library to choose it.
     """
     settings, n_tasks = reference.settings, len(tasks)
     return TaskLibrary(
@@ -50,6 +50,7 @@ def library_from_statistics(
         transition_prior=np.full((n_tasks + 1, n_tasks), 1.0 / n_tasks),
         none_prior=settings.none_prior,
         duration_evidence=settings.duration_evidence,
+        none_calibration=np.array(none_calibration),
         onset=reference.onset,
         provenance={
             **(provenance or {}),
@@ -64,26 +65,27 @@ def learned_from(
 ) -> dict[str, object]:
     """Those attributes of the library that change with every demonstration."""
     statistics = list(tasks.values())
-    extent, floor, noise = scales(tasks)
+    floor, noise = scales(tasks)
     pooled = pooled_moments(statistics)
     covariances = []
     for task in statistics:
         target = structured_target(task.moments, pooled, floor).covariance()
         covariances.append(shrunk_covariance(task.scatter, task.n, target, chosen.strength))
-    n_observed = sum(len(signal.names) for signal in reference.observed)
+    size = sum(len(signal.names) for signal in reference.observed) * reference.basis.n_basis
+    timing = _timing(statistics)
     return {
         "weight_mean": np.array([task.mean.ravel() for task in statistics]),
         "weight_covariance": np.array(covariances),
         "noise_variance": noise,
         "noise_scale": chosen.noise_scale,
         "n_demonstrations": np.array([task.n for task in statistics]),
-        **_timing(statistics),
-        **_none_model(statistics, pooled.matrix, extent[:n_observed], reference.settings),
+        **timing,
+        **none_model(statistics, np.array(covariances)[:, :size, :size], timing),
     }
 
 
-def scales(tasks: Mapping[str, TaskStatistics]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Range, variance floor and noise variance of each DOF over all demonstrations, (D,)."""
+def scales(tasks: Mapping[str, TaskStatistics]) -> tuple[np.ndarray, np.ndarray]:
+    """Variance floor and noise variance of each DOF over all demonstrations, (D,)."""
     statistics = tasks.values()
     lowest = np.min([task.lowest for task in statistics], axis=0)
     highest = np.max([task.highest for task in statistics], axis=0)
@@ -91,34 +93,7 @@ def scales(tasks: Mapping[str, TaskStatistics]) -> tuple[np.ndarray, np.ndarray,
     floor = weight_floor(extremes)
     residual = np.sum([task.residual_sum for task in statistics], axis=0)
     noise = np.maximum(residual / sum(task.n for task in statistics), floor)
-    return weight_extent(extremes), floor, noise
-
-
-def _none_model(
-    tasks: Sequence[TaskStatistics],
-    scatter: np.ndarray,
-    extent: np.ndarray,
-    settings: TrainingSettings,
-) -> dict[str, np.ndarray]:
-    """Observed weights and timing of any human movement, from all demonstrations together."""
-    n_observed = len(extent)
-    means = np.array([task.mean[:n_observed] for task in tasks])
-    count = np.array([task.n for task in tasks], dtype=np.float64)
-    centre = means.mean(axis=0)
-    offset = (means - centre).reshape(len(tasks), -1)
-    size = offset.shape[1]
-    about_centre = scatter[:size, :size] + (offset.T * count) @ offset
-    n = int(count.sum())
-    mean, covariance = pooled_none_model(about_centre, n, centre, extent, settings.none_spread)
-    logs = np.array([task.log_duration_mean for task in tasks])
-    log_mean = count @ logs / n
-    within = sum(task.log_duration_scatter for task in tasks)
-    log_std = float(np.sqrt((within + count @ (logs - log_mean) ** 2) / n))
-    return {
-        "none_mean": mean,
-        "none_covariance": covariance,
-        "none_log_duration": np.array([log_mean, max(log_std, NONE_DURATION_STD)]),
-    }
+    return floor, noise
 
 
 def _timing(tasks: Sequence[TaskStatistics]) -> dict[str, object]:

@@ -8,12 +8,14 @@ from functools import cached_property
 import numpy as np
 
 from intent_recognition.alignment.onset import OnsetSettings
-from intent_recognition.gaussian.linalg import symmetrize
-from intent_recognition.gaussian.normal import Gaussian, Regression, regression
+from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.recovery import Recovery
 
 NONE = "none"
 """Label of the hypothesis that the movement is none of the known tasks."""
+READ_AS_IT_IS = (1.0, 0.0, 1.0, 0.0)
+"""Calibration that leaves a Bayes factor alone."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class TaskLibrary:
         none_mean, none_covariance: observed weights of any human movement, (P N,), (P N, P N).
         none_log_duration: mean and standard deviation of its timing, (2,).
         none_prior: prior probability that a movement is none of the tasks.
+        none_calibration: how the evidence against none is read, (4,); see `none_calibration`.
         n_demonstrations: per task, (K,).
         observed_groups: number of DOFs of each observed signal, in order; they sum to P.
         onset: how movement onset is detected, one for each observed signal.
@@ -68,6 +71,7 @@ class TaskLibrary:
     observed_groups: tuple[int, ...]
     onset: tuple[OnsetSettings, ...]
     duration_evidence: float = 1.0
+    none_calibration: np.ndarray = field(default_factory=lambda: np.array(READ_AS_IT_IS))
     provenance: Mapping[str, object] = field(default_factory=dict)
 
     @property
@@ -111,16 +115,13 @@ class TaskLibrary:
         return np.concatenate([self.weight_covariance[:, :size, :size], self.none_covariance[None]])
 
     @cached_property
-    def recovery(self) -> tuple[Regression, ...]:
-        """Regression of the controlled weights on the observed ones, per task.
+    def recovery(self) -> Recovery:
+        """Regression of the controlled weights on the observed ones, one `Regression` per task.
 
         Observations touch only the observed weights, so the controlled ones are recovered when
         asked for, exactly: N(A w_o + b, C).
         """
-        return tuple(
-            regression(self.primitive(task), self.n_observed_weights)
-            for task in range(self.n_tasks)
-        )
+        return Recovery(self.weight_mean, self.weight_covariance, self.n_observed_weights)
 
     def noise_covariance(self, dofs: np.ndarray, interval_s: float) -> np.ndarray:
         """Noise of one observation of the observed DOFs `dofs`, (m, m).
@@ -138,29 +139,3 @@ class TaskLibrary:
     def control_noise_variance(self) -> np.ndarray:
         """Residual variance of the controlled DOFs, (Q,)."""
         return self.noise_variance[self.n_observed :]
-
-
-def pooled_none_model(
-    scatter: np.ndarray, n: int, mean: np.ndarray, extent: np.ndarray, spread: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Observed weights of any human movement: everything seen, spread wider, anywhere about.
-
-    Args:
-        scatter: sum of outer products of the observed weights' deviations from `mean`, over all
-            demonstrations, (P N, P N).
-        n: number of all demonstrations.
-        mean: (P, N) where the movements lie.
-        extent: range of each observed DOF over all demonstrations, (P,).
-        spread: factor of the variance.
-
-    Returns:
-        Mean (P N,) and covariance (P N, P N).
-    """
-    n_dofs, n_basis = mean.shape
-    isotropic = float(np.mean(extent**2))
-    somewhere = np.kron(isotropic * np.eye(n_dofs), np.ones((n_basis, n_basis)))
-    phase = np.linspace(0.0, 1.0, n_basis)
-    smooth = np.exp(-0.5 * ((phase[:, None] - phase[None, :]) / 0.25) ** 2)
-    anyhow = np.kron(0.25 * isotropic * np.eye(n_dofs), smooth + 1e-4 * np.eye(n_basis))
-    covariance = spread * scatter / max(n - 1, 1) + somewhere + anyhow
-    return mean.reshape(-1), symmetrize(covariance)

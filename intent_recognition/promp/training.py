@@ -13,6 +13,7 @@ from intent_recognition.promp.examples import Example, Recorded, sample_phases, 
 from intent_recognition.promp.fitting import learned_from, library_from_statistics, scales
 from intent_recognition.promp.gathering import Gathered, Reference, example_of, gather
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.none_calibration import calibrate_none
 from intent_recognition.promp.prior import leave_one_out_targets
 from intent_recognition.promp.selection import Candidate, TaskSamples, select
 from intent_recognition.promp.statistics import (
@@ -95,6 +96,9 @@ def learn_gathered(
     _check_enough(gathered)
     chosen, tried = choose(gathered.tasks, gathered.reference)
     library = library_from_statistics(gathered.tasks, gathered.reference, chosen, provenance)
+    floor, _ = scales(gathered.tasks)
+    calibration = calibrate_none(library, gathered.tasks, chosen.strength, floor)
+    library = replace(library, none_calibration=calibration)
     trained = Trained(library, gathered.reference, gathered.tasks, chosen)
     report = TrainingReport(
         gathered.used,
@@ -122,7 +126,7 @@ def choose(
         for start in range(0, len(task.examples), SCORED_TOGETHER)
     ]
     basis = reference.basis
-    _, floor, noise = scales(tasks)
+    floor, noise = scales(tasks)
     return select(
         (_samples(task, examples, basis) for task, examples in parts),
         _targets(parts, tasks, floor),

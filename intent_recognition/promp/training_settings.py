@@ -18,8 +18,8 @@ class TrainingSettings:
         ridge: relative curvature penalty of the weights' regression.
         segmentation: "movement" cuts each recording to the interaction, as the online detector
             would; "recording" takes it whole.
-        none_prior: prior probability that a movement is none of the tasks.
-        none_spread: variance of the none model relative to everything seen.
+        none_prior: prior probability that a movement is none of the tasks; above one less the
+            decision's threshold, no task is acted on before something speaks against none.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration, in
             (0, 1]; on real recordings 0.1 predicts better than 1 (docs/method.md).
 
@@ -31,8 +31,7 @@ class TrainingSettings:
     width: float = 1.0
     ridge: float = 3e-3
     segmentation: str = "movement"
-    none_prior: float = 0.05
-    none_spread: float = 2.0
+    none_prior: float = 0.15
     duration_evidence: float = 0.1
 
     def __post_init__(self):
@@ -48,12 +47,9 @@ class TrainingSettings:
                     "duration_evidence", "an exponent in (0, 1]", self.duration_evidence, "Try 0.1."
                 )
             )
-        if not 0 < self.none_prior < 1 or not self.none_spread > 0:
+        if not 0 < self.none_prior < 1:
             raise ArgumentError(
                 describe(
-                    "none_prior, none_spread",
-                    "a probability between 0 and 1 and a positive factor",
-                    f"{self.none_prior}, {self.none_spread}",
-                    "Try 0.05 and 2.",
+                    "none_prior", "a probability between 0 and 1", self.none_prior, "Try 0.15."
                 )
             )

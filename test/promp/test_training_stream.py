@@ -53,7 +53,12 @@ def assert_equal(found: TaskLibrary, expected: TaskLibrary, tolerance: float = 1
 def anew(demonstrations: list[Recording], like: Trained) -> Trained:
     """Trained from nothing at the reference and hyperparameters of another."""
     gathered = gather(demonstrations, CUT, like.reference)
-    library = library_from_statistics(gathered.tasks, like.reference, like.chosen)
+    library = library_from_statistics(
+        gathered.tasks,
+        like.reference,
+        like.chosen,
+        none_calibration=like.library.none_calibration,
+    )
     return Trained(library, like.reference, gathered.tasks, like.chosen)
 
 
