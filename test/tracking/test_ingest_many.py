@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording at once gives, bit for bit, what its samples give one by one."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from intent_recognition.errors import ShapeError
+from intent_recognition.tracking.ingest import (
+    IngestSettings,
+    IngestState,
+    Rejected,
+    ingest_pose,
+)
+from intent_recognition.tracking.ingest_many import ingest_poses
+
+T0 = 10**18
+STEP = 10**7
+FRAMES = ("world", "/tracker", "elsewhere")
+TRACKER = (np.array([1.0, -2.0, 0.3]), np.array([0.1, -0.4, 0.2, 0.9]))
+SETTINGS = (
+    IngestSettings(),
+    IngestSettings(extrinsics={"tracker": TRACKER}, reanchor_after=3, clock_reset_after=3),
+    IngestSettings(extrinsics={"tracker": (-np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))}),
+)
+
+
+def one_by_one(setting, stamps_ns, positions, orientations, frames):
+    """Rows, poses and counts of the loop."""
+    state, rows, poses, rejected = IngestState.initial(), [], [], Counter()
+    for row, (stamp, position, orientation, frame) in enumerate(
+        zip(stamps_ns.tolist(), positions, orientations, frames, strict=True)
+    ):
+        state, result = ingest_pose(setting, state, stamp, position, orientation, FRAMES[frame])
+        if isinstance(result, Rejected):
+            rejected[result.reason] += 1
+        else:
+            rows.append(row)
+            poses.append(result)
+    return rows, poses, rejected
+
+
+def check(setting, stamps_ns, positions, orientations, frames):
+    rows, poses, rejected = one_by_one(setting, stamps_ns, positions, orientations, frames)
+    arguments = (setting, stamps_ns, positions, orientations, FRAMES, frames)
+    found, plain = ingest_poses(*arguments), ingest_poses(*arguments, oriented=False)
+    for result in (found, plain):
+        assert result.rows.tolist() == rows
+        assert result.rejected == rejected
+        expected = np.array([pose.position for pose in poses]).reshape(-1, 3)
+        assert result.positions.tobytes() == expected.tobytes()
+    turned = np.array([pose.orientation for pose in poses]).reshape(-1, 4)
+    assert found.orientations.tobytes() == turned.tobytes()
+    assert plain.orientations is None
+
+
+NUMBERS = st.sampled_from([0.0, -0.0, 0.4, -0.7, 1e-300, 1e5, 2e5, np.nan, np.inf])
+SAMPLE = st.tuples(
+    st.sampled_from([1, 1, 1, 1, 0, -3, 5, 60, -200]),  # steps of the stamp
+    st.floats(-0.1, 0.1),
+    st.one_of(st.none(), st.none(), st.none(), st.floats(-3.0, 3.0), NUMBERS),
+    st.one_of(st.none(), st.none(), st.none(), NUMBERS),
+    st.sampled_from([0, 0, 0, 1, 2]),
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(SAMPLE, max_size=60), st.sampled_from(SETTINGS), st.sampled_from([T0, 3 * STEP, 0]))
+def test_anything_equals_one_by_one(samples, setting, start_ns):
+    steps, moves, outliers, turns, frames = zip(*samples, strict=True) if samples else [()] * 5
+    stamps_ns = start_ns + STEP * np.cumsum(np.array(steps, np.int64), dtype=np.int64)
+    positions = np.cumsum(np.outer(moves, [1.0, 0.5, -0.2]), axis=0).reshape(-1, 3)
+    orientations = np.tile([0.1, 0.2, -0.3, 0.8], (len(samples), 1))
+    for row, (outlier, turn) in enumerate(zip(outliers, turns, strict=True)):
+        if outlier is not None:
+            positions[row, row % 3] = outlier
+        if turn is not None:
+            orientations[row, : 1 + row % 4] = turn
+    check(setting, stamps_ns, positions, orientations, np.array(frames, np.int64))
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_a_long_walk_with_steps_at_the_gate(setting):
+    rng = np.random.default_rng(3)
+    count = 2000
+    stamps_ns = T0 + np.cumsum(rng.integers(STEP // 2, 2 * STEP, count))
+    reach = setting.max_speed_m_s * np.diff(stamps_ns, prepend=stamps_ns[0]) * 1e-9 + 0.012
+    share = rng.choice([0.1, 1.0 - 1e-12, 1.0, 1.0 + 1e-12], count, p=[0.97, 0.01, 0.01, 0.01])
+    positions = np.cumsum(np.outer(reach * share, [1.0, 0.0, 0.0]), axis=0) + [0.0, 0.3, -0.0]
+    orientations = rng.normal(size=(count, 4))
+    check(setting, stamps_ns, positions, orientations, np.zeros(count, np.int64))
+
+
+def test_no_samples_and_wrong_shapes():
+    none = np.empty(0, np.int64)
+    found = ingest_poses(SETTINGS[0], none, np.empty((0, 3)), np.empty((0, 4)), (), none)
+    assert found.rows.size == 0 and found.positions.shape == (0, 3)
+    assert found.orientations.shape == (0, 4) and not found.rejected
+    with pytest.raises(ShapeError, match="positions"):
+        ingest_poses(SETTINGS[0], none, np.empty((1, 3)), np.empty((0, 4)), (), none)
