@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What demonstrations are compared at, and which of them, or which mean, is the reference."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+
+MIN_SAMPLES = 4
+SMALLEST_SCALE = 0.01
+"""Smallest typical deviation of a DOF after alignment, in parts of its range."""
+
+
+class Template(NamedTuple):
+    """What demonstrations are brought onto.
+
+    Attributes:
+        values: (G, D) at even reference phases, in the DOFs' own units.
+        scale: typical absolute deviation of an aligned demonstration per DOF, (D,), in its unit;
+            infinite for a DOF that never moves, which tells nothing.
+    """
+
+    values: np.ndarray
+    scale: np.ndarray
+
+
+def resample(trajectories: Sequence[np.ndarray], n_grid: int, smoothing: float) -> np.ndarray:
+    """Checked, smoothed and at even phases, (n, n_grid, D).
+
+    Args:
+        trajectories: n arrays (T_i, D) at even phases from 0 to 1.
+        n_grid: phases wanted.
+        smoothing: width of the kernel, in phase.
+
+    Raises:
+        ShapeError: no trajectories, too short ones, or ones that do not fit each other.
+        ArgumentError: a value is not finite.
+    """
+    arrays = [np.asarray(values, dtype=np.float64) for values in trajectories]
+    shapes = [values.shape for values in arrays]
+    good = shapes and all(len(s) == 2 and s[0] >= MIN_SAMPLES and s[1] >= 1 for s in shapes)
+    if not good or len({s[1] for s in shapes}) > 1:
+        raise ShapeError(
+            describe(
+                "trajectories",
+                f"arrays (T, D) of at least {MIN_SAMPLES} samples and the same DOFs",
+                ", ".join(map(str, dict.fromkeys(shapes))) or "none",
+                "Resample each demonstration over its phase.",
+            )
+        )
+    for number, values in enumerate(arrays):
+        if not np.all(np.isfinite(values)):
+            raise ArgumentError(
+                describe(
+                    f"trajectories[{number}]",
+                    "finite numbers",
+                    "NaN or infinity",
+                    "Bridge its gaps, or leave the demonstration out.",
+                )
+            )
+    return np.stack([_smoother(len(values), n_grid, smoothing) @ values for values in arrays])
+
+
+@lru_cache(maxsize=64)
+def _smoother(n_samples: int, n_grid: int, width: float) -> np.ndarray:
+    """Local linear regression with a Gaussian kernel, (n_grid, n_samples): exact on lines."""
+    at = np.linspace(0.0, 1.0, n_grid)[:, None]
+    offset = np.linspace(0.0, 1.0, n_samples) - at
+    kernel = np.exp(-0.5 * (offset / max(width, 0.6 / (n_samples - 1))) ** 2)
+    s0, s1, s2 = (np.sum(kernel * offset**k, axis=1, keepdims=True) for k in range(3))
+    return kernel * (s2 - s1 * offset) / (s0 * s2 - s1**2)
+
+
+def typical_deviation(samples: np.ndarray, deviations: np.ndarray) -> np.ndarray:
+    """Scale of each DOF, (D,): median over demonstrations of their mean absolute deviations.
+
+    Deviations count from their mean in each demonstration, as in the cost of a warp.
+
+    Args:
+        samples: demonstrations, (n, G, D); a DOF that never moves gets infinity.
+        deviations: from the reference, (n, G, D).
+    """
+    extent = np.ptp(samples.reshape(-1, samples.shape[-1]), axis=0)
+    moving = np.any(np.ptp(samples, axis=1) > 1e-9 * np.abs(samples).max(axis=(0, 1)), axis=0)
+    centred = deviations - deviations.mean(axis=1, keepdims=True)
+    typical = np.median(np.mean(np.abs(centred), axis=1), axis=0)
+    return np.where(moving, np.maximum(typical, SMALLEST_SCALE * extent), np.inf)
+
+
+def medoid(samples: np.ndarray) -> int:
+    """Which demonstration of (n, G, D) has the least L1 distance to all others, DOFs scaled."""
+    extent = np.ptp(samples, axis=(0, 1))
+    scaled = samples / np.where(extent > 0, extent, 1.0)
+    centred = (scaled - scaled.mean(axis=1, keepdims=True)).reshape(len(samples), -1)
+    return int(np.argmin([np.sum(np.abs(centred - row)) for row in centred]))
+
+
+def choose_reference(
+    samples: np.ndarray, reference: str | int | np.ndarray, smoothing: float
+) -> tuple[np.ndarray, int | None]:
+    """Values (G, D) of the reference asked for, and which demonstration it is.
+
+    Args:
+        samples: demonstrations, (n, G, D).
+        reference: "mean" or "medoid" (both give the medoid: the mean starts from it), the number
+            of a demonstration, or a trajectory (T, D).
+        smoothing: width of the kernel a trajectory is smoothed with.
+
+    Raises:
+        ArgumentError: an unknown word or number.
+        ShapeError: a trajectory with other DOFs.
+    """
+    if isinstance(reference, str):
+        if reference not in ("mean", "medoid"):
+            raise ArgumentError(
+                describe("reference", "'mean' or 'medoid'", repr(reference), "Use 'mean'.")
+            )
+        reference = medoid(samples)
+    if isinstance(reference, (int, np.integer)):
+        if not 0 <= reference < len(samples):
+            raise ArgumentError(
+                describe("reference", f"0 to {len(samples) - 1}", reference, "Pick one of them.")
+            )
+        return samples[reference], int(reference)
+    values = resample([reference], samples.shape[1], smoothing)[0]
+    if values.shape != samples.shape[1:]:
+        raise ShapeError(
+            describe(
+                "reference",
+                f"shape (T, {samples.shape[2]})",
+                np.shape(reference),
+                "Give it the DOFs of the trajectories.",
+            )
+        )
+    return values, None

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Smooth maps from the phase of a reference to the phase of a recording.
+
+Maeda et al. 2014, Eq. 15, warp time by t_w = v0 + g(v)^T t, with g a linear Gaussian basis model of
+the slope and v0 a shift. A slope that is linear in v can turn negative; here its *logarithm* is the
+basis model, so the warp increases whatever the weights:
+
+    recorded phase h(z) = v0 + integral from 0 to z of exp(g(x)^T v) dx.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.promp.basis import NormalizedRBFBasis
+
+MAX_LOG_RATE = 6.0
+"""Largest absolute log rate of a warp: beyond it, double precision would no longer tell phases."""
+
+
+def midpoints(n_grid: int) -> np.ndarray:
+    """Middles of the intervals between `n_grid` even phases from 0 to 1, (n_grid - 1,)."""
+    return (np.arange(n_grid - 1) + 0.5) / (n_grid - 1)
+
+
+@lru_cache(maxsize=8)
+def slope_basis(n_basis: int, n_grid: int) -> np.ndarray:
+    """Basis functions of the log rate amid `n_grid` even phases, (n_grid - 1, K), read-only."""
+    design = NormalizedRBFBasis(n_basis, 1.0).design_matrix(midpoints(n_grid))
+    design.setflags(write=False)
+    return design
+
+
+@dataclass(frozen=True)
+class Warp:
+    """One recording's time, seen from the reference: strictly increasing by construction.
+
+    The rate is constant between grid points, so the map is linear there and its inverse exact;
+    outside [0, 1] it goes on at the rate of its end, so that it can be inverted everywhere.
+
+    Attributes:
+        shift: recorded phase at reference phase 0, v0.
+        log_rate: log of d recorded phase / d reference phase in even intervals of the reference
+            phase from 0 to 1, (G - 1,), at least one.
+
+    Raises:
+        ShapeError: `log_rate` is not a vector of at least one value.
+        ArgumentError: a value is not finite, or a rate is beyond exp(+-6).
+    """
+
+    shift: float
+    log_rate: np.ndarray
+
+    def __post_init__(self):
+        log_rate = np.array(self.log_rate, dtype=np.float64)
+        if log_rate.ndim != 1 or log_rate.size < 1:
+            raise ShapeError(
+                describe(
+                    "log_rate",
+                    "shape (G - 1,), at least (1,)",
+                    log_rate.shape,
+                    "Pass one warp's rates.",
+                )
+            )
+        if not (np.isfinite(self.shift) and np.all(np.abs(log_rate) <= MAX_LOG_RATE)):
+            raise ArgumentError(
+                describe(
+                    "shift, log_rate",
+                    f"finite numbers, log rates within +-{MAX_LOG_RATE:g}",
+                    f"{self.shift}, {np.min(log_rate)} to {np.max(log_rate)}",
+                    "Align with a smaller rate_std.",
+                )
+            )
+        log_rate.setflags(write=False)
+        steps = np.cumsum(np.exp(log_rate)) / log_rate.size
+        recorded = float(self.shift) + np.concatenate([[0.0], steps])
+        recorded.setflags(write=False)
+        object.__setattr__(self, "shift", float(self.shift))
+        object.__setattr__(self, "log_rate", log_rate)
+        object.__setattr__(self, "_recorded", recorded)
+
+    @classmethod
+    def identity(cls, n_grid: int = 2) -> "Warp":
+        """The warp that changes nothing."""
+        return cls(0.0, np.zeros(n_grid - 1))
+
+    @property
+    def grid(self) -> np.ndarray:
+        """Reference phases of the grid, (G,)."""
+        return np.linspace(0.0, 1.0, self.log_rate.size + 1)
+
+    @property
+    def recorded(self) -> np.ndarray:
+        """Recorded phases at the grid, strictly increasing, (G,), read-only."""
+        return self._recorded
+
+    def apply(self, phase: np.ndarray) -> np.ndarray:
+        """Recorded phases of reference phases, same shape."""
+        return _interpolate(np.asarray(phase, dtype=np.float64), self.grid, self.recorded)
+
+    def inverse(self, phase: np.ndarray) -> np.ndarray:
+        """Reference phases of recorded phases, same shape: what a demonstration is learned at."""
+        return _interpolate(np.asarray(phase, dtype=np.float64), self.recorded, self.grid)
+
+    def rate(self, phase: np.ndarray) -> np.ndarray:
+        """d recorded phase / d reference phase at reference phases, same shape; positive.
+
+        Between the middles of the intervals its logarithm is linear.
+        """
+        return np.exp(np.interp(phase, midpoints(self.log_rate.size + 1), self.log_rate))
+
+
+def _interpolate(at: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Piecewise linear through increasing points, going on beyond both ends."""
+    left = np.minimum(at - x[0], 0.0) * ((y[1] - y[0]) / (x[1] - x[0]))
+    right = np.maximum(at - x[-1], 0.0) * ((y[-1] - y[-2]) / (x[-1] - x[-2]))
+    return np.interp(at, x, y) + left + right

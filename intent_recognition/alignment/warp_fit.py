@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The warps that bring demonstrations onto a reference: cost, analytic derivatives, descent.
+
+Maeda et al. 2014, Eq. 16, minimise the L1 distance between reference and warped demonstration. Here
+it is the negative logarithm of a posterior: Laplace distributed deviations whose scale per DOF is
+given, and a Gaussian prior on the log rate (`prior_precision`) and on both ends. The corner of the
+absolute value is rounded. The mean deviation of each DOF does not count: a demonstration a hand's
+breadth to the side is not early or late, yet with the plain distance its warp would be bent to make
+up for it.
+
+All demonstrations descend at once by damped Gauss-Newton steps: a deviation depends on the weights
+through one recorded phase, so the normal equations of a demonstration are (K + 1, K + 1) sums over
+samples of a scalar curvature. Nothing passes from one demonstration to another: each comes out
+bit for bit as if it had been alone.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.alignment.warp import MAX_LOG_RATE
+
+ROUNDING = 0.3
+"""Where |x| is rounded: sqrt(x^2 + ROUNDING^2), x in units of the deviations' scale."""
+CONVERGED = 0.05
+"""A step that promises to lower the cost (in nats) by less ends a demonstration's descent."""
+
+
+class Curves(NamedTuple):
+    """Piecewise cubic demonstrations on an even grid of recorded phases.
+
+    Attributes:
+        coefficients: of 1, f, f^2, f^3 in each interval, (4, n, T - 1, D); f runs from 0 to 1.
+    """
+
+    coefficients: np.ndarray
+
+    @classmethod
+    def through(cls, samples: np.ndarray) -> "Curves":
+        """Hermite cubics through samples (n, T, D) with central differences as slopes."""
+        slope = np.gradient(samples, axis=1)
+        y0, m0, m1 = samples[:, :-1], slope[:, :-1], slope[:, 1:]
+        rise = samples[:, 1:] - y0
+        return cls(np.stack([y0, m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise]))
+
+    def of(self, which: np.ndarray) -> "Curves":
+        """Those of some demonstrations."""
+        return Curves(self.coefficients.take(which, axis=1))
+
+    def at(self, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Values and d value / d phase at phases (n, T'), each (n, T', D); held outside [0, 1]."""
+        _, n, intervals, n_dofs = self.coefficients.shape
+        position = np.clip(phase, 0.0, 1.0) * intervals
+        index = np.minimum(position.astype(np.intp), intervals - 1)
+        f = np.repeat(position - index, n_dofs).reshape(*phase.shape, n_dofs)
+        inside = (phase >= 0.0) & (phase <= 1.0)
+        index += intervals * np.arange(n)[:, None]
+        c0, c1, c2, c3 = (
+            table.take(index, axis=0)
+            for table in self.coefficients.reshape(4, n * intervals, n_dofs)
+        )
+        slope = (c1 + f * (2.0 * c2 + f * (3.0 * c3))) * (intervals * inside)[..., None]
+        return c0 + f * (c1 + f * (c2 + f * c3)), slope
+
+
+class WarpProblem(NamedTuple):
+    """What the warps of n demonstrations are fitted to.
+
+    Attributes:
+        curves: the demonstrations, each DOF in units of its typical deviation after alignment.
+        reference: (T, D) at even reference phases, in the same units.
+        basis: of the log rate between the reference phases, (T - 1, K).
+        prior_precision: of the K weights of the log rate, (K, K).
+        end_std: prior standard deviation of h(0) and of h(1) - 1.
+        n_independent: samples of a demonstration that count as independent.
+    """
+
+    curves: Curves
+    reference: np.ndarray
+    basis: np.ndarray
+    prior_precision: np.ndarray
+    end_std: float
+    n_independent: float
+
+
+class Local(NamedTuple):
+    """The cost around some parameters: (n,), (n, K + 1) and (n, K + 1, K + 1)."""
+
+    cost: np.ndarray
+    gradient: np.ndarray
+    curvature: np.ndarray
+
+
+def recorded_phase(basis: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """h at the reference phases, (n, T), and the rate between them, (n, T - 1) (Eq. 15).
+
+    Args:
+        basis: (T - 1, K).
+        parameters: shift, then weights of the log rate, (n, K + 1).
+    """
+    log_rate = (basis @ parameters[:, 1:, None])[..., 0]
+    rate = np.exp(np.clip(log_rate, -MAX_LOG_RATE, MAX_LOG_RATE))
+    phase = np.empty((len(parameters), len(basis) + 1))
+    phase[:, 0] = 0.0
+    np.cumsum(rate, axis=1, out=phase[:, 1:])
+    phase /= len(basis)
+    phase += parameters[:, :1]
+    return phase, rate
+
+
+def local_cost(problem: WarpProblem, parameters: np.ndarray) -> Local:
+    """Cost, its exact gradient, and the Gauss-Newton curvature (Eq. 16 with priors).
+
+    Args:
+        problem: data and prior.
+        parameters: shift, then weights of the log rate, (n, K + 1).
+    """
+    phase, rate = recorded_phase(problem.basis, parameters)
+    slope, residual, distance = _deviations(problem, phase)
+    n, n_grid = phase.shape
+    share = problem.n_independent / n_grid
+    mean = np.full((1, n_grid), 1.0 / n_grid)
+    weight = share / distance
+    force = residual * weight
+    force -= mean @ force
+
+    jacobian = np.empty((n, parameters.shape[1], n_grid))
+    jacobian[:, 0] = 1.0
+    jacobian[:, 1:, 0] = 0.0
+    gains = rate[:, None] * (problem.basis.T / len(problem.basis))
+    np.cumsum(gains, axis=2, out=jacobian[:, 1:, 1:])
+    pulled = weight * slope
+    pull = np.einsum("ntd,ntd->nt", force, slope)
+    stiffness = np.einsum("ntd,ntd->nt", pulled, slope)
+    gradient = (jacobian @ pull[..., None])[..., 0]
+    curvature = (stiffness[:, None] * jacobian) @ np.swapaxes(jacobian, 1, 2)
+    level = (jacobian @ pulled) / np.sqrt(n_grid * (mean @ weight))
+    curvature -= level @ np.swapaxes(level, 1, 2)
+
+    precision, end_jacobian = problem.end_std**-2, jacobian[:, :, -1]
+    gradient[:, 0] += precision * parameters[:, 0]
+    gradient[:, 1:] += (problem.prior_precision @ parameters[:, 1:, None])[..., 0]
+    gradient += precision * (phase[:, -1:] - 1.0) * end_jacobian
+    curvature[:, 0, 0] += precision
+    curvature[:, 1:, 1:] += problem.prior_precision
+    curvature += precision * end_jacobian[:, :, None] * end_jacobian[:, None, :]
+    return Local(_cost(problem, parameters, phase, distance), gradient, curvature)
+
+
+def total_cost(problem: WarpProblem, parameters: np.ndarray) -> np.ndarray:
+    """The cost alone, (n,); arguments as of `local_cost`."""
+    phase, _ = recorded_phase(problem.basis, parameters)
+    return _cost(problem, parameters, phase, _deviations(problem, phase)[2])
+
+
+def _deviations(
+    problem: WarpProblem, phase: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """d value / d phase, deviation less its mean, and its rounded absolute value, (n, T, D)."""
+    values, slope = problem.curves.at(phase)
+    values -= problem.reference
+    values -= np.full((1, phase.shape[1]), 1.0 / phase.shape[1]) @ values
+    return slope, values, np.sqrt(values**2 + ROUNDING**2)
+
+
+def _cost(
+    problem: WarpProblem, parameters: np.ndarray, phase: np.ndarray, distance: np.ndarray
+) -> np.ndarray:
+    """Deviations and priors added up, (n,)."""
+    weights = parameters[:, 1:]
+    ends = parameters[:, 0] ** 2 + (phase[:, -1] - 1.0) ** 2
+    rates = np.sum((problem.prior_precision @ weights[..., None])[..., 0] * weights, axis=1)
+    share = problem.n_independent / phase.shape[1]
+    deviations = share * np.sum(distance - ROUNDING, axis=(1, 2))
+    return deviations + 0.5 * (rates + ends / problem.end_std**2)
+
+
+def descend(
+    problem: WarpProblem, start: np.ndarray, n_iterations: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Parameters (n, K + 1) and costs (n,) after damped Gauss-Newton steps; no cost ever rises.
+
+    Args:
+        problem: data and prior of n demonstrations.
+        start: (n, K + 1).
+        n_iterations: at most so many steps.
+    """
+    parameters = np.array(start)
+    local = local_cost(problem, parameters)
+    cost = local.cost.copy()
+    damping = np.full(len(start), 1e-3)
+    active = np.arange(len(start))
+    for _ in range(n_iterations):
+        step = _step(local, damping[active])
+        going = -0.5 * np.sum(step * local.gradient, axis=1) > CONVERGED
+        active, step, local = active[going], step[going], Local(*(part[going] for part in local))
+        if not active.size:
+            break
+        part = problem
+        if len(active) < len(start):
+            part = problem._replace(curves=problem.curves.of(active))
+        tried = local_cost(part, parameters[active] + step)
+        better = tried.cost < local.cost
+        parameters[active[better]] += step[better]
+        cost[active[better]] = tried.cost[better]
+        damping[active] *= np.where(better, 0.2, 10.0)
+        local = Local(*(_merge(better, new, old) for new, old in zip(tried, local)))
+    return parameters, cost
+
+
+def _step(local: Local, damping: np.ndarray) -> np.ndarray:
+    """Levenberg-Marquardt steps, (n, K + 1)."""
+    diagonal = np.einsum("nkk->nk", local.curvature)
+    damped = local.curvature + np.eye(diagonal.shape[1]) * (damping[:, None] * diagonal)[:, None]
+    return -np.linalg.solve(damped, local.gradient[..., None])[..., 0]
+
+
+def _merge(better: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
+    """Rows of `new` where `better`, else of `old`."""
+    return np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old)

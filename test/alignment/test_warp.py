@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Warps run forward, invert, and say what they were built from."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from intent_recognition.alignment.warp import Warp, slope_basis
+from intent_recognition.errors import ArgumentError, ShapeError
+
+log_rates = st.lists(st.floats(-6.0, 6.0), min_size=1, max_size=80).map(np.array)
+shifts = st.floats(-2.0, 2.0)
+phases = st.lists(st.floats(-3.0, 4.0), min_size=2, max_size=50, unique=True).map(sorted)
+
+
+@given(log_rates, shifts)
+def test_every_warp_runs_forward(log_rate, shift):
+    assert np.all(np.diff(Warp(shift, log_rate).recorded) > 0)
+
+
+@given(log_rates, shifts, phases)
+def test_apply_keeps_order_inside_and_outside_the_reference(log_rate, shift, phase):
+    recorded = Warp(shift, log_rate).apply(np.array(phase))
+    apart = np.diff(phase) > 1e-9
+    assert np.all(np.diff(recorded)[apart] > 0)
+
+
+@given(st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=60).map(np.array), shifts, phases)
+def test_inverse_undoes_apply(log_rate, shift, phase):
+    warp = Warp(shift, log_rate)
+    np.testing.assert_allclose(warp.inverse(warp.apply(phase)), phase, atol=1e-9)
+    np.testing.assert_allclose(warp.apply(warp.inverse(phase)), phase, atol=1e-9)
+
+
+def test_identity_changes_nothing():
+    phase = np.linspace(-0.5, 1.5, 21)
+    warp = Warp.identity(61)
+    np.testing.assert_allclose(warp.apply(phase), phase, atol=1e-14)
+    np.testing.assert_allclose(warp.inverse(phase), phase, atol=1e-14)
+    np.testing.assert_array_equal(warp.rate(phase), 1.0)
+
+
+def test_rate_is_the_slope_of_a_smooth_warp():
+    basis = slope_basis(12, 401)
+    warp = Warp(0.1, basis @ np.random.default_rng(1).normal(0.0, 0.4, 12))
+    phase = np.linspace(0.02, 0.98, 97)
+    slope = (warp.apply(phase + 2e-3) - warp.apply(phase - 2e-3)) / 4e-3
+    np.testing.assert_allclose(warp.rate(phase), slope, rtol=0.02)
+
+
+def test_a_constant_rate_is_a_straight_line_beyond_the_ends_too():
+    warp = Warp(0.2, np.full(10, np.log(1.5)))
+    np.testing.assert_allclose(warp.apply([-1.0, 0.0, 0.5, 2.0]), [-1.3, 0.2, 0.95, 3.2])
+
+
+def test_a_warp_cannot_be_changed():
+    given_rates = np.zeros(5)
+    warp = Warp(0.0, given_rates)
+    given_rates[:] = 1.0
+    assert np.all(warp.log_rate == 0.0)
+    with pytest.raises(ValueError):
+        warp.log_rate[0] = 1.0
+    with pytest.raises(ValueError):
+        warp.recorded[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("shift", "log_rate", "error"),
+    [
+        (0.0, np.zeros((2, 3)), ShapeError),
+        (0.0, np.zeros(0), ShapeError),
+        (np.nan, np.zeros(3), ArgumentError),
+        (0.0, np.array([0.0, np.inf]), ArgumentError),
+        (0.0, np.array([0.0, 7.0]), ArgumentError),
+    ],
+)
+def test_what_is_no_warp_is_refused(shift, log_rate, error):
+    with pytest.raises(error, match=r"log_rate"):
+        Warp(shift, log_rate)
