@@ -56,7 +56,7 @@ class JointPlan:
         velocities: (T, n) [rad/s]; the last row is zero.
         phase: (T,) how much of the predicted interaction is done, in [0, 1].
         phase_rate: (T,) its rate [1/s].
-        kind: "interaction", "stop" or "home".
+        kind: "interaction", "stop", "home" or "pretrigger".
         clamped: indices of joints whose prediction left the position limits and was held inside.
         slowed: the prediction at its own speed would break a velocity or acceleration limit.
     """

@@ -12,6 +12,7 @@ from intent_recognition.kinematics.path import JointPath
 from intent_recognition.kinematics.plan import JointPlan, Reference
 from intent_recognition.kinematics.planning import PlanSettings
 from intent_recognition.promp.decision import DecisionSettings
+from intent_recognition.promp.pretrigger import PretriggerSettings
 
 
 class Mode(Enum):
@@ -21,16 +22,18 @@ class Mode(Enum):
     EXECUTING = "executing"
     STOPPED = "stopped"
     HOMING = "homing"
+    PRETRIGGERED = "pretriggered"
 
 
 @dataclass(frozen=True, eq=False)
 class ActivationSettings:
-    """How to act; see `PlanSettings` and `DecisionSettings` for the other two.
+    """How to act; see `PlanSettings`, `DecisionSettings` and `PretriggerSettings` for the others.
 
     Attributes:
         limits: joint limits plans are held to, already scaled.
         decision: when a task activates.
         plan: how plans are made.
+        pretrigger: when to go ahead to where the next task begins.
         home: posture to return to, (n,) [rad]; None for the one the arm had at first.
         return_home: whether to return at all.
         timeout_s: silence of the task stream after which a motion is stopped.
@@ -46,6 +49,7 @@ class ActivationSettings:
     limits: JointLimits
     decision: DecisionSettings = field(default_factory=DecisionSettings)
     plan: PlanSettings = field(default_factory=PlanSettings)
+    pretrigger: PretriggerSettings = field(default_factory=PretriggerSettings)
     home: np.ndarray | None = None
     return_home: bool = True
     timeout_s: float = 0.5
