@@ -85,6 +85,9 @@ setup(
             "ros-common-interfaces==5.3.6",
             "ros-rmw-fastrtps-cpp==8.4.3",
         ],
+        "dask": [
+            "distributed>=2024.1",
+        ],
         "test": ["pytest", "hypothesis"],
     },
     zip_safe=True,

@@ -4,17 +4,20 @@
 import argparse
 import json
 import os
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from intent_recognition.errors import BagError, ResourceBusyError, describe
+from intent_recognition.promp.gathering import Reference
 from intent_recognition.promp.training_settings import SEGMENTATIONS, TrainingSettings
 from intent_recognition.storage.demonstration import Demonstration, Rejection
 from intent_recognition.storage.demonstrations import find_bags, iter_demonstrations
 from intent_recognition.storage.dofs import DofSpec
+from intent_recognition.storage.gather import FromBags, Run, gather_bags, list_bags
 
 DEFAULTS = TrainingSettings()
 
@@ -85,13 +88,48 @@ def read_all(
                 console_path = found.path
             bar.update(task, advance=1, description=f"reading {Path(console_path).name}")
     if not demonstrations:
-        reasons = "; ".join(str(r) for r in rejections[:3]) or "nothing found"
-        raise BagError(
-            describe(
-                "BAG", "recordings with the topics of the DOF file", reasons, "Check path and DOFs."
-            )
-        )
+        raise nothing_read(rejections)
     return demonstrations, rejections
+
+
+def gather_all(
+    paths: Sequence[Path],
+    dofs: DofSpec,
+    settings: TrainingSettings,
+    console: Console,
+    *,
+    run: Run = map,
+    reference: Reference | None = None,
+) -> FromBags:
+    """Statistics of all recordings with a progress bar, in memory that does not grow with them.
+
+    Raises:
+        BagError: a path does not exist, or nothing at all could be read.
+    """
+    total = len(list_bags(paths)[0])
+    with progress_bar(console) as bar:
+        task = bar.add_task("reading bags", total=total)
+        found = gather_bags(
+            paths,
+            dofs,
+            settings,
+            reference=reference,
+            run=run,
+            progress=lambda n_bags: bar.update(task, advance=n_bags),
+        )
+    if not found.gathered.n_used and not found.gathered.n_rejected:
+        raise nothing_read(found.rejections)
+    return found
+
+
+def nothing_read(rejections: Sequence[Rejection]) -> BagError:
+    """The error that no recording could be read."""
+    reasons = "; ".join(str(r) for r in rejections[:3]) or "nothing found"
+    return BagError(
+        describe(
+            "BAG", "recordings with the topics of the DOF file", reasons, "Check path and DOFs."
+        )
+    )
 
 
 def check_output(option: str, path: Path | None) -> None:
@@ -131,19 +169,42 @@ def write_json(path: Path, content: object, indent: int | None = None) -> None:
         ) from error
 
 
-def print_left_out(console: Console, left_out: Sequence[object]) -> None:
-    """Say what could not be used and why: a rejection, or a sentence, each on its line."""
-    for item in left_out:
-        text = f"left out {item}"
+def print_left_out(
+    console: Console, left_out: Sequence[object], n_left_out: int | None = None
+) -> None:
+    """Say what could not be used and why: a rejection, or a sentence, each on its line.
+
+    Args:
+        console: where to.
+        left_out: what.
+        n_left_out: how many there are in all, where those listed are only the first of very many.
+    """
+    lines = [f"left out {item}" for item in left_out]
+    if n_left_out is not None and n_left_out > len(lines):
+        lines.append(f"left out {n_left_out - len(lines)} more")
+    for text in lines:
         console.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
+
+
+def print_found(console: Console, found: FromBags) -> None:
+    """Say what of the bags could not be used and why."""
+    gathered = found.gathered
+    print_left_out(console, found.rejections, found.n_rejections)
+    reasons = [f"{name}: {reason}" for name, reason in gathered.rejected]
+    print_left_out(console, reasons, gathered.n_rejected)
+    print_dropped_counts(console, found.dropped)
 
 
 def print_dropped(console: Console, demonstrations: Sequence[Demonstration]) -> None:
     """Say how many messages were dropped in all, by reason."""
-    total: dict[str, int] = {}
+    total: Counter[str] = Counter()
     for demonstration in demonstrations:
-        for reason, count in demonstration.rejected.items():
-            total[reason] = total.get(reason, 0) + count
+        total.update(demonstration.rejected)
+    print_dropped_counts(console, total)
+
+
+def print_dropped_counts(console: Console, total: Mapping[str, int]) -> None:
+    """The same, counted."""
     if total:
         parts = ", ".join(f"{count} {reason}" for reason, count in sorted(total.items()))
         console.print(f"messages dropped: {parts}", style="yellow", highlight=False)

@@ -10,19 +10,21 @@ from rich.console import Console
 from rich.table import Table
 
 from intent_recognition import __version__
+from intent_recognition.cli.adding import add_adding_options, add_to_model
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.recordings import (
     add_recording_options,
     check_output,
-    print_dropped,
-    print_left_out,
-    read_all,
+    gather_all,
+    print_found,
     training_settings,
 )
 from intent_recognition.cli.transitions import add_sessions_option, with_sessions
+from intent_recognition.cli.workers import add_worker_options, workers
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.training import TrainingReport, TrainingSettings, learn
+from intent_recognition.promp.training import TrainingReport, TrainingSettings, learn_gathered
 from intent_recognition.storage.dofs import load_dofs
+from intent_recognition.storage.gather import Run
 from intent_recognition.storage.model import Model, save_model
 
 
@@ -36,6 +38,8 @@ def add_parser(subparsers) -> None:
         "--output", type=Path, required=True, metavar="M.npz", help="model file to write"
     )
     add_sessions_option(parser)
+    add_adding_options(parser)
+    add_worker_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -43,39 +47,53 @@ def run(args: argparse.Namespace) -> int:
     """Train, write the model, print what was learned and what was left out."""
     console = make_console()
     check_output("--output", args.output)
-    model, report = train(args.bags, args.dofs, training_settings(args), console)
-    model = with_sessions(model, args.sessions, console)
-    save_model(args.output, model)
+    settings = training_settings(args)
+    with workers(args.jobs, args.scheduler) as run_elsewhere:
+        if args.add is None:
+            model, report = train(args.bags, args.dofs, settings, console, run_elsewhere)
+        else:
+            model, report = add_to_model(args, settings, console, run_elsewhere)
     print_library(console, model.library, report)
+    model = with_sessions(model, args.sessions, console)
+    save_model(args.output, model, report.trained)
     console.print(f"wrote {args.output}", highlight=False)
     return 0
 
 
 def train(
-    bags: list[Path], dofs_path: Path | None, settings: TrainingSettings, console: Console
+    bags: list[Path],
+    dofs_path: Path | None,
+    settings: TrainingSettings,
+    console: Console,
+    run: Run = map,
 ) -> tuple[Model, TrainingReport]:
     """Read bags and learn; what was left out is printed to the console.
+
+    Args:
+        bags: bags, folders of bags or session bags.
+        dofs_path: DOF file, None for the shipped one.
+        settings: how to learn.
+        console: where to print to.
+        run: where bags are read, see `workers`.
 
     Raises:
         IntentError: nothing can be read or learned.
     """
     dofs = load_dofs(dofs_path)
-    demonstrations, rejections = read_all(bags, dofs, console)
+    found = gather_all(bags, dofs, settings, console, run=run)
     provenance = {
         "package_version": __version__,
         "created": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "bags": [demonstration.name for demonstration in demonstrations],
+        "bags": list(found.gathered.used),
     }
-    library, report = learn(demonstrations, settings, provenance)
-    print_left_out(console, rejections)
-    print_left_out(console, [f"{name}: {reason}" for name, reason in report.rejected])
-    print_dropped(console, demonstrations)
+    library, report = learn_gathered(found.gathered, provenance)
+    print_found(console, found)
     return Model(library, dofs), report
 
 
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:
     """A table of the tasks and one line on the regularisation."""
-    table = Table(title=f"learned from {len(report.used)} demonstrations")
+    table = Table(title=f"learned from {report.n_used} demonstrations")
     for column in ("task", "demonstrations", "duration [s]", "spread of duration"):
         table.add_column(column, justify="left" if column == "task" else "right")
     for index, label in enumerate(library.labels):

@@ -11,7 +11,13 @@ from intent_recognition.errors import TrainingError, describe
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.examples import Example, Recorded, sample_phases, scored_phases
 from intent_recognition.promp.fitting import learned_from, library_from_statistics, scales
-from intent_recognition.promp.gathering import Gathered, Reference, example_of, gather
+from intent_recognition.promp.gathering import (
+    NAMES_KEPT,
+    Gathered,
+    Reference,
+    example_of,
+    gather,
+)
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.none_calibration import calibrate_none
 from intent_recognition.promp.prior import leave_one_out_targets
@@ -96,9 +102,7 @@ def learn_gathered(
     _check_enough(gathered)
     chosen, tried = choose(gathered.tasks, gathered.reference)
     library = library_from_statistics(gathered.tasks, gathered.reference, chosen, provenance)
-    floor, _ = scales(gathered.tasks)
-    calibration = calibrate_none(library, gathered.tasks, chosen.strength, floor)
-    library = replace(library, none_calibration=calibration)
+    library = _calibrated(library, gathered.tasks, chosen)
     trained = Trained(library, gathered.reference, gathered.tasks, chosen)
     report = TrainingReport(
         gathered.used,
@@ -164,7 +168,7 @@ def add_statistics(
     merged = dict(sorted(merged.items()))
     before = trained.library
     provenance = dict(before.provenance)
-    provenance["bags"] = [*provenance.get("bags", ()), *names]
+    provenance["bags"] = [*provenance.get("bags", ()), *names][:NAMES_KEPT]
     library = replace(
         before,
         labels=tuple(merged),
@@ -173,6 +177,27 @@ def add_statistics(
         provenance=provenance,
     )
     return Trained(library, trained.reference, merged, trained.chosen)
+
+
+def choose_again(trained: Trained) -> tuple[Trained, tuple[Candidate, ...]]:
+    """The same with hyperparameters chosen on all it has by now, and all that were tried."""
+    chosen, tried = choose(trained.tasks, trained.reference)
+    library = replace(
+        trained.library,
+        **learned_from(trained.tasks, trained.reference, chosen),
+        provenance={**trained.library.provenance, "chosen": chosen._asdict()},
+    )
+    library = _calibrated(library, trained.tasks, chosen)
+    return replace(trained, library=library, chosen=chosen), tried
+
+
+def _calibrated(
+    library: TaskLibrary, tasks: Mapping[str, TaskStatistics], chosen: Candidate
+) -> TaskLibrary:
+    """The library with its evidence against none read as these demonstrations ask for."""
+    floor, _ = scales(tasks)
+    calibration = calibrate_none(library, tasks, chosen.strength, floor)
+    return replace(library, none_calibration=calibration)
 
 
 def _targets(

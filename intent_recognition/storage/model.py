@@ -4,6 +4,7 @@
 import json
 import os
 import tempfile
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from intent_recognition.alignment.onset import OnsetSettings
 from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.library import NONE, TaskLibrary
+from intent_recognition.promp.training import Trained
 from intent_recognition.storage.dofs import DofSpec
+from intent_recognition.storage.statistics import ARRAYS, pack_statistics, unpack_statistics
 
 FORMAT_VERSION = 1
 RETRAIN = "Train it again with `intent train`."
@@ -62,8 +65,13 @@ class Model:
         return self.library.controlled_names
 
 
-def save_model(path: str | Path, model: Model) -> None:
+def save_model(path: str | Path, model: Model, trained: Trained | None = None) -> None:
     """Write the model; the file appears whole or not at all.
+
+    Args:
+        path: the file.
+        model: what to write.
+        trained: statistics of its demonstrations; without them nothing can be added to it later.
 
     Raises:
         ModelError: the folder cannot be written to.
@@ -78,6 +86,9 @@ def save_model(path: str | Path, model: Model) -> None:
         "dofs": model.dofs.to_dict(),
         "provenance": dict(library.provenance),
     }
+    if trained is not None:
+        header["statistics"], statistics = pack_statistics(trained)
+        arrays |= statistics
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -103,7 +114,7 @@ def load_model(path: str | Path) -> Model:
         ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
             value that is not finite or makes no sense; names the file and the array.
     """
-    content = _read(path)
+    content = _read(path, NUMBERS)
     header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
@@ -135,6 +146,22 @@ def load_model(path: str | Path) -> Model:
     return Model(library, dofs)
 
 
+def load_trained(path: str | Path) -> tuple[Model, Trained]:
+    """Read a model with the statistics that it takes to add demonstrations to it.
+
+    Raises:
+        ModelError: as `load_model`, or the file holds no statistics.
+    """
+    model = load_model(path)
+    content = _read(path, ARRAYS)
+    header = _header(path, content)
+    if "statistics" not in header:
+        raise ModelError(
+            describe(str(path), "statistics to add to", "none: an older version wrote it", RETRAIN)
+        )
+    return model, unpack_statistics(str(path), model.library, header["statistics"], content)
+
+
 def check_dofs(model: Model, dofs: DofSpec, source: str) -> None:
     """Make sure that a DOF file is the one the model was trained with.
 
@@ -154,11 +181,11 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> None:
             )
 
 
-def _read(path: str | Path) -> dict[str, np.ndarray]:
-    """The arrays of a model that the file holds; the others of the file are left unread."""
+def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, np.ndarray]:
+    """Header and wanted arrays that the file holds; the others of the file are left unread."""
     try:
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            names = [name for name in ("header", *NUMBERS) if name in file.files]
+            names = [name for name in ("header", *wanted) if name in file.files]
             return {name: _read_array(path, file, name) for name in names}
     except ModelError:
         raise

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent train --add`: more demonstrations for a model that is there, without its old bags."""
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+
+from intent_recognition.cli.recordings import DEFAULTS, gather_all, print_found
+from intent_recognition.errors import ArgumentError, TrainingError, describe
+from intent_recognition.promp.gathering import Gathered
+from intent_recognition.promp.training import (
+    Trained,
+    TrainingReport,
+    add_statistics,
+    choose_again,
+)
+from intent_recognition.promp.training_settings import TrainingSettings
+from intent_recognition.storage.dofs import load_dofs
+from intent_recognition.storage.gather import Run
+from intent_recognition.storage.model import Model, check_dofs, load_trained
+
+
+def add_adding_options(parser: argparse.ArgumentParser) -> None:
+    """Options of `train`."""
+    parser.add_argument(
+        "--add",
+        type=Path,
+        metavar="M.npz",
+        help="add the bags to this model, which keeps its DOFs, basis, onset thresholds and"
+        " regularisation; equals training anew with those",
+    )
+    parser.add_argument(
+        "--choose-again",
+        action="store_true",
+        help="with --add: choose the regularisation again, on the demonstrations the model keeps",
+    )
+
+
+def add_to_model(
+    args: argparse.Namespace, settings: TrainingSettings, console: Console, run: Run
+) -> tuple[Model, TrainingReport]:
+    """The model of `--add` with the demonstrations of the bags; what was left out is printed.
+
+    Raises:
+        ModelError: no model, or one without statistics.
+        ArgumentError: options that contradict the model.
+        TrainingError: nothing of the bags can be added.
+    """
+    model, trained = load_trained(args.add)
+    _check_settings(args.add, settings, trained.reference.settings)
+    if args.dofs is not None:
+        check_dofs(model, load_dofs(args.dofs), str(args.dofs))
+    found = gather_all(
+        args.bags, model.dofs, settings, console, run=run, reference=trained.reference
+    )
+    print_found(console, found)
+    gathered = found.gathered
+    if not gathered.n_used:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in gathered.rejected[:3])
+        raise TrainingError(
+            describe("BAG", "a demonstration that can be added", reasons, "Check the labels.")
+        )
+    more = add_statistics(trained, gathered.tasks, gathered.used)
+    more, tried = choose_again(more) if args.choose_again else (more, (more.chosen,))
+    return Model(more.library, model.dofs), _report(more, gathered, tried)
+
+
+def _report(more: Trained, gathered: Gathered, tried: tuple) -> TrainingReport:
+    n_used = sum(task.n for task in more.tasks.values())
+    return TrainingReport(
+        gathered.used, gathered.rejected, more.chosen, tried, n_used, gathered.n_rejected, more
+    )
+
+
+def _check_settings(path: Path, given: TrainingSettings, kept: TrainingSettings) -> None:
+    """Options left at their default are the model's; others must not contradict it."""
+    for option, name in (("--basis", "n_basis"), ("--segment", "segmentation")):
+        value, ours = getattr(given, name), getattr(kept, name)
+        if value not in (ours, getattr(DEFAULTS, name)):
+            raise ArgumentError(
+                describe(option, f"{ours}, as in {path}", value, "Leave it out, or train anew.")
+            )

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where work is done: in this process, in others on this machine, or by a dask scheduler."""
+
+import argparse
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing import get_context
+
+from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
+from intent_recognition.storage.gather import Run
+
+AHEAD = 3
+"""Pieces of work per worker that are under way, so that none waits and results do not pile up."""
+CONNECT_S = 10.0
+
+
+def add_worker_options(parser: argparse.ArgumentParser) -> None:
+    """Options of a command whose work can be done elsewhere."""
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument(
+        "--jobs",
+        type=int,
+        default=1,
+        metavar="N",
+        help="processes that read the bags (default: %(default)s); the model is the same",
+    )
+    group.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="dask scheduler whose workers read the bags, as tcp://127.0.0.1:8786; they need the"
+        " same paths and this package (`pip install intent_recognition[dask]`)",
+    )
+
+
+@contextmanager
+def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
+    """A `map` over `jobs` processes, or over the workers of a dask scheduler.
+
+    Args:
+        jobs: number of processes; 1 is this one.
+        scheduler: address as `tcp://127.0.0.1:8786`; its workers read the same paths.
+
+    Raises:
+        ArgumentError: fewer than one process, or dask is not installed.
+        ResourceBusyError: no scheduler answers, or it has no workers.
+        IntentError: a worker died.
+    """
+    if jobs < 1:
+        raise ArgumentError(describe("--jobs", "one process or more", jobs, "Try 2."))
+    if scheduler is not None:
+        with _dask(scheduler) as run:
+            yield run
+    elif jobs > 1:
+        with _processes(jobs) as run:
+            yield run
+    else:
+        yield map
+
+
+@contextmanager
+def _processes(jobs: int) -> Iterator[Run]:
+    # A fresh interpreter each: to fork one whose progress bar has a thread may lock up.
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
+    try:
+        yield partial(_in_order, pool.submit, AHEAD * jobs)
+    except BrokenProcessPool as error:
+        raise IntentError(
+            describe("--jobs", "processes that run to their end", error, "Try fewer of them.")
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _dask(scheduler: str) -> Iterator[Run]:
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise ArgumentError(
+            describe(
+                "--scheduler",
+                "the package `distributed`",
+                "no such package",
+                "Install it with `pip install intent_recognition[dask]`, or use --jobs.",
+            )
+        ) from error
+    try:
+        client = Client(scheduler, timeout=CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ResourceBusyError(
+            describe(
+                f"--scheduler {scheduler}",
+                "the address of a running dask scheduler, as tcp://127.0.0.1:8786",
+                error,
+                "Start one with `dask scheduler`, or use --jobs.",
+            )
+        ) from error
+    with client:
+        n_workers = len(client.scheduler_info(n_workers=-1)["workers"])
+        if not n_workers:
+            raise ResourceBusyError(
+                describe(
+                    f"--scheduler {scheduler}",
+                    "at least one worker",
+                    "none",
+                    f"Start some with `dask worker {scheduler}`.",
+                )
+            )
+        yield partial(_in_order, partial(client.submit, pure=False), AHEAD * n_workers)
+
+
+def _in_order(submit: Callable, ahead: int, function: Callable, items: Iterable) -> Iterator:
+    """Results in the order of the items, at most `ahead` of them under way."""
+    pending = deque()
+    for item in items:
+        pending.append(submit(function, item))
+        if len(pending) >= ahead:
+            yield pending.popleft().result()
+    while pending:
+        yield pending.popleft().result()

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent train --add`: a later session adds to a model, without the bags it was learned from."""
+
+import numpy as np
+import pytest
+import yaml
+from cli.recorded import write_all
+from model_builder import GLOVE, make_dofs
+
+from intent_recognition.errors import ArgumentError, DofError, ModelError, TrainingError
+from intent_recognition.promp.fitting import library_from_statistics
+from intent_recognition.storage.gather import gather_bags
+from intent_recognition.storage.model import load_model, load_trained, save_model
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    write_all(folder)
+    return folder
+
+
+@pytest.fixture
+def train(run_command, recorded, tmp_path):
+    def run(name, numbers, *arguments):
+        bags = [recorded / "bags" / f"demo_{k:02d}" for k in numbers]
+        code, text = run_command("train", *bags, *arguments, "--output", tmp_path / name)
+        assert code == 0
+        return tmp_path / name, text
+
+    return run
+
+
+@pytest.fixture
+def first(train, recorded):
+    return train("first.npz", range(5), "--dofs", recorded / "dofs.yaml", "--basis", 8)[0]
+
+
+def test_added_bags_are_as_good_as_learned_anew(train, first, recorded):
+    before, trained = load_trained(first)
+    path, text = train("more.npz", (5, 6, 7), "--add", first)
+    more = load_model(path).library
+    assert "learned from 8 demonstrations" in text
+    parts = [recorded / "bags" / f"demo_{k:02d}" for k in range(8)]
+    every = gather_bags(parts, before.dofs, trained.reference.settings, reference=trained.reference)
+    expected = library_from_statistics(every.gathered.tasks, trained.reference, trained.chosen)
+    np.testing.assert_allclose(more.weight_mean, expected.weight_mean, atol=1e-10)
+    np.testing.assert_allclose(more.weight_covariance, expected.weight_covariance, atol=1e-10)
+    np.testing.assert_allclose(more.noise_variance, expected.noise_variance, rtol=1e-10)
+    assert more.n_demonstrations.tolist() == [4, 4]
+    assert more.provenance["bags"] == [f"demo_{k:02d}" for k in range(8)]
+    assert load_model(first).library.n_demonstrations.sum() == 5
+
+
+def test_adding_can_go_on_from_session_to_session(train, first):
+    """One by one, each from the file of the one before."""
+    path = first
+    for k in (5, 6, 7):
+        path, _ = train(f"with_{k}.npz", (k,), "--add", path)
+    at_once, _ = train("more.npz", (5, 6, 7), "--add", first)
+    one_by_one, together = load_trained(path)[1], load_trained(at_once)[1]
+    np.testing.assert_allclose(
+        one_by_one.library.weight_covariance, together.library.weight_covariance, atol=1e-10
+    )
+    assert one_by_one.chosen == together.chosen == load_trained(first)[1].chosen
+
+
+def test_the_regularisation_may_be_chosen_again(train, first, recorded):
+    kept = load_trained(first)[1].chosen
+    again, text = train("again.npz", (5, 6, 7), "--add", first, "--choose-again")
+    trained = load_trained(again)[1]
+    assert "32 pairs tried" in text
+    assert trained.chosen.score != kept.score
+    assert trained.library.provenance["chosen"] == trained.chosen._asdict()
+    assert trained.library.noise_scale == trained.chosen.noise_scale
+
+
+def test_options_that_contradict_the_model_are_refused(train, first, recorded, tmp_path):
+    with pytest.raises(ArgumentError, match=r"--basis: expected 8, as in .*first\.npz, got 12"):
+        train("more.npz", (5,), "--add", first, "--basis", 12)
+    with pytest.raises(ArgumentError, match="--segment: expected movement"):
+        train("more.npz", (5,), "--add", first, "--segment", "recording")
+    (tmp_path / "glove.yaml").write_text(yaml.safe_dump(make_dofs(GLOVE).to_dict()))
+    with pytest.raises(DofError, match="the DOFs of the model"):
+        train("more.npz", (5,), "--add", first, "--dofs", tmp_path / "glove.yaml")
+
+
+def test_a_model_of_an_older_version_says_what_it_lacks(train, first, tmp_path):
+    save_model(tmp_path / "old.npz", load_model(first))
+    with pytest.raises(ModelError, match=r"old\.npz: expected statistics to add to"):
+        train("more.npz", (5,), "--add", tmp_path / "old.npz")
+
+
+def test_nothing_to_add_is_an_error(train, first, recorded, tmp_path, run_command):
+    nameless = tmp_path / "nameless"
+    content = recorded / "bags" / "demo_05"
+    nameless.mkdir()
+    for path in content.iterdir():
+        text = path.read_bytes()
+        if path.name == "metadata.yaml":
+            text = text.replace(b"task: task_1", b"note: task_1")
+        (nameless / path.name).write_bytes(text)
+    with pytest.raises(TrainingError, match="BAG: expected a demonstration that can be added"):
+        run_command("train", nameless, "--add", first, "--output", tmp_path / "more.npz")

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent train --jobs` and `--scheduler`: wherever bags are read, the model is the same."""
+
+import os
+import sys
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from cli.recorded import DOFS, spoil, write_all
+
+from intent_recognition.cli.workers import workers
+from intent_recognition.errors import ArgumentError, DofError, IntentError, ResourceBusyError
+from intent_recognition.promp.training_settings import TrainingSettings
+from intent_recognition.storage import gather
+from intent_recognition.storage.dofs import load_dofs
+from intent_recognition.storage.gather import gather_bags, spread
+from intent_recognition.storage.model import load_model
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    write_all(folder)
+    spoil(folder / "spoiled")
+    return folder
+
+
+@pytest.fixture
+def small_parts(monkeypatch):
+    """Three bags settle the reference; the rest is read two at a time."""
+    monkeypatch.setattr(gather, "REFERENCE_RECORDINGS", 3)
+    monkeypatch.setattr(gather, "BATCH", 2)
+
+
+@pytest.fixture
+def train(run_command, recorded, tmp_path):
+    def run(*arguments):
+        output = tmp_path / f"model_{len(list(tmp_path.iterdir()))}.npz"
+        options = ("--dofs", recorded / "dofs.yaml", "--basis", 8, "--output", output)
+        code, text = run_command("train", recorded / "bags", *arguments, *options)
+        assert code == 0
+        return load_model(output).library, text
+
+    return run
+
+
+def assert_same(found, expected):
+    for field in fields(expected):
+        ours, theirs = getattr(expected, field.name), getattr(found, field.name)
+        if isinstance(ours, np.ndarray | float):
+            np.testing.assert_allclose(theirs, ours, rtol=1e-12, atol=0, err_msg=field.name)
+        elif field.name != "provenance":
+            assert theirs == ours, field.name
+    assert found.provenance["bags"] == expected.provenance["bags"]
+
+
+def test_processes_learn_the_same_model(train, recorded, small_parts):
+    alone, text = train(recorded / "spoiled")
+    together, text_together = train(recorded / "spoiled", "--jobs", 2)
+    assert_same(together, alone)
+    assert together.n_demonstrations.tolist() == [4, 4]
+    left_out = [line for line in text.splitlines() if "left out" in line]
+    assert len(left_out) >= 5
+    assert [line for line in text_together.splitlines() if "left out" in line] == left_out
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        host="127.0.0.1",
+        protocol="tcp",
+        dashboard_address="127.0.0.1:0",
+    ) as started:
+        yield started
+
+
+def test_a_dask_scheduler_learns_the_same_model(train, small_parts, cluster):
+    assert cluster.scheduler_address.startswith("tcp://127.0.0.1:")
+    elsewhere, _ = train("--scheduler", cluster.scheduler_address)
+    assert_same(elsewhere, train()[0])
+
+
+def test_without_dask_the_cure_is_named(train, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ArgumentError, match=r"--scheduler: .*pip install intent_recognition\[dask"):
+        train("--scheduler", "tcp://127.0.0.1:1")
+
+
+def test_a_scheduler_that_is_not_there_is_one_line(train, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("intent_recognition.cli.workers.CONNECT_S", 0.3)
+    with pytest.raises(ResourceBusyError, match=r"--scheduler tcp://127\.0\.0\.1:1: .*--jobs"):
+        train("--scheduler", "tcp://127.0.0.1:1")
+    with pytest.raises(ResourceBusyError, match=r"--scheduler nonsense://x"):
+        train("--scheduler", "nonsense://x")
+
+
+def test_a_scheduler_without_workers_is_refused(train):
+    distributed = pytest.importorskip("distributed")
+    options = {"host": "127.0.0.1", "protocol": "tcp", "dashboard_address": "127.0.0.1:0"}
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, **options) as empty,
+        pytest.raises(ResourceBusyError, match="at least one worker, got none"),
+    ):
+        train("--scheduler", empty.scheduler_address)
+
+
+def test_jobs_and_scheduler_exclude_each_other(parse, capsys):
+    with pytest.raises(SystemExit):
+        parse("train", "bag", "--output", "m", "--jobs", 2, "--scheduler", "tcp://127.0.0.1:1")
+    assert "not allowed with" in capsys.readouterr().err
+    with pytest.raises(ArgumentError, match="--jobs: expected one process or more, got 0"):
+        workers(0).__enter__()
+
+
+def test_a_worker_that_dies_is_an_error_and_one_that_refuses_says_so():
+    with pytest.raises(IntentError, match="--jobs"), workers(2) as run:
+        list(run(os._exit, [3, 3, 3]))
+    with pytest.raises(DofError, match=r"no\.yaml"), workers(2) as run:
+        list(run(load_dofs, ["/no.yaml"] * 3))
+
+
+def test_results_come_in_order_and_few_at_a_time():
+    given = []
+
+    def numbers():
+        for number in range(50):
+            given.append(number)
+            yield number
+
+    with workers(2) as run:
+        results = run(abs, numbers())
+        assert next(results) == 0
+        assert len(given) <= 6
+        assert list(results) == list(range(1, 50))
+
+
+def test_the_reference_is_settled_by_bags_spread_over_all():
+    assert spread(list("abcdefghij"), 3) == (list("adg"), list("bcefhij"))
+    assert spread(["a", "b"], 3) == (["a", "b"], [])
+
+
+def test_a_reference_is_found_behind_many_bags_that_cannot_be_used(recorded, small_parts):
+    """Five spoiled bags come before any good one; all good ones are learned from."""
+    bad = [recorded / "spoiled"] * 3
+    found = gather_bags([*bad, recorded / "bags"], DOFS, TrainingSettings(n_basis=8))
+    assert found.gathered.n_used == 8
+    assert found.n_rejections + found.gathered.n_rejected == 15
