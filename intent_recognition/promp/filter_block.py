@@ -119,23 +119,32 @@ class FilterBlock:
 
     def fold(self) -> None:
         """Bring mean and covariance up to date."""
-        rows, size = self._n_pending, self._size
-        if not rows:
+        if not self._n_pending:
             return
-        step = max(1, CACHE_FLOATS // size**2)
-        work = np.empty((min(step, len(self.mean)), size, size))
+        step = max(1, CACHE_FLOATS // self._size**2)
+        work = np.empty((min(step, len(self.mean)), self._size, self._size))
         for start in range(0, len(self.mean), step):
             some = slice(start, start + step)
-            pending = self._pending[some, :rows]
-            weights = pending[:, :, :size]
-            shrink = work[: len(pending)]
-            # numpy forms A^T A from one triangle, so that it is exactly symmetric.
-            np.matmul(weights.transpose(0, 2, 1), weights, out=shrink)
-            covariance = self.covariance[some]
+            mean, covariance = self.mean[some], self.covariance[some]
+            change, shrink = self._pending_change(some, out=work[: len(mean)])
+            mean -= change
             covariance -= shrink
-            mean = self.mean[some]
-            mean -= np.matmul(pending[:, None, :, size], weights)[:, 0]
         self._n_pending, self._limit = 0, self._pending.shape[1]
+
+    def current(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Means (k, P N) and covariances (k, P N, P N) of some, up to date; nothing changes."""
+        change, shrink = self._pending_change(index)
+        return self.mean[index] - change, self.covariance[index] - shrink
+
+    def _pending_change(
+        self, some: slice | np.ndarray, out: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What is still to be subtracted from means and covariances."""
+        pending = self._pending[some, : self._n_pending]
+        weights = pending[:, :, : self._size]
+        # numpy forms A^T A from one triangle, so that it is exactly symmetric.
+        shrink = np.matmul(weights.transpose(0, 2, 1), weights, out=out)
+        return np.matmul(pending[:, None, :, self._size], weights)[:, 0], shrink
 
     def fold_first_at(self, share: float) -> None:
         """Fold for the first time when a share of the working memory is in use."""

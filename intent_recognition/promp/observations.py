@@ -6,8 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.promp.bank import FilterBank, Hypotheses, condition_bank
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.promp.bank import FilterBank, Hypotheses, check_observation
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.pruning import PrunedBank, Step
+from intent_recognition.promp.running_bank import RunningBank
 from intent_recognition.promp.signals import Signal
 
 
@@ -19,12 +22,17 @@ class Observation(NamedTuple):
         group: which observed signal it is.
         values: its DOFs, (m,), in their units.
         covariance: measurement covariance, (m, m), or None when the sender gave none.
+        dofs: which of the signal's DOFs were measured, counted from its first; None means all.
+        derivative: velocities were measured, in units per second; independently, and not
+            differentiated from positions that are observations themselves.
     """
 
     stamp_ns: int
     group: int
     values: np.ndarray
     covariance: np.ndarray | None = None
+    dofs: tuple[int, ...] | None = None
+    derivative: bool = False
 
 
 def merge(signals: Sequence[Signal]) -> Iterator[Observation]:
@@ -37,64 +45,153 @@ def merge(signals: Sequence[Signal]) -> Iterator[Observation]:
         yield Observation(int(stamps[index]), int(group[index]), signal.values[row[index]])
 
 
+def every_second(observations: Sequence[Observation]) -> list[Observation]:
+    """Every second observation of each signal, and the last of all."""
+    seen: dict[tuple, int] = {}
+    kept = []
+    for observation in observations[:-1]:
+        kind = (observation.group, observation.dofs, observation.derivative)
+        seen[kind] = seen.get(kind, 0) + 1
+        if seen[kind] % 2:
+            kept.append(observation)
+    return [*kept, observations[-1]]
+
+
 def group_dofs(library: TaskLibrary, group: int) -> np.ndarray:
     """Indices of the observed DOFs of a signal, (m,)."""
     start = sum(library.observed_groups[:group])
     return np.arange(start, start + library.observed_groups[group])
 
 
-def observe(
-    library: TaskLibrary,
-    hypotheses: Hypotheses,
-    bank: FilterBank,
-    observation: Observation,
-    elapsed_s: float,
-    interval_s: float,
-) -> FilterBank:
-    """Condition the bank on one observation of positions.
+def observation_rows(
+    library: TaskLibrary, hypotheses: Hypotheses, step: Step, index: np.ndarray | slice
+) -> np.ndarray:
+    """Rows of the observation matrix under some hypotheses, the same for all DOFs: (n, 1, N)."""
+    phase = hypotheses.phase(step.elapsed_s)[index]
+    if not step.derivative:
+        return library.basis.design_matrix(phase)[:, None]
+    rate = hypotheses.phase_rate(step.elapsed_s)[index]
+    return (library.basis.derivative_matrix(phase) * rate[:, None])[:, None]
 
-    Args:
-        library: the learned tasks.
-        hypotheses: the bank's grid.
-        bank: the bank before.
-        observation: what was measured.
-        elapsed_s: time since onset.
-        interval_s: time since this signal was last used, infinite at first.
-    """
-    dofs = group_dofs(library, observation.group)
-    noise = library.noise_covariance(dofs, interval_s)
-    if observation.covariance is not None:
-        noise = noise + observation.covariance
-    rows = library.basis.design_matrix(hypotheses.phase(elapsed_s))[:, None, :]
-    return condition_bank(bank, dofs, rows, observation.values, noise)
+
+def make_memory(library: TaskLibrary, hypotheses: Hypotheses) -> RunningBank:
+    """Memory for one `BankRun` after the other."""
+    return RunningBank(*_shape(library, hypotheses))
+
+
+def _shape(library: TaskLibrary, hypotheses: Hypotheses) -> tuple[int, int, int, int]:
+    n_tasks = len(hypotheses.duration_s) // hypotheses.n_scales
+    return n_tasks, hypotheses.n_scales, library.n_observed, library.basis.n_basis
 
 
 class BankRun:
-    """A bank that takes one observation after the other, and minds when each signal was last used.
+    """A bank that takes one observation after the other, and minds when each DOF was last used.
 
     Args:
         library: the learned tasks.
         hypotheses: the bank's grid.
-        bank: the bank at onset.
+        bank: the bank at onset; None for the library's priors.
         onset_ns: stamp from which phases count.
+        memory: that of another run which is over, to be used again; None for new memory.
+        prune: do not filter tasks whose posterior is negligible; see `pruning`.
     """
 
     def __init__(
-        self, library: TaskLibrary, hypotheses: Hypotheses, bank: FilterBank, onset_ns: int
+        self,
+        library: TaskLibrary,
+        hypotheses: Hypotheses,
+        bank: FilterBank | None,
+        onset_ns: int,
+        *,
+        memory: RunningBank | None = None,
+        prune: bool = False,
     ):
         self.library, self.hypotheses, self.onset_ns = library, hypotheses, onset_ns
-        self.bank = bank
-        self._last_ns: dict[int, int] = {}
+        fits = memory is not None and memory.shape == _shape(library, hypotheses)
+        self.memory = memory if fits else make_memory(library, hypotheses)
+        self._evidence_before = 0.0
+        if bank is None:
+            self.memory.start(library.observed_mean, library.observed_covariance)
+        else:
+            self.memory.start(bank.mean, bank.covariance)
+            self._evidence_before = bank.log_evidence
+        self._dofs = [group_dofs(library, k) for k in range(len(library.observed_groups))]
+        self._last_ns: list[int | None] = [None] * library.n_observed
+        self._pruned: PrunedBank | None = None
+        if prune:
+            prior = hypotheses.log_prior + self._evidence_before
+            self._pruned = PrunedBank(self.memory, prior, self._rows)
+
+    def _rows(self, step: Step, index: np.ndarray | slice) -> np.ndarray:
+        return observation_rows(self.library, self.hypotheses, step, index)
 
     def observe(self, observation: Observation) -> None:
-        """Condition the bank on an observation."""
-        previous = self._last_ns.get(observation.group)
-        interval = np.inf if previous is None else (observation.stamp_ns - previous) * 1e-9
-        elapsed = (observation.stamp_ns - self.onset_ns) * 1e-9
-        self.bank = observe(
-            self.library, self.hypotheses, self.bank, observation, elapsed, interval
-        )
-        self._last_ns[observation.group] = observation.stamp_ns
+        """Condition the bank on an observation.
+
+        Raises:
+            ShapeError: values, DOFs and covariance do not fit each other.
+            ArgumentError: velocities without a covariance.
+        """
+        step = self._step(observation)
+        check_observation(step.dofs, step.values, step.noise_covariance)
+        if self._pruned is None:
+            rows = self._rows(step, slice(None))
+            self.memory.condition(step.dofs, rows, step.values, step.noise_covariance)
+        else:
+            self._pruned.condition(step)
+        if not observation.derivative:
+            for dof in step.dofs:
+                self._last_ns[dof] = observation.stamp_ns
+
+    def _step(self, observation: Observation) -> Step:
+        dofs = self._dofs[observation.group]
+        if observation.dofs is not None:
+            dofs = dofs[list(observation.dofs)]
+        elapsed_s = (observation.stamp_ns - self.onset_ns) * 1e-9
+        noise = observation.covariance
+        if not observation.derivative:
+            last_ns = [self._last_ns[dof] for dof in dofs if self._last_ns[dof] is not None]
+            interval_s = (observation.stamp_ns - max(last_ns)) * 1e-9 if last_ns else np.inf
+            learned = self.library.noise_covariance(dofs, interval_s)
+            noise = learned if noise is None else learned + noise
+        elif noise is None:
+            raise ArgumentError(
+                describe(
+                    "observation",
+                    "a covariance with measured velocities",
+                    "none",
+                    "Pass the sensor's: noise is learned for positions only.",
+                )
+            )
+        return Step(elapsed_s, dofs, observation.derivative, observation.values, noise)
+
+    @property
+    def log_evidence(self) -> np.ndarray:
+        """Log density of all observations under each hypothesis, (B,); a bound where pruned."""
+        source = self.memory if self._pruned is None else self._pruned
+        return source.log_evidence + self._evidence_before
+
+    @property
+    def tasks_aside(self) -> np.ndarray:
+        """Numbers of the tasks that are not filtered for now."""
+        return np.empty(0, int) if self._pruned is None else self._pruned.tasks_aside
+
+    @property
+    def bank(self) -> FilterBank:
+        """A copy of the whole bank, pruned tasks replayed."""
+        return self._copy(np.arange(len(self.hypotheses.duration_s)))
+
+    def task(self, task: int) -> FilterBank:
+        """A copy of the hypotheses of one task, replayed if it was pruned: (S, ...)."""
+        n_scales = self.hypotheses.n_scales
+        return self._copy(np.arange(task * n_scales, (task + 1) * n_scales))
+
+    def _copy(self, index: np.ndarray) -> FilterBank:
+        if self._pruned is not None:
+            tasks = np.unique(index // self.hypotheses.n_scales)
+            self._pruned.revive(np.intersect1d(tasks, self._pruned.tasks_aside))
+        mean, covariance = self.memory.distributions(index)
+        return FilterBank(mean, covariance, self.log_evidence[index])
 
 
 def run_bank(

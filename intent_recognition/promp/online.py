@@ -13,14 +13,14 @@ import numpy as np
 from intent_recognition.alignment.onset import at_rest, detect_onset
 from intent_recognition.errors import DofError, describe
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.promp.bank import (
-    N_SCALES,
-    Hypotheses,
-    make_hypotheses,
-    start_bank,
-)
+from intent_recognition.promp.bank import N_SCALES, Hypotheses, make_hypotheses
 from intent_recognition.promp.library import NONE, TaskLibrary
-from intent_recognition.promp.observations import BankRun, Observation
+from intent_recognition.promp.observations import (
+    BankRun,
+    Observation,
+    every_second,
+    make_memory,
+)
 from intent_recognition.promp.posture import POSTURE_UNKNOWN, OnsetPosture
 from intent_recognition.promp.prediction import (
     Trajectory,
@@ -29,6 +29,7 @@ from intent_recognition.promp.prediction import (
     rollout,
 )
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
+from intent_recognition.promp.running_bank import RunningBank
 from intent_recognition.promp.transitions import FORGET_AFTER_S, Expectation
 
 HISTORY_S = 2.0
@@ -41,6 +42,8 @@ CLOCK_RESET_AFTER = 50
 """So many late observations of a signal on end, in order among themselves: its clock went back."""
 OVERTIME_S = 0.5
 """How long after its expected end a movement that goes on is still taken for the same one."""
+MAX_OBSERVATIONS = 2**14
+"""Observations of a movement kept for a change of library; of more, every second one is."""
 
 
 class Estimate(NamedTuple):
@@ -84,16 +87,24 @@ class Prediction(NamedTuple):
 class _Movement(BankRun):
     """The movement under way: its onset, its observations and the filtered bank."""
 
-    def __init__(self, library: TaskLibrary, hypotheses: Hypotheses, onset_ns: int):
-        super().__init__(library, hypotheses, start_bank(library, hypotheses), onset_ns)
+    def __init__(
+        self,
+        library: TaskLibrary,
+        hypotheses: Hypotheses,
+        onset_ns: int,
+        memory: RunningBank | None,
+    ):
+        super().__init__(library, hypotheses, None, onset_ns, memory=memory, prune=True)
         self.observations: list[Observation] = []
 
     def observe(self, observation: Observation) -> None:
         super().observe(observation)
         self.observations.append(observation)
+        if len(self.observations) > MAX_OBSERVATIONS:
+            self.observations = every_second(self.observations)
 
     def posterior(self, stamp_ns: int) -> TaskPosterior:
-        return task_posterior(self.bank, self.hypotheses, (stamp_ns - self.onset_ns) * 1e-9)
+        return task_posterior(self, self.hypotheses, (stamp_ns - self.onset_ns) * 1e-9)
 
 
 class IntentEstimator:
@@ -128,6 +139,7 @@ class IntentEstimator:
         self._history: list[deque[Observation]] = [deque() for _ in library.observed_groups]
         self._newest_ns = [0] * len(library.observed_groups)
         self._late = [(0, 0)] * len(library.observed_groups)
+        self._memory = make_memory(library, self._hypotheses)
         self._movement: _Movement | None = None
         self._posterior: TaskPosterior | None = None
         self._needs_rest = False
@@ -198,8 +210,9 @@ class IntentEstimator:
         """
         if self._posture is None:
             return None
-        stamp_ns, group, values, _ = observation
-        return self._posture.history.take(stamp_ns, group, values)
+        return self._posture.history.take(
+            observation.stamp_ns, observation.group, observation.values
+        )
 
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """The controlled agent's whole interaction from onset, under the most probable task.
@@ -238,7 +251,8 @@ class IntentEstimator:
         return self._prediction(task, self._observed(task), noise, phase)
 
     def _observed(self, task: int) -> Gaussian:
-        return observed_weights(self._movement.bank, self._posterior.scale_weights, task)
+        weights = self._posterior.scale_weights[task : task + 1]
+        return observed_weights(self._movement.task(task), weights, 0)
 
     def _prediction(
         self, task: int, weights: Gaussian, noise: np.ndarray, phase: np.ndarray
@@ -287,9 +301,7 @@ class IntentEstimator:
             self._posture.library_changed()
         if self._movement is not None:
             before = self._movement
-            self._movement = _Movement(library, self._hypotheses, before.onset_ns)
-            for observation in before.observations:
-                self._movement.observe(observation)
+            self._begin(before.onset_ns, before.observations)
             self._posterior = self._movement.posterior(before.observations[-1].stamp_ns)
 
     def _make_hypotheses(self) -> Hypotheses:
@@ -313,9 +325,14 @@ class IntentEstimator:
                     onsets.append(self._history[group][0].stamp_ns + round(onset * 1e9))
         if not onsets:
             return
-        self._movement = _Movement(self.library, self._hypotheses, min(onsets))
         past = [o for history in self._history for o in history if o.stamp_ns >= min(onsets)]
-        for observation in sorted(past, key=lambda o: (o.stamp_ns, o.group)):
+        self._begin(min(onsets), sorted(past, key=lambda o: (o.stamp_ns, o.group)))
+
+    def _begin(self, onset_ns: int, past: list[Observation]) -> None:
+        """Filter a movement from its onset, in the memory of the one before."""
+        self._movement = _Movement(self.library, self._hypotheses, onset_ns, self._memory)
+        self._memory = self._movement.memory
+        for observation in past:
             self._movement.observe(observation)
 
     def _at_rest(self, rest_s: float | None = None) -> bool:

@@ -141,13 +141,15 @@ class RunningBank:
             block.fold()
 
     def distributions(self, hypotheses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Copies of means (n, P N) and covariances (n, P N, P N) of some hypotheses."""
+        """Copies of means (n, P N) and covariances (n, P N, P N) of some hypotheses, up to date."""
         n_scales = self.shape[1]
         at = self._place_of[hypotheses // n_scales] * n_scales + hypotheses % n_scales
+        mean, covariance = self._mean[at], self._covariance[at]
         for start, stop, block in self._blocks:
-            if np.any((at >= start) & (at < stop)):
-                block.fold()
-        return self._mean[at], self._covariance[at]
+            inside = (at >= start) & (at < stop)
+            if np.any(inside):
+                mean[inside], covariance[inside] = block.current(at[inside] - start)
+        return mean, covariance
 
     def set_aside(self, tasks: np.ndarray) -> None:
         """Stop filtering some active tasks; their state stays as it is."""

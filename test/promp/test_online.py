@@ -114,9 +114,15 @@ def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
         )
         elapsed = (estimate.stamp_ns - estimate.onset_ns) * 1e-9
         expected = task_posterior(bank, hypotheses, elapsed)
-        assert np.array_equal(estimate.probabilities, expected.probabilities)
-        assert np.array_equal(estimate.log_evidence, expected.log_evidence)
-        assert np.array_equal(estimate.phase[:-1], expected.phase[:-1])
+        np.testing.assert_allclose(estimate.probabilities, expected.probabilities, atol=1e-12)
+        seen = expected.probabilities > 1e-15  # the others were set aside
+        known = seen[:-1]
+        np.testing.assert_allclose(
+            estimate.phase[:-1][known], expected.phase[:-1][known], atol=1e-12
+        )
+        np.testing.assert_allclose(
+            estimate.log_evidence[seen], expected.log_evidence[seen], rtol=1e-12
+        )
 
 
 def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, rng):
