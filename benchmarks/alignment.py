@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Smooth warps beside the dynamic time warping of dtaidistance, on timing that is known."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+from dtaidistance import dtw_ndim
+
+from benchmarks.measure import Result, seconds_of_both
+from benchmarks.timed import Timed, demonstrations
+from intent_recognition.alignment.align import AlignmentSettings, align
+from intent_recognition.alignment.warp import Warp
+
+N_DEMONSTRATIONS = 40
+N_SAMPLES = 200
+N_DOFS = 6
+PHASE = np.linspace(0.0, 1.0, N_SAMPLES)
+KINDS = {
+    "noise": {"noise": 0.02},
+    "noise and shifts": {"noise": 0.02, "shift_std": 0.03},
+    "some variety": {"noise": 0.02, "shift_std": 0.03, "variety": 0.03},
+    "much variety": {"noise": 0.02, "shift_std": 0.03, "variety": 0.1},
+}
+
+
+def alignment() -> Iterator[Result]:
+    """Accuracy, order and time of aligning 40 demonstrations of 200 samples and 6 DOFs."""
+    rng = np.random.default_rng(20)
+    ratios, remarks, warps = [], [], []
+    for kind, made in KINDS.items():
+        timed = _demonstrations(rng, **made)
+        found = _smooth(timed.trajectories)
+        ours = _median_error(timed, [warp.apply(PHASE) for warp in found])
+        theirs = _median_error(timed, _dtw(timed.trajectories))
+        warps += found
+        ratios.append(ours / theirs)
+        remarks.append(f"{kind} {1e3 * ours:.2g} and {1e3 * theirs:.2g}")
+    yield Result(
+        "aligning, median phase error / dtaidistance's",
+        max(ratios),
+        1.3,
+        "at most",
+        "x",
+        f"the worst of, in thousandths: {'; '.join(remarks)}",
+    )
+    noise = rng.normal(size=(N_DEMONSTRATIONS, N_SAMPLES, N_DOFS))
+    warps += align(noise, 0, AlignmentSettings(rate_std=3.0)).warps
+    backward = sum(bool(np.any(np.diff(warp.recorded) <= 0)) for warp in warps)
+    yield Result(
+        "aligning, warps that run backward",
+        backward,
+        0,
+        "at most",
+        f"of {len(warps)}",
+        "white noise under a ten times weaker prior among them",
+    )
+    trajectories = _demonstrations(rng, **KINDS["some variety"]).trajectories
+    ours_s, theirs_s = seconds_of_both(
+        partial(_smooth, trajectories), partial(_dtw_paths, trajectories), 15
+    )
+    yield Result(
+        "aligning 40 demonstrations, time / dtaidistance",
+        ours_s / theirs_s,
+        3.0,
+        "at most",
+        "x",
+        f"{1e3 * ours_s:.0f} and {1e3 * theirs_s:.0f} ms, plain numpy beside C",
+    )
+
+
+def _demonstrations(rng: np.random.Generator, **made: float) -> Timed:
+    sizes = {"n": N_DEMONSTRATIONS, "n_samples": N_SAMPLES, "n_dofs": N_DOFS}
+    return demonstrations(rng, **sizes, **made)
+
+
+def _smooth(trajectories: np.ndarray) -> list[Warp]:
+    """Warps of all onto the first, the scales of the DOFs estimated on the way."""
+    return list(align(trajectories, 0).warps)
+
+
+def _dtw_paths(trajectories: np.ndarray) -> list[list[tuple[int, int]]]:
+    """Paths of all to the first, by the library's fastest way to get them, in C."""
+    reference = trajectories[0]
+    return [dtw_ndim.warping_path(reference, values, use_c=True) for values in trajectories]
+
+
+def _dtw(trajectories: np.ndarray) -> list[np.ndarray]:
+    """Recorded phases at `PHASE` of the first: the mean of those a sample is matched with."""
+    recorded = []
+    for path in map(np.array, _dtw_paths(trajectories)):
+        count = np.bincount(path[:, 0], minlength=N_SAMPLES)
+        total = np.bincount(path[:, 0], weights=path[:, 1], minlength=N_SAMPLES)
+        recorded.append(total / count / (N_SAMPLES - 1))
+    return recorded
+
+
+def _median_error(timed: Timed, recorded: list[np.ndarray]) -> float:
+    """Median over samples and demonstrations but the reference, where both were recorded."""
+    truth = np.array([timed.between(0, i, PHASE) for i in range(1, N_DEMONSTRATIONS)])
+    there = (truth >= 0.0) & (truth <= 1.0)
+    return float(np.median(np.abs(np.array(recorded[1:]) - truth)[there]))
