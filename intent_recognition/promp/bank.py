@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.errors import ShapeError, describe
-from intent_recognition.promp.filter_block import FilterBlock
+from intent_recognition.promp.filter_block import FilterBlock, make_state
 from intent_recognition.promp.library import READ_AS_IT_IS, TaskLibrary
 
 N_SCALES = 15
@@ -135,7 +135,7 @@ def condition_bank(
     check_observation(dofs, values, noise_covariance)
     n, n_basis = len(bank.mean), rows.shape[-1]
     rows = np.broadcast_to(rows, (n, *rows.shape[1:]))
-    block = FilterBlock(bank.mean.copy(), bank.covariance.copy(), n_basis)
+    block = FilterBlock(make_state(bank.mean, bank.covariance), n_basis)
     log_density = block.condition(dofs, rows, values, noise_covariance)
     block.fold()
     return FilterBank(block.mean, block.covariance, bank.log_evidence + log_density)

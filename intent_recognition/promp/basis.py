@@ -2,10 +2,13 @@
 """Normalised Gaussian basis functions of the phase (Maeda et al. 2014, Eq. 1)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
+
+NARROW = 0.05
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class NormalizedRBFBasis:
                 )
             )
 
-    @property
+    @cached_property
     def centers(self) -> np.ndarray:
         """Phases of the centres, (N,)."""
         return np.linspace(0.0, 1.0, self.n_basis)
@@ -46,10 +49,15 @@ class NormalizedRBFBasis:
 
     def design_matrix(self, phase: np.ndarray) -> np.ndarray:
         """Basis functions at phases (...,): (..., N); outside [0, 1] the ends are held."""
-        offset = (np.clip(phase, 0.0, 1.0)[..., None] - self.centers) / self.scale
-        exponent = -0.5 * offset**2
-        values = np.exp(exponent - np.max(exponent, axis=-1, keepdims=True))
-        return values / np.sum(values, axis=-1, keepdims=True)
+        phase = np.minimum(np.maximum(phase, 0.0), 1.0)
+        values = (phase[..., None] - self.centers) / self.scale
+        values *= values
+        values *= -0.5
+        if self.width < NARROW:  # between the centres all of them would underflow
+            values -= np.maximum.reduce(values, axis=-1, keepdims=True)
+        np.exp(values, out=values)
+        values /= np.add.reduce(values, axis=-1, keepdims=True)
+        return values
 
     def derivative_matrix(self, phase: np.ndarray) -> np.ndarray:
         """d basis / d phase at phases (...,): (..., N); zero outside [0, 1].

@@ -28,23 +28,23 @@ class FilterBlock:
     Between `fold`s, `mean` and `covariance` lag behind what was observed.
 
     Attributes:
-        mean: (n, P N), changed in place.
-        covariance: (n, P N, P N), changed in place; symmetric to the last bit.
+        mean: (n, P N), a part of the state.
+        covariance: (n, P N, P N), the rest of it; symmetric to the last bit.
     """
 
-    def __init__(
-        self,
-        mean: np.ndarray,
-        covariance: np.ndarray,
-        n_basis: int,
-        pending: np.ndarray | None = None,
-    ):
-        """Take over the arrays; `pending` is working memory, (n, rows, P N + 1)."""
-        n, size = mean.shape
-        self.mean, self.covariance = mean, covariance
+    def __init__(self, state: np.ndarray, n_basis: int, pending: np.ndarray | None = None):
+        """Take over the arrays.
+
+        Args:
+            state: covariance with the mean as one more column, (n, P N, P N + 1); see `make_state`.
+                It is changed in place.
+            n_basis: N.
+            pending: working memory, (n, rows, P N + 1); None for new memory.
+        """
+        n, size, _ = state.shape
+        self.mean, self.covariance = state[:, :, size], state[:, :, :size]
         self._n_basis, self._size = n_basis, size
-        self._by_dof = covariance.reshape(n, -1, n_basis, size)
-        self._mean_by_dof = mean.reshape(n, -1, n_basis)
+        self._by_dof = state.reshape(n, -1, n_basis, size + 1)
         if pending is None:
             pending = np.empty((n, pending_rows(size // n_basis), size + 1))
         self._take_memory(pending)
@@ -98,9 +98,7 @@ class FilterBlock:
         m = len(values)
         new = self._pending[:, first : first + m]
         for observed, dofs, row in runs:
-            out = new[:, observed]
-            np.matmul(row[:, None, None], self._by_dof[:, dofs], out=out[:, :, None, :size])
-            np.matmul(self._mean_by_dof[:, dofs], row[:, :, None], out=out[:, :, size:])
+            np.matmul(row[:, None, None], self._by_dof[:, dofs], out=new[:, observed, None])
         new[:, :, size] -= values
         if first:
             new -= np.matmul(self._times_rows(runs, slice(0, first), m), self._pending[:, :first])
@@ -151,6 +149,11 @@ class FilterBlock:
         self._limit = max(1, round(share * self._pending.shape[1]))
 
 
+def make_state(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Means (n, d) and covariances (n, d, d) in one new array, (n, d, d + 1)."""
+    return np.concatenate([covariance, mean[:, :, None]], axis=2)
+
+
 def pending_rows(n_dofs: int) -> int:
     """Rows of working memory for P DOFs: room for two observations of all of them at least."""
     return max(PENDING_ROWS, 2 * n_dofs)
@@ -162,11 +165,11 @@ def _runs(dofs: np.ndarray, rows: np.ndarray) -> list[tuple[slice, slice, np.nda
     Returns:
         For each run, which values, which DOFs and their row, (n, N).
     """
-    first, m = int(dofs[0]), len(dofs)
-    if rows.shape[1] == 1 and (m == 1 or list(dofs) == list(range(first, first + m))):
+    numbers, shared = dofs.tolist(), rows.shape[1] == 1
+    first, m = numbers[0], len(numbers)
+    if shared and numbers == list(range(first, first + m)):
         return [(slice(0, m), slice(first, first + m), rows[:, 0])]
-    shared = rows.shape[1] == 1
     return [
-        (slice(i, i + 1), slice(int(dof), int(dof) + 1), rows[:, 0 if shared else i])
-        for i, dof in enumerate(dofs)
+        (slice(i, i + 1), slice(dof, dof + 1), rows[:, 0 if shared else i])
+        for i, dof in enumerate(numbers)
     ]

@@ -13,6 +13,9 @@ from intent_recognition.promp.pruning import PrunedBank, Step
 from intent_recognition.promp.running_bank import RunningBank
 from intent_recognition.promp.signals import Signal
 
+PRUNE_FROM = 128
+"""Fewer hypotheses are filtered in less time than it takes to choose among them."""
+
 
 class Observation(NamedTuple):
     """One measurement of one signal of the observed agent.
@@ -93,7 +96,7 @@ class BankRun:
         bank: the bank at onset; None for the library's priors.
         onset_ns: stamp from which phases count.
         memory: that of another run which is over, to be used again; None for new memory.
-        prune: do not filter tasks whose posterior is negligible; see `pruning`.
+        prune: do not filter tasks whose posterior is negligible (`pruning`), when there are many.
     """
 
     def __init__(
@@ -118,7 +121,7 @@ class BankRun:
         self._dofs = [group_dofs(library, k) for k in range(len(library.observed_groups))]
         self._last_ns: list[int | None] = [None] * library.n_observed
         self._pruned: PrunedBank | None = None
-        if prune:
+        if prune and len(hypotheses.duration_s) >= PRUNE_FROM:
             prior = hypotheses.log_prior + self._evidence_before
             self._pruned = PrunedBank(self.memory, prior, self._rows)
 

@@ -30,10 +30,9 @@ class RunningBank:
     def __init__(self, n_tasks: int, n_scales: int, n_dofs: int, n_basis: int):
         self.shape = (n_tasks, n_scales, n_dofs, n_basis)
         n, size = n_tasks * n_scales, n_dofs * n_basis
-        self._mean = np.empty((n, size))
-        self._covariance = np.empty((n, size, size))
+        self._state = np.empty((n, size, size + 1))  # see FilterBlock
         self._pending = np.empty((n, pending_rows(n_dofs), size + 1))
-        for array in (self._mean, self._covariance, self._pending):
+        for array in (self._state, self._pending):
             array.fill(0.0)  # the system hands out memory when it is touched: now, not later
         self._evidence = np.zeros(n)
         self._activate_all()
@@ -60,9 +59,7 @@ class RunningBank:
 
     def _block(self, start: int, stop: int) -> FilterBlock:
         some = slice(start, stop)
-        return FilterBlock(
-            self._mean[some], self._covariance[some], self.shape[3], self._pending[some]
-        )
+        return FilterBlock(self._state[some], self.shape[3], self._pending[some])
 
     def start(self, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Begin with these distributions, all active.
@@ -74,7 +71,7 @@ class RunningBank:
         Raises:
             ShapeError: the arrays do not fit the bank.
         """
-        n, size = self._mean.shape
+        n, size, _ = self._state.shape
         if mean.shape not in ((n, size), (self.shape[0], size)) or covariance.shape != (
             *mean.shape,
             size,
@@ -88,8 +85,9 @@ class RunningBank:
                 )
             )
         repeats = n // len(mean)
-        self._mean.reshape(-1, repeats, size)[...] = mean[:, None]
-        self._covariance.reshape(-1, repeats, size, size)[...] = covariance[:, None]
+        state = self._state.reshape(-1, repeats, size, size + 1)
+        state[..., :size] = covariance[:, None]
+        state[..., size] = mean[:, None]
         self._evidence[:] = 0.0
         self._activate_all()
 
@@ -144,7 +142,8 @@ class RunningBank:
         """Copies of means (n, P N) and covariances (n, P N, P N) of some hypotheses, up to date."""
         n_scales = self.shape[1]
         at = self._place_of[hypotheses // n_scales] * n_scales + hypotheses % n_scales
-        mean, covariance = self._mean[at], self._covariance[at]
+        size = self._state.shape[1]
+        mean, covariance = self._state[at, :, size], self._state[at, :, :size]
         for start, stop, block in self._blocks:
             inside = (at >= start) & (at < stop)
             if np.any(inside):
@@ -196,7 +195,7 @@ class RunningBank:
         self._moved = True
         n_scales = self.shape[1]
         one, other = (slice(p * n_scales, (p + 1) * n_scales) for p in (a, b))
-        for array in (self._mean, self._covariance, self._evidence, self._hypothesis_at):
+        for array in (self._state, self._evidence, self._hypothesis_at):
             held = array[one].copy()
             array[one] = array[other]
             array[other] = held
