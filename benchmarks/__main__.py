@@ -12,8 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.measure import Result
-from benchmarks.offline import decoding, evaluation, training
+from benchmarks.offline import evaluation, training
 from benchmarks.online import online
+from benchmarks.reading import reading
 from intent_recognition.share import share_path
 from intent_recognition.storage import load_dofs, read_demonstrations
 
@@ -27,7 +28,7 @@ def results() -> Iterator[Result]:
     yield from trained
     (recorded,), _ = read_demonstrations(share_path(HELD_OUT), load_dofs())
     yield from online(library, recorded)
-    yield from decoding(share_path(HELD_OUT))
+    yield from reading()
     yield evaluation(demonstrations)
 
 

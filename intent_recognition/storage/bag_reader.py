@@ -135,7 +135,7 @@ class BagReader:
         Raises:
             BagError: damage; nothing is given out then.
         """
-        names = {topic.lstrip("/") for topic in topics}
+        names = dict.fromkeys(topic.lstrip("/") for topic in topics)
         builders = {name: self._builder(name) for name in names}
         for number, file in enumerate(self._files):
             channels: dict[str, list[int]] = {name: [] for name, b in builders.items() if b}

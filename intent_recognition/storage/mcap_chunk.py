@@ -17,26 +17,19 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-RECORD_HEADER = struct.Struct("<BQ")
+from intent_recognition.storage.mcap_records import (
+    LEAST_MESSAGE,
+    MESSAGE,
+    MESSAGE_HEADER,
+    RECORD_HEADER,
+    gather,
+    record_positions,
+)
+
 CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, compression length
 PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError)
-MESSAGE_HEADER = np.dtype(
-    [
-        ("opcode", "u1"),
-        ("length", "<u8"),
-        ("channel", "<u2"),
-        ("sequence", "<u4"),
-        ("log_ns", "<u8"),
-        ("publish_ns", "<u8"),
-    ]
-)
-LEAST_MESSAGE = MESSAGE_HEADER.itemsize - RECORD_HEADER.size
-MESSAGE = int(Opcode.MESSAGE)
-"""As a plain integer: numpy compares bytes with members of an enumeration far slower."""
 LARGEST_RATIO = 2**16
 """No compression does better; a larger size is damage, not worth the memory."""
-STRETCH = 2**17
-"""Bytes searched at once, so that what is found on the way stays in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -134,10 +127,10 @@ def read_messages(
             `PARSE_ERRORS` lists them all.
     """
     data = _block_data(view, block, scratch)
-    positions = _record_positions(data, block.is_cut)
+    positions = record_positions(data, block.is_cut)
     octets = np.frombuffer(data, np.uint8)
     positions = positions[octets[positions] == MESSAGE]
-    heads = _gather(data, positions, MESSAGE_HEADER.itemsize).view(MESSAGE_HEADER)
+    heads = gather(data, positions, MESSAGE_HEADER.itemsize).view(MESSAGE_HEADER)
     return MessageTable(
         data,
         heads["channel"],
@@ -151,7 +144,7 @@ def read_messages(
 
 def payloads(table: MessageTable, length: int) -> np.ndarray:
     """Payloads of a table whose messages all have this length, uint8 (n, length)."""
-    return _gather(table.data, table.starts, length).view(np.uint8).reshape(-1, length)
+    return gather(table.data, table.starts, length).view(np.uint8).reshape(-1, length)
 
 
 def read_definitions(view: bytes | mmap.mmap, block: Block) -> Iterator[Schema | Channel]:
@@ -161,7 +154,7 @@ def read_definitions(view: bytes | mmap.mmap, block: Block) -> Iterator[Schema |
         ValueError and others: as `read_messages`.
     """
     data = _block_data(view, block)
-    for position in _record_positions(data, block.is_cut).tolist():
+    for position in record_positions(data, block.is_cut).tolist():
         opcode, length = RECORD_HEADER.unpack_from(data, position)
         start = position + RECORD_HEADER.size
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -213,61 +206,3 @@ def _decompress(compression: str, data: bytes, size: int, is_cut: bool) -> bytes
     if compression == "":
         return data
     raise ValueError(f"unknown compression {compression!r}")
-
-
-def _record_positions(data: bytes | memoryview, is_cut: bool) -> np.ndarray:
-    """Where the records of a block begin, int64 (n,); an incomplete last one is left out.
-
-    Each record tells where the next begins. Bytes that look like the head of a message are found
-    all at once; where the end of one is the beginning of the next, the chain is followed by whole
-    stretches, and record by record only between them.
-    """
-    heads, ends = _message_heads(data)
-    stops = np.flatnonzero(ends[:-1] != heads[1:]) + 1
-    found, at, size = [], 0, len(data)
-    while at + RECORD_HEADER.size <= size:
-        first = int(np.searchsorted(heads, at))
-        if first < heads.size and heads[first] == at:
-            stop = int(np.searchsorted(stops, first, side="right"))
-            last = int(stops[stop]) if stop < stops.size else heads.size
-            found.append(heads[first:last])
-            at = int(ends[last - 1])
-            continue
-        opcode, length = RECORD_HEADER.unpack_from(data, at)
-        if at + RECORD_HEADER.size + length > size:
-            break
-        if opcode == Opcode.MESSAGE:
-            raise ValueError(f"a message of {length} bytes")
-        found.append(np.array([at]))
-        at += RECORD_HEADER.size + length
-    if at != size and not is_cut:
-        raise ValueError("the chunk ends inside of a record")
-    return np.concatenate(found) if found else np.empty(0, np.int64)
-
-
-def _message_heads(data: bytes | memoryview) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets that may be a message record, whole and long enough, and where each would end."""
-    room = len(data) - MESSAGE_HEADER.itemsize
-    if room < 0:
-        return np.empty(0, np.int64), np.empty(0, np.int64)
-    octets = np.frombuffer(data, np.uint8, room + 1)
-    heads = np.concatenate(
-        [
-            np.flatnonzero(octets[at : at + STRETCH] == MESSAGE) + at
-            for at in range(0, room + 1, STRETCH)
-        ]
-    )
-    lengths = _gather(data, heads + 1, 8).view("<u8")
-    fits = (lengths >= LEAST_MESSAGE) & (lengths <= len(data))
-    heads, lengths = heads[fits], lengths[fits].astype(np.int64)
-    ends = heads + RECORD_HEADER.size + lengths
-    whole = ends <= len(data)
-    return heads[whole], ends[whole]
-
-
-def _gather(data: bytes | memoryview, positions: np.ndarray, length: int) -> np.ndarray:
-    """The `length` bytes from each position on, as one array of void items (n,)."""
-    if not positions.size or not length:
-        return np.empty(positions.size, f"V{length}")
-    windows = np.ndarray((len(data) - length + 1,), f"V{length}", data, strides=(1,))
-    return windows[positions]

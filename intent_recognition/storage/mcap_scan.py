@@ -18,11 +18,11 @@ from intent_recognition.errors import BagError, describe
 from intent_recognition.storage.mcap_chunk import (
     CHUNK_HEADER,
     PARSE_ERRORS,
-    RECORD_HEADER,
     Block,
     parse_definition,
     read_definitions,
 )
+from intent_recognition.storage.mcap_records import RECORD_HEADER
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER = struct.Struct("<QQI")

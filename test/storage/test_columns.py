@@ -275,10 +275,13 @@ def test_damage_is_an_error_and_nothing_is_given_out(chunks):
     assert len(tolerant.damage) == 1
 
 
-@settings(max_examples=40, deadline=None)
-@given(st.lists(st.binary(max_size=40), min_size=1, max_size=30))
-@example([b"\x05" * 40, b"\x05" + struct.pack("<Q", 22) + bytes(31)] * 3)
-def test_payloads_that_look_like_records_do_not_mislead(payloads):
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.binary(max_size=40), min_size=1, max_size=30), st.integers(1, 80))
+@example([b"\x05" * 40, b"\x05" + struct.pack("<Q", 22) + bytes(31)] * 3, 1)
+@example([b"\x05" + struct.pack("<Q", 22) + bytes(31)] * 80 + [b"x"], 1)
+@example([bytes(22), b"\x05" * 100] * 70 + [bytes(21)] * 3, 2)
+def test_payloads_that_look_like_records_do_not_mislead(payloads, repeats):
+    payloads = payloads * repeats
     with TemporaryDirectory() as folder:
         path = Path(folder) / "bag"
         with BagWriter(path) as writer:
