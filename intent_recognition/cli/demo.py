@@ -34,18 +34,24 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument(
         "--task-list",
-        default="random",
+        default="habit",
         metavar="F",
-        help="labels separated by commas, a file of them, or 'random' (default)",
+        help="labels separated by commas, a file of them, 'habit' (default: the order in which"
+        " the coworker of the shipped sessions works, with variation) or 'random'",
     )
     parser.add_argument(
         "--interactions",
         type=_positive,
         default=0,
         metavar="N",
-        help=f"how many (default: the list as it is; {DEFAULT_INTERACTIONS} when random)",
+        help=f"how many (default: the list as it is; {DEFAULT_INTERACTIONS} when habit or random)",
     )
     parser.add_argument("--seed", type=_natural, default=1, help="of the session (default: 1)")
+    parser.add_argument(
+        "--no-anticipation",
+        action="store_true",
+        help="expect every task alike: no transition prior, no pre-trigger",
+    )
     parser.add_argument("--headless", action="store_true", help="no window of the physics")
     parser.add_argument(
         "--rate",
@@ -89,13 +95,15 @@ def run(args: argparse.Namespace) -> int:
 
 def _train(path: Path, console: Console) -> Path:
     from intent_recognition.cli.train import print_library, train
+    from intent_recognition.cli.transitions import with_sessions
     from intent_recognition.share import share_path
 
     started = time.monotonic()
     bags = share_path("bags/toolbox/train")
     model, report = train([bags], None, TrainingSettings(), console)
-    save_model(path, model)
     print_library(console, model.library, report)
+    model = with_sessions(model, [share_path("bags/sessions")], console)
+    save_model(path, model)
     console.print(f"trained in {time.monotonic() - started:.1f} s", highlight=False)
     return path
 

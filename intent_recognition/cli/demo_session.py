@@ -14,6 +14,7 @@ from intent_recognition.errors import IntentError, ResourceBusyError, describe
 
 GRAPH_DEADLINE_S = 30.0
 LAST_MOTION_S = 3.0
+PRETRIGGER_THRESHOLD = 0.7
 SLICE_S = 0.1
 PACE_PERIOD_S = 0.2
 DOMAINS = (1, 101)
@@ -32,6 +33,7 @@ RECORDED = (
     "intent/tasks",
     "intent/robot_trajectory",
     "intent/active_task",
+    "intent/next_task",
     "joint_trajectory",
     "coworker/task",
 )
@@ -169,8 +171,14 @@ def _start_nodes(args: argparse.Namespace, model: Path, processes) -> None:
             "seed": args.seed,
         },
         "mocap_ingest": sim,
-        "intent_estimator": sim | {"model": model.resolve()},
-        "primitive_activation": sim | {"model": model.resolve(), "home": HOME.tolist()},
+        "intent_estimator": sim
+        | {"model": model.resolve(), "transition_prior": not args.no_anticipation},
+        "primitive_activation": sim
+        | {
+            "model": model.resolve(),
+            "home": HOME.tolist(),
+            "pretrigger_threshold": 0.0 if args.no_anticipation else PRETRIGGER_THRESHOLD,
+        },
     }
     if args.record:
         if args.record.exists():

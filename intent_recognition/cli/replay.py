@@ -107,7 +107,9 @@ def replay(
         end_std = None
         if estimate.moving and np.argmax(estimate.probabilities) < model.library.n_tasks:
             end_std = estimator.predicted_end_std()
-        state, active = decide(settings, state, labels, estimate.probabilities, end_std)
+        state, active = decide(
+            settings, state, labels, estimate.probabilities, end_std, estimate.log_evidence
+        )
         reason = uncertain_end(settings, state, end_std, unit)
         if reason:
             held_back[state.candidate] = reason

@@ -33,6 +33,8 @@ from intent_recognition.promp.activation_settings import (
     Prediction,
 )
 from intent_recognition.promp.decision import DecisionSettings
+from intent_recognition.promp.posture import start_mean
+from intent_recognition.promp.pretrigger import PretriggerSettings
 
 _OK, _WARN = 0, 1
 _DOUBLES = Parameter.Type.DOUBLE_ARRAY
@@ -60,6 +62,7 @@ class PrimitiveActivation(ManagedNode):
             (JointState, "intent/tasks", self._on_tasks, qos.STATE),
             (JointTrajectory, "intent/robot_trajectory", self._on_prediction, qos.COMMAND),
             (JointState, "joint_states", self._on_joint_states, qos.STATE),
+            (JointState, "intent/next_task", self._on_next_task, qos.LATCHED),
         ):
             self.create_subscription(kind, topic, handle, profile)
         self.create_service(Trigger, "~/reset", self._on_reset)
@@ -81,6 +84,9 @@ class PrimitiveActivation(ManagedNode):
             ),
             release_below=get(
                 "release_below", 0.5, "Let go of a task less probable than this.", 0.0, 0.5
+            ),
+            min_evidence=get(
+                "min_evidence", 0.6, "Share of the movement's own evidence it must have.", 0.0, 0.99
             ),
         )
         self._rate_hz = get("command_rate", 25.0, "Updates of a running motion [Hz].", 1.0, 200.0)
@@ -113,6 +119,16 @@ class PrimitiveActivation(ManagedNode):
                 "max_lateness", 3.0, "A prediction over for longer is outdated [s].", 0.0, 1e9
             ),
         }
+        self._pretrigger_threshold = get(
+            "pretrigger_threshold",
+            0.0,
+            "Go ahead for a next task at least so probable; 0: never. Needs a model.",
+            0.0,
+            1.0,
+        )
+        self._pretrigger_timeout_s = get(
+            "pretrigger_timeout", 10.0, "Wait there for the human at most so long [s].", 0.1, 3600.0
+        )
         self._return_home = get("return_home", True, "Go home after each interaction.")
 
     # Lifecycle
@@ -120,8 +136,12 @@ class PrimitiveActivation(ManagedNode):
     def configure(self) -> None:
         """Read the model, if one is named, and fix the joints where they are known."""
         names = tuple(name for name in self._names if name)
+        self._starts = {}
         if self._model:
-            names = _names_of_model(self._model, names)
+            names, self._starts = _read_model(self._model, names)
+        elif self._pretrigger_threshold > 0.0:
+            cure = "Set model, or leave pretrigger_threshold at 0."
+            raise ArgumentError(describe("pretrigger_threshold", "0 without a model", "more", cure))
         if names:
             self._set_joints(names)
 
@@ -145,9 +165,10 @@ class PrimitiveActivation(ManagedNode):
             return
         start_s = time.perf_counter()
         probabilities = np.array(message.position, dtype=np.float64)
+        evidence = np.array(message.effort, dtype=np.float64) if message.effort else None
         try:
             self.activation.take_tasks(
-                self._now_ns(), stamp_ns(message), list(message.name), probabilities
+                self._now_ns(), stamp_ns(message), list(message.name), probabilities, evidence
             )
         except IntentError as error:
             self.diagnostics.reject("bad_tasks", str(error))
@@ -212,6 +233,17 @@ class PrimitiveActivation(ManagedNode):
         else:
             self.activation.take_joint_state(stamp_ns(message), position, velocity)
 
+    def _on_next_task(self, message: JointState) -> None:
+        self.diagnostics.tick("intent/next_task")
+        if not self.active or self.activation is None:
+            return
+        try:
+            self.activation.pretrigger.take_expectation(
+                stamp_ns(message), list(message.name), np.array(message.position)
+            )
+        except IntentError as error:
+            self.diagnostics.reject("bad_next_task", str(error))
+
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self.activation is not None and self.active:
             self._publish(self.activation.reset(self._now_ns()))
@@ -258,11 +290,14 @@ class PrimitiveActivation(ManagedNode):
         self.diagnostics.value("active task", activation.active_task or "none")
         for name, count in activation.counts.items():
             self.diagnostics.value(f"count {name}", count)
+        self.diagnostics.value("expected task", activation.pretrigger.expected or "none")
         if activation.mode is Mode.STOPPED:
             self.diagnostics.status(_WARN, f"stopped: {activation.stop_reason}")
         elif activation.held_back:
             self.diagnostics.value("last held back", activation.held_back)
             self.diagnostics.status(_WARN, activation.held_back)
+        elif activation.mode is Mode.PRETRIGGERED:
+            self.diagnostics.status(_OK, f"pretriggered: {activation.pretrigger.label}")
         else:
             self.diagnostics.status(_OK, activation.mode.value)
 
@@ -281,6 +316,9 @@ class PrimitiveActivation(ManagedNode):
             decision=self._decision,
             home=home,
             return_home=self._return_home,
+            pretrigger=PretriggerSettings(
+                self._pretrigger_threshold, self._pretrigger_timeout_s, self._starts
+            ),
             command_period_s=1.0 / self._rate_hz,
             **self._times,
         )
@@ -334,18 +372,24 @@ def _check_trajectory(times_s: np.ndarray, positions: np.ndarray, rest) -> None:
         raise _RejectionError("non_monotone_times", "time_from_start of intent/robot_trajectory")
 
 
-def _names_of_model(path: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Joint names of a model file; raises ArgumentError if they differ from `names`."""
+def _read_model(path: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], dict[str, np.ndarray]]:
+    """Joint names of a model file, and where each task begins: label to (n,) [rad].
+
+    Raises:
+        ArgumentError: its joints differ from `names`.
+    """
     from intent_recognition.storage.model import load_model  # only when a model is named
 
-    of_model = tuple(load_model(path).controlled_names)
+    model = load_model(path)
+    of_model = tuple(model.controlled_names)
     if names and names != of_model:
         raise ArgumentError(
             describe(
                 "joint_names", f"those of the model {path}: {of_model}", names, "Leave one away."
             )
         )
-    return of_model
+    starts = {label: start_mean(model.library, k) for k, label in enumerate(model.labels)}
+    return of_model, starts
 
 
 def main(args: Sequence[str] | None = None) -> int:

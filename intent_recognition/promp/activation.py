@@ -87,10 +87,15 @@ class Activation:
     # Inputs
 
     def take_tasks(
-        self, now_ns: int, stamp_ns: int, labels: Sequence[str], probabilities: np.ndarray
+        self,
+        now_ns: int,
+        stamp_ns: int,
+        labels: Sequence[str],
+        probabilities: np.ndarray,
+        log_evidence: np.ndarray | None = None,
     ) -> None:
         """Take the probabilities of one observation; raises what `decide` raises."""
-        if not self._heard.take_tasks(now_ns, stamp_ns, labels, probabilities):
+        if not self._heard.take_tasks(now_ns, stamp_ns, labels, probabilities, log_evidence):
             return
         state = self.decision
         if state.event:
@@ -293,7 +298,8 @@ class Activation:
         current, command = self._arm.current, None
         destination = start.position if current is None else current.plan.end
         if not self.pretrigger.is_near(destination, label):
-            target = self.pretrigger.start(label)
+            at_home = self._home is not None and self.pretrigger.is_near(self._home, label)
+            target = self._home if at_home else self.pretrigger.start(label)
             command = self._motions.go_ahead(now_ns, start_ns, start, target)
             if command is None:
                 self.pretrigger.forget()

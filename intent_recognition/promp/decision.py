@@ -4,8 +4,8 @@
 One pure function, used by the activation node and by a replay of a recording alike:
 
 - a task activates when its probability has been at or above `threshold` for `n_observations`
-  observations on end and the standard deviation of its predicted end point is at most
-  `max_end_std_rad`;
+  observations on end, with at least `min_evidence` of the movement's own evidence among the
+  tasks, and the standard deviation of its predicted end point is at most `max_end_std_rad`;
 - once active it stays so, also while the human holds still, until the interaction is over (the
   estimator reports idle) or the evidence turns against it;
 - evidence turns against it when its probability has been below `release_below` for
@@ -14,7 +14,8 @@ One pure function, used by the activation node and by a replay of a recording al
   yet clear which) until some task fulfils them.
 
 Both counts make a single odd observation harmless; the gap between `threshold` and
-`release_below` keeps a task from flickering.
+`release_below` keeps a task from flickering. The share of the evidence keeps a habit from moving
+the arm: a task that is probable because it usually comes next still has to be seen.
 """
 
 from collections.abc import Sequence
@@ -38,6 +39,8 @@ class DecisionSettings:
         max_end_std_rad: largest standard deviation of the predicted end point over the
             controlled DOFs, in their unit; infinity acts without looking at it.
         release_below: probability below which the active task is let go, in [0, threshold).
+        min_evidence: least share of the likelihood among the tasks, in [0, 1): what the task's
+            probability would be if all tasks had been expected alike.
         idle_margin: idle means probability of `none` >= 1 - idle_margin.
     """
 
@@ -45,6 +48,7 @@ class DecisionSettings:
     n_observations: int = 5
     max_end_std_rad: float = 0.35
     release_below: float = 0.5
+    min_evidence: float = 0.6
     idle_margin: float = 1e-12
 
     def __post_init__(self) -> None:
@@ -57,6 +61,8 @@ class DecisionSettings:
             _refuse("max_end_std_rad", "a positive number", self.max_end_std_rad)
         if not 0.0 <= self.release_below < self.threshold:
             _refuse("release_below", "a probability below threshold", self.release_below)
+        if not 0.0 <= self.min_evidence < 1.0:
+            _refuse("min_evidence", "a share in [0, 1)", self.min_evidence)
 
 
 class DecisionState(NamedTuple):
@@ -86,6 +92,7 @@ def decide(
     labels: Sequence[str],
     probabilities: np.ndarray,
     end_std: float | None,
+    log_evidence: np.ndarray | None = None,
 ) -> tuple[DecisionState, str]:
     """Take one observation into account.
 
@@ -97,6 +104,8 @@ def decide(
         end_std: largest standard deviation over the controlled DOFs at the predicted end of the
             most probable task; None if it was not predicted, which never suffices to activate
             unless max_end_std_rad is infinite, and changes nothing for an active task.
+        log_evidence: log p(observations | label), (n_labels,), up to a common constant; None
+            where the sender gave none, which asks for no share of it.
 
     Returns:
         The new state, and its active task (empty when there is none).
@@ -111,6 +120,7 @@ def decide(
         return DecisionState(event=event, idle=True), ""
     best = int(np.argmax(p))
     leads = labels[best] != NONE and p[best] >= settings.threshold
+    leads = leads and evidence_share(labels, best, log_evidence) >= settings.min_evidence
     candidate = labels[best] if leads else ""
     n_for = (state.n_for + 1 if candidate == state.candidate else 1) if candidate else 0
     certain = np.isinf(settings.max_end_std_rad) or (
@@ -119,6 +129,18 @@ def decide(
     ready = candidate if n_for >= settings.n_observations and certain else ""
     active, n_against, event = _follow(settings, state, labels, p, ready)
     return DecisionState(active, candidate, n_for, n_against, event, False), active
+
+
+def evidence_share(labels: Sequence[str], task: int, log_evidence: np.ndarray | None) -> float:
+    """Share of a task in the likelihood of all tasks, `none` aside; 1 where it is not known."""
+    if log_evidence is None or np.shape(log_evidence) != (len(labels),):
+        return 1.0
+    known = np.array([label != NONE for label in labels])
+    e = np.where(known, np.asarray(log_evidence, dtype=np.float64), -np.inf)
+    if np.any(np.isnan(e)) or not np.isfinite(np.max(e)):
+        return 0.0
+    share = np.exp(e - np.max(e))
+    return float(share[task] / share.sum())
 
 
 def uncertain_end(

@@ -48,7 +48,12 @@ class Heard:
         return now_ns - self._heard_ns > self._settings.timeout_s * 1e9
 
     def take_tasks(
-        self, now_ns: int, stamp_ns: int, labels: Sequence[str], probabilities: np.ndarray
+        self,
+        now_ns: int,
+        stamp_ns: int,
+        labels: Sequence[str],
+        probabilities: np.ndarray,
+        log_evidence: np.ndarray | None = None,
     ) -> bool:
         """Take the probabilities of one observation; False where they are out of time.
 
@@ -63,21 +68,22 @@ class Heard:
         elif self._stamp_ns is not None and stamp_ns <= self._stamp_ns:
             self._reject("stamp_not_increasing", f"intent/tasks at {stamp_ns} ns came late")
         else:
-            self._decide(now_ns, stamp_ns, labels, probabilities)
+            self._decide(now_ns, stamp_ns, labels, probabilities, log_evidence)
             return True
         return False
 
-    def _decide(self, now_ns, stamp_ns, labels, probabilities) -> None:
+    def _decide(self, now_ns, stamp_ns, labels, probabilities, log_evidence) -> None:
         end_std = None
         if self.prediction is not None and 0 < len(labels) == len(probabilities):
             best = labels[int(np.argmax(probabilities))]
             end_std = self.prediction.end_std if best == self.prediction.label else None
-        state, _ = decide(self._settings.decision, self.decision, labels, probabilities, end_std)
+        settings = self._settings.decision
+        state, _ = decide(settings, self.decision, labels, probabilities, end_std, log_evidence)
         if state.idle and not self.decision.idle:
             self.idle_since_ns = stamp_ns
         self._stamp_ns, self._heard_ns = stamp_ns, now_ns
         self.decision = state
-        self._note_held_back(uncertain_end(self._settings.decision, state, end_std))
+        self._note_held_back(uncertain_end(settings, state, end_std))
         if state.idle:
             self.prediction = None
 

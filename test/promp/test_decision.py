@@ -11,6 +11,7 @@ from intent_recognition.promp.decision import (
     DecisionSettings,
     DecisionState,
     decide,
+    evidence_share,
     uncertain_end,
 )
 
@@ -174,3 +175,32 @@ def test_what_is_no_distribution_is_refused(labels, p, error):
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ArgumentError):
         DecisionSettings(**wrong)
+
+
+def test_a_habit_alone_activates_nothing():
+    """Probable because it usually comes next: the movement itself must speak for it."""
+    expected = np.array((0.95, 0.03, 0.02))
+    for evidence, activates in (
+        ((0.0, 0.0, 0.0), False),  # nothing seen yet
+        ((0.0, 0.2, -9.0), False),  # what was seen speaks for another task
+        ((0.0, -1.0, -9.0), True),
+        ((0.0, -1.0, 9.0), True),  # none is weighed by its probability
+        ((-800.0, -900.0, -np.inf), True),
+        ((np.nan, 0.0, 0.0), False),
+        (None, True),
+    ):
+        state = DecisionState()
+        e = None if evidence is None else np.array(evidence)
+        for _ in range(6):
+            state, active = decide(SETTINGS, state, LABELS, expected, 0.1, e)
+        assert (active == "plate") == activates, evidence
+
+
+def test_evidence_is_no_further_condition_where_all_tasks_are_expected_alike(rng):
+    for _ in range(200):
+        log_evidence = rng.normal(size=3) * 5.0
+        p = np.exp(log_evidence) * np.array([0.475, 0.475, 0.05])
+        p /= p.sum()
+        best = int(np.argmax(p))
+        if LABELS[best] != "none" and p[best] >= SETTINGS.threshold:
+            assert evidence_share(LABELS, best, log_evidence) >= SETTINGS.threshold - 1e-12
