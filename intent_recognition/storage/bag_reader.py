@@ -138,14 +138,11 @@ class BagReader:
         names = dict.fromkeys(topic.lstrip("/") for topic in topics)
         builders = {name: self._builder(name) for name in names}
         for number, file in enumerate(self._files):
-            channels: dict[str, list[int]] = {name: [] for name, b in builders.items() if b}
-            for channel in file.scan.channels.values():
-                if builders.get(name := channel.topic.lstrip("/")):
-                    channels[name].append(channel.id)
-            for table in file.tables() if any(channels.values()) else ():
-                for name, ids in channels.items():
+            ids = {name: file.channel_ids(name) for name, builder in builders.items() if builder}
+            for table in file.tables() if any(ids.values()) else ():
+                for name in ids:
                     builder = builders[name]
-                    rows = np.flatnonzero(np.any([table.channels == i for i in ids], axis=0))
+                    rows = np.flatnonzero(np.any([table.channels == i for i in ids[name]], axis=0))
                     if builder and rows.size and not builder.add(number, table.rows(rows)):
                         builders[name] = None
         return {name: builder and builder.columns() for name, builder in builders.items()}
@@ -201,10 +198,9 @@ class BagReader:
     def _builder(self, name: str) -> ColumnsBuilder | None:
         """Where the columns of a topic are collected, None if its type has none."""
         schemas = [
-            file.schema(channel)
+            file.schema(file.scan.channels[number])
             for file in self._files
-            for channel in file.scan.channels.values()
-            if channel.topic.lstrip("/") == name
+            for number in file.channel_ids(name)
         ]
         types = {schema.name if schema and is_standard(schema) else "" for schema in schemas}
         return ColumnsBuilder(types.pop()) if len(types) == 1 else None

@@ -115,9 +115,8 @@ class ColumnsBuilder:
         numbers, log_times_ns, stamps_ns = (
             _join([piece[k] for piece in self._pieces]) for k in range(3)
         )
-        sizes = [piece.numbers.size for piece in self._pieces]
-        files = np.repeat([piece.file for piece in self._pieces], sizes)
-        layouts = np.repeat(np.array([p.layout for p in self._pieces], np.int64), sizes)
+        files = _join([np.full(piece.numbers.size, piece.file) for piece in self._pieces])
+        layouts = _join([np.full(piece.numbers.size, piece.layout) for piece in self._pieces])
         order = _order(files, log_times_ns, numbers)
         if order is not None:
             log_times_ns, stamps_ns, layouts = log_times_ns[order], stamps_ns[order], layouts[order]

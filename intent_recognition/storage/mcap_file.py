@@ -58,6 +58,10 @@ class McapFile:
         """The definition of a channel's type."""
         return self.scan.schemas.get(channel.schema_id)
 
+    def channel_ids(self, topic: str) -> list[int]:
+        """Channels of a topic, its name without leading slash."""
+        return [c.id for c in self.scan.channels.values() if c.topic.lstrip("/") == topic]
+
     def counts(self) -> Mapping[int, int]:
         """Messages per channel; counted when the summary does not say."""
         if self.scan.statistics and not self.scan.damage:

@@ -199,6 +199,28 @@ def test_other_types_definitions_and_topics_have_no_columns(tmp_path):
     assert found == {"mocap/wrist/pose": None, "demonstration": None, "nothing": None}
 
 
+def test_topics_without_a_message_have_empty_columns(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        for kind, topic in TOPICS.items():
+            writer.add_topic(topic, kind)
+    assert columns(tmp_path / "bag", POSE).positions.shape == (0, 3)
+    assert columns(tmp_path / "bag", JOINTS).parts == ()
+
+
+def test_several_files_follow_one_another(tmp_path):
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    for number, first in enumerate((30, 0)):  # the second file's log times are earlier
+        messages = [(first + i + 1, serialize(POSE, pose(first + i))) for i in range(30)]
+        part = record(tmp_path / f"part{number}", POSE, messages)
+        (part / f"part{number}.mcap").rename(folder / f"bag_{number}.mcap")
+    found = columns(folder, POSE)
+    assert found.log_times_ns.tolist() == [*range(31, 61), *range(1, 31)]
+    read = [m.log_time_ns for m in BagReader(folder).messages([TOPICS[POSE]])]
+    assert found.log_times_ns.tolist() == read
+    np.testing.assert_array_equal(found.positions[:, 0], 0.001 * np.r_[30:60, 0:30])
+
+
 def test_definition_with_comments_is_the_same_type(tmp_path):
     text = "# A pose.\n\n" + definition(POSE).text.replace("\n", "  # note\n", 1)
     with BagWriter(tmp_path / "bag") as writer:
