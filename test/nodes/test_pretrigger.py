@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The activation node goes ahead to where the expected task begins, and leaves again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from model_builder import WRIST, learned_model, make_dofs, true_library
+from nodes.test_primitive_activation import HOME, LABELS, Graph, check_commands
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import to_joint_state
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.promp.posture import start_mean
+from intent_recognition.storage.model import save_model
+
+TASKS = LABELS[:2]
+AHEAD = HOME + np.array([0.3, -0.2, 0.1, -0.2, 0.0, -0.1, 0.4])
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    """A model whose plate begins at home and whose screw begins elsewhere."""
+    dofs = make_dofs(WRIST)
+    model = learned_model(dofs, true_library(dofs, n_tasks=2))
+    library = model.library
+    means = library.weight_mean.copy()
+    for task, start in enumerate((HOME, AHEAD)):  # the basis functions sum to one
+        shift = start - start_mean(library, task)
+        means[task, library.n_observed_weights :] += np.repeat(shift, library.basis.n_basis)
+    library = replace(library, labels=TASKS, weight_mean=means)
+    np.testing.assert_allclose(start_mean(library, 1), AHEAD, atol=1e-9)
+    path = tmp_path_factory.mktemp("ahead") / "model.npz"
+    save_model(path, replace(model, library=library))
+    return path
+
+
+class AheadGraph(Graph):
+    """The fake estimator also says what it expects, when a movement has ended."""
+
+    def __init__(self, harness, path, **parameters):
+        values = {"model": str(path), "pretrigger_threshold": 0.7, **parameters}
+        super().__init__(harness, **values)
+        self.next_task = harness.publisher(JointState, "intent/next_task", qos.LATCHED)
+        harness.connect(self.next_task)
+
+    def expect(self, p=(0.1, 0.9), names=TASKS):
+        message = to_joint_state(names, p, time_ns=self.now_ns)
+        self.send(self.next_task, message, "intent/next_task")
+
+    def activated(self, now):
+        """The tasks that were active until `now` is; the first, empty one may have been missed."""
+        self.harness.spin_until(lambda: self.active and self.active[-1].data == now, what=now)
+        return [message.data for message in self.active if message.data]
+
+    def serve_a_plate(self):
+        self.begin("plate")
+        self.until(lambda: self.mode == "executing")
+        for _ in range(30):
+            self.step()
+        self.task = "idle"
+        self.step()
+        self.expect()
+
+
+def test_it_waits_at_the_start_of_the_expected_task(harness, path):
+    graph = AheadGraph(harness, path)
+    graph.serve_a_plate()
+    graph.until(lambda: graph.mode == "pretriggered")
+    for _ in range(100):
+        graph.step()
+    np.testing.assert_allclose(graph.arm(), AHEAD, atol=1e-6)
+    status, values = graph.report()
+    assert status.message == "pretriggered: screw" and values["mode"] == "pretriggered"
+    assert values["expected task"] == "screw (0.90)" and values["count pretriggered"] == "1"
+    assert values["count activated"] == "1" and values["active task"] == "none"
+    assert graph.activated("") == ["plate"]
+    graph.begin("screw", already_s=0.4)
+    graph.until(lambda: graph.mode == "executing")
+    graph.until(lambda: graph.mode == "homing")
+    assert graph.activated("screw") == ["plate", "screw"]
+    assert graph.report()[1]["count pretrigger right"] == "1"
+    check_commands(graph.commands)
+
+
+@pytest.mark.parametrize("cause", ["none", "timeout", "reset"])
+def test_it_withdraws(harness, path, cause):
+    graph = AheadGraph(harness, path, pretrigger_timeout=1.0 if cause == "timeout" else 30.0)
+    graph.serve_a_plate()
+    graph.until(lambda: graph.mode == "pretriggered")
+    for _ in range(40):
+        graph.step()
+    if cause == "none":
+        graph.begin("none")
+    elif cause == "reset":
+        answer = harness.call(Trigger, "primitive_activation/reset", Trigger.Request())
+        assert answer.success
+    graph.until(lambda: graph.mode == "homing")
+    graph.until(lambda: graph.mode == "idle")
+    np.testing.assert_allclose(graph.arm(), HOME, atol=1e-6)
+    if cause != "reset":
+        assert graph.report()[1][f"count pretrigger withdrawn: {cause}"] == "1"
+    assert graph.activated("") == ["plate"]
+    check_commands(graph.commands)
+
+
+def test_it_is_off_by_default_and_bad_expectations_are_counted(harness, path):
+    graph = AheadGraph(harness, path, pretrigger_threshold=0.0)
+    for p, names in (((0.5,), TASKS), ((float("nan"), 1.0), TASKS), ((0.9, 0.9), TASKS), ((), ())):
+        before = graph.rejected("bad_next_task")
+        graph.expect(p, names)
+        assert graph.rejected("bad_next_task") == before + 1
+    graph.serve_a_plate()
+    graph.until(lambda: graph.mode == "homing")
+    graph.until(lambda: graph.mode == "idle")
+    assert "count pretriggered" not in graph.report()[1]
+
+
+def test_it_needs_a_model(harness):
+    overrides = [Parameter("pretrigger_threshold", value=0.7)]
+    with pytest.raises(ArgumentError, match="pretrigger_threshold"):
+        PrimitiveActivation(parameter_overrides=overrides)
