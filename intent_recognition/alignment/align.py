@@ -41,7 +41,7 @@ class AlignmentSettings:
     """What warps are like before anything is seen, and how they are looked for.
 
     Attributes:
-        rate_std: prior standard deviation of the log rate (0.3: speeds from 0.74 to 1.35 times the
+        rate_std: prior standard deviation of the log rate (0.2: speeds from 0.8 to 1.2 times the
             reference's are usual). Smaller values keep recordings more as they are.
         rate_correlation: phase over which a deviation of the rate lasts (Matern 3/2 length).
         end_std: prior standard deviation of the recorded phases at both ends of the reference.
@@ -56,7 +56,7 @@ class AlignmentSettings:
         ArgumentError: a setting is out of range.
     """
 
-    rate_std: float = 0.3
+    rate_std: float = 0.2
     rate_correlation: float = 0.1
     end_std: float = 0.05
     n_independent: float = 30.0
@@ -153,8 +153,8 @@ def align_to(
 ) -> tuple[Warp, ...]:
     """Warps that bring demonstrations onto a known template.
 
-    Each is independent of the others: the same bits come out alone, in company, and of `align`
-    when it found the template.
+    Each is independent of the others: it comes out the same alone, in company, and of `align` when
+    it found the template.
 
     Args:
         template: reference and scales, of `align`.
@@ -182,13 +182,7 @@ def align_to(
 def _fit(
     samples: np.ndarray, template: Template, settings: AlignmentSettings, n_iterations: int
 ) -> np.ndarray:
-    """Parameters of the warps, (n, K + 1), none of higher cost than the identity.
-
-    A batch of one is doubled: numpy would sum it in another order, and its warp would not be the
-    same to the last bit as in company.
-    """
-    if len(samples) == 1:
-        return _fit(np.repeat(samples, 2, axis=0), template, settings, n_iterations)[:1]
+    """Parameters of the warps, (n, K + 1), none of higher cost than the identity."""
     problem = _problem(samples, template, settings)
     start = search(problem, settings.rate_std, settings.rate_correlation)
     parameters, cost = descend(problem, start, n_iterations)

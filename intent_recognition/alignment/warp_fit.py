@@ -10,8 +10,7 @@ up for it.
 
 All demonstrations descend at once by damped Gauss-Newton steps: a deviation depends on the weights
 through one recorded phase, so the normal equations of a demonstration are (K + 1, K + 1) sums over
-samples of a scalar curvature. Nothing passes from one demonstration to another: each comes out
-bit for bit as if it had been alone.
+samples of a scalar curvature. Nothing passes from one demonstration to another.
 """
 
 from typing import NamedTuple

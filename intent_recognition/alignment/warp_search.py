@@ -97,5 +97,6 @@ def _smoothed(problem: WarpProblem, paths: np.ndarray) -> np.ndarray:
     # Rates of single steps are quantised; their running mean over three steps is not far off.
     mean = np.stack([np.interp(middle, middle, r) for r in rates])
     mean[:, 1:-1] = (rates[:, :-2] + rates[:, 1:-1] + rates[:, 2:]) / 3.0
-    weights = np.linalg.solve(design.T @ design + 0.3 * ridge, design.T @ np.log(mean).T).T
+    regression = np.linalg.solve(design.T @ design + 0.3 * ridge, design.T)
+    weights = (regression @ np.log(mean)[..., None])[..., 0]
     return np.concatenate([paths[:, :1], weights], axis=1)
