@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Learning from aligned demonstrations beside movement_primitives, and adding one more."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from statistics import median
+
+import numpy as np
+from movement_primitives.promp import ProMP
+
+from benchmarks.measure import Result, seconds
+from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.examples import Recorded, make_examples
+from intent_recognition.promp.signals import Signal
+from intent_recognition.promp.statistics import TaskStatistics, summarize
+from intent_recognition.promp.training import add_demonstration, learn
+from intent_recognition.promp.training_settings import TrainingSettings
+from intent_recognition.promp.weights import fit_weights_together
+from intent_recognition.storage import Demonstration
+
+N_DEMONSTRATIONS = 40
+N_SAMPLES = 100
+N_OBSERVED, N_CONTROLLED = 3, 7
+N_DOFS = N_OBSERVED + N_CONTROLLED
+DURATION_NS = 2_000_000_000
+RIDGE = TrainingSettings().ridge
+
+
+def training(demonstrations: Sequence[Recorded]) -> Iterator[Result]:
+    """Ridge regression and moments against the peer's expectation maximisation; one added.
+
+    Args:
+        demonstrations: labelled ones, to learn a library from that one is added to.
+    """
+    for n_basis in (10, 20):
+        yield _beside_peer(n_basis)
+    *some, last = demonstrations
+    trained = learn(some)[1].trained
+    added_s = seconds(partial(add_demonstration, trained, last), 15)
+    learned_s = seconds(partial(learn, demonstrations), 1)
+    yield Result(
+        f"adding one demonstration to {len(some)}",
+        1e3 * added_s,
+        20.0,
+        "at most",
+        "ms",
+        f"{trained.library.n_tasks} tasks, cut and fitted; anew {1e3 * learned_s:.0f} ms",
+    )
+
+
+def _beside_peer(n_basis: int) -> Result:
+    """The same trajectories to means and covariances of the weights."""
+    basis = NormalizedRBFBasis(n_basis, 1.0)
+    phase = np.linspace(0.0, 1.0, N_SAMPLES)
+    values = aligned_trajectories(basis, phase)
+    recorded = [_demonstration(phase, each) for each in values]
+    repeated = np.repeat(phase[None], N_DEMONSTRATIONS, axis=0)
+    ours = partial(weight_moments, basis, phase, values)
+    before_s = seconds(ours, 15)
+    theirs_s = _once(partial(_imitate, n_basis, repeated, values))
+    ours_s = median((before_s, seconds(ours, 15)))
+    statistics_s = seconds(partial(_statistics, basis, recorded), 15)
+    return Result(
+        f"training on {N_DEMONSTRATIONS}, N = {n_basis}, movement_primitives takes",
+        theirs_s / ours_s,
+        500.0,
+        "at least",
+        "x",
+        f"{1e3 * ours_s:.2f} and {1e3 * theirs_s:.0f} ms; {1e3 * statistics_s:.1f} ms"
+        " from recordings to all statistics",
+    )
+
+
+def _once(work: Callable[[], object]) -> float:
+    """Time of one call: the peer's takes seconds, and needs no warming up."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def aligned_trajectories(basis: NormalizedRBFBasis, phase: np.ndarray) -> np.ndarray:
+    """Smooth random trajectories with noise, (n, T, D)."""
+    rng = np.random.default_rng(40)
+    steps = rng.normal(size=(N_DEMONSTRATIONS, N_DOFS, basis.n_basis))
+    weights = 0.1 * np.cumsum(steps, axis=2)
+    clean = np.einsum("tk,ndk->ntd", basis.design_matrix(phase), weights)
+    return clean + 0.005 * rng.normal(size=clean.shape)
+
+
+def weight_moments(
+    basis: NormalizedRBFBasis, phase: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (D N,) and covariance (D N, D N) of the weights of trajectories (n, T, D)."""
+    fits = fit_weights_together(basis, [phase] * len(values), list(values), RIDGE)
+    weights = np.array([fit.weights.ravel() for fit in fits])
+    mean = weights.mean(axis=0)
+    deviations = weights - mean
+    return mean, deviations.T @ deviations / (len(weights) - 1)
+
+
+def _imitate(n_basis: int, times: np.ndarray, values: np.ndarray) -> ProMP:
+    primitive = ProMP(n_dims=N_DOFS, n_weights_per_dim=n_basis)
+    primitive.imitate(times, values)
+    return primitive
+
+
+def _statistics(basis: NormalizedRBFBasis, recorded: Sequence[Recorded]) -> TaskStatistics:
+    return summarize(make_examples(recorded, basis, RIDGE))
+
+
+def _demonstration(phase: np.ndarray, values: np.ndarray) -> Demonstration:
+    stamps = np.round(phase * DURATION_NS).astype(np.int64)
+    human = tuple(f"human_{k}" for k in range(N_OBSERVED))
+    robot = tuple(f"robot_{k}" for k in range(N_CONTROLLED))
+    return Demonstration(
+        name="aligned",
+        source="",
+        task="task",
+        observed=(Signal(human, stamps, values[:, :N_OBSERVED], "m"),),
+        controlled=(Signal(robot, stamps, values[:, N_OBSERVED:], "rad"),),
+        start_ns=0,
+        end_ns=DURATION_NS,
+    )
