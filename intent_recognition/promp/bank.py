@@ -135,7 +135,7 @@ def condition_bank(
     check_observation(dofs, values, noise_covariance)
     n, n_basis = len(bank.mean), rows.shape[-1]
     rows = np.broadcast_to(rows, (n, *rows.shape[1:]))
-    block = FilterBlock(make_state(bank.mean, bank.covariance), n_basis)
+    block = FilterBlock(make_state(bank.mean, bank.covariance, n_basis), n_basis)
     log_density = block.condition(dofs, rows, values, noise_covariance)
     block.fold()
     return FilterBank(block.mean, block.covariance, bank.log_evidence + log_density)

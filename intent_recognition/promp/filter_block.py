@@ -9,13 +9,11 @@ are `PENDING_ROWS` are they subtracted, in one product of matrices. This is exac
 H S that the next observation needs are corrected for what is pending.
 """
 
+from math import isfinite
+
 import numpy as np
 
-from intent_recognition.gaussian.linalg import (
-    cholesky,
-    log_normalizer,
-    solve_lower_in_place,
-)
+from intent_recognition.gaussian.linalg import LOG_2_PI, cholesky
 
 PENDING_ROWS = 24
 CACHE_FLOATS = 2**17
@@ -36,24 +34,25 @@ class FilterBlock:
         """Take over the arrays.
 
         Args:
-            state: covariance with the mean as one more column, (n, P N, P N + 1); see `make_state`.
-                It is changed in place.
+            state: what `make_state` gives, changed in place.
             n_basis: N.
-            pending: working memory, (n, rows, P N + 1); None for new memory.
+            pending: working memory, (n, rows, columns), `pending_shape` or more; None for new
+                memory.
         """
-        n, size, _ = state.shape
+        n, size, width = state.shape
         self.mean, self.covariance = state[:, :, size], state[:, :, :size]
-        self._n_basis, self._size = n_basis, size
-        self._by_dof = state.reshape(n, -1, n_basis, size + 1)
+        self._n_basis, self._size, self._width = n_basis, size, width
+        self._by_dof = state.reshape(n, -1, n_basis, width)
         if pending is None:
-            pending = np.empty((n, pending_rows(size // n_basis), size + 1))
+            pending = np.empty((n, *pending_shape(size // n_basis, n_basis)))
         self._take_memory(pending)
 
     def _take_memory(self, pending: np.ndarray) -> None:
-        # Of a row, the last element is minus the whitened innovation: what happens to the
-        # products H S on the way to V happens to H m - y on the way to it.
-        n, n_rows, _ = pending.shape
+        # A row holds one of V, the negative whitened innovation, and one of L^T: what turns H S
+        # into V turns H m - y and the innovation covariance into these.
+        n, n_rows, n_columns = pending.shape
         self._pending, self._n_pending, self._limit = pending, 0, n_rows
+        self._most_values = min(n_rows, n_columns - self._size - 1)
         by_dof = pending[:, :, : self._size].reshape(n, n_rows, -1, self._n_basis)
         self._pending_by_dof = by_dof.transpose(0, 2, 1, 3)
 
@@ -76,44 +75,56 @@ class FilterBlock:
             ArgumentError: an innovation covariance is not positive definite.
         """
         m = len(values)
-        if self._n_pending + m > self._limit:
+        if self._n_pending + m > self._limit or m > self._most_values:
             self.fold()
-            if m > self._limit:
-                self._take_memory(np.empty((len(self.mean), m, self._size + 1)))
+            if m > self._most_values:
+                columns = self._size + 1 + m
+                self._take_memory(np.empty((len(self.mean), m, max(columns, self._width))))
         runs = _runs(dofs, rows)
-        new = self._project(runs, values)
-        first = self._n_pending
-        innovation_covariance = self._times_rows(runs, slice(first, first + m), m)
-        innovation_covariance += noise_covariance
-        factor = cholesky(innovation_covariance, name="innovation covariance")
-        solve_lower_in_place(factor, new)
+        first, new = self._n_pending, self._project(runs, values)
+        spread = new[:, :, self._size + 1 : self._size + 1 + m]
+        self._times_rows(runs, slice(first, first + m), spread)
+        spread += noise_covariance
+        with np.errstate(invalid="ignore", divide="ignore"):
+            _whiten(new, spread)
+            log_scale = np.add.reduce(np.log(np.diagonal(spread, axis1=1, axis2=2)), axis=1)
+        if not isfinite(np.add.reduce(log_scale)):
+            self._refuse(runs, values, noise_covariance)
         self._n_pending = first + m
         whitened = new[:, :, self._size]
         squares = np.matmul(whitened[:, None, :], whitened[:, :, None])[:, 0, 0]
-        return -0.5 * squares - log_normalizer(factor)
+        return -0.5 * squares - log_scale - 0.5 * m * LOG_2_PI
+
+    def _refuse(self, runs: list, values: np.ndarray, noise_covariance: np.ndarray) -> None:
+        """Say what is wrong with an innovation covariance."""
+        m = len(values)
+        self._project(runs, values)
+        spread = np.empty((len(self.mean), m, m))
+        self._times_rows(runs, slice(self._n_pending, self._n_pending + m), spread)
+        cholesky(spread + noise_covariance, name="innovation covariance")
 
     def _project(self, runs: list, values: np.ndarray) -> np.ndarray:
-        """H S and, as the last column, H m - y of the distributions in force: (n, m, P N + 1)."""
-        first, size = self._n_pending, self._size
-        m = len(values)
+        """H S and, after it, H m - y of the distributions in force: (n, m, columns)."""
+        first, m = self._n_pending, len(values)
         new = self._pending[:, first : first + m]
+        known = new[:, :, : self._width]
         for observed, dofs, row in runs:
-            np.matmul(row[:, None, None], self._by_dof[:, dofs], out=new[:, observed, None])
-        new[:, :, size] -= values
+            np.matmul(row[:, None, None], self._by_dof[:, dofs], out=known[:, observed, None])
+        known[:, :, self._size] -= values
         if first:
-            new -= np.matmul(self._times_rows(runs, slice(0, first), m), self._pending[:, :first])
+            product = np.empty((len(new), m, first))
+            self._times_rows(runs, slice(0, first), product)
+            known -= np.matmul(product, self._pending[:, :first, : self._width])
         return new
 
-    def _times_rows(self, runs: list, pending: slice, m: int) -> np.ndarray:
+    def _times_rows(self, runs: list, pending: slice, out: np.ndarray) -> None:
         """H V^T for some of the pending rows V, (n, m, rows)."""
-        product = np.empty((len(self.mean), m, pending.stop - pending.start))
         for observed, dofs, row in runs:
             np.matmul(
                 self._pending_by_dof[:, dofs, pending],
                 row[:, None, :, None],
-                out=product[:, observed, :, None],
+                out=out[:, observed, :, None],
             )
-        return product
 
     def fold(self) -> None:
         """Bring mean and covariance up to date."""
@@ -149,14 +160,40 @@ class FilterBlock:
         self._limit = max(1, round(share * self._pending.shape[1]))
 
 
-def make_state(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Means (n, d) and covariances (n, d, d) in one new array, (n, d, d + 1)."""
-    return np.concatenate([covariance, mean[:, :, None]], axis=2)
+def state_width(n_dofs: int, n_basis: int) -> int:
+    """Columns of a state: covariance, mean, and room for innovation covariances of P values."""
+    return n_dofs * n_basis + 1 + n_dofs
 
 
-def pending_rows(n_dofs: int) -> int:
-    """Rows of working memory for P DOFs: room for two observations of all of them at least."""
-    return max(PENDING_ROWS, 2 * n_dofs)
+def pending_shape(n_dofs: int, n_basis: int) -> tuple[int, int]:
+    """Rows and columns of working memory: two observations of all DOFs fit in at least."""
+    return max(PENDING_ROWS, 2 * n_dofs), state_width(n_dofs, n_basis)
+
+
+def make_state(mean: np.ndarray, covariance: np.ndarray, n_basis: int) -> np.ndarray:
+    """Means (n, P N) and covariances (n, P N, P N) as the state of a block, a copy."""
+    n, size = mean.shape
+    state = np.zeros((n, size, state_width(size // n_basis, n_basis)))
+    state[:, :, :size], state[:, :, size] = covariance, mean
+    return state
+
+
+def _whiten(rows: np.ndarray, spread: np.ndarray) -> None:
+    """Multiply rows (n, m, k) by L^-1 from the left, in place.
+
+    L L^T = S is the innovation covariance, itself m of their columns, which become L^T: steps of
+    Gauss' elimination, each vectorised over all n and all columns.
+
+    Args:
+        rows: changed.
+        spread: view of the columns that hold S, (n, m, m); only its upper triangle is used.
+    """
+    m = rows.shape[1]
+    for i in range(m):
+        row = rows[:, i]
+        row /= np.sqrt(spread[:, i, i])[:, None]
+        if i + 1 < m:
+            rows[:, i + 1 :] -= spread[:, i, i + 1 :, None] * row[:, None, :]
 
 
 def _runs(dofs: np.ndarray, rows: np.ndarray) -> list[tuple[slice, slice, np.ndarray]]:

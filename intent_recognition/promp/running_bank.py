@@ -10,9 +10,9 @@ from itertools import pairwise
 import numpy as np
 
 from intent_recognition.errors import ShapeError, describe
-from intent_recognition.promp.filter_block import FilterBlock, pending_rows
+from intent_recognition.promp.filter_block import FilterBlock, pending_shape, state_width
 
-BLOCK_SIZE = 128
+BLOCK_SIZE = 512
 
 
 class RunningBank:
@@ -30,8 +30,8 @@ class RunningBank:
     def __init__(self, n_tasks: int, n_scales: int, n_dofs: int, n_basis: int):
         self.shape = (n_tasks, n_scales, n_dofs, n_basis)
         n, size = n_tasks * n_scales, n_dofs * n_basis
-        self._state = np.empty((n, size, size + 1))  # see FilterBlock
-        self._pending = np.empty((n, pending_rows(n_dofs), size + 1))
+        self._state = np.empty((n, size, state_width(n_dofs, n_basis)))
+        self._pending = np.empty((n, *pending_shape(n_dofs, n_basis)))
         for array in (self._state, self._pending):
             array.fill(0.0)  # the system hands out memory when it is touched: now, not later
         self._evidence = np.zeros(n)
@@ -85,11 +85,16 @@ class RunningBank:
                 )
             )
         repeats = n // len(mean)
-        state = self._state.reshape(-1, repeats, size, size + 1)
+        state = self._state.reshape(-1, repeats, *self._state.shape[1:])
         state[..., :size] = covariance[:, None]
         state[..., size] = mean[:, None]
         self._evidence[:] = 0.0
         self._activate_all()
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory in use."""
+        return self._state.nbytes + self._pending.nbytes + self._evidence.nbytes
 
     @property
     def active(self) -> np.ndarray | slice:
