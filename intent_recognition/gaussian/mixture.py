@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gaussian mixtures by expectation maximisation, many fits of few points in one batch.
+
+The covariance of a component with responsibilities r_i that sum to m is
+
+    (sum_i r_i (y_i - mu)(y_i - mu)^T + strength * T) / (m + strength) + floor * I,
+
+with T diagonal, the component's own variance along each axis leaning on that of all components.
+With strength 0 it is textbook EM (Ewerton et al. 2015, Eq. 7-10) with a floor. In orthonormal
+coordinates of the points' affine span it is then the very same as in the full space, since all
+components have the floor in all other directions. With strength it is maximum a posteriori.
+
+A diagonal plus one rank-one term per member: determinants and inverses take matrices as large as a
+component has members, not as large as there are axes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.gaussian.linalg import LOG_2_PI, cholesky, solve_lower
+
+MEMBER = 1e-13
+"""Responsibilities below this are taken for zero in a covariance."""
+EMPTY = 1e-8
+"""A component responsible for less than this is dropped: its weight is zero from then on."""
+
+
+class CovariancePrior(NamedTuple):
+    """What is known of a component's covariance before its members are seen.
+
+    Attributes:
+        floor: variance added along every axis, positive.
+        strength: points' worth of T.
+        shared: within T, points' worth of the variance over all components together.
+    """
+
+    floor: float
+    strength: float = 0.0
+    shared: float = 0.0
+
+
+class Components(NamedTuple):
+    """B mixtures of K components over points (n, r).
+
+    Covariances are diag(diagonal) + Z^T diag(row_weight) Z with Z = points[rows] - mean.
+
+    Attributes:
+        log_weight: log mixture weights, (B, K), minus infinity for a dropped component.
+        count: sum of responsibilities, (B, K).
+        mean: (B, K, r).
+        diagonal: (B, K, r).
+        rows: indices of the members, (B, K, M).
+        row_weight: weights of their outer products, zero where rows only fill up, (B, K, M).
+    """
+
+    log_weight: np.ndarray
+    count: np.ndarray
+    mean: np.ndarray
+    diagonal: np.ndarray
+    rows: np.ndarray
+    row_weight: np.ndarray
+
+    def covariance(self, points: np.ndarray) -> np.ndarray:
+        """The covariances as matrices, (B, K, r, r)."""
+        root = np.sqrt(self.row_weight)[..., None] * (
+            points[self.rows] - self.mean[:, :, None, :]
+        )
+        low_rank = np.swapaxes(root, -1, -2) @ root
+        return low_rank + self.diagonal[..., None] * np.eye(points.shape[1])
+
+
+class MixtureFit(NamedTuple):
+    """What EM converged to.
+
+    Attributes:
+        responsibilities: (B, n, K); zero for points left out.
+        log_likelihood: mean over the points that were not left out, (B,).
+        components: the mixtures, from these responsibilities.
+        n_iterations: (B,).
+    """
+
+    responsibilities: np.ndarray
+    log_likelihood: np.ndarray
+    components: Components
+    n_iterations: np.ndarray
+
+    @property
+    def labels(self) -> np.ndarray:
+        """Most responsible component of each point, (B, n)."""
+        return np.argmax(self.responsibilities, axis=2)
+
+
+def one_hot(labels: np.ndarray, n_components: int) -> np.ndarray:
+    """Responsibilities 0 and 1 from labels (..., n), (..., n, K)."""
+    return (labels[..., None] == np.arange(n_components)).astype(float)
+
+
+def maximisation(
+    points: np.ndarray, responsibilities: np.ndarray, prior: CovariancePrior
+) -> Components:
+    """M step (Ewerton et al. 2015, Eq. 8-10) of B mixtures at once.
+
+    Args:
+        points: (n, r).
+        responsibilities: (B, n, K), zero for a point that is left out.
+        prior: of the covariances.
+    """
+    share = np.ascontiguousarray(np.swapaxes(responsibilities, 1, 2))
+    count = share.sum(axis=2)
+    present = count > EMPTY
+    divisor = np.where(present, count, 1.0)
+    mean = np.where(present[..., None], (share @ points) / divisor[..., None], 0.0)
+    diagonal = np.full(mean.shape, prior.floor)
+    if prior.strength > 0:
+        scatter = np.maximum(share @ points**2 - count[..., None] * mean**2, 0.0)
+        scatter = np.where(present[..., None], scatter, 0.0)
+        pooled = scatter.sum(axis=1) / np.maximum(count.sum(axis=1), EMPTY)[:, None]
+        target = scatter + prior.shared * pooled[:, None]
+        target /= np.maximum(count + prior.shared, EMPTY)[..., None]
+        diagonal += target * (prior.strength / (count + prior.strength))[..., None]
+    weight = np.where(share > MEMBER, share, 0.0) / (divisor + prior.strength)[..., None]
+    n_members = max(int(np.count_nonzero(weight, axis=2).max()), 1)
+    rows = np.argpartition(-weight, n_members - 1, axis=2)[..., :n_members]
+    with np.errstate(divide="ignore"):
+        log_weight = np.log(np.where(present, count, 0.0))
+    log_weight -= np.log(count.sum(axis=1))[:, None]
+    return Components(
+        log_weight, count, mean, diagonal, rows, np.take_along_axis(weight, rows, axis=2)
+    )
+
+
+def log_joint(points: np.ndarray, components: Components) -> np.ndarray:
+    """log p(k) + log density of each point under component k, (B, n, K)."""
+    if np.ptp(components.diagonal) == 0:
+        cross, squared = _by_inner_products(points, components)
+    else:
+        cross, squared = _by_coordinates(points, components)
+    n_members = components.rows.shape[2]
+    root = np.sqrt(components.row_weight)
+    cross *= root[..., None]
+    gram = np.take_along_axis(cross, components.rows[:, :, None, :], axis=3) * root[:, :, None, :]
+    gram[..., np.arange(n_members), np.arange(n_members)] += 1.0
+    factor = cholesky(gram, name="covariance of a component")
+    whitened = solve_lower(factor, cross)
+    squared -= np.einsum("bkmn,bkmn->bkn", whitened, whitened)
+    log_det = np.log(components.diagonal).sum(axis=2)
+    log_det += 2.0 * np.log(np.diagonal(factor, axis1=2, axis2=3)).sum(axis=2)
+    constant = components.log_weight - 0.5 * (log_det + points.shape[1] * LOG_2_PI)
+    return np.swapaxes(constant[..., None] - 0.5 * squared, 1, 2)
+
+
+def _by_coordinates(points: np.ndarray, components: Components) -> tuple[np.ndarray, np.ndarray]:
+    """Scaled inner products of members with points (B, K, M, n), and squared norms (B, K, n)."""
+    scaled = points - components.mean[:, :, None, :]
+    scaled *= 1.0 / np.sqrt(components.diagonal)[:, :, None, :]
+    members = np.take_along_axis(scaled, components.rows[..., None], axis=2)
+    return members @ np.swapaxes(scaled, 2, 3), np.einsum("bknr,bknr->bkn", scaled, scaled)
+
+
+def _by_inner_products(points: np.ndarray, components: Components) -> tuple[np.ndarray, np.ndarray]:
+    """The same where all diagonals are one number: from the points' inner products alone."""
+    inner = points @ points.T
+    to_mean = components.mean @ points.T
+    norm = np.sum(components.mean**2, axis=2)
+    rows = components.rows
+    cross = inner[rows] - to_mean[:, :, None, :]
+    cross += (norm[..., None] - np.take_along_axis(to_mean, rows, axis=2))[..., None]
+    squared = np.diagonal(inner) - 2.0 * to_mean + norm[..., None]
+    variance = components.diagonal.flat[0]
+    return cross / variance, squared / variance
+
+
+def fit_mixture(
+    points: np.ndarray,
+    responsibilities: np.ndarray,
+    prior: CovariancePrior,
+    *,
+    n_iterations: int = 100,
+    tolerance: float = 1e-6,
+) -> MixtureFit:
+    """EM (Ewerton et al. 2015, Algorithm 1) from B starts, each until it converges.
+
+    A component that becomes empty is dropped; one with a single member keeps the prior's
+    covariance. Without strength the likelihood never falls.
+
+    Args:
+        points: (n, r).
+        responsibilities: the starts, (B, n, K); a point whose row is zero is left out.
+        prior: of the covariances.
+        n_iterations: at most.
+        tolerance: a fit has converged when its mean log likelihood changes by less.
+    """
+    included = responsibilities.sum(axis=2) > 0
+    n_included = np.maximum(included.sum(axis=1), 1)
+    found = np.array(responsibilities, dtype=np.float64)
+    likelihood = np.full(len(found), -np.inf)
+    iterations = np.zeros(len(found), dtype=np.int64)
+    active = np.arange(len(found))
+    for _ in range(n_iterations):
+        joint = log_joint(points, maximisation(points, found[active], prior))
+        total = np.logaddexp.reduce(joint, axis=2)
+        share = np.exp(joint - total[..., None]) * included[active][..., None]
+        new = np.sum(total * included[active], axis=1) / n_included[active]
+        change = np.abs(new - likelihood[active])
+        found[active], likelihood[active] = share, new
+        iterations[active] += 1
+        active = active[change > tolerance]
+        if not active.size:
+            break
+    return MixtureFit(found, likelihood, maximisation(points, found, prior), iterations)
