@@ -31,7 +31,7 @@ class TrainingSettings:
     width: float = 1.0
     ridge: float = 3e-3
     segmentation: str = "movement"
-    none_prior: float = 0.15
+    none_prior: float = 0.11
     duration_evidence: float = 0.1
 
     def __post_init__(self):
@@ -50,6 +50,6 @@ class TrainingSettings:
         if not 0 < self.none_prior < 1:
             raise ArgumentError(
                 describe(
-                    "none_prior", "a probability between 0 and 1", self.none_prior, "Try 0.15."
+                    "none_prior", "a probability between 0 and 1", self.none_prior, "Try 0.11."
                 )
             )
