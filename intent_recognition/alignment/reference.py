@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.promp.signals import Signal
 
 MIN_SAMPLES = 4
 SMALLEST_SCALE = 0.01
@@ -25,6 +26,35 @@ class Template(NamedTuple):
 
     values: np.ndarray
     scale: np.ndarray
+
+
+def even_trajectory(
+    signals: Sequence[Signal], start_ns: int, end_ns: int, n_samples: int = 200
+) -> np.ndarray:
+    """All DOFs of a recording at even phases from its start to its end, (n_samples, D).
+
+    Gaps are bridged and ends held, for the comparison only: weights are learned from the samples
+    as they were measured, at the phases their warp gives them.
+
+    Raises:
+        ArgumentError: the recording has no duration, or a signal no samples in it.
+    """
+    phase = np.linspace(0.0, 1.0, n_samples)
+    columns = []
+    for signal in signals:
+        part = signal.between(start_ns, end_ns)
+        if end_ns <= start_ns or not part.stamps_ns.size:
+            raise ArgumentError(
+                describe(
+                    ", ".join(signal.names),
+                    f"samples between {start_ns} and {end_ns} ns",
+                    "none",
+                    "Leave the demonstration out.",
+                )
+            )
+        recorded = (part.stamps_ns - np.int64(start_ns)) / float(end_ns - start_ns)
+        columns += [np.interp(phase, recorded, column) for column in part.values.T]
+    return np.stack(columns, axis=1)
 
 
 def resample(trajectories: Sequence[np.ndarray], n_grid: int, smoothing: float) -> np.ndarray:

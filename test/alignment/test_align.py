@@ -9,8 +9,9 @@ from hypothesis.extra.numpy import arrays
 
 from benchmarks.timed import demonstrations
 from intent_recognition.alignment.align import AlignmentSettings, align, align_to
-from intent_recognition.alignment.reference import resample
+from intent_recognition.alignment.reference import even_trajectory, resample
 from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.promp.signals import Signal
 
 PHASE = np.linspace(0.0, 1.0, 101)
 seeds = st.integers(0, 2**32 - 1)
@@ -143,6 +144,22 @@ def test_phases_to_learn_at_are_the_inverse(rng):
     alignment = align(demonstrations(rng, n=3).trajectories)
     phase = alignment.reference_phase(1, PHASE)
     np.testing.assert_allclose(alignment.warps[1].apply(phase), PHASE, atol=1e-9)
+
+
+def test_irregular_recordings_become_even_trajectories():
+    stamps = np.array([0, 10, 15, 40, 90, 100, 130], dtype=np.int64) + 1_000
+    line = Signal(("x", "y"), stamps, np.column_stack([stamps, -stamps]).astype(float), "m")
+    late = Signal(("q",), stamps[3:], np.ones((4, 1)), "rad")
+    values = even_trajectory((line, late), 1_000, 1_100, 5)
+    expected = [[1000 + 25 * k, -1000 - 25 * k, 1.0] for k in range(5)]
+    np.testing.assert_allclose(values, expected)
+
+
+@pytest.mark.parametrize(("start", "end"), [(5, 5), (2_000, 3_000)])
+def test_a_recording_without_samples_is_refused(start, end):
+    signal = Signal(("x",), np.arange(10), np.zeros((10, 1)), "m")
+    with pytest.raises(ArgumentError, match="x"):
+        even_trajectory((signal,), start, end)
 
 
 @pytest.mark.parametrize(
