@@ -28,8 +28,7 @@ from intent_recognition.storage.mcap_records import (
 
 CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, compression length
 PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError)
-LARGEST_RATIO = 2**16
-"""No compression does better; a larger size is damage, not worth the memory."""
+CHECKSUM = "checksum of the chunk does not match"
 
 
 @dataclass(frozen=True)
@@ -85,49 +84,21 @@ class MessageTable(NamedTuple):
         return MessageTable(self.data, *(column[keep] for column in self[1:]))
 
 
-class Scratch:
-    """Memory to decompress to, again and again: much faster than new memory for each chunk."""
-
-    def __init__(self):
-        self._buffer = bytearray()
-
-    def decompress(self, content: bytes, size: int) -> memoryview:
-        """What a zstd frame holds; valid until the next call.
-
-        Raises:
-            ValueError: it is not `size` bytes long.
-            zstandard.ZstdError: it is damaged.
-        """
-        if size > LARGEST_RATIO * len(content):
-            raise ValueError(f"{len(content)} bytes say they are {size} decompressed")
-        if size > len(self._buffer):
-            self._buffer = bytearray(size)
-        target = memoryview(self._buffer)[:size]
-        with zstandard.ZstdDecompressor().stream_reader(content) as reader:
-            if reader.readinto(target) != size or reader.read(1):
-                raise ValueError(f"chunk of another size than {size} bytes")
-        return target
-
-
-def read_messages(
-    view: bytes | mmap.mmap, block: Block, scratch: Scratch | None = None
-) -> MessageTable:
+def read_messages(view: bytes | mmap.mmap, block: Block) -> MessageTable:
     """The messages of one block, its checksum verified.
 
     Of a chunk cut off by the end of the file all that can be decompressed is returned.
-
-    Args:
-        view: bytes of the file.
-        block: which part of it.
-        scratch: where to decompress to; the table's `data` is then valid until the next block is
-            read to the same place.
 
     Raises:
         ValueError, McapError, zstandard.ZstdError, struct.error, RuntimeError: it is damaged.
             `PARSE_ERRORS` lists them all.
     """
-    data = _block_data(view, block, scratch)
-    positions = record_positions(data, block.is_cut)
+    data = _block_data(view, block)
+    return message_table(data, record_positions(data, block.is_cut))
+
+
+def message_table(data: bytes | memoryview, positions: np.ndarray) -> MessageTable:
+    """Those of the records at `positions` (n,) that are messages."""
     octets = np.frombuffer(data, np.uint8)
     positions = positions[octets[positions] == MESSAGE]
     heads = gather(data, positions, MESSAGE_HEADER.itemsize).view(MESSAGE_HEADER)
@@ -171,30 +142,47 @@ def parse_definition(opcode: int, data: bytes) -> Schema | Channel:
     return Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
 
 
-def _block_data(
-    view: bytes | mmap.mmap, block: Block, scratch: Scratch | None = None
-) -> bytes | memoryview:
-    """The records of a block; that of a bare message is its own."""
+def chunk_content(view: bytes | mmap.mmap, block: Block) -> tuple[str, bytes, int]:
+    """Compression, compressed records and checksum (0 for none) of a chunk.
+
+    Raises:
+        ValueError, struct.error: it is damaged.
+    """
     start = block.offset + RECORD_HEADER.size
-    if not block.is_chunk:
-        return bytes(view[block.offset : start + block.length])
-    _, _, size, crc, name_length = CHUNK_HEADER.unpack_from(view, start)
+    _, _, _, crc, name_length = CHUNK_HEADER.unpack_from(view, start)
     at = start + CHUNK_HEADER.size
     compression = bytes(view[at : at + name_length]).decode()
-    content = view[at + name_length + 8 : start + block.length]
-    if scratch is not None and compression == "zstd" and not block.is_cut:
-        data = scratch.decompress(content, size)
-    else:
-        data = _decompress(compression, content, size, block.is_cut)
+    return compression, view[at + name_length + 8 : start + block.length], crc
+
+
+def block_size(view: bytes | mmap.mmap, block: Block) -> int:
+    """Bytes of the records of a block, as a chunk says itself."""
+    if not block.is_chunk:
+        return RECORD_HEADER.size + block.length
+    return CHUNK_HEADER.unpack_from(view, block.offset + RECORD_HEADER.size)[2]
+
+
+def _block_data(view: bytes | mmap.mmap, block: Block) -> bytes:
+    """The records of a block; that of a bare message is its own."""
+    size = block_size(view, block)
+    if not block.is_chunk:
+        return bytes(view[block.offset : block.offset + size])
+    compression, content, crc = chunk_content(view, block)
+    data = decompress(compression, content, size, block.is_cut)
     if not block.is_cut:
         if len(data) != size:
             raise ValueError(f"chunk of {len(data)} bytes says it has {size}")
         if crc and zlib.crc32(data) != crc:
-            raise ValueError("checksum of the chunk does not match")
+            raise ValueError(CHECKSUM)
     return data
 
 
-def _decompress(compression: str, data: bytes, size: int, is_cut: bool) -> bytes:
+def decompress(compression: str, data: bytes, size: int, is_cut: bool = False) -> bytes:
+    """The records of a chunk; of one cut off, those bytes that can be had.
+
+    Raises:
+        ValueError and others: as `read_messages`.
+    """
     if compression == "zstd":
         if is_cut:
             return zstandard.ZstdDecompressor().decompressobj().decompress(data)

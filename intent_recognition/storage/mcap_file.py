@@ -17,9 +17,9 @@ from intent_recognition.storage.mcap_chunk import (
     PARSE_ERRORS,
     Block,
     MessageTable,
-    Scratch,
     read_messages,
 )
+from intent_recognition.storage.mcap_group import GroupReader, groups
 from intent_recognition.storage.mcap_scan import Damage, open_view, scan_file
 
 
@@ -79,15 +79,20 @@ class McapFile:
     def tables(self) -> Iterator[MessageTable]:
         """All messages block by block, in the order they were recorded.
 
-        A table's `data` is valid until the next is asked for.
+        Small blocks come together. A table's `data` is valid until the next is asked for.
 
         Raises:
             BagError: damage, as in `items`.
         """
         with open_view(self.path) as view:
-            scratch = Scratch()
-            for block in sorted(self._usable(), key=lambda b: b.offset):
-                yield self._table(view, block, scratch)
+            reader = GroupReader(view)
+            for group in groups(view, sorted(self._usable(), key=lambda b: b.offset)):
+                table = self._group(reader, group)
+                if table is not None:
+                    yield table
+                    continue
+                for block in group:
+                    yield self._table(view, block)
         self._raise_damage()
 
     def items(self, wanted: set[str] | None) -> Iterator[_Item]:
@@ -136,10 +141,21 @@ class McapFile:
             )
         ]
 
-    def _table(self, view: mmap, block: Block, scratch: Scratch | None = None) -> MessageTable:
+    def _group(self, reader: GroupReader, blocks: list[Block]) -> MessageTable | None:
+        """Messages of several blocks; None where each had better be looked at by itself."""
+        if blocks[-1].is_cut:
+            return None
+        try:
+            table = reader.read(blocks)
+        except PARSE_ERRORS:
+            return None
+        known = set(np.unique(table.channels).tolist()) <= self.scan.channels.keys()
+        return table if known else None
+
+    def _table(self, view: mmap, block: Block) -> MessageTable:
         """Messages of a block whose topics are known; none of a broken one if tolerant."""
         try:
-            table = read_messages(view, block, scratch)
+            table = read_messages(view, block)
             times_ns = table.log_times_ns
             if times_ns.size and not (
                 block.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= block.end_ns
