@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent train --sessions`: the transition prior of the model file."""
+
+import numpy as np
+import pytest
+from cli.recorded import write_all
+
+from intent_recognition.errors import BagError
+from intent_recognition.promp.transitions import count_transitions, smoothed_transitions
+from intent_recognition.storage import BagWriter
+from intent_recognition.storage.model import load_model
+
+STRING = "std_msgs/msg/String"
+ORDERS = (("task_0", "task_1") * 5, ("task_1", "task_0", "dance", "task_1"))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    write_all(folder)
+    for number, order in enumerate(ORDERS):
+        write_session(folder / "sessions" / f"session_{number}", order)
+    return folder
+
+
+def write_session(path, order):
+    with BagWriter(path) as writer:
+        for k, label in enumerate(order):
+            for shift, text in ((0, label), (2, "")):
+                at_ns = 10**18 + (5 * k + shift) * 10**9
+                writer.write_message("demonstration", STRING, {"data": text}, at_ns)
+
+
+def train(run_command, recorded, output, *more):
+    options = ("--dofs", recorded / "dofs.yaml", "--basis", 8, "--output", output, *more)
+    code, text = run_command("train", recorded / "bags", *options)
+    assert code == 0
+    return text, load_model(output).library
+
+
+def test_sessions_give_the_transition_prior_and_nothing_else(run_command, recorded, tmp_path):
+    _, plain = train(run_command, recorded, tmp_path / "plain.npz")
+    np.testing.assert_array_equal(plain.transition_prior, np.full((3, 2), 0.5))
+    sessions = ("--sessions", recorded / "sessions")
+    text, library = train(run_command, recorded, tmp_path / "habit.npz", *sessions)
+    counts = count_transitions(ORDERS, library.labels)
+    np.testing.assert_allclose(library.transition_prior, smoothed_transitions(counts))
+    assert library.provenance["sessions"] == ["session_0", "session_1"]
+    assert library.provenance["transition_counts"] == counts.astype(int).tolist()
+    np.testing.assert_array_equal(library.weight_mean, plain.weight_mean)
+    assert "which task follows which" in text and "dance" in text and "no task" in text
+
+
+def test_sessions_without_a_task_of_the_model_are_refused(run_command, recorded, tmp_path):
+    write_session(tmp_path / "other", ("dance", "sing"))
+    with pytest.raises(BagError, match=r"--sessions.*task_0.*dance, sing"):
+        train(run_command, recorded, tmp_path / "m.npz", "--sessions", tmp_path / "other")
+    with pytest.raises(BagError, match="without labels"):
+        train(run_command, recorded, tmp_path / "m.npz", "--sessions", recorded / "bags")
+    with pytest.raises(BagError):
+        train(run_command, recorded, tmp_path / "m.npz", "--sessions", tmp_path / "elsewhere")
