@@ -27,23 +27,8 @@ KINDS = {
 def alignment() -> Iterator[Result]:
     """Accuracy, order and time of aligning 40 demonstrations of 200 samples and 6 DOFs."""
     rng = np.random.default_rng(20)
-    ratios, remarks, warps = [], [], []
-    for kind, made in KINDS.items():
-        timed = _demonstrations(rng, **made)
-        found = _smooth(timed.trajectories)
-        ours = _median_error(timed, [warp.apply(PHASE) for warp in found])
-        theirs = _median_error(timed, _dtw(timed.trajectories))
-        warps += found
-        ratios.append(ours / theirs)
-        remarks.append(f"{kind} {1e3 * ours:.2g} and {1e3 * theirs:.2g}")
-    yield Result(
-        "aligning, median phase error / dtaidistance's",
-        max(ratios),
-        1.3,
-        "at most",
-        "x",
-        f"the worst of, in thousandths: {'; '.join(remarks)}",
-    )
+    accuracy, warps = _accuracy(rng)
+    yield accuracy
     noise = rng.normal(size=(N_DEMONSTRATIONS, N_SAMPLES, N_DOFS))
     warps += align(noise, 0, AlignmentSettings(rate_std=3.0)).warps
     backward = sum(bool(np.any(np.diff(warp.recorded) <= 0)) for warp in warps)
@@ -53,7 +38,7 @@ def alignment() -> Iterator[Result]:
         0,
         "at most",
         f"of {len(warps)}",
-        "white noise under a ten times weaker prior among them",
+        "white noise under a 15 times weaker prior among them",
     )
     trajectories = _demonstrations(rng, **KINDS["some variety"]).trajectories
     ours_s, theirs_s = seconds_of_both(
@@ -67,6 +52,22 @@ def alignment() -> Iterator[Result]:
         "x",
         f"{1e3 * ours_s:.0f} and {1e3 * theirs_s:.0f} ms, plain numpy beside C",
     )
+
+
+def _accuracy(rng: np.random.Generator) -> tuple[Result, list[Warp]]:
+    """The worst ratio of median phase errors over all kinds of data, and the warps."""
+    ratios, remarks, warps = [], [], []
+    for kind, made in KINDS.items():
+        timed = _demonstrations(rng, **made)
+        found = _smooth(timed.trajectories)
+        ours = _median_error(timed, [warp.apply(PHASE) for warp in found])
+        theirs = _median_error(timed, _dtw(timed.trajectories))
+        warps += found
+        ratios.append(ours / theirs)
+        remarks.append(f"{kind} {1e3 * ours:.2g} and {1e3 * theirs:.2g}")
+    remark = f"the worst of, in thousandths: {'; '.join(remarks)}"
+    name = "aligning, median phase error / dtaidistance's"
+    return Result(name, max(ratios), 1.3, "at most", "x", remark), warps
 
 
 def _demonstrations(rng: np.random.Generator, **made: float) -> Timed:

@@ -19,7 +19,7 @@ from intent_recognition.alignment.reference import (
     resample,
     typical_deviation,
 )
-from intent_recognition.alignment.warp import Warp, slope_basis
+from intent_recognition.alignment.warp import MAX_LOG_RATE, Warp, slope_basis
 from intent_recognition.alignment.warp_fit import (
     Curves,
     WarpProblem,
@@ -224,7 +224,8 @@ def _problem(samples: np.ndarray, template: Template, settings: AlignmentSetting
 
 def _warps(parameters: np.ndarray, settings: AlignmentSettings) -> tuple[Warp, ...]:
     """Warps of parameters (n, K + 1)."""
-    return tuple(Warp(row[0], settings.basis @ row[1:]) for row in parameters)
+    rates = np.clip(parameters[:, 1:] @ settings.basis.T, -MAX_LOG_RATE, MAX_LOG_RATE)
+    return tuple(Warp(row[0], rate) for row, rate in zip(parameters, rates, strict=True))
 
 
 def _warped(samples: np.ndarray, parameters: np.ndarray, settings: AlignmentSettings) -> np.ndarray:

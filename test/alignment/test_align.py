@@ -91,7 +91,7 @@ def test_no_warp_runs_backward_whatever_the_data(trajectories, reference):
         assert np.all(np.isfinite(warp.recorded))
 
 
-@given(seeds, st.floats(0.05, 3.0))
+@given(seeds, st.floats(0.05, 50.0))
 @settings(max_examples=20)
 def test_no_warp_runs_backward_on_noise_and_a_weak_prior(seed, rate_std):
     noise = np.random.default_rng(seed).normal(size=(5, 80, 2))
