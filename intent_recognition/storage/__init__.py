@@ -3,6 +3,7 @@
 
 from intent_recognition.storage.bag_reader import BagMessage, BagReader, RawMessage
 from intent_recognition.storage.bag_writer import BagWriter, DiskFullError
+from intent_recognition.storage.columns import JointColumns, PoseColumns
 from intent_recognition.storage.demonstration import Demonstration, Rejection
 from intent_recognition.storage.demonstrations import iter_demonstrations, read_demonstrations
 from intent_recognition.storage.dofs import DofEntry, DofSpec, extract, load_dofs
@@ -15,6 +16,8 @@ __all__ = [
     "DiskFullError",
     "DofEntry",
     "DofSpec",
+    "JointColumns",
+    "PoseColumns",
     "RawMessage",
     "Rejection",
     "extract",

@@ -149,7 +149,9 @@ class McapFile:
             table = reader.read(blocks)
         except PARSE_ERRORS:
             return None
-        known = set(np.unique(table.channels).tolist()) <= self.scan.channels.keys()
+        known = (
+            set(np.flatnonzero(np.bincount(table.channels)).tolist()) <= self.scan.channels.keys()
+        )
         return table if known else None
 
     def _table(self, view: mmap, block: Block) -> MessageTable:

@@ -65,7 +65,7 @@ class GroupReader:
             if size > LARGEST_RATIO * block.length:
                 raise ValueError(f"{block.length} bytes say they are {size} decompressed")
         if sum(sizes) > len(self._buffer):
-            self._buffer = bytearray(sum(sizes))
+            self._buffer = bytearray(max(sum(sizes), GROUP_BYTES))
         data = memoryview(self._buffer)[: sum(sizes)]
         edges = np.cumsum([0, *sizes])
         for block, (start, stop) in zip(blocks, pairwise(edges.tolist()), strict=True):
@@ -75,9 +75,9 @@ class GroupReader:
         if np.any(positions[np.searchsorted(positions, begins, side="right") - 1] != begins):
             raise ValueError("a chunk ends inside of a record")
         table = message_table(data, positions)
-        owners = np.searchsorted(edges, table.starts, side="right") - 1
-        first_ns = np.array([block.start_ns for block in blocks], np.uint64)[owners]
-        last_ns = np.array([block.end_ns for block in blocks], np.uint64)[owners]
+        counts = np.diff(np.searchsorted(table.starts, edges))
+        first_ns = np.repeat(np.array([block.start_ns for block in blocks], np.uint64), counts)
+        last_ns = np.repeat(np.array([block.end_ns for block in blocks], np.uint64), counts)
         if np.any((table.log_times_ns < first_ns) | (table.log_times_ns > last_ns)):
             raise ValueError("times of a chunk and of its messages disagree")
         return table
