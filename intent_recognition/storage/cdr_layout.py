@@ -43,14 +43,14 @@ class Layout:
 
     def stamps_ns(self, messages: np.ndarray) -> np.ndarray:
         """Stamps of the headers, int64 (n,)."""
-        stamps = np.ascontiguousarray(messages[:, STAMP])
+        stamps = np.array(messages[:, STAMP], order="C")
         seconds, nanoseconds = stamps.view("<i4")[:, 0], stamps.view("<u4")[:, 1]
         return seconds.astype(np.int64) * 1_000_000_000 + nanoseconds
 
     def values(self, messages: np.ndarray) -> tuple[np.ndarray, ...]:
         """The float64 (n, count) of each run, bit for bit."""
         return tuple(
-            np.ascontiguousarray(messages[:, start : start + 8 * count]).view("<f8")
+            np.array(messages[:, start : start + 8 * count], order="C").view("<f8")
             if count
             else np.empty((len(messages), 0))
             for start, count in self.arrays
@@ -60,9 +60,8 @@ class Layout:
         """Whether these bytes are the template's in all messages."""
         width, expected = stop - start, self.template[start:stop]
         if width in (2, 4):  # many rows of a few bytes are compared faster as one number each
-            step, kind = messages.strides[:1], f"<u{width}"
-            column = np.ndarray(len(messages), kind, messages, start, step)
-            return bool(np.all(column == expected.view(kind)[0]))
+            kind = f"<u{width}"
+            return bool(np.all(messages[:, start:stop].view(kind) == expected.view(kind)))
         return bool(np.all(messages[:, start:stop] == expected))
 
     @cached_property

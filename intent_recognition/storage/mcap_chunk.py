@@ -114,7 +114,14 @@ def message_table(data: bytes | memoryview, positions: np.ndarray) -> MessageTab
 
 
 def payloads(table: MessageTable, length: int) -> np.ndarray:
-    """Payloads of a table whose messages all have this length, uint8 (n, length)."""
+    """Payloads of a table whose messages all have this length, uint8 (n, length).
+
+    Where they stand at equal distances they are not copied: only valid as long as `table.data`.
+    """
+    steps = np.diff(table.starts)
+    if length and steps.size and np.all(steps == steps[0]):
+        shape, strides = (table.starts.size, length), (int(steps[0]), 1)
+        return np.ndarray(shape, np.uint8, table.data, int(table.starts[0]), strides)
     return gather(table.data, table.starts, length).view(np.uint8).reshape(-1, length)
 
 
