@@ -19,7 +19,8 @@ from intent_recognition.cli.recordings import (
     write_json,
 )
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.report.evaluation import PHASES, Fold, evaluate, make_folds
+from intent_recognition.report.evaluation import Fold, evaluate, make_folds
+from intent_recognition.report.scoring import PHASES
 from intent_recognition.storage.demonstration import Demonstration
 from intent_recognition.storage.dofs import load_dofs
 
@@ -40,9 +41,17 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument(
         "--start-posture",
-        choices=("on", "off"),
+        choices=("on", "off", "both"),
         default="off",
-        help="condition trajectories on where the controlled agent starts (default: off)",
+        help="condition trajectories on where the controlled agent starts; both: without, and"
+        " with it in tables of their own (default: off)",
+    )
+    parser.add_argument(
+        "--unknown-tasks",
+        choices=("on", "off"),
+        default="on",
+        help="also leave every task out in turn and see whether its movements are taken for"
+        " another's (default: on)",
     )
     parser.add_argument("--json", type=Path, metavar="OUT", help="write the numbers as JSON")
     parser.add_argument("--report", type=Path, metavar="OUT.html", help="write an HTML report")
@@ -67,12 +76,16 @@ def run(args: argparse.Namespace) -> int:
     print_left_out(console, [f"{name}: it has no label `task`" for name in unlabelled])
     print_dropped(console, usable)
     with progress_bar(console) as bar:
-        task = bar.add_task("scoring", total=sum(len(test) for _, test in folds))
+        unknown = args.unknown_tasks == "on" and len({d.task for d in usable}) > 1
+        n_scored = sum(len(test) for _, test in folds)
+        task = bar.add_task("scoring", total=n_scored + unknown * len(usable))
         result = evaluate(
             usable,
             folds,
             training_settings(args),
             start_posture=args.start_posture == "on",
+            both_starts=args.start_posture == "both",
+            unknown_tasks=unknown,
             progress=lambda done: bar.update(task, completed=done),
         )
     print_result(console, result)
@@ -116,10 +129,10 @@ def print_result(console: Console, result: dict) -> None:
         f" errors in {result['unit']}",
         highlight=False,
     )
-    for kind in ("recognition", "prediction"):
-        for phase in PHASES:
+    for kind in ("recognition", "prediction", "prediction_with_start_posture"):
+        for phase in PHASES if kind in result else ():
             rows = result[kind][phase]
-            table = Table(title=f"{kind}, {phase.replace('_', ' ')}")
+            table = Table(title=f"{kind.replace('_', ' ')}, {phase.replace('_', ' ')}")
             table.add_column("observed")
             names = list(next(iter(rows.values())))
             for name in names:
@@ -128,6 +141,24 @@ def print_result(console: Console, result: dict) -> None:
                 cells = [_cell(values[name]) for name in names]
                 table.add_row(f"{float(fraction):.0%}", *cells)
             console.print(table)
+    _print_none(console, result["none"])
+
+
+def _print_none(console: Console, none: dict) -> None:
+    """What becomes of movements of tasks that were left out, in two lines."""
+    if none["area"] is None:
+        return
+    console.print(
+        f"tasks left out in turn: area under the ROC of known against unknown movements"
+        f" {none['area']:.3f}",
+        highlight=False,
+    )
+    for kind in ("known", "unknown"):
+        console.print(
+            f"{kind} movements: {none['n_' + kind]}, above the threshold"
+            f" {none['above_threshold_' + kind]:.1%}, activated {none['activated_' + kind]:.1%}",
+            highlight=False,
+        )
 
 
 def _cell(value: object) -> str:

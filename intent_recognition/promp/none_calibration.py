@@ -5,7 +5,7 @@ The log Bayes factor of the known tasks over none is followed through every demo
 with a library that knows its task (the demonstration itself left out) and once with one that does
 not. A decision is taken the first time a probability is high enough, so the highest factor that an
 unknown movement reaches on its way counts, and the lowest one of a known movement; what lies
-between them decides nothing.
+between them decides nothing. Where there is only one task, unknown movements are drawn from none.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,6 +34,7 @@ TAIL_RATE = 2.373
 MAX_CALIBRATED = 120
 NEAREST = 8
 """Demonstrations followed, and other tasks that each is compared with, at most."""
+N_IMAGINED = 40
 
 
 class HeldOut(NamedTuple):
@@ -104,6 +105,8 @@ def calibrate_none(
             everyone = np.arange(library.n_tasks)
             none = _evidence_of_none(library, one, everyone, one.own, departed)
             known.append(_total([*evidence, own], library.n_tasks) - none)
+    if library.n_tasks == 1:
+        unknown = _imagined(library, departed)
     return calibrate(np.array(known), np.array(unknown))
 
 
@@ -184,6 +187,27 @@ def _noise(library: TaskLibrary, times_s: np.ndarray, n_dofs: int) -> np.ndarray
     dofs = np.arange(n_dofs)
     intervals = np.r_[np.inf, np.diff(times_s)]
     return np.concatenate([np.diag(library.noise_covariance(dofs, dt)) for dt in intervals])
+
+
+def _imagined(library: TaskLibrary, departed: np.ndarray) -> list[np.ndarray]:
+    """Factors through movements drawn from none itself, where no task can be left out."""
+    rng = np.random.default_rng(N_IMAGINED)
+    every = np.arange(library.n_tasks)
+    means = library.observed_mean[every].reshape(len(every), library.n_observed, -1)
+    none = none_primitive(means, library.observed_covariance[every], departed)
+    log_mean, log_std = none_timing(library.log_duration_mean, library.log_duration_std)
+    design = library.basis.design_matrix(sample_phases())
+    weights = rng.multivariate_normal(none.mean, none.covariance, size=N_IMAGINED)
+    noise_std = np.sqrt(library.noise_variance[: library.n_observed])
+    factors = []
+    for one in weights.reshape(N_IMAGINED, library.n_observed, -1):
+        times_s = sample_phases() * np.exp(log_mean + log_std * rng.normal())
+        values = design @ one.T + noise_std * rng.normal(size=(len(design), library.n_observed))
+        imagined = HeldOut(-1, times_s, values, None)
+        evidence = _others_evidence(library, imagined, every)
+        none_evidence = _evidence_of_none(library, imagined, every, None, departed)
+        factors.append(_total(evidence, library.n_tasks) - none_evidence)
+    return factors
 
 
 def _others_evidence(library: TaskLibrary, one: HeldOut, others: np.ndarray) -> list[np.ndarray]:

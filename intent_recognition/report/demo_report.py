@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.report import figures
+from intent_recognition.report.calibration import reliability_bins
 from intent_recognition.report.drawing import NONE, readable, to_svg
-from intent_recognition.report.figures_evaluation import reliability_bins, reliability_figure
+from intent_recognition.report.figures_evaluation import reliability_figure
 from intent_recognition.report.figures_interaction import (
     joint_figure,
     posterior_over_time_figure,

@@ -6,12 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
+from intent_recognition.report.calibration_report import (
+    confusion_section,
+    none_section,
+    reliability_figures,
+)
 from intent_recognition.report.drawing import to_svg
 from intent_recognition.report.figures_evaluation import (
+    PHASE_NAMES,
     RMSE_STYLES,
     coverage_figure,
     recognition_figure,
-    reliability_figure,
     rmse_figure,
 )
 from intent_recognition.report.html import (
@@ -28,7 +33,6 @@ from intent_recognition.report.html import (
     write_page,
 )
 
-PHASE_NAMES = {"known_phase": "known phase", "unknown_phase": "unknown phase"}
 PREDICTION_COLUMNS = {
     "rmse": "RMSE",
     "rmse_inferred_task": "RMSE, inferred task",
@@ -68,8 +72,15 @@ def evaluation_page(result: Mapping, title: str) -> Page:
     sections = [
         Section("Result", (_key_numbers(result), Text(EXPLANATION, small=True))),
         Section("Recognition", _recognition(result.get("recognition", {}))),
+        confusion_section(result),
         *(_prediction(result.get("prediction", {}), unit) for unit in _units(result)),
+        *(
+            _prediction(result["prediction_with_start_posture"], unit, ", start posture known")
+            for unit in _units(result)
+            if "prediction_with_start_posture" in result
+        ),
         Section("Calibration", _calibration(result)),
+        none_section(result),
         Section("Without labels", _mixture(result.get("mixture", {}))),
     ]
     subtitle = f"{result.get('n_demonstrations', 0)} recordings of {tasks or 'no task'}"
@@ -142,9 +153,9 @@ def _recognition(recognition: Mapping) -> tuple[Block, ...]:
     return Figure(to_svg(figure), caption), Table(tuple(columns), tuple(rows))
 
 
-def _prediction(prediction: Mapping, unit: str) -> Section:
+def _prediction(prediction: Mapping, unit: str, remark: str = "") -> Section:
     phases = {phase: prediction[phase] for phase in PHASE_NAMES if prediction.get(phase)}
-    heading = f"Prediction of the controlled agent [{unit}]" if unit else "Prediction"
+    heading = f"Prediction of the controlled agent{remark} [{unit}]" if unit else "Prediction"
     if not phases:
         return Section(heading, ())
     panels = {
@@ -188,15 +199,8 @@ def _calibration(result: Mapping) -> tuple[Block, ...]:
             where = f" ({unit})" if len(units) > 1 else ""
             caption = f"Share of true values within two standard deviations{where}."
             drawn.append(Figure(to_svg(coverage_figure(coverage)), caption))
-    bins = result.get("reliability")
-    if bins:
-        figure = reliability_figure(
-            np.array(bins["probability"], dtype=float),
-            np.array(bins["share_true"], dtype=float),
-            np.array(bins["count"]),
-        )
-        drawn.append(Figure(to_svg(figure), "Are the task probabilities to be believed?"))
-    return (Row(tuple(drawn)),) if drawn else ()
+    drawn += reliability_figures(result)
+    return tuple(Row(tuple(drawn[i : i + 2])) for i in range(0, len(drawn), 2))
 
 
 def _mixture(mixture: Mapping) -> tuple[Block, ...]:

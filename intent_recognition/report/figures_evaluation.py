@@ -7,6 +7,7 @@ import numpy as np
 
 from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_figure, styled
 
+PHASE_NAMES = {"known_phase": "known phase", "unknown_phase": "unknown phase"}
 PHASE_STYLES = {
     "known_phase": ("known phase", PALETTE[0], "o"),
     "unknown_phase": ("unknown phase", PALETTE[1], "s"),
@@ -115,24 +116,6 @@ def reliability_figure(confidence: np.ndarray, share_right: np.ndarray, counts: 
     axes.set_ylabel("share of cases in which it was true")
     axes.legend(loc="lower right", markerscale=0.6)
     return figure
-
-
-def reliability_bins(
-    probabilities: np.ndarray, truth: np.ndarray, n_bins: int = 10
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean probability, share true and count per bin of probability, each (B,).
-
-    Args:
-        probabilities: (n,) in [0, 1].
-        truth: (n,) whether what each of them spoke of was true.
-        n_bins: bins of equal width B.
-    """
-    probabilities, truth = np.asarray(probabilities, float), np.asarray(truth, float)
-    bins = np.minimum((probabilities * n_bins).astype(int), n_bins - 1)
-    counts = np.bincount(bins, minlength=n_bins)
-    divisor = np.where(counts > 0, counts, np.nan)
-    mean = np.bincount(bins, probabilities, n_bins) / divisor
-    return mean, np.bincount(bins, truth, n_bins) / divisor, counts
 
 
 def _phases(axes, series: Series) -> None:

@@ -13,12 +13,12 @@ from promp.simulation import START_NS, Recording, make_library, minimum_jerk, si
 from intent_recognition.errors import ArgumentError, IntentError, TrainingError
 from intent_recognition.promp.signals import Signal
 from intent_recognition.promp.training import TrainingSettings, learn
-from intent_recognition.report.evaluation import (
+from intent_recognition.report.evaluation import evaluate, make_folds
+from intent_recognition.report.scoring import (
     PREDICTION_FRACTIONS,
     RECOGNITION_FRACTIONS,
     Scores,
-    evaluate,
-    make_folds,
+    collect,
     per_unit,
     score_demonstration,
 )
@@ -78,7 +78,17 @@ def test_identical_demonstrations_are_predicted_perfectly(identical):
 def test_the_json_is_the_contracts(identical):
     again = json.loads(json.dumps(identical, allow_nan=False))
     assert again == identical
-    assert set(identical) == {"n_demonstrations", "tasks", "unit", "recognition", "prediction"}
+    assert set(identical) == {
+        "n_demonstrations",
+        "tasks",
+        "unit",
+        "recognition",
+        "prediction",
+        "reliability",
+        "coverage",
+        "confusion",
+        "none",
+    }
     assert identical["n_demonstrations"] == 6
     assert identical["tasks"] == ["a", "b"]
     assert identical["unit"] == "rad"
@@ -201,9 +211,9 @@ def test_percentages_observed_are_of_time_not_of_samples():
     human = 0.3 * minimum_jerk(times / 2.0)
     human = np.where(times <= 0.9, -human, human)  # like b until 45 % of the time, like a after
     odd = replace(truth[0], observed=(Signal(("x",), stamps, human[:, None], "m"),))
-    scores = Scores()
-    score_demonstration(scores, library, truth, odd, False)
-    table = scores.table("known_phase", RECOGNITION_FRACTIONS, ("rad",), ("accuracy",))
+    collected = collect()
+    score_demonstration(collected, library, truth, odd, False)
+    table = collected.scores.table("known_phase", RECOGNITION_FRACTIONS, ("rad",), ("accuracy",))
     assert table["0.3"]["accuracy"] == 0.0
     assert table["1.0"]["accuracy"] == 1.0
 
@@ -219,16 +229,16 @@ def test_what_comes_after_a_fraction_does_not_change_its_scores(rng):
     other = replace(test, observed=(Signal(signal.names, signal.stamps_ns, changed, "m"),))
     tables = []
     for recording in (test, other):
-        scores = Scores()
-        score_demonstration(scores, library, training, recording, False)
+        collected = collect()
+        score_demonstration(collected, library, training, recording, False)
         names = tuple(PREDICTION_KEYS - {"rmse_nearest_neighbour"})
         tables.append(
             (
-                scores.table("unknown_phase", (0.25, 0.5), ("rad",), names),
-                scores.table(
+                collected.scores.table("unknown_phase", (0.25, 0.5), ("rad",), names),
+                collected.scores.table(
                     "unknown_phase", (0.1, 0.2, 0.3, 0.5), ("rad",), ("accuracy", "log_loss")
                 ),
-                scores.table("unknown_phase", (1.0,), ("rad",), ("rmse",)),
+                collected.scores.table("unknown_phase", (1.0,), ("rad",), ("rmse",)),
             )
         )
     assert tables[0][:2] == tables[1][:2]
@@ -321,7 +331,7 @@ def test_a_recording_without_duration_is_named(rng):
     library, _ = learn(IDENTICAL, SETTINGS)
     still = replace(IDENTICAL[0], name="frozen", end_ns=START_NS)
     with pytest.raises(IntentError, match=r"frozen: expected a positive duration, got 0"):
-        score_demonstration(Scores(), library, IDENTICAL, still, False)
+        score_demonstration(collect(), library, IDENTICAL, still, False)
 
 
 def test_progress_counts_every_demonstration():

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.report import figures
+from intent_recognition.report.calibration import reliability_bins
 from intent_recognition.report.drawing import (
     NONE_COLOUR,
     PALETTE,
@@ -23,7 +24,6 @@ from intent_recognition.report.drawing import (
 from intent_recognition.report.figures_evaluation import (
     coverage_figure,
     recognition_figure,
-    reliability_bins,
     reliability_figure,
     rmse_figure,
 )

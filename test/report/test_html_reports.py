@@ -230,11 +230,40 @@ def test_missing_parts_and_values_are_left_out(rng, tmp_path):
 def test_optional_parts_are_shown(rng):
     content = result(rng) | {
         "mixture": {"n_components": 4, "purity": 0.97},
-        "reliability": {"probability": [0.1, None], "share_true": [0.2, None], "count": [5, 0]},
+        "reliability": {
+            "known_phase": {"probability": [0.1, None], "share_true": [0.2, None], "count": [5, 0]}
+        },
+        "coverage": {"unknown_phase": {"should": [0.5, 0.9], "does": [0.4, 0.95]}},
+        "confusion": {
+            "known_phase": {
+                f: {"true": ["a", "b"], "recognised": ["a", "b", "none"], "counts": [[3, 0, 1]] * 2}
+                for f in ("0.2", "0.5", "1.0")
+            }
+        },
+        "prediction_with_start_posture": result(rng)["prediction"],
+        "none": {
+            "n_known": 4,
+            "n_unknown": 4,
+            "area": 0.875,
+            "roc": {"unknown": [0.0, 0.0, 0.5, 1.0], "known": [0.0, 0.75, 1.0, 1.0]},
+            **{
+                f"{what}_{kind}": 0.25
+                for what in ("activated", "above_threshold")
+                for kind in ("known", "unknown")
+            },
+            "left_out": {"a": {"n": 4, "area": None, "activated": 0.0, "above_threshold": 0.5}},
+            "accuracy": {"known_phase": {"0.5": {"with_none": 0.5, "without_none": 0.75}}},
+        },
     }
     page = evaluation_page(content, "t")
     assert key_numbers(page)["components chosen"].ours == "4"
-    assert len(figures_of(page)) == len(figures_of(evaluation_page(result(rng), "t"))) + 1
+    assert key_numbers(page)["area under the ROC"].ours == "0.875"
+    new = 2 + 2 + 1 + 1  # reliability and regions, two confusions, errors, ROC
+    assert len(figures_of(page)) == len(figures_of(evaluation_page(result(rng), "t"))) + new
+    cells = [row for table in blocks_of(page, Table) for row in table.rows]
+    assert ("a", "4", None, "50.0", "0.0") in cells and ("50", "75.0", "50.0") in cells
+    headings = [section.heading for section in page.sections]
+    assert "Prediction of the controlled agent, start posture known [rad]" in headings
 
 
 def test_no_pyplot():

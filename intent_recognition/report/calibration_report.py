@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The evaluation report's sections on calibration, confusions and unknown movements."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from intent_recognition.report.drawing import readable, to_svg
+from intent_recognition.report.figures_calibration import (
+    confusion_figure,
+    regions_figure,
+    roc_figure,
+)
+from intent_recognition.report.figures_evaluation import PHASE_NAMES, reliability_figure
+from intent_recognition.report.html import (
+    Block,
+    Column,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Row,
+    Section,
+    Table,
+    Text,
+)
+
+SHOWN_FRACTIONS = ("0.2", "0.5")
+UNKNOWN_EXPLANATION = (
+    "Every task is left out in turn, and a library of the others sees its movements with unknown"
+    " progress, as the nodes would. The ROC compares the highest odds that one task holds against"
+    " all else, for as many observations on end as the decision asks for; known movements were"
+    " left out of training one by one or by folds. Activated means: by the default decision, which"
+    " also asks how certain the predicted end is."
+)
+
+
+def reliability_figures(result: Mapping) -> list[Figure]:
+    """A reliability diagram for each kind of phase, and the regions that hold the truth."""
+    figures = []
+    for phase, bins in _phases(result.get("reliability")).items():
+        figure = reliability_figure(
+            np.array(bins["probability"], dtype=float),
+            np.array(bins["share_true"], dtype=float),
+            np.array(bins["count"]),
+        )
+        caption = f"Are the task probabilities to be believed? {PHASE_NAMES[phase].capitalize()}."
+        figures.append(Figure(to_svg(figure), caption))
+    regions = _phases(result.get("coverage"))
+    if regions:
+        figure = regions_figure({p: (r["should"], r["does"]) for p, r in regions.items()})
+        caption = "Are the standard deviations to be believed? Regions of 50 to 99 %."
+        figures.append(Figure(to_svg(figure), caption))
+    return figures
+
+
+def confusion_section(result: Mapping) -> Section:
+    """Who is taken for whom early on, with none competing."""
+    rows: list[Block] = []
+    for phase, by_fraction in _phases(result.get("confusion")).items():
+        figures = []
+        for fraction in SHOWN_FRACTIONS:
+            if fraction in by_fraction:
+                table = by_fraction[fraction]
+                figure = confusion_figure(table["counts"], table["true"], table["recognised"])
+                caption = f"{100 * float(fraction):.0f} % observed, {PHASE_NAMES[phase]}."
+                figures.append(Figure(to_svg(figure), caption))
+        if figures:
+            rows.append(Row(tuple(figures)))
+    return Section("Confusions", tuple(rows))
+
+
+def none_section(result: Mapping) -> Section:
+    """What becomes of movements of tasks that the library does not know."""
+    none = result.get("none") or {}
+    blocks: list[Block] = []
+    if none.get("area") is not None:
+        blocks.append(_none_numbers(none))
+        curve = none["roc"]
+        figure = roc_figure(curve["unknown"], curve["known"], none["area"])
+        blocks.append(Figure(to_svg(figure), "Known against unknown movements."))
+        blocks.append(_left_out_table(none["left_out"]))
+    accuracy = _phases(none.get("accuracy"))
+    if accuracy:
+        blocks.append(_accuracy_table(accuracy))
+    if blocks:
+        blocks.append(Text(UNKNOWN_EXPLANATION, small=True))
+    return Section("Movements of unknown tasks", tuple(blocks))
+
+
+def _none_numbers(none: Mapping) -> KeyNumbers:
+    return KeyNumbers(
+        (
+            KeyNumber("area under the ROC", f"{none['area']:.3f}", good=none["area"] >= 0.95),
+            KeyNumber(
+                "unknown movements activated",
+                _percent(none["activated_unknown"]),
+                note=f"{_percent(none['above_threshold_unknown'])} above the threshold",
+            ),
+            KeyNumber(
+                "known movements activated",
+                _percent(none["activated_known"]),
+                note=f"{_percent(none['above_threshold_known'])} above the threshold",
+            ),
+        )
+    )
+
+
+def _left_out_table(left_out: Mapping) -> Table:
+    columns = (
+        Column("task left out", align="left"),
+        Column("movements"),
+        Column("area"),
+        Column("above the threshold", "%"),
+        Column("activated", "%"),
+    )
+    rows = tuple(
+        (
+            readable(task),
+            str(own["n"]),
+            None if own["area"] is None else f"{own['area']:.3f}",
+            f"{100 * own['above_threshold']:.1f}",
+            f"{100 * own['activated']:.1f}",
+        )
+        for task, own in left_out.items()
+    )
+    return Table(columns, rows, "Each task left out")
+
+
+def _accuracy_table(accuracy: Mapping) -> Table:
+    columns = [Column("observed", "%")]
+    for phase in accuracy:
+        columns += [
+            Column(f"without none, {PHASE_NAMES[phase]}", "%"),
+            Column(f"with none, {PHASE_NAMES[phase]}", "%"),
+        ]
+    rows = []
+    for fraction in sorted(next(iter(accuracy.values())), key=float):
+        row = [f"{100 * float(fraction):.0f}"]
+        for table in accuracy.values():
+            both = table.get(fraction, {})
+            row += [f"{100 * both[k]:.1f}" for k in ("without_none", "with_none") if k in both]
+        rows.append(tuple(row))
+    return Table(tuple(columns), tuple(rows), "What none costs: accuracy on known tasks")
+
+
+def _phases(content: Mapping | None) -> dict[str, Mapping]:
+    """What there is for each kind of phase, in order."""
+    return {phase: content[phase] for phase in PHASE_NAMES if content and content.get(phase)}
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f} %"

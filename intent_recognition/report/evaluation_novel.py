@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Does `none` hold its ground? Movements of tasks that a library knows, and of tasks it does not.
+
+Every task is left out in turn and its movements are shown to a library of the others; known
+movements are those left out of training one by one (or by folds). Progress is unknown throughout,
+and the decision is the nodes' own, with its default settings.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.promp.bank import make_hypotheses
+from intent_recognition.promp.decision import NONE, DecisionSettings, DecisionState, decide
+from intent_recognition.promp.examples import Recorded
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.observations import BankRun, merge
+from intent_recognition.promp.prediction import controlled_weights, dof_variance, observed_weights
+from intent_recognition.promp.recognition import TaskPosterior, task_posterior
+from intent_recognition.promp.training import learn
+from intent_recognition.promp.training_settings import TrainingSettings
+
+
+class Outcome(NamedTuple):
+    """What became of one movement.
+
+    Attributes:
+        task: what it was.
+        log_odds: highest log odds that one known task held against all else for as many
+            observations on end as the decision asks for; minus infinity if it was never asked.
+        above_threshold: whether they passed the decision's threshold.
+        activated: the task that became active first, empty if none did.
+    """
+
+    task: str
+    log_odds: float
+    above_threshold: bool
+    activated: str
+
+
+class Watch:
+    """Follows one movement as the activation node would.
+
+    Args:
+        library: the learned tasks.
+        settings: of the decision; the node's defaults when None.
+    """
+
+    def __init__(self, library: TaskLibrary, settings: DecisionSettings | None = None):
+        self._library = library
+        self._settings = settings or DecisionSettings()
+        self._labels = (*library.labels, NONE)
+        self._state = DecisionState()
+        self._recent: list[tuple[int, float]] = []
+        self._highest, self._activated = -np.inf, ""
+
+    def observe(self, run: BankRun, elapsed_s: float) -> None:
+        """Look at the bank after one more observation."""
+        posterior = task_posterior(run, run.hypotheses, elapsed_s)
+        prior = np.logaddexp.reduce(
+            run.hypotheses.log_prior.reshape(-1, run.hypotheses.n_scales), axis=1
+        )
+        log_joint = prior + posterior.log_evidence
+        best = int(np.argmax(log_joint[:-1]))
+        rest = np.logaddexp.reduce(np.delete(log_joint, best))
+        self._recent = [*self._recent, (best, float(log_joint[best] - rest))]
+        self._recent = self._recent[-self._settings.n_observations :]
+        full = len(self._recent) == self._settings.n_observations
+        if full and all(task == best for task, _ in self._recent):
+            self._highest = max(self._highest, min(odds for _, odds in self._recent))
+        if self._activated:
+            return
+        ready = self._state.n_for + 1 >= self._settings.n_observations
+        sure = posterior.probabilities[best] >= self._settings.threshold
+        end_std = self._end_std(run, posterior, best) if ready and sure else None
+        self._state, self._activated = decide(
+            self._settings, self._state, self._labels, posterior.probabilities, end_std
+        )
+
+    def outcome(self, task: str) -> Outcome:
+        """What became of the movement, which was of this task."""
+        threshold = self._settings.threshold
+        limit = np.log(threshold) - np.log1p(-threshold) if threshold < 1.0 else np.inf
+        above = bool(self._highest >= limit)
+        return Outcome(task, self._highest, above, self._activated)
+
+    def _end_std(self, run: BankRun, posterior: TaskPosterior, task: int) -> float:
+        """Largest standard deviation of the controlled DOFs at the predicted end."""
+        library = self._library
+        scales = posterior.scale_weights[task : task + 1]
+        weights = controlled_weights(library, task, observed_weights(run.task(task), scales, 0))
+        end = library.basis.design_matrix(np.ones(1))
+        variance = dof_variance(end, weights.covariance)[0] + library.control_noise_variance()
+        return float(np.sqrt(variance.max()))
+
+
+def follow(library: TaskLibrary, recorded: Recorded) -> Outcome:
+    """What a library makes of a whole recording, its progress unknown."""
+    run = BankRun(library, make_hypotheses(library), None, recorded.start_ns)
+    watch = Watch(library)
+    for observation in merge(recorded.observed):
+        if recorded.start_ns <= observation.stamp_ns <= recorded.end_ns:
+            run.observe(observation)
+            watch.observe(run, (observation.stamp_ns - recorded.start_ns) * 1e-9)
+    return watch.outcome(str(recorded.task))
+
+
+def follow_unknown(
+    demonstrations: Sequence[Recorded],
+    settings: TrainingSettings,
+    progress: Callable[[int], None] = lambda done: None,
+) -> list[Outcome]:
+    """Every task left out in turn: what a library of the others makes of its movements.
+
+    Tasks without which nothing can be learned are passed over.
+
+    Args:
+        demonstrations: labelled recordings, their start and end taken as they are.
+        settings: how to learn.
+        progress: called with the number of demonstrations followed so far.
+
+    Raises:
+        TrainingError: a library of the others cannot be learned.
+    """
+    outcomes: list[Outcome] = []
+    for task in sorted({str(d.task) for d in demonstrations}):
+        rest = [d for d in demonstrations if d.task != task]
+        if len(rest) < 2 or len(rest) == len({d.task for d in rest}):
+            continue
+        library, _ = learn(rest, settings)
+        for recorded in (d for d in demonstrations if d.task == task):
+            outcomes.append(follow(library, recorded))
+            progress(len(outcomes))
+    return outcomes
+
+
+def compare(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[str, object]:
+    """The JSON of known against unknown movements; None where there are none of either.
+
+    `area` is the probability that a known movement reaches higher odds than an unknown one; `roc`
+    the shares of both that reach as much, for every threshold that makes a difference.
+    """
+    score = {
+        name: np.array([o.log_odds for o in outcomes])
+        for name, outcomes in (("known", known), ("unknown", unknown))
+    }
+    content: dict[str, object] = {
+        "n_known": len(known),
+        "n_unknown": len(unknown),
+        "area": area(score["known"], score["unknown"]),
+        "activated_known": _share([bool(o.activated) for o in known]),
+        "activated_unknown": _share([bool(o.activated) for o in unknown]),
+        "activated_wrong_task": _share([o.activated not in ("", o.task) for o in known]),
+        "above_threshold_known": _share([o.above_threshold for o in known]),
+        "above_threshold_unknown": _share([o.above_threshold for o in unknown]),
+        "left_out": {},
+    }
+    for task in sorted({o.task for o in unknown}):
+        own = [o for o in unknown if o.task == task]
+        content["left_out"][task] = {
+            "n": len(own),
+            "area": area(score["known"], np.array([o.log_odds for o in own])),
+            "activated": _share([bool(o.activated) for o in own]),
+            "above_threshold": _share([o.above_threshold for o in own]),
+        }
+    content["roc"] = roc(score["known"], score["unknown"]) if known and unknown else None
+    return content
+
+
+def area(known: np.ndarray, unknown: np.ndarray) -> float | None:
+    """Share of pairs in which the known one is higher, ties half; None without a pair."""
+    if not len(known) or not len(unknown):
+        return None
+    above = known[:, None] > unknown[None]
+    equal = known[:, None] == unknown[None]
+    return float(np.mean(above + 0.5 * equal))
+
+
+def roc(known: np.ndarray, unknown: np.ndarray) -> dict[str, list[float]]:
+    """Shares of known and of unknown ones at or above each threshold, from (0, 0) to (1, 1)."""
+    thresholds = np.unique(np.r_[known, unknown])[::-1]
+    return {
+        name: [0.0, *(float(np.mean(values >= t)) for t in thresholds)]
+        for name, values in (("unknown", unknown), ("known", known))
+    }
+
+
+def _share(values: Sequence[bool]) -> float | None:
+    return float(np.mean(values)) if values else None
