@@ -2,6 +2,7 @@
 """Where work is done: in this process, in others on this machine, or by a dask scheduler."""
 
 import argparse
+import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -64,7 +65,9 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
 @contextmanager
 def _processes(jobs: int) -> Iterator[Run]:
     # A fresh interpreter each: to fork one whose progress bar has a thread may lock up.
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
+    pool = ProcessPoolExecutor(
+        jobs, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)
+    )  # Ctrl-C is for this process, which then ends the others
     try:
         yield partial(_in_order, pool.submit, AHEAD * jobs)
     except BrokenProcessPool as error:

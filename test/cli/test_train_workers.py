@@ -2,6 +2,7 @@
 """`intent train --jobs` and `--scheduler`: wherever bags are read, the model is the same."""
 
 import os
+import signal
 import sys
 from dataclasses import fields
 
@@ -123,6 +124,11 @@ def test_a_worker_that_dies_is_an_error_and_one_that_refuses_says_so():
         list(run(os._exit, [3, 3, 3]))
     with pytest.raises(DofError, match=r"no\.yaml"), workers(2) as run:
         list(run(load_dofs, ["/no.yaml"] * 3))
+
+
+def test_an_interrupt_is_not_for_the_workers():
+    with workers(2) as run:
+        assert list(run(signal.getsignal, [signal.SIGINT])) == [signal.SIG_IGN]
 
 
 def test_results_come_in_order_and_few_at_a_time():
