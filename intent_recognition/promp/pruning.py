@@ -20,15 +20,18 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.gaussian.linalg import cholesky, log_normalizer
+from intent_recognition.promp.filter_block import FilterBlock
 from intent_recognition.promp.running_bank import RunningBank
 
-SET_ASIDE = 70.0
+SET_ASIDE = 60.0
 """A task is set aside when its log posterior is so far below the likeliest task's."""
-NEGLIGIBLE = 46.0
-"""The bound on a task set aside stays so far below; e^-46 is 1e-20."""
+NEGLIGIBLE = 40.0
+"""The bound on a task set aside stays so far below; e^-40 is 4e-18."""
+SOON = 2.0
+"""Bounds so close to that limit are looked at together with those that have reached it."""
 CHECK_EVERY = 8
 """Observations between two looks for tasks to set aside."""
-N_TRIED = 6
+N_TRIED = 3
 MAX_KEPT = 4096
 """So many kept observations are replayed at the latest: memory is bounded."""
 
@@ -113,7 +116,10 @@ class PrunedBank:
         tasks = self.tasks_aside if tasks is None else tasks
         for since in np.unique(self._since[tasks]):
             group = tasks[self._since[tasks] == since]
-            density = self._run(group, self._kept[since:], fold=True)
+            blocks = self._bank.gather(group)
+            density = self._log_density(blocks, group, self._kept[since:])
+            for block in blocks:
+                block.fold()
             self._bank.activate(group, density)
         self._aside[tasks] = False
         self._bound[tasks] = -np.inf
@@ -121,19 +127,19 @@ class PrunedBank:
         if not self._aside.any():
             self._kept, self._peaks, self._peak = [], [], 0.0
 
-    def _run(self, tasks: np.ndarray, steps: list[Step], *, fold: bool) -> np.ndarray:
-        """Log density of some steps under tasks set aside, (n S,); fold to keep the outcome."""
+    def _log_density(
+        self, blocks: list[FilterBlock], tasks: np.ndarray, steps: list[Step]
+    ) -> np.ndarray:
+        """Condition the blocks of some tasks on steps: their joint log density, (n S,)."""
         n_scales = self._bank.shape[1]
         index = (tasks[:, None] * n_scales + np.arange(n_scales)).ravel()
         density, first = np.zeros(len(index)), 0
-        for block in self._bank.gather(tasks):
+        for block in blocks:
             some = slice(first, first + len(block.mean))
             for step in steps:
                 rows = self._rows(step, index[some])
                 noise = _of(step.noise_covariance, index[some])
                 density[some] += block.condition(step.dofs, rows, step.values, noise)
-            if fold:
-                block.fold()
             first = some.stop
         return density
 
@@ -144,29 +150,26 @@ class PrunedBank:
         if len(self._kept) >= MAX_KEPT:
             self.revive()
         elif self._highest_bound + self._peak > top - NEGLIGIBLE:
-            close = np.flatnonzero(self._aside & (self._bound + self._peak > top - NEGLIGIBLE))
-            self.revive(self._still_close(close, top - 0.5 * (NEGLIGIBLE + SET_ASIDE)))
+            limit = top - NEGLIGIBLE - SOON
+            self._lower_bounds(np.flatnonzero(self._aside & (self._bound + self._peak > limit)))
+            self.revive(np.flatnonzero(self._aside & (self._bound + self._peak > limit)))
 
-    def _still_close(self, tasks: np.ndarray, limit: float) -> np.ndarray:
-        """Those whose bound stays above the limit when some of the kept steps are tried."""
-        close = []
-        for since in np.unique(self._since[tasks]):
-            group = tasks[self._since[tasks] == since]
-            kept = len(self._kept) - since
-            room = max(1, self._bank.n_pending_rows // max(len(s.dofs) for s in self._kept))
-            chosen = since + np.unique(
-                np.linspace(0, kept - 1, min(kept, room, N_TRIED)).round().astype(int)
-            )
-            density = self._run(group, [self._kept[k] for k in chosen], fold=False)
-            peaks = np.sum(self._peaks[since:]) - np.sum([self._peaks[k] for k in chosen])
-            n_scales = self._bank.shape[1]
-            evidence = self._bank.log_evidence.reshape(-1, n_scales)[group]
-            prior = self._log_prior.reshape(-1, n_scales)[group]
-            tried = prior + evidence + density.reshape(-1, n_scales) + peaks
-            bound = np.logaddexp.reduce(tried, axis=1)
-            self._bound[group] = bound - self._peak
-            close.append(group[bound > limit])
-        return np.concatenate(close)
+    def _lower_bounds(self, tasks: np.ndarray) -> None:
+        """Replace the peaks of a few kept steps by what these have in truth."""
+        n_scales = self._bank.shape[1]
+        first, last = int(np.max(self._since[tasks])), len(self._kept) - 1
+        chosen = np.unique(np.linspace(first, last, N_TRIED).round().astype(int))
+        density = self._log_density(
+            self._bank.copies(tasks), tasks, [self._kept[k] for k in chosen]
+        )
+        evidence = self._bank.log_evidence.reshape(-1, n_scales)[tasks]
+        tried = self._log_prior.reshape(-1, n_scales)[tasks] + evidence
+        tried += density.reshape(-1, n_scales)
+        peaks = np.append(np.cumsum(self._peaks[::-1])[::-1], 0.0)  # from each step on
+        others = peaks[self._since[tasks]] - sum(self._peaks[k] for k in chosen)
+        bound = np.logaddexp.reduce(tried, axis=1) + others - self._peak
+        self._bound[tasks] = np.minimum(self._bound[tasks], bound)
+        self._highest_bound = np.max(self._bound)
 
     def _set_aside_what_is_negligible(self) -> None:
         joint = self._log_joint(self._bank.log_evidence)[:-1]

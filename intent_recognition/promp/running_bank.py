@@ -110,7 +110,7 @@ class RunningBank:
 
     @property
     def n_pending_rows(self) -> int:
-        """So many observed values a block of `gather` takes before it must `fold`."""
+        """So many observed values a block takes before it folds them into its state."""
         return self._pending.shape[1]
 
     @property
@@ -164,6 +164,13 @@ class RunningBank:
         for task, other in zip(leaving, tail[~np.isin(tail, tasks)], strict=True):
             self._swap(self._place_of[task], self._place_of[other])
         self._make_blocks()
+
+    def copies(self, tasks: np.ndarray) -> list[FilterBlock]:
+        """Blocks over copies of the hypotheses of tasks that were set aside, in their order."""
+        n_scales = self.shape[1]
+        at = (self._place_of[tasks][:, None] * n_scales + np.arange(n_scales)).ravel()
+        edges = range(0, len(at), BLOCK_SIZE)
+        return [FilterBlock(self._state[at[k : k + BLOCK_SIZE]], self.shape[3]) for k in edges]
 
     def gather(self, tasks: np.ndarray) -> list[FilterBlock]:
         """Move tasks that were set aside next to the active ones, still to be caught up.

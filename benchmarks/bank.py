@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The filter bank beside other libraries, and how its cost grows with tasks and hypotheses.
+
+Times are of this thread on the processor, so that other programs disturb them less. What a peer is
+given, the bank is given: filterpy and simdkalman take a ready observation matrix, so the bank
+takes ready rows; movement_primitives evaluates its basis functions, so all of `BankRun.observe`
+is timed: phase, basis functions, noise, and the update. Every update is of means, covariances and
+evidence, with its share of what is subtracted once in several observations.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from statistics import mean, median
+
+import numpy as np
+
+from benchmarks import bank_peers as peers
+from benchmarks.bank_memory import memory
+from benchmarks.bank_numerics import numerics
+from benchmarks.measure import Result
+from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
+from intent_recognition.promp.bank import Hypotheses, fixed_hypotheses, make_hypotheses
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.observations import BankRun, make_memory
+
+PHASE = 0.4
+BATCH = 16
+"""Observations timed at once, so that what is subtracted once in eight of them has its share."""
+N_SCALES = 10
+
+
+class Stream:
+    """A bank under way which takes `BATCH` observations a call, from a stream without end.
+
+    Args:
+        library: the tasks.
+        hypotheses: the grid.
+        prune: set negligible tasks aside.
+        rows_given: only `RunningBank.condition` is timed.
+    """
+
+    def __init__(
+        self,
+        library: TaskLibrary,
+        hypotheses: Hypotheses,
+        *,
+        prune: bool = False,
+        rows_given: bool = False,
+    ):
+        self._rng = np.random.default_rng(3)
+        self._library, self._hypotheses, self._prune = library, hypotheses, prune
+        self._rows_given = rows_given
+        self._memory = make_memory(library, hypotheses)
+        self._noise = library.noise_covariance(np.arange(N_OBSERVED), 0.01)
+        self._restart()
+
+    def _restart(self) -> None:
+        self._rest = movement(self._library, 0, self._rng)
+        self._start_ns = self._rest[0].stamp_ns
+        self.run = BankRun(
+            self._library,
+            self._hypotheses,
+            None,
+            self._start_ns,
+            memory=self._memory,
+            prune=self._prune,
+        )
+
+    def next(self) -> Callable[[], None]:
+        """Work to be timed: the next few observations, of a new movement when they are used up."""
+        if len(self._rest) < BATCH:
+            self._restart()
+        taken, self._rest = self._rest[:BATCH], self._rest[BATCH:]
+        if not self._rows_given:
+            return partial(_each, self.run.observe, [(observation,) for observation in taken])
+        dofs = np.arange(N_OBSERVED)
+        elapsed_s = [(observation.stamp_ns - self._start_ns) * 1e-9 for observation in taken]
+        rows = self._library.basis.design_matrix(self._hypotheses.phase(elapsed_s))
+        work = [
+            (dofs, row[:, None], observation.values, self._noise)
+            for row, observation in zip(rows, taken, strict=True)
+        ]
+        return partial(_each, self._memory.condition, work)
+
+
+def _each(work: Callable[..., object], arguments: list[tuple]) -> None:
+    for some in arguments:
+        work(*some)
+
+
+def per_observation(
+    stream: Stream,
+    other: Callable[[], object] | Stream,
+    repeats: int,
+    average: Callable[[list[float]], float] = median,
+) -> tuple[float, float]:
+    """Average times of one observation and of a call of the other, taken in turn, in seconds."""
+    times: tuple[list[float], list[float]] = ([], [])
+    for _ in range(repeats):
+        ours, theirs = stream.next(), other.next() if isinstance(other, Stream) else other
+        start = time.thread_time()
+        ours()
+        middle = time.thread_time()
+        theirs()
+        stop = time.thread_time()
+        times[0].append((middle - start) / BATCH)
+        times[1].append((stop - middle) / (BATCH if isinstance(other, Stream) else 1))
+    return average(times[0]), average(times[1])
+
+
+def bank() -> Iterator[Result]:
+    """All of the filter bank's benchmarks."""
+    rng = np.random.default_rng(30)
+    yield from _beside_peers(synthetic_library(rng, 3), {"movement_primitives": 20, "filterpy": 40})
+    yield from _beside_peers(
+        synthetic_library(rng, 300),
+        {"movement_primitives": 100, "filterpy": 200, "simdkalman": 2},
+    )
+    yield _phases(synthetic_library(rng, 30))
+    yield from _many_tasks(rng)
+    yield from memory()
+    yield from numerics()
+
+
+def _beside_peers(library: TaskLibrary, required: dict[str, float]) -> Iterator[Result]:
+    hypotheses = fixed_hypotheses(library, DURATION_S)
+    noise = library.noise_covariance(np.arange(N_OBSERVED), np.inf)
+    weights = library.observed_mean[0].reshape(N_OBSERVED, N_BASIS)
+    (values,) = library.basis.design_matrix(np.array([PHASE])) @ weights.T
+    for name, ratio in required.items():
+        theirs = getattr(peers, name)(library, noise, values, PHASE)
+        stream = Stream(library, hypotheses, rows_given=name in peers.MATRIX_GIVEN)
+        ours_s, theirs_s = per_observation(stream, theirs, 200 if library.n_tasks < 10 else 40)
+        together = name in peers.ALL_AT_ONCE
+        total_s = theirs_s if together else theirs_s * library.n_tasks
+        yield Result(
+            f"one observation, {library.n_tasks} tasks, {name} takes",
+            total_s / ours_s,
+            ratio,
+            "at least",
+            "x",
+            f"{1e6 * ours_s:.0f} us, and {1e6 * theirs_s:.0f} us "
+            + ("for all tasks" if together else "a task"),
+        )
+
+
+def _phases(library: TaskLibrary) -> Result:
+    """As the estimator runs it, over whole movements: negligible tasks are set aside."""
+    one = make_hypotheses(library, n_scales=1)
+    ten = make_hypotheses(library, n_scales=N_SCALES)
+    all_s, one_s = per_observation(Stream(library, ten), Stream(library, one), 36)
+    many_s, one_s = per_observation(
+        Stream(library, ten, prune=True), Stream(library, one, prune=True), 72, mean
+    )
+    return Result(
+        f"{library.n_tasks} tasks with {N_SCALES} phases / with one",
+        many_s / one_s,
+        6.0,
+        "at most",
+        "x",
+        f"{1e6 * many_s:.0f} and {1e6 * one_s:.0f} us an observation, tasks set aside as in the"
+        f" estimator; {1e6 * all_s:.0f} us if none were",
+    )
+
+
+def _many_tasks(rng: np.random.Generator) -> Iterator[Result]:
+    n_tasks = 10_000
+    library = synthetic_library(rng, n_tasks, n_controlled=0)
+    hypotheses = fixed_hypotheses(library, DURATION_S)
+    size = N_OBSERVED * N_BASIS
+    numbers, copy = (np.ones((n_tasks, size + size**2)) for _ in range(2))
+    stream = Stream(library, hypotheses)
+    ours_s, copy_s = per_observation(stream, partial(np.copyto, copy, numbers), 6)
+    yield Result(
+        "one observation, 10,000 tasks / numpy's copy",
+        ours_s / copy_s,
+        5.0,
+        "at most",
+        "x",
+        f"{1e3 * ours_s:.0f} and {1e3 * copy_s:.0f} ms",
+    )
+    yield Result(
+        "... state",
+        stream.run.memory.n_bytes / 1e9,
+        2.0,
+        "at most",
+        "GB",
+        "working memory included",
+    )
+    del stream, numbers, copy
+    yield _pruned(library, hypotheses, ours_s)
+
+
+def _pruned(library: TaskLibrary, hypotheses: Hypotheses, full_s: float) -> Result:
+    """A movement whose negligible tasks are set aside, its second half against no pruning."""
+    stream = movement(library, 0, np.random.default_rng(5))
+    run = BankRun(library, hypotheses, None, stream[0].stamp_ns, prune=True)
+    times = []
+    for observation in stream:
+        start = time.thread_time()
+        run.observe(observation)
+        times.append(time.thread_time() - start)
+    late_s = mean(times[len(times) // 2 :])
+    return Result(
+        "... second half, negligible tasks set aside",
+        late_s / full_s,
+        0.1,
+        "at most",
+        "of it",
+        f"{library.n_tasks + 1 - len(run.tasks_aside)} tasks left at the end; {1e3 * late_s:.1f} ms"
+        f" an observation, whole movement {1e3 * mean(times):.0f}, longest {1e3 * max(times):.0f}",
+    )

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One observation of the human's hand, as a user of other libraries would take it.
+
+movement_primitives and filterpy know no observed block: they hold one task's weights of both
+agents. movement_primitives conditions on all DOFs or none, so those not observed get a variance
+of 1e6. simdkalman takes all tasks at once, and is given the human's weights only.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+from movement_primitives.promp import ProMP
+from simdkalman.primitives import update
+
+from intent_recognition.promp.library import TaskLibrary
+
+NOT_OBSERVED = 1e6
+MATRIX_GIVEN = ("filterpy", "simdkalman")
+ALL_AT_ONCE = ("simdkalman",)
+
+
+def movement_primitives(
+    library: TaskLibrary, noise: np.ndarray, values: np.ndarray, phase: float
+) -> Callable[[], object]:
+    """One task's observation in movement_primitives."""
+    n_dofs = library.n_observed + library.n_controlled
+    promp = ProMP(n_dims=n_dofs, n_weights_per_dim=library.basis.n_basis)
+    promp.from_weight_distribution(*library.primitive(0))
+    y, covariance = np.zeros(n_dofs), NOT_OBSERVED * np.eye(n_dofs)
+    y[: len(values)] = values
+    covariance[: len(values), : len(values)] = noise
+    return lambda: promp.condition_position(y, y_cov=covariance, t=phase)
+
+
+def filterpy(
+    library: TaskLibrary, noise: np.ndarray, values: np.ndarray, phase: float
+) -> Callable[[], object]:
+    """One task's observation in filterpy; the observation matrix is made beforehand."""
+    mean, covariance = library.primitive(0)
+    filtered = KalmanFilter(dim_x=len(mean), dim_z=len(values))
+    filtered.x, filtered.P, filtered.R = mean[:, None].copy(), covariance.copy(), noise
+    n_dofs = library.n_observed + library.n_controlled
+    matrix = np.kron(np.eye(n_dofs)[: len(values)], library.basis.design_matrix(np.array([phase])))
+    return lambda: filtered.update(values, H=matrix)
+
+
+def simdkalman(
+    library: TaskLibrary, noise: np.ndarray, values: np.ndarray, phase: float
+) -> Callable[[], object]:
+    """All tasks' observation in simdkalman, on the human's weights."""
+    mean = library.observed_mean[:-1, :, None].copy()
+    covariance = library.observed_covariance[:-1].copy()
+    matrix = np.kron(np.eye(len(values)), library.basis.design_matrix(np.array([phase])))
+    matrix = np.repeat(matrix[None], len(mean), axis=0)
+    y = np.repeat(values[None, :, None], len(mean), axis=0)
+    return lambda: update(mean, covariance, matrix, noise, y)
