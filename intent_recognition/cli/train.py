@@ -20,6 +20,12 @@ from intent_recognition.cli.recordings import (
     training_settings,
 )
 from intent_recognition.cli.transitions import add_sessions_option, with_sessions
+from intent_recognition.cli.unlabelled import (
+    add_unlabelled_options,
+    check_alone,
+    n_components,
+    train_unlabelled,
+)
 from intent_recognition.cli.workers import add_worker_options, workers
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.training import TrainingReport, TrainingSettings, learn_gathered
@@ -31,12 +37,13 @@ from intent_recognition.storage.model import Model, save_model
 def add_parser(subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
-        "train", help="learn from demonstrations", description="Learn from labelled demonstrations."
+        "train", help="learn from demonstrations", description="Learn from demonstrations."
     )
     add_recording_options(parser, "movement")
     parser.add_argument(
         "--output", type=Path, required=True, metavar="M.npz", help="model file to write"
     )
+    add_unlabelled_options(parser)
     add_sessions_option(parser)
     add_adding_options(parser)
     add_worker_options(parser)
@@ -48,11 +55,21 @@ def run(args: argparse.Namespace) -> int:
     console = make_console()
     check_output("--output", args.output)
     settings = training_settings(args)
+    wanted = n_components(args)
+    if args.unlabelled:
+        check_alone(args)
+        model, report = train_unlabelled(args.bags, args.dofs, settings, wanted, console)
+        return finish(args, model, report, console)
     with workers(args.jobs, args.scheduler) as run_elsewhere:
         if args.add is None:
             model, report = train(args.bags, args.dofs, settings, console, run_elsewhere)
         else:
             model, report = add_to_model(args, settings, console, run_elsewhere)
+    return finish(args, model, report, console)
+
+
+def finish(args: argparse.Namespace, model: Model, report: TrainingReport, console: Console) -> int:
+    """Print what was learned, add transitions, write the model."""
     print_library(console, model.library, report)
     model = with_sessions(model, args.sessions, console)
     save_model(args.output, model, report.trained)

@@ -63,9 +63,7 @@ class Components(NamedTuple):
 
     def covariance(self, points: np.ndarray) -> np.ndarray:
         """The covariances as matrices, (B, K, r, r)."""
-        root = np.sqrt(self.row_weight)[..., None] * (
-            points[self.rows] - self.mean[:, :, None, :]
-        )
+        root = np.sqrt(self.row_weight)[..., None] * (points[self.rows] - self.mean[:, :, None, :])
         low_rank = np.swapaxes(root, -1, -2) @ root
         return low_rank + self.diagonal[..., None] * np.eye(points.shape[1])
 

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--unlabelled` of `intent train` and `intent evaluate`: the tasks are found, not told."""
+
+import argparse
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from intent_recognition import __version__
+from intent_recognition.cli.recordings import (
+    print_dropped,
+    print_left_out,
+    progress_bar,
+    read_all,
+)
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.promp.components import MAX_COMPONENTS
+from intent_recognition.promp.training import TrainingReport, learn
+from intent_recognition.promp.training_settings import TrainingSettings
+from intent_recognition.promp.unlabelled import (
+    Relabelled,
+    label_by_components,
+    with_mixture_weights,
+)
+from intent_recognition.storage.demonstration import Demonstration
+from intent_recognition.storage.dofs import load_dofs
+from intent_recognition.storage.model import Model
+
+SEED = 0
+"""Of the starts of EM: the same recordings give the same components."""
+
+
+def add_unlabelled_options(parser: argparse.ArgumentParser) -> None:
+    """Options of a command that may look for the tasks itself."""
+    parser.add_argument(
+        "--unlabelled",
+        action="store_true",
+        help="find the tasks in the recordings, whatever their labels: a mixture of primitives",
+    )
+    parser.add_argument(
+        "--components",
+        default="auto",
+        metavar="auto|K",
+        help="with --unlabelled: how many tasks, or `auto` by left-out prediction (default: auto)",
+    )
+
+
+def n_components(args: argparse.Namespace) -> int | None:
+    """What `--components` asks for, None for `auto`.
+
+    Raises:
+        ArgumentError: neither `auto` nor a positive number, or given without `--unlabelled`.
+    """
+    text = args.components
+    if text != "auto" and not (text.isdecimal() and int(text) > 0):
+        raise ArgumentError(describe("--components", "`auto` or a number", text, "Try auto."))
+    if text != "auto" and not args.unlabelled:
+        raise ArgumentError(
+            describe("--components", "--unlabelled beside it", "labels", "Add --unlabelled.")
+        )
+    return None if text == "auto" else int(text)
+
+
+def check_alone(args: argparse.Namespace) -> None:
+    """Refuse what `train` cannot do together with `--unlabelled`.
+
+    Raises:
+        ArgumentError: bags read elsewhere, one by one, or added to a model.
+    """
+    clashes = {"--add": args.add, "--scheduler": args.scheduler, "--jobs": args.jobs > 1}
+    for option, given in clashes.items():
+        if given:
+            raise ArgumentError(
+                describe(
+                    "--unlabelled",
+                    "all recordings at once",
+                    option,
+                    f"Leave {option} out, or label the recordings.",
+                )
+            )
+
+
+def train_unlabelled(
+    bags: list[Path],
+    dofs_path: Path | None,
+    settings: TrainingSettings,
+    wanted: int | None,
+    console: Console,
+) -> tuple[Model, TrainingReport]:
+    """Read bags, find the components and learn them as tasks; prints what came of it.
+
+    Args:
+        bags: bags, folders of bags or session bags.
+        dofs_path: DOF file, None for the shipped one.
+        settings: how to learn.
+        wanted: number of components, None to choose it.
+        console: where to print to.
+
+    Raises:
+        IntentError: nothing can be read or learned.
+    """
+    dofs = load_dofs(dofs_path)
+    demonstrations, rejections = read_all(bags, dofs, console)
+    found = find_components(demonstrations, settings, wanted, console)
+    provenance = {
+        "package_version": __version__,
+        "created": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "bags": [recorded.name for recorded in found.demonstrations],
+        "components": [recorded.task for recorded in found.demonstrations],
+    }
+    library, report = with_mixture_weights(learn(found.demonstrations, settings, provenance)[1])
+    print_left_out(console, rejections)
+    print_left_out(console, [f"{name}: {reason}" for name, reason in report.rejected])
+    print_dropped(console, demonstrations)
+    return Model(library, dofs), report
+
+
+def find_components(
+    demonstrations: Sequence[Demonstration],
+    settings: TrainingSettings,
+    wanted: int | None,
+    console: Console,
+) -> Relabelled:
+    """The components of recordings, with a progress bar; prints what was tried and taken."""
+    with progress_bar(console) as bar:
+        task = bar.add_task("looking for components", total=MAX_COMPONENTS)
+        found = label_by_components(
+            demonstrations,
+            settings,
+            np.random.default_rng(SEED),
+            n_components=wanted,
+            progress=lambda done: bar.update(task, completed=done),
+        )
+    print_left_out(console, [f"{name}: {reason}" for name, reason in found.rejected])
+    print_components(console, found)
+    return found
+
+
+def mixture_of(found: Relabelled) -> dict[str, object]:
+    """`mixture` in the JSON of `intent evaluate`; purity is null when nothing had a label."""
+    return {"n_components": found.choice.n_components, "purity": found.purity}
+
+
+def print_components(console: Console, found: Relabelled) -> None:
+    """What was tried, what was taken, and how pure it is where labels are known."""
+    table = Table(title="left-out prediction")
+    for column in ("components", "nll [nats per sample]", "error [std]", ""):
+        table.add_column(column, justify="right")
+    for tried in found.choice.tried:
+        taken = "taken" if tried is found.choice.chosen else ""
+        table.add_row(
+            str(tried.n_components), f"{tried.nll.mean():.3f}", f"{tried.rmse.mean():.3f}", taken
+        )
+    console.print(table)
+    sizes = np.bincount(found.choice.chosen.labels)
+    text = f"{len(sizes)} components of {', '.join(map(str, sizes))} demonstrations"
+    if found.purity is not None:
+        text += f"; purity {found.purity:.3f} by the labels they have"
+    console.print(text, highlight=False)
