@@ -5,7 +5,7 @@ import argparse
 import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
@@ -48,7 +48,7 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
     Raises:
         ArgumentError: fewer than one process, or dask is not installed.
         ResourceBusyError: no scheduler answers, or it has no workers.
-        IntentError: a worker died.
+        IntentError: a worker or the scheduler died.
     """
     if jobs < 1:
         raise ArgumentError(describe("--jobs", "one process or more", jobs, "Try 2."))
@@ -81,7 +81,8 @@ def _processes(jobs: int) -> Iterator[Run]:
 @contextmanager
 def _dask(scheduler: str) -> Iterator[Run]:
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
+        from distributed.comm import CommClosedError
     except ImportError as error:
         raise ArgumentError(
             describe(
@@ -113,7 +114,17 @@ def _dask(scheduler: str) -> Iterator[Run]:
                     f"Start some with `dask worker {scheduler}`.",
                 )
             )
-        yield partial(_in_order, partial(client.submit, pure=False), AHEAD * n_workers)
+        try:
+            yield partial(_in_order, partial(client.submit, pure=False), AHEAD * n_workers)
+        except (KilledWorker, CommClosedError, CancelledError) as error:
+            raise IntentError(
+                describe(
+                    f"--scheduler {scheduler}",
+                    "scheduler and workers that run to the end",
+                    f"{type(error).__name__}: {error}",
+                    "Look at their logs, or use --jobs.",
+                )
+            ) from error
 
 
 def _in_order(submit: Callable, ahead: int, function: Callable, items: Iterable) -> Iterator:
