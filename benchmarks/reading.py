@@ -20,7 +20,7 @@ TOPICS = {"PoseStamped": "/mocap/wrist/pose", "JointState": "/joint_states"}
 RECORDING = "bags/toolbox/test/plate_handover_00"
 FOLDER = "bags/toolbox/train"
 LONG_MESSAGES = 20_000
-REPEATS = 7
+REPEATS, FEW_REPEATS = 7, 3
 
 
 def reading() -> Iterator[Result]:
@@ -29,17 +29,17 @@ def reading() -> Iterator[Result]:
         long_bag = Path(temporary) / "long"
         _prolong(share_path(RECORDING), long_bag)
         for kind, topic in TOPICS.items():
-            yield _decoding(f"{kind}, one long bag", [long_bag], topic)
+            yield _decoding(f"{kind}, one long bag", [long_bag], topic, REPEATS)
     bags = find_bags(share_path(FOLDER))
     for kind, topic in TOPICS.items():
-        yield _decoding(f"{kind}, {len(bags)} short bags", bags, topic)
+        yield _decoding(f"{kind}, {len(bags)} short bags", bags, topic, FEW_REPEATS)
     yield _demonstrations(bags)
 
 
-def _decoding(name: str, bags: Sequence[Path], topic: str) -> Result:
+def _decoding(name: str, bags: Sequence[Path], topic: str, repeats: int) -> Result:
     ours, theirs = partial(_columns, bags, topic), partial(_exhaust, bags, [topic])
     count = _check_equal(ours(), _rosbags(bags, topic))
-    ours_s, theirs_s = seconds_of_both(ours, theirs, REPEATS)
+    ours_s, theirs_s = seconds_of_both(ours, theirs, repeats)
     rates = [count / time_s / 1e3 for time_s in (ours_s, theirs_s)]
     return Result(
         f"decoding {name}, rosbags takes",
@@ -56,7 +56,7 @@ def _demonstrations(bags: Sequence[Path]) -> Result:
 
     ours = partial(read_demonstrations, bags, load_dofs())
     theirs = partial(_exhaust, bags, list(TOPICS.values()))
-    ours_s, theirs_s = seconds_of_both(ours, theirs, 3)
+    ours_s, theirs_s = seconds_of_both(ours, theirs, FEW_REPEATS)
     return Result(
         f"{len(bags)} bags to demonstrations, rosbags decodes in",
         theirs_s / ours_s,
