@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from benchmarks.bank import bank
 from benchmarks.measure import Result
 from benchmarks.offline import evaluation, training
 from benchmarks.online import online
@@ -28,6 +29,7 @@ def results() -> Iterator[Result]:
     yield from trained
     (recorded,), _ = read_demonstrations(share_path(HELD_OUT), load_dofs())
     yield from online(library, recorded)
+    yield from bank()
     yield from reading()
     yield evaluation(demonstrations)
 

@@ -16,13 +16,15 @@ from simdkalman.primitives import update
 from intent_recognition.promp.library import TaskLibrary
 
 NOT_OBSERVED = 1e6
+Peer = Callable[[], tuple[np.ndarray, np.ndarray]]
+"""Takes the observation; returns mean and covariance of the human's weights, of the first task."""
 MATRIX_GIVEN = ("filterpy", "simdkalman")
 ALL_AT_ONCE = ("simdkalman",)
 
 
 def movement_primitives(
     library: TaskLibrary, noise: np.ndarray, values: np.ndarray, phase: float
-) -> Callable[[], object]:
+) -> Peer:
     """One task's observation in movement_primitives."""
     n_dofs = library.n_observed + library.n_controlled
     promp = ProMP(n_dims=n_dofs, n_weights_per_dim=library.basis.n_basis)
@@ -30,28 +32,41 @@ def movement_primitives(
     y, covariance = np.zeros(n_dofs), NOT_OBSERVED * np.eye(n_dofs)
     y[: len(values)] = values
     covariance[: len(values), : len(values)] = noise
-    return lambda: promp.condition_position(y, y_cov=covariance, t=phase)
+    n = library.n_observed_weights
+
+    def observe() -> tuple[np.ndarray, np.ndarray]:
+        posterior = promp.condition_position(y, y_cov=covariance, t=phase)
+        return posterior.weight_mean[:n], posterior.weight_cov[:n, :n]
+
+    return observe
 
 
-def filterpy(
-    library: TaskLibrary, noise: np.ndarray, values: np.ndarray, phase: float
-) -> Callable[[], object]:
+def filterpy(library: TaskLibrary, noise: np.ndarray, values: np.ndarray, phase: float) -> Peer:
     """One task's observation in filterpy; the observation matrix is made beforehand."""
     mean, covariance = library.primitive(0)
     filtered = KalmanFilter(dim_x=len(mean), dim_z=len(values))
     filtered.x, filtered.P, filtered.R = mean[:, None].copy(), covariance.copy(), noise
     n_dofs = library.n_observed + library.n_controlled
     matrix = np.kron(np.eye(n_dofs)[: len(values)], library.basis.design_matrix(np.array([phase])))
-    return lambda: filtered.update(values, H=matrix)
+    n, column = library.n_observed_weights, values[:, None]
+
+    def observe() -> tuple[np.ndarray, np.ndarray]:
+        filtered.update(column, H=matrix)
+        return filtered.x[:n, 0], filtered.P[:n, :n]
+
+    return observe
 
 
-def simdkalman(
-    library: TaskLibrary, noise: np.ndarray, values: np.ndarray, phase: float
-) -> Callable[[], object]:
+def simdkalman(library: TaskLibrary, noise: np.ndarray, values: np.ndarray, phase: float) -> Peer:
     """All tasks' observation in simdkalman, on the human's weights."""
     mean = library.observed_mean[:-1, :, None].copy()
     covariance = library.observed_covariance[:-1].copy()
     matrix = np.kron(np.eye(len(values)), library.basis.design_matrix(np.array([phase])))
     matrix = np.repeat(matrix[None], len(mean), axis=0)
     y = np.repeat(values[None, :, None], len(mean), axis=0)
-    return lambda: update(mean, covariance, matrix, noise, y)
+
+    def observe() -> tuple[np.ndarray, np.ndarray]:
+        filtered = update(mean, covariance, matrix, noise, y)
+        return filtered[0][0, :, 0], filtered[1][0]
+
+    return observe

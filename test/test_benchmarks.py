@@ -2,14 +2,16 @@
 """The benchmarks compare like with like, and say what they found."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
 from benchmarks.measure import Result
-from benchmarks.textbook import full_state_update
-from intent_recognition.gaussian.normal import Gaussian, condition
+from benchmarks.synthetic import synthetic_library
+from intent_recognition.promp.bank import condition_bank, fixed_hypotheses, start_bank
+from intent_recognition.promp.basis import NormalizedRBFBasis
 
 
 @pytest.mark.parametrize(
@@ -28,16 +30,19 @@ def test_verdict_follows_the_direction(measured, direction, verdict):
     assert result.to_dict()["verdict"] == verdict
 
 
-def test_textbook_peer_computes_what_the_library_does():
-    rng = np.random.default_rng(3)
-    root = rng.normal(size=(6, 6))
-    prior = Gaussian(rng.normal(size=6), root @ root.T + np.eye(6))
-    matrix, values, noise = rng.normal(size=(2, 6)), rng.normal(size=2), 0.3 * np.eye(2)
-    mean, covariance, log_density = full_state_update(*prior, matrix, values, noise)
-    expected, expected_density = condition(prior, matrix, values, noise)
-    np.testing.assert_allclose(mean, expected.mean, rtol=1e-9)
-    np.testing.assert_allclose(covariance, expected.covariance, atol=1e-9)
-    assert log_density == pytest.approx(expected_density)
+@pytest.mark.parametrize("name", ["movement_primitives", "filterpy", "simdkalman"])
+def test_peers_of_the_filter_bank_compute_what_it_does(name):
+    peers = pytest.importorskip("benchmarks.bank_peers")
+    library = synthetic_library(np.random.default_rng(3), 2)
+    width = 19 / np.sqrt(-8.0 * 20**2 * np.log(0.7))  # movement_primitives knows no other
+    library = replace(library, basis=NormalizedRBFBasis(20, width))
+    noise, values, phase = 1e-4 * np.eye(3), np.array([0.1, -0.2, 0.3]), 0.4
+    bank = start_bank(library, fixed_hypotheses(library, 2.0))
+    row = library.basis.design_matrix(np.array([phase]))
+    ours = condition_bank(bank, np.arange(3), row[:, None], values, noise)
+    mean, covariance = getattr(peers, name)(library, noise, values, phase)()
+    np.testing.assert_allclose(mean, ours.mean[0], atol=1e-6)
+    np.testing.assert_allclose(covariance, ours.covariance[0], atol=1e-8)
 
 
 @pytest.fixture

@@ -47,22 +47,14 @@ def solve_lower(factor: np.ndarray, right: np.ndarray) -> np.ndarray:
 
     Forward substitution in d steps, each vectorised over the batch.
     """
-    batch = np.broadcast_shapes(factor.shape[:-2], right.shape[:-2])
-    solution = np.array(np.broadcast_to(right, batch + right.shape[-2:]), dtype=np.float64)
-    solve_lower_in_place(factor, solution)
-    return solution
-
-
-def solve_lower_in_place(factor: np.ndarray, right: np.ndarray) -> None:
-    """`solve_lower` whose right side (..., d, k) becomes the solution."""
-    for i in range(factor.shape[-1]):
+    d = factor.shape[-1]
+    solution = np.empty(np.broadcast_shapes(factor.shape[:-2], right.shape[:-2]) + right.shape[-2:])
+    for i in range(d):
         row = right[..., i, :]
-        if i > 2:
-            row -= np.matmul(factor[..., i : i + 1, :i], right[..., :i, :])[..., 0, :]
-        else:
-            for j in range(i):
-                row -= factor[..., i, j, None] * right[..., j, :]
-        row /= factor[..., i, i, None]
+        if i:
+            row = row - np.matmul(factor[..., i : i + 1, :i], solution[..., :i, :])[..., 0, :]
+        solution[..., i, :] = row / factor[..., i, i, None]
+    return solution
 
 
 def log_normalizer(factor: np.ndarray) -> np.ndarray:
