@@ -8,8 +8,13 @@ task, not a decision: after each movement
 
 with the movement's task posterior p, so that a movement that is none of the tasks leaves the
 memory as it was, and one that might have been two tasks speaks for both. The next movement's prior
-is p(s) = sum_k belief(k) T(k, s). The last row of T, and the last entry of the belief, stand for
-"no last task": the beginning of a session, after a reset, after a long silence.
+is
+
+    p(s) = trust sum_k belief(k) T(k, s) + (1 - trust) / K
+
+since a task that breaks the habit must not be taken for none of the tasks. The last row of T, and
+the last entry of the belief, stand for "no last task": the beginning of a session, after a reset,
+after a long silence.
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,6 +29,8 @@ from intent_recognition.promp.recognition import TaskPosterior
 
 FORGET_AFTER_S = 60.0
 """So long after the end of a movement the last task tells nothing about the next."""
+HABIT_TRUST = 0.8
+"""Share of the learned habit in p(s); the rest expects all tasks alike (docs/anticipation.md)."""
 COMPLETED_PHASE = 0.9
 """A movement that ended before this expected phase was broken off: it is no last task."""
 _PSEUDO_COUNTS = np.geomspace(0.1, 100.0, 61)
@@ -83,16 +90,19 @@ def remember(
     return TaskMemory(belief / belief.sum(), ended_ns)
 
 
-def next_task_prior(transition_prior: np.ndarray, memory: TaskMemory) -> np.ndarray:
+def next_task_prior(
+    transition_prior: np.ndarray, memory: TaskMemory, trust: float = HABIT_TRUST
+) -> np.ndarray:
     """p(s) of the next movement, (K,), sums to one.
 
     Args:
         transition_prior: p(next | last), (K + 1, K).
         memory: of the movements before.
+        trust: share of the habit, in [0, 1].
     """
     possible = np.flatnonzero(memory.belief > 1e-9)  # with thousands of tasks: a few
     prior = memory.belief[possible] @ transition_prior[possible]
-    return prior / prior.sum()
+    return trust * prior / prior.sum() + (1.0 - trust) / len(prior)
 
 
 class Expectation:

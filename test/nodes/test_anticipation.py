@@ -19,6 +19,7 @@ from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.promp.observations import Observation, merge
 from intent_recognition.promp.online import IntentEstimator
 from intent_recognition.promp.posture import POSTURE_USED, start_mean
+from intent_recognition.promp.transitions import HABIT_TRUST
 from intent_recognition.storage.model import save_model
 
 DOFS = make_dofs(WRIST)
@@ -159,14 +160,15 @@ def test_the_next_task_is_published_when_a_movement_ends(harness, model, path, t
     harness.spin_until(lambda: graph.next, what="the first expectation")
     first = graph.next[0]
     assert list(first.name) == list(model.labels) and first.header.frame_id == ""
-    np.testing.assert_allclose(first.position, RING[3])
+    np.testing.assert_allclose(first.position, 1 / 3)
     observations = movement(truth, 1)
     graph.feed(observations)
     harness.spin_until(lambda: len(graph.next) == 2, what="the next task")
     after = graph.next[1]
     assert after.header.frame_id == "task_1"
     assert abs(sum(after.position) - 1.0) <= 1e-9
-    np.testing.assert_allclose(after.position, RING[1], atol=1e-3)
+    row = HABIT_TRUST * RING[1] + (1 - HABIT_TRUST) / 3
+    np.testing.assert_allclose(after.position, row, atol=1e-3)
     harness.spin_until(lambda: len(graph.tasks) == len(observations), what="all tasks")
     idle = [m for m in graph.tasks if stamp_ns(m) >= stamp_ns(after)]
     assert stamp_ns(idle[0]) == stamp_ns(after) and idle[0].position[-1] == 1.0

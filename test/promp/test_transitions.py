@@ -14,6 +14,7 @@ from intent_recognition.errors import ShapeError
 from intent_recognition.promp.observations import merge
 from intent_recognition.promp.online import IntentEstimator
 from intent_recognition.promp.transitions import (
+    HABIT_TRUST,
     TaskMemory,
     count_transitions,
     next_task_prior,
@@ -87,7 +88,9 @@ def test_memory_is_the_forward_recursion_over_the_last_task(rng):
     np.testing.assert_allclose(memory.belief, p2 * [1, 1, 1, 0] + 0.3 * p1)
     assert (memory.ended_ns, memory.last_task(LABELS)) == (9, "b")
     transition = rng.dirichlet(np.ones(3), size=4)
-    np.testing.assert_allclose(next_task_prior(transition, memory), memory.belief @ transition)
+    np.testing.assert_allclose(next_task_prior(transition, memory, 1.0), memory.belief @ transition)
+    np.testing.assert_allclose(next_task_prior(transition, memory, 0.0), 1 / 3)
+    np.testing.assert_allclose(next_task_prior(transition, memory).sum(), 1.0)
 
 
 def test_none_and_a_movement_broken_off_leave_the_memory():
@@ -117,6 +120,11 @@ def library():
     return replace(plain, transition_prior=ring)
 
 
+def expected(row):
+    """p(s) where a row of the transition prior is known to be the right one."""
+    return HABIT_TRUST * np.asarray(row) + (1 - HABIT_TRUST) / 3
+
+
 def recording(library, task, rng, after_ns):
     shown = simulate(library, task, rng, rest_before_s=0.8, rest_after_s=0.8, duration_s=2.0)
     shift = after_ns + 20_000_000 - START_NS
@@ -143,7 +151,7 @@ def evidence_at_onset(estimator, library, task, rng, after_ns):
 
 def test_the_task_before_picks_the_row(library, rng):
     on, off = IntentEstimator(library), IntentEstimator(library, transitions=False)
-    np.testing.assert_allclose(on.expectation.prior, [0.9, 0.05, 0.05])
+    np.testing.assert_allclose(on.expectation.prior, expected([0.9, 0.05, 0.05]))
     stamp = START_NS
     for task in (0, 1, 2):
         seed = rng.integers(1 << 30)
@@ -151,9 +159,10 @@ def test_the_task_before_picks_the_row(library, rng):
         plain, _ = evidence_at_onset(off, library, task, np.random.default_rng(seed), stamp)
         stamp = now
         assert on.expectation.last_task == library.labels[task]
-        np.testing.assert_allclose(on.expectation.prior, library.transition_prior[task], atol=1e-3)
+        row = expected(library.transition_prior[task])
+        np.testing.assert_allclose(on.expectation.prior, row, atol=1e-3)
         np.testing.assert_allclose(known.log_evidence, plain.log_evidence, atol=1e-9)
-        row = library.transition_prior[task - 1 if task else 3]
+        row = expected(library.transition_prior[task - 1 if task else 3])
         weighted = plain.probabilities * np.r_[row * 3.0, 1.0]
         np.testing.assert_allclose(known.probabilities, weighted / weighted.sum(), atol=2e-3)
     np.testing.assert_allclose(off.expectation.prior, 1 / 3)
@@ -164,7 +173,7 @@ def test_reset_silence_and_a_fixed_prior(library, rng):
     _, stamp = evidence_at_onset(estimator, library, 1, rng, START_NS)
     assert estimator.expectation.last_task == "task_1"
     estimator.reset()
-    np.testing.assert_allclose(estimator.expectation.prior, library.transition_prior[3])
+    np.testing.assert_allclose(estimator.expectation.prior, expected(library.transition_prior[3]))
     _, stamp = evidence_at_onset(estimator, library, 1, rng, stamp)
     late = recording(library, 0, rng, stamp + 10_000_000_000)
     feed(estimator, late[:2])
@@ -179,4 +188,5 @@ def test_a_swap_keeps_the_memory(library, rng):
     evidence_at_onset(estimator, library, 1, rng, START_NS)
     estimator.swap(replace(library, labels=("task_1", "task_2", "task_9")))
     assert estimator.expectation.last_task == "task_1"
-    np.testing.assert_allclose(estimator.expectation.prior, library.transition_prior[0], atol=1e-3)
+    row = expected(library.transition_prior[0])
+    np.testing.assert_allclose(estimator.expectation.prior, row, atol=1e-3)
