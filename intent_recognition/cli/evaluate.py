@@ -18,6 +18,12 @@ from intent_recognition.cli.recordings import (
     training_settings,
     write_json,
 )
+from intent_recognition.cli.unlabelled import (
+    add_unlabelled_options,
+    find_components,
+    mixture_of,
+    n_components,
+)
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.report.evaluation import Fold, evaluate, make_folds
 from intent_recognition.report.scoring import PHASES
@@ -53,6 +59,7 @@ def add_parser(subparsers) -> None:
         help="also leave every task out in turn and see whether its movements are taken for"
         " another's (default: on)",
     )
+    add_unlabelled_options(parser)
     parser.add_argument("--json", type=Path, metavar="OUT", help="write the numbers as JSON")
     parser.add_argument("--report", type=Path, metavar="OUT.html", help="write an HTML report")
     parser.set_defaults(run=run)
@@ -63,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
     console = make_console()
     check_output("--json", args.json)
     check_output("--report", args.report)
+    wanted = n_components(args)
     dofs = load_dofs(args.dofs)
     recorded, rejections = read_all(args.bags, dofs, console)
     protocol, _, holdout = args.protocol.partition(":")
@@ -70,6 +78,12 @@ def run(args: argparse.Namespace) -> int:
     if protocol == "holdout" and holdout:
         held_out, more = read_all([Path(holdout)], dofs, console)
         rejections += more
+    mixture = {}
+    if args.unlabelled:
+        found = find_components(recorded, training_settings(args), wanted, console)
+        mixture = {"mixture": mixture_of(found)}
+        if not _labelled(recorded):
+            return _finish_unlabelled(args, mixture, len(found.demonstrations), rejections, console)
     unlabelled = [d.name for d in recorded + held_out if d.task is None]
     usable, folds = _split(args.protocol, _labelled(recorded), _labelled(held_out))
     print_left_out(console, rejections)
@@ -88,6 +102,7 @@ def run(args: argparse.Namespace) -> int:
             unknown_tasks=unknown,
             progress=lambda done: bar.update(task, completed=done),
         )
+    result |= mixture
     print_result(console, result)
     if args.json:
         write_json(args.json, result, indent=2)
@@ -96,6 +111,17 @@ def run(args: argparse.Namespace) -> int:
 
         names = ", ".join(path.name for path in args.bags)
         write_evaluation_report(args.report, result, f"Evaluation on {names}")
+    return 0
+
+
+def _finish_unlabelled(
+    args: argparse.Namespace, mixture: dict, n: int, rejections: list, console: Console
+) -> int:
+    """All there is to say of recordings without a single label."""
+    print_left_out(console, rejections)
+    console.print("no recording has a label: recognition and prediction are not scored")
+    if args.json:
+        write_json(args.json, {"n_demonstrations": n, "tasks": [], **mixture}, indent=2)
     return 0
 
 

@@ -94,7 +94,7 @@ def label_by_components(
 
 
 def with_mixture_weights(report: TrainingReport) -> tuple[TaskLibrary, TrainingReport]:
-    """The learned library with p(k) = n_k / n, whatever came before (Ewerton et al. 2015, Eq. 8)."""
+    """The learned library with p(k) = n_k / n throughout (Ewerton et al. 2015, Eq. 8)."""
     library = report.trained.library
     share = library.n_demonstrations / np.sum(library.n_demonstrations)
     library = replace(
