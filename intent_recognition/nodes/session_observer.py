@@ -59,7 +59,7 @@ class SessionObserver(Node):
             and self.count_subscribers("intent/tasks") >= 2
             and self.count_subscribers("joint_trajectory") >= 1
             and self.count_publishers("joint_trajectory") >= 1
-            and self.count_subscribers("joint_states") >= 2
+            and self.count_subscribers("joint_states") >= 3
             and bool(self._joints)
         )
 
