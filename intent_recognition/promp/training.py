@@ -30,6 +30,8 @@ from intent_recognition.promp.statistics import (
 )
 from intent_recognition.promp.training_settings import TrainingSettings
 
+MAX_SCORED = 600
+"""Demonstrations of all tasks that hyperparameters are chosen on, at most."""
 SCORED_TOGETHER = 16
 """Demonstrations left out at a time, which bounds the memory of their covariances."""
 
@@ -121,13 +123,16 @@ def choose(
 ) -> tuple[Candidate, tuple[Candidate, ...]]:
     """Hyperparameters by leave-one-out prediction, and all that were tried.
 
-    Every demonstration that was kept whole is left out in turn; the statistics it is predicted from
-    are those of all others.
+    Every demonstration that was kept whole is left out in turn, of very many `MAX_SCORED`, as many
+    of each task; the statistics it is predicted from are those of all others.
     """
+    most = MAX_SCORED
+    if sum(len(task.examples) for task in tasks.values()) > MAX_SCORED:
+        most = max(MAX_SCORED // len(tasks), 1)
     parts = [
-        (task, task.examples[start : start + SCORED_TOGETHER])
+        (task, task.examples[start : min(start + SCORED_TOGETHER, most)])
         for task in tasks.values()
-        for start in range(0, len(task.examples), SCORED_TOGETHER)
+        for start in range(0, min(len(task.examples), most), SCORED_TOGETHER)
     ]
     basis = reference.basis
     floor, noise = scales(tasks)

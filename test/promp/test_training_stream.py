@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from promp.simulation import Recording, make_library, signals, simulate
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.promp import gathering, statistics
+from intent_recognition.promp import gathering, statistics, training
 from intent_recognition.promp.fitting import library_from_statistics
 from intent_recognition.promp.gathering import gather, merge_gathered
 from intent_recognition.promp.library import TaskLibrary
@@ -190,6 +190,25 @@ def test_hyperparameters_of_very_many_are_chosen_on_a_sample(monkeypatch):
     assert all(len(task.examples) == 4 for task in sampled_report.trained.tasks.values())
     assert np.array_equal(sampled.weight_mean, whole.weight_mean)
     assert sampled_report.chosen.score == pytest.approx(report.chosen.score, abs=0.5)
+
+
+def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeypatch):
+    trained = learn(recordings(14, 18), CUT)[1].trained
+    asked = []
+    real = training.select
+
+    def watched(samples, *rest):
+        samples = list(samples)
+        asked.append([len(part.weights) for part in samples])
+        return real(samples, *rest)
+
+    monkeypatch.setattr(training, "select", watched)
+    everything = choose(trained.tasks, trained.reference)
+    monkeypatch.setattr(training, "MAX_SCORED", 13)
+    monkeypatch.setattr(training, "SCORED_TOGETHER", 3)
+    some = choose(trained.tasks, trained.reference)
+    assert asked == [[6, 6, 6], [3, 1] * 3]
+    assert some[0].score == pytest.approx(everything[0].score, abs=0.5)
 
 
 def stream(n: int, seed: int = 0):
