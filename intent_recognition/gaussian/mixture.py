@@ -10,10 +10,11 @@ With strength 0 it is textbook EM (Ewerton et al. 2015, Eq. 7-10) with a floor. 
 coordinates of the points' affine span it is then the very same as in the full space, since all
 components have the floor in all other directions. With strength it is maximum a posteriori.
 
-A diagonal plus one rank-one term per member: determinants and inverses take matrices as large as a
-component has members, not as large as there are axes.
+A covariance is a diagonal plus one rank-one term per member: determinants and inverses take
+matrices as large as a component has members, or as there are axes if those are fewer.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,8 @@ from intent_recognition.gaussian.linalg import LOG_2_PI, cholesky, solve_lower
 
 MEMBER = 1e-13
 """Responsibilities below this are taken for zero in a covariance."""
+NUMBERS_AT_ONCE = 250_000
+"""Size of one array: what is in work fits the cache, and other fits wait for their turn."""
 EMPTY = 1e-8
 """A component responsible for less than this is dropped: its weight is zero from then on."""
 
@@ -120,9 +123,10 @@ def maximisation(
     weight = np.where(share > MEMBER, share, 0.0) / (divisor + prior.strength)[..., None]
     n_members = max(int(np.count_nonzero(weight, axis=2).max()), 1)
     rows = np.argpartition(-weight, n_members - 1, axis=2)[..., :n_members]
+    share_of_all = np.where(present, count, 0.0) / np.maximum(count.sum(axis=1), EMPTY)[:, None]
+    share_of_all[~present.any(axis=1)] = 1.0  # no points at all: no component is ruled out
     with np.errstate(divide="ignore"):
-        log_weight = np.log(np.where(present, count, 0.0))
-    log_weight -= np.log(count.sum(axis=1))[:, None]
+        log_weight = np.log(share_of_all)
     return Components(
         log_weight, count, mean, diagonal, rows, np.take_along_axis(weight, rows, axis=2)
     )
@@ -130,7 +134,24 @@ def maximisation(
 
 def log_joint(points: np.ndarray, components: Components) -> np.ndarray:
     """log p(k) + log density of each point under component k, (B, n, K)."""
-    if np.ptp(components.diagonal) == 0:
+    n_axes = points.shape[1]
+    small = components.rows.shape[2] <= n_axes
+    squared, log_det = (_by_members if small else _by_axes)(points, components)
+    constant = components.log_weight - 0.5 * (log_det + n_axes * LOG_2_PI)
+    return np.swapaxes(constant[..., None] - 0.5 * squared, 1, 2)
+
+
+def _by_axes(points: np.ndarray, components: Components) -> tuple[np.ndarray, np.ndarray]:
+    """Squared Mahalanobis distances (B, K, n) and log determinants (B, K)."""
+    factor = cholesky(components.covariance(points), name="covariance of a component")
+    errors = np.swapaxes(points - components.mean[:, :, None, :], 2, 3)
+    whitened = solve_lower(factor, errors)
+    return np.einsum("bkrn,bkrn->bkn", whitened, whitened), _log_det(factor)
+
+
+def _by_members(points: np.ndarray, components: Components) -> tuple[np.ndarray, np.ndarray]:
+    """The same by the matrix inversion lemma, for fewer members than axes."""
+    if components.diagonal.size and np.ptp(components.diagonal) == 0:
         cross, squared = _by_inner_products(points, components)
     else:
         cross, squared = _by_coordinates(points, components)
@@ -142,10 +163,12 @@ def log_joint(points: np.ndarray, components: Components) -> np.ndarray:
     factor = cholesky(gram, name="covariance of a component")
     whitened = solve_lower(factor, cross)
     squared -= np.einsum("bkmn,bkmn->bkn", whitened, whitened)
-    log_det = np.log(components.diagonal).sum(axis=2)
-    log_det += 2.0 * np.log(np.diagonal(factor, axis1=2, axis2=3)).sum(axis=2)
-    constant = components.log_weight - 0.5 * (log_det + points.shape[1] * LOG_2_PI)
-    return np.swapaxes(constant[..., None] - 0.5 * squared, 1, 2)
+    return squared, np.log(components.diagonal).sum(axis=2) + _log_det(factor)
+
+
+def _log_det(factor: np.ndarray) -> np.ndarray:
+    """Log determinant from a Cholesky factor."""
+    return 2.0 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
 
 
 def _by_coordinates(points: np.ndarray, components: Components) -> tuple[np.ndarray, np.ndarray]:
@@ -180,7 +203,7 @@ def fit_mixture(
     """EM (Ewerton et al. 2015, Algorithm 1) from B starts, each until it converges.
 
     A component that becomes empty is dropped; one with a single member keeps the prior's
-    covariance. Without strength the likelihood never falls.
+    covariance. But for the prior, the likelihood never falls.
 
     Args:
         points: (n, r).
@@ -189,9 +212,34 @@ def fit_mixture(
         n_iterations: at most.
         tolerance: a fit has converged when its mean log likelihood changes by less.
     """
-    included = responsibilities.sum(axis=2) > 0
-    n_included = np.maximum(included.sum(axis=1), 1)
+    n_fits, n, n_components = responsibilities.shape
     found = np.array(responsibilities, dtype=np.float64)
+    likelihood, iterations = np.full(n_fits, -np.inf), np.zeros(n_fits, dtype=np.int64)
+    for part in batches(n_fits, n_components * n * max(n, points.shape[1])):
+        found[part], likelihood[part], iterations[part] = _iterate(
+            points, found[part], prior, n_iterations, tolerance
+        )
+    return MixtureFit(found, likelihood, maximisation(points, found, prior), iterations)
+
+
+def batches(n_items: int, numbers_each: int) -> Iterator[slice]:
+    """Slices of so many items that an array with `numbers_each` for each stays small."""
+    size = max(1, NUMBERS_AT_ONCE // max(numbers_each, 1))
+    for first in range(0, n_items, size):
+        yield slice(first, first + size)
+
+
+def _iterate(
+    points: np.ndarray,
+    responsibilities: np.ndarray,
+    prior: CovariancePrior,
+    n_iterations: int,
+    tolerance: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """EM of one batch: responsibilities, log likelihoods and numbers of iterations."""
+    found = responsibilities.copy()
+    included = found.sum(axis=2) > 0
+    n_included = np.maximum(included.sum(axis=1), 1)
     likelihood = np.full(len(found), -np.inf)
     iterations = np.zeros(len(found), dtype=np.int64)
     active = np.arange(len(found))
@@ -206,4 +254,4 @@ def fit_mixture(
         active = active[change > tolerance]
         if not active.size:
             break
-    return MixtureFit(found, likelihood, maximisation(points, found, prior), iterations)
+    return found, likelihood, iterations

@@ -16,7 +16,7 @@ from scipy.special import gammaln
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.gaussian.linalg import cholesky, solve_lower
-from intent_recognition.gaussian.mixture import Components, CovariancePrior
+from intent_recognition.gaussian.mixture import EMPTY, Components, CovariancePrior, batches
 from intent_recognition.promp.mixture import MIN_MEMBERS, Features, cluster
 
 MAX_COMPONENTS = 10
@@ -106,12 +106,16 @@ def try_components(features: Features, n_components: int, rng: np.random.Generat
     found = cluster(features, n_components, rng)
     if n < 2 or not features.loadings.size:  # nothing to leave out, or nothing to predict
         return Tried(n_components, found.labels, np.zeros(n), np.zeros(n))
-    prediction = predict_left_out(features, found.left_out.components, features.prior)
-    return Tried(n_components, found.labels, *score(prediction, features.controlled))
+    nll, rmse = np.empty(n), np.empty(n)
+    each = found.left_out.rows[0].size * features.controlled.shape[1]
+    for part in batches(n, each):
+        prediction = predict_left_out(features, found.left_out, features.prior, part)
+        nll[part], rmse[part] = score(prediction, features.controlled[part])
+    return Tried(n_components, found.labels, nll, rmse)
 
 
 def predict_left_out(
-    features: Features, components: Components, prior: CovariancePrior
+    features: Features, left_out: Components, prior: CovariancePrior, part: slice = slice(None)
 ) -> Prediction:
     """Predict each demonstration's controlled trajectory from its observed one.
 
@@ -120,16 +124,18 @@ def predict_left_out(
 
     Args:
         features: the demonstrations.
-        components: mixture number i was fitted without demonstration i.
+        left_out: mixture number i was fitted without demonstration i.
         prior: of the covariances.
+        part: which of them to predict.
     """
-    split = features.n_observed
-    points, count = features.coordinates, np.maximum(components.count, 1e-8)
+    split, points = features.n_observed, features.coordinates
+    components = Components(*(field[part] for field in left_out))
+    count = np.maximum(components.count, EMPTY)
     root = np.sqrt(components.row_weight)[..., None]
     diagonal = components.diagonal[..., :split]
     members = points[components.rows, :split] - components.mean[:, :, None, :split]
     members *= root / np.sqrt(diagonal)[:, :, None]
-    error = (points[:, None, :split] - components.mean[..., :split]) / np.sqrt(diagonal)
+    error = (points[part, None, :split] - components.mean[..., :split]) / np.sqrt(diagonal)
     gram = members @ np.swapaxes(members, 2, 3)
     gram[..., np.arange(gram.shape[-1]), np.arange(gram.shape[-1])] += 1.0
     factor = cholesky(gram, name="observed covariance of a component")

@@ -13,8 +13,10 @@ import numpy as np
 
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.gaussian.mixture import (
+    Components,
     CovariancePrior,
     MixtureFit,
+    batches,
     fit_mixture,
     log_joint,
     one_hot,
@@ -34,6 +36,10 @@ SHARED = 5.0
 """Demonstrations that all components together are worth in a component's target."""
 MIN_MEMBERS = 3
 """Smallest component worth having: leaving one out, two remain to say how they vary."""
+MAX_FOLDS = 100
+"""Up to so many demonstrations each is left out by itself, of more every hundredth together."""
+MAX_DEMONSTRATIONS = 2000
+"""Beyond this, memory and time of a mixture over all of them are out of proportion."""
 N_STARTS = 30
 REASSIGNMENTS = 10
 
@@ -73,11 +79,16 @@ def mixture_features(weights: np.ndarray, n_observed: int, basis: NormalizedRBFB
         basis: what the weights belong to.
 
     Raises:
-        TrainingError: no demonstrations.
+        TrainingError: no demonstrations, or too many.
     """
-    if len(weights) == 0:
+    if not 0 < len(weights) <= MAX_DEMONSTRATIONS:
         raise TrainingError(
-            describe("demonstrations", "at least one", "none", "Check bags and DOF file.")
+            describe(
+                "demonstrations",
+                f"1 to {MAX_DEMONSTRATIONS} to find components in",
+                len(weights),
+                "Use a part of them, label the rest with what was learned.",
+            )
         )
     trajectories = weights @ basis.design_matrix(np.linspace(0.0, 1.0, SAMPLED_PHASES)).T
     deviations = trajectories - trajectories.mean(axis=0)
@@ -104,12 +115,12 @@ class Clustering(NamedTuple):
     Attributes:
         labels: component of each demonstration, (n,).
         log_likelihood: mean log likelihood of a demonstration.
-        left_out: the fits without each demonstration in turn, as one batch of n.
+        left_out: for each demonstration, the mixture fitted without it, a batch of n.
     """
 
     labels: np.ndarray
     log_likelihood: float
-    left_out: MixtureFit
+    left_out: Components
 
 
 def cluster(
@@ -145,8 +156,7 @@ def cluster(
     labels, value = fits.labels[best], worth[best]
     left_out = leave_each_out(points, labels, n_components, prior)
     for _ in range(REASSIGNMENTS):
-        own = log_joint(points, left_out.components)[np.arange(len(points)), np.arange(len(points))]
-        moved = np.argmax(own, axis=1)
+        moved = left_out_labels(points, left_out)
         if np.array_equal(moved, labels):
             break
         fit = fit_mixture(points, one_hot(moved[None], n_components), prior)
@@ -159,11 +169,26 @@ def cluster(
 
 def leave_each_out(
     points: np.ndarray, labels: np.ndarray, n_components: int, prior: CovariancePrior
-) -> MixtureFit:
-    """Fits without each of n points in turn, all started from the labels of the rest."""
-    n = len(points)
-    start = one_hot(labels, n_components) * (1.0 - np.eye(n))[..., None]
-    return fit_mixture(points, start, prior)
+) -> Components:
+    """For each of n points the mixture without it, started from the labels of the rest.
+
+    All are fitted in one batch; beyond `MAX_FOLDS` points those of one fold are left out together.
+    """
+    fold = np.arange(len(points)) % MAX_FOLDS
+    included = fold != np.arange(min(len(points), MAX_FOLDS))[:, None]
+    fits = fit_mixture(points, one_hot(labels, n_components) * included[..., None], prior)
+    return Components(*(field[fold] for field in fits.components))
+
+
+def left_out_labels(points: np.ndarray, left_out: Components) -> np.ndarray:
+    """Most probable component of each point under the mixture that was fitted without it, (n,)."""
+    labels = np.empty(len(points), dtype=np.int64)
+    n_components = left_out.count.shape[1]
+    for part in batches(len(points), n_components * len(points) * max(points.shape)):
+        joint = log_joint(points, Components(*(field[part] for field in left_out)))
+        own = np.arange(len(points))[part]
+        labels[part] = np.argmax(joint[np.arange(len(own)), own], axis=1)
+    return labels
 
 
 def _worth(fits: MixtureFit, index: int, n_components: int) -> tuple[bool, float]:

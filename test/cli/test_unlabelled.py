@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--unlabelled` of `intent train` and `intent evaluate`."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from cli.recorded import DOFS, TRUTH, write_all
+from model_builder import perform, write_recording
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.storage.model import load_model
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Labelled recordings in `bags`, the same tasks without labels in `nameless`."""
+    folder = tmp_path_factory.mktemp("recorded")
+    write_all(folder)
+    for number in range(8):
+        recording = perform(TRUTH, number % 2, number)
+        write_recording(folder / "nameless" / f"n_{number}", recording, DOFS, task="")
+    return folder
+
+
+@pytest.fixture
+def run(run_command, recorded, tmp_path):
+    def command(name, bags, *arguments):
+        output = tmp_path / ("model.npz" if name == "train" else "scores.json")
+        option = "--output" if name == "train" else "--json"
+        options = ("--dofs", recorded / "dofs.yaml", "--basis", 8, option, output)
+        code, text = run_command(name, recorded / bags, *options, *arguments)
+        assert code == 0
+        return text, output
+
+    return command
+
+
+def test_training_without_labels(run):
+    text, output = run("train", "nameless", "--unlabelled")
+    library = load_model(output).library
+    assert library.labels == ("component_1", "component_2")
+    assert library.n_demonstrations.tolist() == [4, 4]
+    np.testing.assert_allclose(library.task_prior, 0.5)
+    assert library.provenance["components"][:2] == ["component_1", "component_2"]
+    assert "2 components" in text and "purity" not in text and "taken" in text
+
+
+def test_purity_is_told_where_there_are_labels(run):
+    text, _ = run("train", "bags", "--unlabelled")
+    assert "purity 1.000" in text
+
+
+def test_the_number_of_components_may_be_given(run):
+    text, output = run("train", "bags", "--unlabelled", "--components", 1)
+    assert load_model(output).library.labels == ("component_1",)
+    assert "purity 0.500" in text
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--components", 2),
+        ("--unlabelled", "--components", "many"),
+        ("--unlabelled", "--components", 0),
+        ("--unlabelled", "--jobs", 2),
+        ("--unlabelled", "--scheduler", "tcp://127.0.0.1:1"),
+        ("--unlabelled", "--add", "model.npz"),
+    ],
+)
+def test_options_that_contradict_each_other_are_refused(run, arguments):
+    with pytest.raises(ArgumentError, match=r"--components|--unlabelled"):
+        run("train", "bags", *arguments)
+
+
+def test_evaluation_adds_the_mixture(run):
+    text, output = run(
+        "evaluate", "bags", "--unlabelled", "--protocol", "kfold:2", "--unknown-tasks", "off"
+    )
+    result = json.loads(output.read_text())
+    assert result["mixture"] == {"n_components": 2, "purity": 1.0}
+    assert result["n_demonstrations"] == 8 and "recognition" in result
+    assert "2 components" in text
+
+
+def test_evaluation_of_recordings_without_a_single_label(run):
+    text, output = run("evaluate", "nameless", "--unlabelled")
+    result = json.loads(output.read_text())
+    assert result["mixture"] == {"n_components": 2, "purity": None}
+    assert result["n_demonstrations"] == 8 and result["tasks"] == []
+    assert "no recording has a label" in text
+
+
+def test_some_without_labels_are_clustered_but_not_scored(run, recorded, tmp_path):
+    for name in ("bags", "nameless"):
+        shutil.copytree(recorded / name, tmp_path / "all", dirs_exist_ok=True)
+    arguments = ("--unlabelled", "--protocol", "kfold:2", "--unknown-tasks", "off")
+    _, output = run("evaluate", tmp_path / "all", *arguments)
+    result = json.loads(output.read_text())
+    assert result["mixture"]["purity"] == 1.0 and result["n_demonstrations"] == 8
