@@ -10,11 +10,11 @@ with the movement's task posterior p, so that a movement that is none of the tas
 memory as it was, and one that might have been two tasks speaks for both. The next movement's prior
 is
 
-    p(s) = trust sum_k belief(k) T(k, s) + (1 - trust) / K
+    p(s) = trust sum_k belief(k) T(k, s) + (1 - trust) p0(s)
 
-since a task that breaks the habit must not be taken for none of the tasks. The last row of T, and
-the last entry of the belief, stand for "no last task": the beginning of a session, after a reset,
-after a long silence.
+with the task prior p0, since a task that breaks the habit must not be taken for none of the tasks.
+The last row of T, and the last entry of the belief, stand for "no last task": the beginning of a
+session, after a reset, after a long silence.
 """
 
 from collections.abc import Iterable, Sequence
@@ -30,7 +30,7 @@ from intent_recognition.promp.recognition import TaskPosterior
 FORGET_AFTER_S = 60.0
 """So long after the end of a movement the last task tells nothing about the next."""
 HABIT_TRUST = 0.8
-"""Share of the learned habit in p(s); the rest expects all tasks alike (docs/anticipation.md)."""
+"""Share of the learned habit in p(s); the rest is the task prior (docs/anticipation.md)."""
 COMPLETED_PHASE = 0.9
 """A movement that ended before this expected phase was broken off: it is no last task."""
 _PSEUDO_COUNTS = np.geomspace(0.1, 100.0, 61)
@@ -91,18 +91,22 @@ def remember(
 
 
 def next_task_prior(
-    transition_prior: np.ndarray, memory: TaskMemory, trust: float = HABIT_TRUST
+    transition_prior: np.ndarray,
+    memory: TaskMemory,
+    task_prior: np.ndarray,
+    trust: float = HABIT_TRUST,
 ) -> np.ndarray:
     """p(s) of the next movement, (K,), sums to one.
 
     Args:
         transition_prior: p(next | last), (K + 1, K).
         memory: of the movements before.
+        task_prior: p0(s), (K,), whatever went before.
         trust: share of the habit, in [0, 1].
     """
     possible = np.flatnonzero(memory.belief > 1e-9)  # with thousands of tasks: a few
     prior = memory.belief[possible] @ transition_prior[possible]
-    return trust * prior / prior.sum() + (1.0 - trust) / len(prior)
+    return trust * prior / prior.sum() + (1.0 - trust) * task_prior
 
 
 class Expectation:
@@ -162,7 +166,8 @@ class Expectation:
         if self._fixed_prior is not None:
             self.prior = self._fixed_prior
         elif self._transitions:
-            self.prior = next_task_prior(self._library.transition_prior, memory)
+            library = self._library
+            self.prior = next_task_prior(library.transition_prior, memory, library.task_prior)
         else:
             self.prior = self._library.task_prior
 

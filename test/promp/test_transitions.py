@@ -87,10 +87,12 @@ def test_memory_is_the_forward_recursion_over_the_last_task(rng):
     memory = remember(memory, p2, DONE, 9)
     np.testing.assert_allclose(memory.belief, p2 * [1, 1, 1, 0] + 0.3 * p1)
     assert (memory.ended_ns, memory.last_task(LABELS)) == (9, "b")
-    transition = rng.dirichlet(np.ones(3), size=4)
-    np.testing.assert_allclose(next_task_prior(transition, memory, 1.0), memory.belief @ transition)
-    np.testing.assert_allclose(next_task_prior(transition, memory, 0.0), 1 / 3)
-    np.testing.assert_allclose(next_task_prior(transition, memory).sum(), 1.0)
+    transition, p0 = rng.dirichlet(np.ones(3), size=4), np.array([0.5, 0.3, 0.2])
+    np.testing.assert_allclose(
+        next_task_prior(transition, memory, p0, 1.0), memory.belief @ transition
+    )
+    np.testing.assert_allclose(next_task_prior(transition, memory, p0, 0.0), p0)
+    np.testing.assert_allclose(next_task_prior(transition, memory, p0).sum(), 1.0)
 
 
 def test_none_and_a_movement_broken_off_leave_the_memory():
