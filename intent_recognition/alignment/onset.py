@@ -129,6 +129,21 @@ def at_rest(
     return bool(np.all(recent < limit))
 
 
+def is_slow(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray) -> bool:
+    """Whether a signal is as slow as at rest at its end: what `at_rest` asks of its last sample.
+
+    Args:
+        settings: thresholds.
+        times_s: of the samples of the last `window_s`, (T,).
+        values: (T, P).
+    """
+    if len(times_s) < 3 or times_s[-1] - times_s[0] < 0.5 * settings.window_s:
+        return False
+    time = times_s - times_s.mean()
+    speed = np.linalg.norm(time @ values) / (time @ time)
+    return bool(speed < settings.rest_share * settings.reference_speed)
+
+
 def first_onset(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray) -> float | None:
     """Onset of the first movement of a recording, found as it would have been online.
 

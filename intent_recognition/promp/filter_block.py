@@ -145,6 +145,19 @@ class FilterBlock:
         change, shrink = self._pending_change(index)
         return self.mean[index] - change, self.covariance[index] - shrink
 
+    def mixed(self, some: slice, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Means (k, P N) of some and the weighted sum of their covariances (P N, P N), up to date.
+
+        Args:
+            some: which ones, k of them.
+            weights: (k,), not negative.
+        """
+        pending = self._pending[some, : self._n_pending]
+        rows = pending[:, :, : self._size]
+        means = self.mean[some] - np.matmul(pending[:, None, :, self._size], rows)[:, 0]
+        rows = (rows * np.sqrt(weights)[:, None, None]).reshape(-1, self._size)
+        return means, np.einsum("k,kij->ij", weights, self.covariance[some]) - rows.T @ rows
+
     def _pending_change(
         self, some: slice | np.ndarray, out: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.bank import FilterBank, Hypotheses, check_observation
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.pruning import PrunedBank, Step
@@ -188,6 +189,19 @@ class BankRun:
         """A copy of the hypotheses of one task, replayed if it was pruned: (S, ...)."""
         n_scales = self.hypotheses.n_scales
         return self._copy(np.arange(task * n_scales, (task + 1) * n_scales))
+
+    def moments(self, task: int, scale_weights: np.ndarray) -> Gaussian:
+        """Observed weights given a task, durations marginalised by matching moments.
+
+        Equals `prediction.observed_weights` without copying the hypotheses.
+
+        Args:
+            task: number of the task.
+            scale_weights: p(duration | task), (S,).
+        """
+        if self._pruned is not None:
+            self._pruned.revive(np.intersect1d([task], self._pruned.tasks_aside))
+        return Gaussian(*self.memory.moments(task, scale_weights))
 
     def _copy(self, index: np.ndarray) -> FilterBank:
         if self._pruned is not None:

@@ -6,14 +6,16 @@ clock: all times are stamps of measurements.
 """
 
 from collections import deque
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.alignment.onset import at_rest, detect_onset
+from intent_recognition.alignment.onset import at_rest, detect_onset, is_slow
 from intent_recognition.errors import DofError, describe
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.bank import N_SCALES, Hypotheses, make_hypotheses
+from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.observations import (
     BankRun,
@@ -24,8 +26,6 @@ from intent_recognition.promp.observations import (
 from intent_recognition.promp.posture import POSTURE_UNKNOWN, OnsetPosture
 from intent_recognition.promp.prediction import (
     Trajectory,
-    controlled_weights,
-    observed_weights,
     rollout,
 )
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
@@ -134,8 +134,9 @@ class IntentEstimator:
         self.library = library
         self._n_scales = n_scales
         self._posture = OnsetPosture() if start_posture else None
+        self._grids: dict[tuple[int, int], ControlGrid] = {}
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
-        self._hypotheses = self._make_hypotheses()
+        self._hypotheses = make_hypotheses(library, task_prior, n_scales)
         self._history: list[deque[Observation]] = [deque() for _ in library.observed_groups]
         self._newest_ns = [0] * len(library.observed_groups)
         self._late = [(0, 0)] * len(library.observed_groups)
@@ -179,17 +180,15 @@ class IntentEstimator:
             while history and observation.stamp_ns - history[0].stamp_ns > HISTORY_S * 1e9:
                 history.popleft()
         if self._movement is None:
-            if self.expectation.forget_if_long_ago(observation.stamp_ns):
-                self._hypotheses = self._make_hypotheses()
+            self.expectation.forget_if_long_ago(observation.stamp_ns)
             self._begin_if_moving()
         elif observation.stamp_ns >= self._movement.onset_ns:
             self._movement.observe(observation)
         if self._movement is None:
             return self._idle(observation.stamp_ns)
-        self._posterior = self._movement.posterior(observation.stamp_ns)
+        self._posterior = self.expectation.weigh(self._movement.posterior(observation.stamp_ns))
         if self._finished(observation.stamp_ns, self._posterior):
             self.expectation.remember(observation.stamp_ns, self._posterior)
-            self._hypotheses = self._make_hypotheses()
             self._movement = self._posterior = None
             return self._idle(observation.stamp_ns)
         return Estimate(
@@ -224,14 +223,14 @@ class IntentEstimator:
         task = int(np.argmax(self._posterior.probabilities))
         if task == self.library.n_tasks:
             return None
-        observed = self._observed(task)
         start, used = None, POSTURE_UNKNOWN
         if self._posture is not None:
             start, used = self._posture.given(self.library, task, self._movement.onset_ns)
-        weights = controlled_weights(self.library, task, observed, start)
-        noise = self.library.control_noise_variance()
-        phase = np.linspace(1.0, 0.0, n_points)[::-1]
-        return self._prediction(task, weights, noise, phase)._replace(start=used)
+        if (task, n_points) not in self._grids:
+            self._grids[task, n_points] = ControlGrid(self.library, task, n_points)
+        duration_s = float(self._posterior.duration_s[task])
+        trajectory = self._grids[task, n_points].predict(self._observed(task), duration_s, start)
+        return Prediction(self.library.labels[task], self._movement.onset_ns, trajectory, used)
 
     def predicted_end_std(self) -> float | None:
         """Largest standard deviation over the controlled DOFs at the predicted end.
@@ -251,8 +250,7 @@ class IntentEstimator:
         return self._prediction(task, self._observed(task), noise, phase)
 
     def _observed(self, task: int) -> Gaussian:
-        weights = self._posterior.scale_weights[task : task + 1]
-        return observed_weights(self._movement.task(task), weights, 0)
+        return self._movement.moments(task, self._posterior.scale_weights[task])
 
     def _prediction(
         self, task: int, weights: Gaussian, noise: np.ndarray, phase: np.ndarray
@@ -267,7 +265,6 @@ class IntentEstimator:
         """Forget the movement under way and the past."""
         self._movement = self._posterior = None
         self.expectation.reset()
-        self._hypotheses = self._make_hypotheses()
         if self._posture is not None:
             self._posture.clear()
         self._needs_rest = False
@@ -295,20 +292,24 @@ class IntentEstimator:
                     describe(f"library {agent}", str(ours), str(theirs), "Train on the same DOFs.")
                 )
         self.library = library
+        self._grids.clear()
         self.expectation.swap(library, task_prior)
-        self._hypotheses = self._make_hypotheses()
+        self._hypotheses = make_hypotheses(library, task_prior, self._n_scales)
         if self._posture is not None:
             self._posture.library_changed()
         if self._movement is not None:
             before = self._movement
             self._begin(before.onset_ns, before.observations)
-            self._posterior = self._movement.posterior(before.observations[-1].stamp_ns)
+            last_ns = before.observations[-1].stamp_ns
+            self._posterior = self.expectation.weigh(self._movement.posterior(last_ns))
 
-    def _make_hypotheses(self) -> Hypotheses:
-        return make_hypotheses(self.library, self.expectation.prior, self._n_scales)
-
-    def _arrays(self, group: int) -> tuple[np.ndarray, np.ndarray]:
+    def _arrays(self, group: int, last_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Times and values of a signal's past, or of the last seconds of it."""
         history = self._history[group]
+        if last_s is not None:
+            oldest_ns = history[-1].stamp_ns - last_s * 1e9 - 1.0
+            newest_first = takewhile(lambda o: o.stamp_ns >= oldest_ns, reversed(history))
+            history = list(newest_first)[::-1]
         start = history[0].stamp_ns
         times = np.array([(o.stamp_ns - start) * 1e-9 for o in history])
         return times, np.array([o.values for o in history])
@@ -337,8 +338,14 @@ class IntentEstimator:
 
     def _at_rest(self, rest_s: float | None = None) -> bool:
         return all(
-            not self._history[group] or at_rest(settings, *self._arrays(group), rest_s)
-            for group, settings in enumerate(self.library.onset)
+            not history
+            or (
+                is_slow(settings, *self._arrays(group, settings.window_s))
+                and at_rest(settings, *self._arrays(group), rest_s)
+            )
+            for group, (settings, history) in enumerate(
+                zip(self.library.onset, self._history, strict=True)
+            )
         )
 
     def _finished(self, stamp_ns: int, posterior: TaskPosterior) -> bool:

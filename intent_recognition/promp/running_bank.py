@@ -155,6 +155,26 @@ class RunningBank:
                 mean[inside], covariance[inside] = block.current(at[inside] - start)
         return mean, covariance
 
+    def moments(self, task: int, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (P N,) and covariance (P N, P N) of the mixture of an active task's hypotheses.
+
+        Args:
+            task: its number.
+            weights: of its hypotheses, (S,), summing to one.
+        """
+        size, n = self._state.shape[1], self.shape[1]
+        first = self._place_of[task] * n
+        means, covariance = np.empty((n, size)), np.zeros((size, size))
+        for start, stop, block in self._blocks:
+            low, high = max(first, start), min(first + n, stop)
+            if low < high:
+                part = slice(low - first, high - first)
+                means[part], sum_ = block.mixed(slice(low - start, high - start), weights[part])
+                covariance += sum_
+        mean = weights @ means
+        deviation = (means - mean) * np.sqrt(weights)[:, None]
+        return mean, covariance + deviation.T @ deviation
+
     def set_aside(self, tasks: np.ndarray) -> None:
         """Stop filtering some active tasks; their state stays as it is."""
         self.fold()

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controlled agent's trajectory at phases that never change, without its weights.
+
+`prediction.rollout` of `prediction.controlled_weights` forms the covariance of all controlled
+weights (Q N = 140 of them, usually) to read the variance of T Q values off it. What maps observed
+weights to those values depends on the task alone and is kept here, so that a prediction costs two
+products of matrices. The outcome is the same.
+"""
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from intent_recognition.gaussian.linalg import cholesky, symmetrize
+from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.prediction import StartPosture, Trajectory
+
+
+class ControlGrid:
+    """T evenly spaced phases of one task from start to end, or its end alone.
+
+    Args:
+        library: the learned tasks.
+        task: number of the task.
+        n_points: T; 1 is the end.
+    """
+
+    def __init__(self, library: TaskLibrary, task: int, n_points: int):
+        self.phase = np.linspace(1.0, 0.0, n_points)[::-1]
+        self._n_controlled = library.n_controlled
+        self._noise = library.control_noise_variance()
+        basis, (matrix, offset, covariance) = library.basis, library.recovery[task]
+        shape = (library.n_controlled, basis.n_basis)
+        matrix, offset = matrix.reshape(*shape, -1), offset.reshape(shape)
+        covariance = covariance.reshape(*shape, *shape)
+        design, slope = basis.design_matrix(self.phase), basis.derivative_matrix(self.phase)
+        start = basis.design_matrix(np.zeros(1))[0]
+
+        def rows(values: np.ndarray) -> np.ndarray:
+            """Values of the DOFs at all phases, and of their slopes, (2, T Q, ...)."""
+            parts = [np.tensordot(part, values, axes=(1, 1)) for part in (design, slope)]
+            return np.array([part.reshape(-1, *values.shape[2:]) for part in parts])
+
+        self._response, self._base = rows(matrix), rows(offset)
+        self._start_response = np.tensordot(start, matrix, axes=(0, 1))
+        self._start_base = offset @ start
+        toward_start = covariance @ start  # (Q, N, Q)
+        self._start_cross = rows(toward_start)
+        self._start_covariance = np.tensordot(start, toward_start, axes=(0, 1))
+        own = np.einsum("qnqm->qnm", covariance)
+        variance = np.einsum("tn,qnm,tm->tq", design, own, design, optimize=True)
+        self._variance = (variance + self._noise).ravel()
+
+    def predict(
+        self, observed: Gaussian, duration_s: float, start: StartPosture | None = None
+    ) -> Trajectory:
+        """The trajectory given the filtered observed weights, and the start posture if known.
+
+        Args:
+            observed: weights of the observed DOFs, (P N).
+            duration_s: time from phase 0 to 1.
+            start: measured posture of the controlled agent at onset.
+        """
+        values = self._response @ observed.mean + self._base
+        response = self._response[0]
+        variance = self._variance + np.einsum("ap,ap->a", response @ observed.covariance, response)
+        if start is not None:
+            toward = observed.covariance @ self._start_response.T
+            spread = symmetrize(self._start_covariance + self._start_response @ toward)
+            spread += np.diag(start.variance + self._noise)
+            factor = cholesky(spread, name="start posture covariance")
+            expected = self._start_response @ observed.mean + self._start_base
+            innovation = solve_triangular(factor, start.position - expected, lower=True)
+            cross = self._response @ toward + self._start_cross
+            values += cross @ solve_triangular(factor, innovation, lower=True, trans="T")
+            scaled = solve_triangular(factor, cross[0].T, lower=True)
+            variance -= np.einsum("qa,qa->a", scaled, scaled)
+        positions, slopes = values.reshape(2, -1, self._n_controlled)
+        std = np.sqrt(variance).reshape(-1, self._n_controlled)
+        return Trajectory(self.phase * duration_s, positions, slopes / duration_s, std)
