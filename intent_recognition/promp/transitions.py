@@ -12,9 +12,12 @@ is
 
     p(s) = trust sum_k belief(k) T(k, s) + (1 - trust) p0(s)
 
-with the task prior p0, since a task that breaks the habit must not be taken for none of the tasks.
-The last row of T, and the last entry of the belief, stand for "no last task": the beginning of a
-session, after a reset, after a long silence.
+with the task prior p0, since habits are broken. The last row of T, and the last entry of the
+belief, stand for "no last task": the beginning of a session, after a reset, after a long silence.
+
+What is expected says which of the known tasks comes, not whether one comes: the probability of
+none is left as the movement alone has it, so that neither a known movement out of the habit nor an
+unknown one in its place changes sides.
 """
 
 from collections.abc import Iterable, Sequence
@@ -109,6 +112,22 @@ def next_task_prior(
     return trust * prior / prior.sum() + (1.0 - trust) * task_prior
 
 
+def weigh(posterior: TaskPosterior, ratio: np.ndarray) -> TaskPosterior:
+    """The posterior under another p(s): known tasks share anew what is not none's.
+
+    Args:
+        posterior: under the prior p0(s).
+        ratio: p(s) / p0(s), (K,).
+    """
+    known = posterior.probabilities[:-1] * ratio
+    total = known.sum()
+    if not total > 0.0:
+        return posterior
+    none = posterior.probabilities[-1]
+    p = np.r_[known / total * (1.0 - none), none]
+    return posterior._replace(probabilities=p / p.sum())
+
+
 class Expectation:
     """What the next task will be, kept up to date from one movement to the next.
 
@@ -161,13 +180,19 @@ class Expectation:
         self._library, self._fixed_prior = library, fixed_prior
         self._set(memory)
 
+    def weigh(self, posterior: TaskPosterior) -> TaskPosterior:
+        """The posterior of the movement under way, given what was expected."""
+        return posterior if self._ratio is None else weigh(posterior, self._ratio)
+
     def _set(self, memory: TaskMemory) -> None:
         self.memory = memory
+        self._ratio: np.ndarray | None = None
         if self._fixed_prior is not None:
             self.prior = self._fixed_prior
         elif self._transitions:
             library = self._library
             self.prior = next_task_prior(library.transition_prior, memory, library.task_prior)
+            self._ratio = self.prior / np.maximum(library.task_prior, 1e-300)
         else:
             self.prior = self._library.task_prior
 

@@ -13,6 +13,7 @@ from promp.simulation import START_NS, make_library, simulate
 from intent_recognition.errors import ShapeError
 from intent_recognition.promp.observations import merge
 from intent_recognition.promp.online import IntentEstimator
+from intent_recognition.promp.recognition import TaskPosterior
 from intent_recognition.promp.transitions import (
     HABIT_TRUST,
     TaskMemory,
@@ -20,6 +21,7 @@ from intent_recognition.promp.transitions import (
     next_task_prior,
     remember,
     smoothed_transitions,
+    weigh,
 )
 
 LABELS = ("a", "b", "c")
@@ -110,6 +112,17 @@ def test_relabelled_memory_follows_its_labels():
     assert other.ended_ns == 5
 
 
+def test_weighing_is_bayes_among_the_known_tasks_and_leaves_none(rng):
+    p0, p1 = rng.dirichlet(np.ones(3)), rng.dirichlet(np.ones(3))
+    likelihood = rng.uniform(size=3)
+    under = [p * likelihood / (p @ likelihood) for p in (p0, p1)]
+    before, after = (TaskPosterior(np.r_[0.7 * u, 0.3], *[np.zeros(4)] * 4) for u in under)
+    weighed = weigh(before, p1 / p0)
+    np.testing.assert_allclose(weighed.probabilities, after.probabilities, atol=1e-12)
+    certain = before._replace(probabilities=np.array([0.0, 0.0, 0.0, 1.0]))
+    assert weigh(certain, p1 / p0) is certain
+
+
 # Online
 
 
@@ -140,15 +153,12 @@ def feed(estimator, observations):
     return last
 
 
-def evidence_at_onset(estimator, library, task, rng, after_ns):
-    """Feed a movement; probabilities at its first estimate and the end, and its last stamp."""
+def perform(estimator, library, task, rng, after_ns):
+    """Feed a movement; the estimates while it was under way, and its last stamp."""
     observations = recording(library, task, rng, after_ns)
-    first = None
-    for observation in observations:
-        estimate = estimator.observe(observation)
-        first = estimate if first is None and estimate.moving else first
-    assert not estimate.moving
-    return first, observations[-1].stamp_ns
+    estimates = [estimator.observe(observation) for observation in observations]
+    assert not estimates[-1].moving
+    return [e for e in estimates if e.moving], observations[-1].stamp_ns
 
 
 def test_the_task_before_picks_the_row(library, rng):
@@ -157,37 +167,40 @@ def test_the_task_before_picks_the_row(library, rng):
     stamp = START_NS
     for task in (0, 1, 2):
         seed = rng.integers(1 << 30)
-        known, now = evidence_at_onset(on, library, task, np.random.default_rng(seed), stamp)
-        plain, _ = evidence_at_onset(off, library, task, np.random.default_rng(seed), stamp)
+        known, now = perform(on, library, task, np.random.default_rng(seed), stamp)
+        plain, _ = perform(off, library, task, np.random.default_rng(seed), stamp)
         stamp = now
+        row = expected(library.transition_prior[task - 1 if task else 3])
+        for ours, theirs in zip(known, plain, strict=True):
+            weighted = theirs.probabilities[:-1] * row + 1e-300
+            weighted *= (1.0 - theirs.probabilities[-1]) / weighted.sum()
+            np.testing.assert_allclose(ours.probabilities[:-1], weighted, atol=2e-3)
+            assert ours.probabilities[-1] == pytest.approx(theirs.probabilities[-1], abs=1e-12)
+            np.testing.assert_array_equal(ours.log_evidence, theirs.log_evidence)
         assert on.expectation.last_task == library.labels[task]
         row = expected(library.transition_prior[task])
         np.testing.assert_allclose(on.expectation.prior, row, atol=1e-3)
-        np.testing.assert_allclose(known.log_evidence, plain.log_evidence, atol=1e-9)
-        row = expected(library.transition_prior[task - 1 if task else 3])
-        weighted = plain.probabilities * np.r_[row * 3.0, 1.0]
-        np.testing.assert_allclose(known.probabilities, weighted / weighted.sum(), atol=2e-3)
     np.testing.assert_allclose(off.expectation.prior, 1 / 3)
 
 
 def test_reset_silence_and_a_fixed_prior(library, rng):
     estimator = IntentEstimator(library, forget_after_s=10.0)
-    _, stamp = evidence_at_onset(estimator, library, 1, rng, START_NS)
+    _, stamp = perform(estimator, library, 1, rng, START_NS)
     assert estimator.expectation.last_task == "task_1"
     estimator.reset()
     np.testing.assert_allclose(estimator.expectation.prior, expected(library.transition_prior[3]))
-    _, stamp = evidence_at_onset(estimator, library, 1, rng, stamp)
+    _, stamp = perform(estimator, library, 1, rng, stamp)
     late = recording(library, 0, rng, stamp + 10_000_000_000)
     feed(estimator, late[:2])
     assert estimator.expectation.memory.is_empty
     fixed = IntentEstimator(library, np.array([0.2, 0.3, 0.5]))
-    evidence_at_onset(fixed, library, 1, rng, START_NS)
+    perform(fixed, library, 1, rng, START_NS)
     np.testing.assert_array_equal(fixed.expectation.prior, [0.2, 0.3, 0.5])
 
 
 def test_a_swap_keeps_the_memory(library, rng):
     estimator = IntentEstimator(library)
-    evidence_at_onset(estimator, library, 1, rng, START_NS)
+    perform(estimator, library, 1, rng, START_NS)
     estimator.swap(replace(library, labels=("task_1", "task_2", "task_9")))
     assert estimator.expectation.last_task == "task_1"
     row = expected(library.transition_prior[0])
