@@ -98,6 +98,7 @@ class BankRun:
         onset_ns: stamp from which phases count.
         memory: that of another run which is over, to be used again; None for new memory.
         prune: do not filter tasks whose posterior is negligible (`pruning`), when there are many.
+        task_weight: what the posterior of the known tasks may be multiplied by, (K,); see there.
     """
 
     def __init__(
@@ -109,6 +110,7 @@ class BankRun:
         *,
         memory: RunningBank | None = None,
         prune: bool = False,
+        task_weight: np.ndarray | None = None,
     ):
         self.library, self.hypotheses, self.onset_ns = library, hypotheses, onset_ns
         fits = memory is not None and memory.shape == _shape(library, hypotheses)
@@ -124,7 +126,7 @@ class BankRun:
         self._pruned: PrunedBank | None = None
         if prune and len(hypotheses.duration_s) >= PRUNE_FROM:
             prior = hypotheses.log_prior + self._evidence_before
-            self._pruned = PrunedBank(self.memory, prior, self._rows)
+            self._pruned = PrunedBank(self.memory, prior, self._rows, task_weight)
 
     def _rows(self, step: Step, index: np.ndarray | slice) -> np.ndarray:
         return observation_rows(self.library, self.hypotheses, step, index)

@@ -93,8 +93,17 @@ class _Movement(BankRun):
         hypotheses: Hypotheses,
         onset_ns: int,
         memory: RunningBank | None,
+        task_weight: np.ndarray | None,
     ):
-        super().__init__(library, hypotheses, None, onset_ns, memory=memory, prune=True)
+        super().__init__(
+            library,
+            hypotheses,
+            None,
+            onset_ns,
+            memory=memory,
+            prune=True,
+            task_weight=task_weight,
+        )
         self.observations: list[Observation] = []
 
     def observe(self, observation: Observation) -> None:
@@ -331,7 +340,9 @@ class IntentEstimator:
 
     def _begin(self, onset_ns: int, past: list[Observation]) -> None:
         """Filter a movement from its onset, in the memory of the one before."""
-        self._movement = _Movement(self.library, self._hypotheses, onset_ns, self._memory)
+        self._movement = _Movement(
+            self.library, self._hypotheses, onset_ns, self._memory, self.expectation.ratio
+        )
         self._memory = self._movement.memory
         for observation in past:
             self._movement.observe(observation)

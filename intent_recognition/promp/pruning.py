@@ -65,18 +65,30 @@ class PrunedBank:
         bank: the filtered hypotheses, all active.
         log_prior: of each hypothesis, (B,).
         rows: makes the rows of a step.
+        task_weight: factors that the posterior of the known tasks may be multiplied by (another
+            p(s)), (T - 1,): what is negligible is so with and without them.
     """
 
-    def __init__(self, bank: RunningBank, log_prior: np.ndarray, rows: Rows):
+    def __init__(
+        self,
+        bank: RunningBank,
+        log_prior: np.ndarray,
+        rows: Rows,
+        task_weight: np.ndarray | None = None,
+    ):
         self._bank, self._log_prior, self._rows = bank, log_prior, rows
-        n_tasks = bank.shape[0]
+        n_tasks, n_scales = bank.shape[:2]
+        self._log_weight = np.zeros(n_tasks)
+        if task_weight is not None:
+            with np.errstate(divide="ignore"):
+                self._log_weight[:-1] = np.log(task_weight)
+        self._weighed_prior = log_prior + np.repeat(self._log_weight, n_scales)
         self._is_known = np.arange(len(log_prior)) < (n_tasks - 1) * bank.shape[1]
         self._aside = np.zeros(n_tasks, dtype=bool)
         self._since = np.zeros(n_tasks, dtype=int)
         self._kept: list[Step] = []
         self._peaks: list[float] = []  # log density of each kept step at most
         self._bound = np.full(n_tasks, -np.inf)  # on the log joint, less the peaks so far
-        self._highest_bound = -np.inf
         self._peak = 0.0
         self._until_check = CHECK_EVERY
 
@@ -123,7 +135,6 @@ class PrunedBank:
             self._bank.activate(group, density)
         self._aside[tasks] = False
         self._bound[tasks] = -np.inf
-        self._highest_bound = np.max(self._bound)
         if not self._aside.any():
             self._kept, self._peaks, self._peak = [], [], 0.0
 
@@ -143,16 +154,27 @@ class PrunedBank:
             first = some.stop
         return density
 
+    def _limits(self) -> np.ndarray:
+        """What a task's log joint is to be compared with: that of the likeliest active task, (T,).
+
+        Under the weighed posterior, too: the lower of the two.
+        """
+        active, evidence = self._bank.active, self._bank.active_evidence
+        plain, weighed = (
+            np.max(prior[active] + evidence, where=self._is_known[active], initial=-np.inf)
+            for prior in (self._log_prior, self._weighed_prior)
+        )
+        return np.minimum(plain, weighed - self._log_weight)
+
     def _take_back_what_may_matter(self) -> None:
-        active = self._bank.active
-        joint = self._log_prior[active] + self._bank.active_evidence
-        top = np.max(joint, where=self._is_known[active], initial=-np.inf)
         if len(self._kept) >= MAX_KEPT:
             self.revive()
-        elif self._highest_bound + self._peak > top - NEGLIGIBLE:
-            limit = top - NEGLIGIBLE - SOON
-            self._lower_bounds(np.flatnonzero(self._aside & (self._bound + self._peak > limit)))
-            self.revive(np.flatnonzero(self._aside & (self._bound + self._peak > limit)))
+            return
+        excess = self._bound + self._peak - self._limits()
+        if np.max(excess, where=self._aside, initial=-np.inf) > -NEGLIGIBLE:
+            self._lower_bounds(np.flatnonzero(self._aside & (excess > -NEGLIGIBLE - SOON)))
+            excess = self._bound + self._peak - self._limits()
+            self.revive(np.flatnonzero(self._aside & (excess > -NEGLIGIBLE - SOON)))
 
     def _lower_bounds(self, tasks: np.ndarray) -> None:
         """Replace the peaks of a few kept steps by what these have in truth."""
@@ -169,18 +191,16 @@ class PrunedBank:
         others = peaks[self._since[tasks]] - sum(self._peaks[k] for k in chosen)
         bound = np.logaddexp.reduce(tried, axis=1) + others - self._peak
         self._bound[tasks] = np.minimum(self._bound[tasks], bound)
-        self._highest_bound = np.max(self._bound)
 
     def _set_aside_what_is_negligible(self) -> None:
-        joint = self._log_joint(self._bank.log_evidence)[:-1]
-        active = ~self._aside[:-1]
-        tasks = np.flatnonzero(active & (joint < np.max(joint[active]) - SET_ASIDE))
+        joint = self._log_joint(self._bank.log_evidence)
+        negligible = ~self._aside & (joint < self._limits() - SET_ASIDE)
+        tasks = np.flatnonzero(negligible[:-1])
         if len(tasks):
             self._bank.set_aside(tasks)
             self._aside[tasks] = True
             self._since[tasks] = len(self._kept)
             self._bound[tasks] = joint[tasks] - self._peak
-            self._highest_bound = np.max(self._bound)
 
     def _log_joint(self, log_evidence: np.ndarray) -> np.ndarray:
         """Log prior and evidence of each task, durations summed out, (T,)."""

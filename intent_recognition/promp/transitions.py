@@ -180,6 +180,11 @@ class Expectation:
         self._library, self._fixed_prior = library, fixed_prior
         self._set(memory)
 
+    @property
+    def ratio(self) -> np.ndarray | None:
+        """What `weigh` multiplies the known tasks' posterior by, (K,); None when by nothing."""
+        return self._ratio
+
     def weigh(self, posterior: TaskPosterior) -> TaskPosterior:
         """The posterior of the movement under way, given what was expected."""
         return posterior if self._ratio is None else weigh(posterior, self._ratio)

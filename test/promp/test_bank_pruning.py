@@ -13,6 +13,7 @@ from intent_recognition.promp.bank import make_hypotheses, start_bank
 from intent_recognition.promp.observations import BankRun, make_memory, merge
 from intent_recognition.promp.recognition import task_posterior
 from intent_recognition.promp.running_bank import RunningBank
+from intent_recognition.promp.transitions import weigh
 
 seeds = st.integers(0, 2**32 - 1)
 N_SCALES = 4
@@ -112,6 +113,28 @@ def test_an_outlier_takes_nobody_s_chance(monkeypatch):
         ours = task_posterior(pruned, hypotheses, 1.0).probabilities
         expected = task_posterior(whole, hypotheses, 1.0).probabilities
         np.testing.assert_allclose(ours, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("unlikely", [1e-40, 0.0])
+def test_a_posterior_that_is_weighed_anew_is_exact_too(unlikely):
+    """The likeliest task is made next to impossible: the others must not have been left behind."""
+    library, hypotheses, observations = scene(13)
+    whole = BankRun(library, hypotheses, None, START_NS)
+    for observation in observations:
+        whole.observe(observation)
+    ratio = np.ones(library.n_tasks)
+    ratio[np.argmax(task_posterior(whole, hypotheses, 1.0).probabilities[:-1])] = unlikely
+    whole = BankRun(library, hypotheses, None, START_NS)
+    pruned = BankRun(library, hypotheses, None, START_NS, prune=True, task_weight=ratio)
+    for observation in observations:
+        pruned.observe(observation)
+        whole.observe(observation)
+        ours, theirs = (
+            weigh(task_posterior(run, hypotheses, 1.0), ratio).probabilities
+            for run in (pruned, whole)
+        )
+        np.testing.assert_allclose(ours, theirs, atol=1e-12)
+    assert len(pruned.tasks_aside)
 
 
 def test_an_excluded_task_is_set_aside_and_stays_impossible():

@@ -64,3 +64,10 @@ def test_leading_dimensions_are_kept():
 def test_a_basis_that_cannot_be_is_refused(n, width):
     with pytest.raises(ArgumentError, match=r"n_basis, width: expected at least 3.*Try 20"):
         NormalizedRBFBasis(n, width)
+
+
+def test_narrow_functions_do_not_underflow_between_their_centres():
+    basis = NormalizedRBFBasis(5, 0.01)
+    values = basis.design_matrix(np.array([0.0, 0.1249, 0.1251, 1.0]))
+    np.testing.assert_allclose(values.sum(axis=1), 1.0, atol=1e-12)
+    assert np.argmax(values, axis=1).tolist() == [0, 0, 1, 4]
