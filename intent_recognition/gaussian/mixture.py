@@ -173,9 +173,9 @@ def _log_det(factor: np.ndarray) -> np.ndarray:
 
 def _by_coordinates(points: np.ndarray, components: Components) -> tuple[np.ndarray, np.ndarray]:
     """Scaled inner products of members with points (B, K, M, n), and squared norms (B, K, n)."""
-    scaled = points - components.mean[:, :, None, :]
-    scaled *= 1.0 / np.sqrt(components.diagonal)[:, :, None, :]
-    members = np.take_along_axis(scaled, components.rows[..., None], axis=2)
+    scale = 1.0 / np.sqrt(components.diagonal)[:, :, None, :]
+    scaled = (points - components.mean[:, :, None, :]) * scale
+    members = (points[components.rows] - components.mean[:, :, None, :]) * scale
     return members @ np.swapaxes(scaled, 2, 3), np.einsum("bknr,bknr->bkn", scaled, scaled)
 
 
