@@ -15,9 +15,9 @@ is
 with the task prior p0, since habits are broken. The last row of T, and the last entry of the
 belief, stand for "no last task": the beginning of a session, after a reset, after a long silence.
 
-What is expected says which of the known tasks comes, not whether one comes: the probability of
-none is left as the movement alone has it, so that neither a known movement out of the habit nor an
-unknown one in its place changes sides.
+What is expected may speak for a known movement, never against one: where the movement is not the
+expected task, none keeps the probability it has without the habit, so that a task out of the habit
+is not taken for none of them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -113,7 +113,7 @@ def next_task_prior(
 
 
 def weigh(posterior: TaskPosterior, ratio: np.ndarray) -> TaskPosterior:
-    """The posterior under another p(s): known tasks share anew what is not none's.
+    """The posterior under another p(s); none becomes less probable by it, never more.
 
     Args:
         posterior: under the prior p0(s).
@@ -123,8 +123,8 @@ def weigh(posterior: TaskPosterior, ratio: np.ndarray) -> TaskPosterior:
     total = known.sum()
     if not total > 0.0:
         return posterior
-    none = posterior.probabilities[-1]
-    p = np.r_[known / total * (1.0 - none), none]
+    shared = posterior.probabilities[:-1].sum()
+    p = np.r_[known * max(1.0, shared / total), posterior.probabilities[-1]]
     return posterior._replace(probabilities=p / p.sum())
 
 

@@ -112,13 +112,25 @@ def test_relabelled_memory_follows_its_labels():
     assert other.ended_ns == 5
 
 
-def test_weighing_is_bayes_among_the_known_tasks_and_leaves_none(rng):
-    p0, p1 = rng.dirichlet(np.ones(3)), rng.dirichlet(np.ones(3))
-    likelihood = rng.uniform(size=3)
-    under = [p * likelihood / (p @ likelihood) for p in (p0, p1)]
-    before, after = (TaskPosterior(np.r_[0.7 * u, 0.3], *[np.zeros(4)] * 4) for u in under)
-    weighed = weigh(before, p1 / p0)
-    np.testing.assert_allclose(weighed.probabilities, after.probabilities, atol=1e-12)
+def posterior(prior, likelihood) -> TaskPosterior:
+    """By Bayes' rule, none having probability 0.1 and likelihood 0.3."""
+    p = np.r_[0.9 * prior * likelihood, 0.1 * 0.3]
+    return TaskPosterior(p / p.sum(), *[np.zeros(4)] * 4)
+
+
+def test_weighing_is_bayes_and_never_speaks_for_none(rng):
+    for _ in range(50):
+        p0, p1 = rng.dirichlet(np.ones(3)), rng.dirichlet(np.ones(3))
+        likelihood = rng.uniform(size=3)
+        before, after = posterior(p0, likelihood), posterior(p1, likelihood)
+        weighed = weigh(before, p1 / p0).probabilities
+        assert weighed.sum() == pytest.approx(1.0, abs=1e-12)
+        if p1 @ likelihood >= p0 @ likelihood:
+            np.testing.assert_allclose(weighed, after.probabilities, atol=1e-12)
+        else:
+            assert weighed[-1] == pytest.approx(before.probabilities[-1], abs=1e-12)
+            shares = after.probabilities[:-1] / after.probabilities[:-1].sum()
+            np.testing.assert_allclose(weighed[:-1] / weighed[:-1].sum(), shares, atol=1e-12)
     certain = before._replace(probabilities=np.array([0.0, 0.0, 0.0, 1.0]))
     assert weigh(certain, p1 / p0) is certain
 
@@ -172,10 +184,8 @@ def test_the_task_before_picks_the_row(library, rng):
         stamp = now
         row = expected(library.transition_prior[task - 1 if task else 3])
         for ours, theirs in zip(known, plain, strict=True):
-            weighted = theirs.probabilities[:-1] * row + 1e-300
-            weighted *= (1.0 - theirs.probabilities[-1]) / weighted.sum()
-            np.testing.assert_allclose(ours.probabilities[:-1], weighted, atol=2e-3)
-            assert ours.probabilities[-1] == pytest.approx(theirs.probabilities[-1], abs=1e-12)
+            weighted = weigh(theirs.posterior, 3.0 * row).probabilities
+            np.testing.assert_allclose(ours.probabilities, weighted, atol=2e-3)
             np.testing.assert_array_equal(ours.log_evidence, theirs.log_evidence)
         assert on.expectation.last_task == library.labels[task]
         row = expected(library.transition_prior[task])
