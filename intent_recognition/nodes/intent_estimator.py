@@ -18,7 +18,7 @@ from visualization_msgs.msg import MarkerArray
 from intent_recognition.errors import ArgumentError, DofError, IntentError, MessageError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
-from intent_recognition.nodes.conversions import TrajectoryBuilder, stamp_ns, to_joint_state
+from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import (
     MarkerBuilder,
@@ -28,6 +28,7 @@ from intent_recognition.nodes.markers import (
     to_path,
 )
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.wire import NamedVectorWire, TrajectoryWire
 from intent_recognition.promp.library import NONE
 from intent_recognition.promp.observations import Observation, group_dofs
 from intent_recognition.promp.online import Estimate, IntentEstimator, Prediction
@@ -149,7 +150,8 @@ class IntentEstimatorNode(ManagedNode):
             forget_after_s=self._forget_after_s,
             start_posture=self._start_posture,
         )
-        self._builder = TrajectoryBuilder(self._model.controlled_names)
+        self._wire = TrajectoryWire(self._model.controlled_names)
+        self._task_wire = NamedVectorWire((*self._model.labels, NONE))
         self._marker_builder = MarkerBuilder()
         self._shown = next(
             (g for g, e in enumerate(self._model.dofs.observed) if has_position(e)), None
@@ -231,21 +233,19 @@ class IntentEstimatorNode(ManagedNode):
         self._diagnostics.latency(time.perf_counter() - start_s)
 
     def _publish(self, estimate: Estimate, observation: Observation) -> None:
+        if estimate.moving:
+            self._publish_prediction(estimate, observation)
         self._tasks.publish(
-            to_joint_state(
-                (*self._model.labels, NONE),
-                estimate.probabilities,
-                estimate.phase,
-                estimate.log_evidence,
-                time_ns=estimate.stamp_ns,
+            self._task_wire.build(
+                estimate.stamp_ns, estimate.probabilities, estimate.phase, estimate.log_evidence
             )
         )
         if estimate.moving != self._moving or self._silent:
             self._moving, self._silent = estimate.moving, False
             self._diagnostics.status(_OK, "moving" if self._moving else "waiting for a movement")
         self._next_task.update(self._estimator)
-        if not estimate.moving:
-            return
+
+    def _publish_prediction(self, estimate: Estimate, observation: Observation) -> None:
         if observation.group == self._shown:
             entry = self._model.dofs.observed[observation.group]
             self._marker_builder.observe(observation.stamp_ns, position_of(entry, observation))
@@ -263,10 +263,9 @@ class IntentEstimatorNode(ManagedNode):
 
     def _publish_trajectory(self, robot: Prediction) -> None:
         times, positions, velocities, std = robot.trajectory
-        message = self._builder.build(
-            robot.onset_ns, times, positions, velocities, std, frame_id=robot.task
+        self._trajectory.publish(
+            self._wire.build(robot.onset_ns, times, positions, velocities, std, frame_id=robot.task)
         )
-        self._trajectory.publish(message)
 
     def _publish_human(self, estimate: Estimate, human: Prediction) -> None:
         if self._shown is None:
@@ -329,6 +328,7 @@ class IntentEstimatorNode(ManagedNode):
             check_dofs(self._model, model.dofs, str(self.get_parameter("model").value))
             self._estimator.swap(model.library)
             self._model = model
+            self._task_wire = NamedVectorWire((*model.labels, NONE))
             self._next_task.update(self._estimator)
         except IntentError as error:
             response.success, response.message = False, str(error)

@@ -16,20 +16,15 @@ from intent_recognition.nodes.conversions import (
     orientation_array,
     position_array,
     stamp_ns,
-    to_pose,
-    to_stamp,
 )
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.wire import OdometryWire
 from intent_recognition.tracking.ingest import (
     IngestSettings,
     IngestState,
     Rejected,
-    TrackedPose,
     ingest_pose,
 )
-
-UNKNOWN_VARIANCE = 1e6
-"""Variance of what was not measured (orientation, velocity before the third sample)."""
 
 
 class MocapIngest(Node):
@@ -56,6 +51,10 @@ class MocapIngest(Node):
         self._states = dict.fromkeys(bodies, IngestState.initial())
         self._outputs = {
             body: self.create_publisher(Odometry, f"human/{body}", qos.SENSOR) for body in bodies
+        }
+        self._wires = {
+            body: OdometryWire(body, self._settings.world_frame, self._orientation_std_rad**2)
+            for body in bodies
         }
         self._inputs = [
             self.create_subscription(
@@ -111,10 +110,7 @@ class MocapIngest(Node):
         if result.reanchored:
             self._diagnostics.count("track_restarted")
             self.get_logger().warning(f"{body}: track restarted at {result.position.round(3)} m")
-        odometry = to_odometry(
-            result, body, self._settings.world_frame, self._orientation_std_rad**2
-        )
-        self._outputs[body].publish(odometry)
+        self._outputs[body].publish(self._wires[body].build(result))
         self._diagnostics.tick(f"human/{body}")
         self._diagnostics.latency(time.perf_counter() - start_s)
 
@@ -146,33 +142,6 @@ def parse_extrinsics(entries: Sequence[str]) -> dict[str, tuple[np.ndarray, np.n
             )
         extrinsics[frame] = (values[:3], values[3:])
     return extrinsics
-
-
-def to_odometry(
-    pose: TrackedPose, body: str, world_frame: str, orientation_variance: float
-) -> Odometry:
-    """Odometry message of an accepted pose; what was not measured has variance 1e6."""
-    message = Odometry(child_frame_id=f"{body}_world_aligned")
-    message.header.stamp = to_stamp(pose.stamp_ns)
-    message.header.frame_id = world_frame
-    message.pose.pose = to_pose(pose.position, pose.orientation)
-    turn = orientation_variance if pose.orientation_measured else UNKNOWN_VARIANCE
-    message.pose.covariance = _covariance(pose.position_covariance, turn)
-    if pose.velocity is None:
-        message.twist.covariance = _covariance(np.eye(3) * UNKNOWN_VARIANCE, UNKNOWN_VARIANCE)
-    else:
-        linear = message.twist.twist.linear
-        linear.x, linear.y, linear.z = (float(value) for value in pose.velocity)
-        message.twist.covariance = _covariance(pose.velocity_covariance, UNKNOWN_VARIANCE)
-    return message
-
-
-def _covariance(linear: np.ndarray, angular_variance: float) -> np.ndarray:
-    """Row-major 6 x 6 covariance (36,), linear and angular parts independent."""
-    full = np.zeros((6, 6))
-    full[:3, :3] = linear
-    full[range(3, 6), range(3, 6)] = angular_variance
-    return full.ravel()
 
 
 def _check_bodies(bodies: Sequence[str]) -> list[str]:
