@@ -205,7 +205,7 @@ def _pruned(library: TaskLibrary, hypotheses: Hypotheses, full_s: float) -> Resu
     return Result(
         "... second half, negligible tasks set aside",
         late_s / full_s,
-        0.1,
+        0.2,
         "at most",
         "of it",
         f"{library.n_tasks + 1 - len(run.tasks_aside)} tasks left at the end; {1e3 * late_s:.1f} ms"

@@ -7,11 +7,12 @@ values; what filters a movement under way is `running_bank.py`.
 """
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.errors import ShapeError, describe
+from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.promp.filter_block import FilterBlock, make_state
 from intent_recognition.promp.library import READ_AS_IT_IS, TaskLibrary
 
@@ -130,7 +131,7 @@ def condition_bank(
 
     Raises:
         ShapeError: the arrays do not fit each other.
-        ArgumentError: an innovation covariance is not positive definite.
+        ArgumentError: a value is not finite, or an innovation covariance not positive definite.
     """
     check_observation(dofs, values, noise_covariance)
     n, n_basis = len(bank.mean), rows.shape[-1]
@@ -146,6 +147,7 @@ def check_observation(dofs: np.ndarray, values: np.ndarray, noise_covariance: np
 
     Raises:
         ShapeError: they do not.
+        ArgumentError: a value is not finite.
     """
     m = len(dofs)
     if np.shape(values) != (m,) or np.shape(noise_covariance)[-2:] != (m, m):
@@ -156,4 +158,8 @@ def check_observation(dofs: np.ndarray, values: np.ndarray, noise_covariance: np
                 f"{np.shape(values)} and {np.shape(noise_covariance)}",
                 "Pass one value and one row and column of noise per entry of dofs.",
             )
+        )
+    if not isfinite(np.add.reduce(values)):
+        raise ArgumentError(
+            describe("values", "finite numbers", f"{values}", "Leave out what was not measured.")
         )

@@ -153,6 +153,15 @@ def test_values_that_do_not_fit_are_named(library):
         start(library).observe(observation(0.1, 0, [0.0, 0.0], dofs=(1,)))
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_values_that_are_not_finite_are_refused_and_change_nothing(library, value):
+    run = start(library)
+    with pytest.raises(ArgumentError, match=r"values: expected finite numbers.*Leave out"):
+        run.observe(observation(0.1, 0, [0.0, value]))
+    for a, b in zip(run.bank, start(library).bank, strict=True):
+        assert np.array_equal(a, b)
+
+
 def test_a_copy_of_one_task_is_its_part_of_the_bank(library, rng):
     run = start(library)
     for seen in merge(simulate(library, 1, rng).observed):
