@@ -16,7 +16,7 @@ import numpy as np
 from intent_recognition.gaussian.linalg import LOG_2_PI, cholesky
 
 PENDING_ROWS = 24
-CACHE_FLOATS = 2**17
+CACHE_FLOATS = 2**16
 """So many numbers at a time are subtracted from covariances: they stay in the core's cache."""
 
 
