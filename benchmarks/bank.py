@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The filter bank beside other libraries, and how its cost grows with tasks and hypotheses.
 
-Times are of this thread on the processor, so that other programs disturb them less. What a peer is
+Times are of this thread on the processor, and the shortest of many where each does the same work,
+on both sides of a ratio: other programs disturb them least so. What a peer is
 given, the bank is given: filterpy and simdkalman take a ready observation matrix, so the bank
 takes ready rows; movement_primitives evaluates its basis functions, so all of `BankRun.observe`
 is timed: phase, basis functions, noise, and the update. Every update is of means, covariances and
@@ -11,7 +12,7 @@ evidence, with its share of what is subtracted once in several observations.
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
-from statistics import mean, median
+from statistics import mean
 
 import numpy as np
 
@@ -93,9 +94,9 @@ def per_observation(
     stream: Stream,
     other: Callable[[], object] | Stream,
     repeats: int,
-    average: Callable[[list[float]], float] = median,
+    average: Callable[[list[float]], float] = min,
 ) -> tuple[float, float]:
-    """Average times of one observation and of a call of the other, taken in turn, in seconds."""
+    """Times of one observation and of a call of the other, taken in turn, in seconds."""
     times: tuple[list[float], list[float]] = ([], [])
     for _ in range(repeats):
         ours, theirs = stream.next(), other.next() if isinstance(other, Stream) else other
