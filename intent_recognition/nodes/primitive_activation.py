@@ -51,6 +51,7 @@ class PrimitiveActivation(ManagedNode):
         self.joint_names: tuple[str, ...] = ()
         self._builder: TrajectoryBuilder | None = None
         self._published_task: str | None = None
+        self._ahead = ""
         self._commands = self.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self._task = self.create_publisher(String, "intent/active_task", qos.LATCHED)
         for kind, topic, handle, profile in (
@@ -210,6 +211,10 @@ class PrimitiveActivation(ManagedNode):
             self._published_task = task
             self._task.publish(String(data=task))
             self.get_logger().info(f"active task: {task or 'none'}")
+        ahead = "" if self.activation is None else self.activation.pretrigger.label
+        if ahead != self._ahead:
+            self._ahead = ahead
+            self.get_logger().info(f"gone ahead for {ahead}" if ahead else "not ahead any more")
 
     def _report(self) -> None:
         activation = self.activation
