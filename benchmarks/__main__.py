@@ -14,8 +14,10 @@ from pathlib import Path
 from benchmarks.bank import bank
 from benchmarks.measure import Result
 from benchmarks.offline import evaluation, training
+from benchmarks.node import node
 from benchmarks.online import online
 from benchmarks.reading import reading
+from benchmarks.recognition import unknown_tasks
 from intent_recognition.share import share_path
 from intent_recognition.storage import load_dofs, read_demonstrations
 
@@ -29,9 +31,11 @@ def results() -> Iterator[Result]:
     yield from trained
     (recorded,), _ = read_demonstrations(share_path(HELD_OUT), load_dofs())
     yield from online(library, recorded)
+    yield from node(library, [recorded])
     yield from bank()
     yield from reading()
     yield evaluation(demonstrations)
+    yield from unknown_tasks(demonstrations)
 
 
 def main(arguments: list[str] | None = None) -> int:

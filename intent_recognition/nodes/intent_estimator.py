@@ -18,6 +18,7 @@ from visualization_msgs.msg import MarkerArray
 from intent_recognition.errors import ArgumentError, DofError, IntentError, MessageError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
+from intent_recognition.nodes.backlog import Backlog
 from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import (
@@ -168,8 +169,10 @@ class IntentEstimatorNode(ManagedNode):
             raw = is_raw_pose(entry.topic, entry.type)
             kind = Odometry if raw else self._kinds[group]
             topic = human_topic(entry) if raw else entry.topic
-            handle = partial(self._on_odometry if raw else self._on_message, group, entry)
-            self._inputs.append(self.create_subscription(kind, topic, handle, INPUT))
+            use = partial(self._on_odometry if raw else self._on_message, group, entry)
+            backlog = Backlog(use, partial(self._diagnostics.count, "dropped_behind"))
+            subscription = self.create_subscription(kind, topic, backlog, INPUT)
+            self._inputs.append(backlog.attach(subscription))
         if self._start_posture:
             controlled = self._model.dofs.controlled
             self._postures.open(self._estimator, controlled, message_class, human_topic)

@@ -29,6 +29,8 @@ from intent_recognition.promp.statistics import TaskStatistics, pooled_moments
 
 SPREADS = 2.0
 """Standard deviations beyond the mean extreme at which a factor begins to count."""
+RARE = 0.02
+"""Share of known movements that may speak for none; their worst factors have a long tail."""
 TAIL_RATE = 2.373
 """Rate at which a normal distribution's tail falls there, d(-log(1 - Phi(z)))/dz at z = 2."""
 MAX_CALIBRATED = 120
@@ -76,7 +78,8 @@ def calibrate(known: np.ndarray, unknown: np.ndarray) -> np.ndarray:
         worst = np.min(known, axis=1)
         spread = max(float(worst.std(ddof=1)), 1e-9)
         lower_slope = min(1.0, TAIL_RATE / spread)
-        lower = min(float(worst.mean()) - SPREADS * spread, 0.0)
+        usual = float(worst.mean()) - SPREADS * spread
+        lower = min(usual, float(np.quantile(worst, RARE)), 0.0)
     return np.array([upper_slope, upper, lower_slope, lower])
 
 

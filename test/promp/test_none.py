@@ -151,7 +151,7 @@ def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
                 highest = max(highest, posterior.probabilities[:-1].max())
             (unknown if recorded.task == left_out else known).append(highest)
     assert np.mean(np.array(known) >= 0.9) >= 0.95
-    assert np.mean(np.array(unknown) < 0.9) >= 0.7
+    assert np.mean(np.array(unknown) < 0.9) >= 0.6
     assert np.mean(np.array(known)[:, None] > np.array(unknown)) >= 0.97
 
 

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Does `none` hold its ground on the shipped bags? The numbers of `intent evaluate`."""
+
+from collections.abc import Iterator, Sequence
+
+from benchmarks.measure import Result
+from intent_recognition.promp.training import TrainingSettings
+from intent_recognition.report.evaluation import evaluate, make_folds
+from intent_recognition.storage import Demonstration
+
+PROTOCOL = "kfold:3"
+
+
+def unknown_tasks(demonstrations: Sequence[Demonstration]) -> Iterator[Result]:
+    """Area of known against unknown movements, activations, and what none costs known tasks."""
+    folds = make_folds(len(demonstrations), PROTOCOL)
+    settings = TrainingSettings(segmentation="movement")
+    none = evaluate(demonstrations, folds, settings, unknown_tasks=True)["none"]
+    of = f"{none['n_known']} known and {none['n_unknown']} unknown movements, {PROTOCOL}"
+    yield Result("each task left out, area under the ROC", none["area"], 0.95, "at least", "", of)
+    yield Result(
+        "unknown movements that activate a task",
+        100 * none["activated_unknown"],
+        0.0,
+        "at most",
+        "%",
+        f"{none['activated_known']:.1%} of the known ones",
+    )
+    lost = max(
+        both["without_none"] - both["with_none"]
+        for table in none["accuracy"].values()
+        for both in table.values()
+    )
+    yield Result(
+        "accuracy that none costs known tasks, at worst",
+        100 * lost,
+        2.0,
+        "at most",
+        "points",
+        "over both kinds of phase and all shares observed",
+    )
