@@ -13,8 +13,8 @@ from pathlib import Path
 
 from benchmarks.bank import bank
 from benchmarks.measure import Result
-from benchmarks.offline import evaluation, training
 from benchmarks.node import node
+from benchmarks.offline import evaluation, training
 from benchmarks.online import online
 from benchmarks.reading import reading
 from benchmarks.recognition import unknown_tasks
