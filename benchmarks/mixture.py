@@ -17,7 +17,7 @@ from intent_recognition.gaussian.starts import kmeans_starts
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.components import choose_components, purity
 from intent_recognition.promp.examples import Example, cut_to_movement, make_example
-from intent_recognition.promp.mixture import mixture_features
+from intent_recognition.promp.mixture import BASIS, RIDGE, mixture_features
 from intent_recognition.promp.training_settings import TrainingSettings
 from intent_recognition.storage import Demonstration
 
@@ -70,14 +70,14 @@ def mixture(demonstrations: Sequence[Demonstration]) -> Iterator[Result]:
         "",
         f"of {n * len(theirs)}, the one left out included",
     )
-    yield from _search(examples, basis)
+    yield from _search([make_example(d, BASIS, RIDGE) for d in cut_to_movement(demonstrations)])
 
 
-def _search(examples: Sequence[Example], basis: NormalizedRBFBasis) -> Iterator[Result]:
+def _search(examples: Sequence[Example]) -> Iterator[Result]:
     n_observed = examples[0].observed.shape[1]
     weights = np.array([example.weights for example in examples])
     before = time.perf_counter()
-    features = mixture_features(weights, n_observed, basis)
+    features = mixture_features(weights, n_observed, BASIS)
     choice = choose_components(features, np.random.default_rng(0))
     taken_s = time.perf_counter() - before
     found = purity([example.task for example in examples], choice.chosen.labels)

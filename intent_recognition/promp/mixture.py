@@ -26,11 +26,17 @@ from intent_recognition.gaussian.span import affine_span
 from intent_recognition.gaussian.starts import kmeans_starts
 from intent_recognition.promp.basis import NormalizedRBFBasis
 
+BASIS = NormalizedRBFBasis(30, 1.0)
+RIDGE = 1e-3
+"""How trajectories are described to tell tasks apart: finer than to predict them.
+
+What makes a shaken hand another task than a waving one is in the fast part of the movement.
+"""
 SAMPLED_PHASES = 40
-"""Phases at which trajectories are compared: twice the usual number of basis functions."""
+"""Phases at which trajectories are compared."""
 FLOOR = 1e-2
 """Variance floor, in parts of the mean variance of a coordinate over all demonstrations."""
-STRENGTH = 16.0
+STRENGTH = 24.0
 """Demonstrations that the diagonal target is worth in a component's covariance."""
 SHARED = 5.0
 """Demonstrations that all components together are worth in a component's target."""

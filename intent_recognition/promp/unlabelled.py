@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.errors import TrainingError, describe
-from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.components import (
     ComponentChoice,
     choose_components,
@@ -18,7 +17,7 @@ from intent_recognition.promp.components import (
 from intent_recognition.promp.examples import Example, Recorded
 from intent_recognition.promp.gathering import example_of, gather
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.mixture import mixture_features
+from intent_recognition.promp.mixture import BASIS, RIDGE, mixture_features
 from intent_recognition.promp.training import TrainingReport
 from intent_recognition.promp.training_settings import TrainingSettings
 
@@ -58,7 +57,7 @@ def label_by_components(
 
     Args:
         demonstrations: recordings with the same DOFs.
-        settings: basis, ridge and segmentation.
+        settings: segmentation; the mixture has a basis and a ridge of its own.
         rng: for the starts of EM.
         n_components: how many, None to choose by left-out prediction.
         progress: called with each number of components tried.
@@ -72,7 +71,7 @@ def label_by_components(
     features = mixture_features(
         np.array([example.weights for example in examples]),
         sum(len(signal.names) for signal in first.observed),
-        NormalizedRBFBasis(settings.n_basis, settings.width),
+        BASIS,
     )
     if n_components is None:
         choice = choose_components(features, rng, progress=progress)
@@ -108,7 +107,8 @@ def _examples(
 ) -> tuple[list[Recorded], list[Example], tuple[tuple[str, str], ...]]:
     """The usable recordings, their examples, and why others are left out."""
     stand_ins = [replace(recorded, task=UNLABELLED) for recorded in demonstrations]
-    reference = gather(stand_ins, settings).reference
+    own = replace(settings, n_basis=BASIS.n_basis, width=BASIS.width, ridge=RIDGE)
+    reference = gather(stand_ins, own).reference
     used, examples, rejected = [], [], []
     for recorded, stand_in in zip(demonstrations, stand_ins, strict=True):
         try:
