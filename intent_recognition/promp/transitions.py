@@ -197,7 +197,8 @@ class Expectation:
         elif self._transitions:
             library = self._library
             self.prior = next_task_prior(library.transition_prior, memory, library.task_prior)
-            self._ratio = self.prior / np.maximum(library.task_prior, 1e-300)
+            if not np.allclose(self.prior, library.task_prior, rtol=1e-12, atol=0.0):
+                self._ratio = self.prior / np.maximum(library.task_prior, 1e-300)
         else:
             self.prior = self._library.task_prior
 

@@ -193,6 +193,20 @@ def test_the_task_before_picks_the_row(library, rng):
     np.testing.assert_allclose(off.expectation.prior, 1 / 3)
 
 
+def test_without_learned_sessions_nothing_changes_by_one_bit(library, rng):
+    plain = replace(library, transition_prior=np.full((4, 3), 1 / 3))
+    on, off = IntentEstimator(plain), IntentEstimator(plain, transitions=False)
+    stamp = START_NS
+    for task in (0, 1):
+        seed = rng.integers(1 << 30)
+        ours, now = perform(on, plain, task, np.random.default_rng(seed), stamp)
+        theirs, _ = perform(off, plain, task, np.random.default_rng(seed), stamp)
+        stamp = now
+        for one, other in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(one.probabilities, other.probabilities)
+    assert on.expectation.last_task == "task_1"
+
+
 def test_reset_silence_and_a_fixed_prior(library, rng):
     estimator = IntentEstimator(library, forget_after_s=10.0)
     _, stamp = perform(estimator, library, 1, rng, START_NS)
