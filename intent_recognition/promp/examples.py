@@ -9,6 +9,7 @@ import numpy as np
 
 from intent_recognition.alignment.onset import OnsetSettings
 from intent_recognition.alignment.segment import movement_span, onset_settings
+from intent_recognition.alignment.warp import Warp
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.selection import SCORED_PHASES
@@ -42,6 +43,8 @@ class Example(NamedTuple):
         duration_s: of the interaction.
         observed: samples at evenly spaced phases, (m, P).
         controlled: at the scored phases, (s, Q).
+        aligned: the same over the reference phase of its task, with basis functions of its own;
+            None where nothing was aligned.
     """
 
     name: str
@@ -51,6 +54,7 @@ class Example(NamedTuple):
     duration_s: float
     observed: np.ndarray
     controlled: np.ndarray
+    aligned: "Example | None" = None
 
 
 def sample_phases() -> np.ndarray:
@@ -76,13 +80,24 @@ def make_example(recorded: Recorded, basis: NormalizedRBFBasis, ridge: float) ->
 
 
 def make_examples(
-    recordings: Sequence[Recorded], basis: NormalizedRBFBasis, ridge: float
+    recordings: Sequence[Recorded],
+    basis: NormalizedRBFBasis,
+    ridge: float,
+    warps: Sequence[Warp] | None = None,
 ) -> list[Example | TrainingError]:
     """The same of many, for each the error if it cannot be used.
 
     Signals that were sampled at the same phases, as in aligned demonstrations, are fitted together.
+
+    Args:
+        recordings: the demonstrations.
+        basis: the basis functions.
+        ridge: relative weight of the curvature penalty.
+        warps: from reference phase to the recorded phase of each; None for recorded phases.
     """
     found = [_movement(recorded) for recorded in recordings]
+    if warps is not None:
+        found = [_warped(parts, warp) for parts, warp in zip(found, warps, strict=True)]
     parts = [part for parts in found if not isinstance(parts, TrainingError) for part in parts]
     fits = iter(
         fit_weights_together(
@@ -128,6 +143,13 @@ def _movement(recorded: Recorded) -> list[_Part] | TrainingError:
             )
         parts.append(_Part(part.seconds(start_ns) / duration, part.values))
     return parts
+
+
+def _warped(parts: list[_Part] | TrainingError, warp: Warp) -> list[_Part] | TrainingError:
+    """The same over reference phase; what lies beyond its ends is taken for them."""
+    if isinstance(parts, TrainingError):
+        return parts
+    return [part._replace(phase=np.clip(warp.inverse(part.phase), 0.0, 1.0)) for part in parts]
 
 
 def _assemble(recorded: Recorded, parts: Sequence[_Part], fits: Sequence[WeightFit]) -> Example:

@@ -7,10 +7,13 @@ from dataclasses import asdict
 import numpy as np
 
 from intent_recognition.promp.examples import SAMPLES_PER_MOVEMENT
+from intent_recognition.promp.forecast import Forecast
 from intent_recognition.promp.gathering import Reference
 from intent_recognition.promp.library import READ_AS_IT_IS, TaskLibrary
 from intent_recognition.promp.none import none_model
 from intent_recognition.promp.prior import (
+    observed_block,
+    recognition_covariances,
     shrunk_covariance,
     structured_target,
     weight_floor,
@@ -65,23 +68,67 @@ def learned_from(
 ) -> dict[str, object]:
     """Those attributes of the library that change with every demonstration."""
     statistics = list(tasks.values())
-    floor, noise = scales(tasks)
-    pooled = pooled_moments(statistics)
-    covariances = []
-    for task in statistics:
-        target = structured_target(task.moments, pooled, floor).covariance()
-        covariances.append(shrunk_covariance(task.scatter, task.n, target, chosen.strength))
+    _, noise = scales(tasks)
+    covariances = _covariances(tasks, chosen.strength)
     size = sum(len(signal.names) for signal in reference.observed) * reference.basis.n_basis
     timing = _timing(statistics)
+    recognition = _recognition(tasks, size, chosen.recognition_strength)
     return {
         "weight_mean": np.array([task.mean.ravel() for task in statistics]),
-        "weight_covariance": np.array(covariances),
+        "weight_covariance": covariances,
         "noise_variance": noise,
         "noise_scale": chosen.noise_scale,
         "n_demonstrations": np.array([task.n for task in statistics]),
         **timing,
-        **none_model(statistics, np.array(covariances)[:, :size, :size], timing),
+        "recognition_covariance": recognition,
+        "recognition_noise_scale": chosen.recognition_noise_scale,
+        **none_model(statistics, recognition, timing),
+        "aligned": aligned_forecast(tasks, reference, chosen) if chosen.aligned else None,
     }
+
+
+def aligned_statistics(tasks: Mapping[str, TaskStatistics]) -> dict[str, TaskStatistics] | None:
+    """Statistics of the aligned examples of each label; None where there are none."""
+    if any(task.aligned is None for task in tasks.values()):
+        return None
+    return {label: task.aligned for label, task in tasks.items()}
+
+
+def aligned_forecast(
+    tasks: Mapping[str, TaskStatistics], reference: Reference, chosen: Candidate
+) -> Forecast:
+    """Primitives over reference phase, of tasks whose examples were aligned."""
+    over_reference = aligned_statistics(tasks)
+    _, noise = scales(over_reference)
+    return Forecast(
+        basis=reference.forecast_basis,
+        n_observed=sum(len(signal.names) for signal in reference.observed),
+        weight_mean=np.array([task.mean.ravel() for task in over_reference.values()]),
+        weight_covariance=_covariances(over_reference, chosen.aligned_strength),
+        noise_variance=noise,
+        noise_scale=chosen.aligned_noise_scale,
+        progress=reference.timing.progress,
+    )
+
+
+def _recognition(tasks: Mapping[str, TaskStatistics], size: int, strength: float) -> np.ndarray:
+    """Covariances of the observed weights that tasks are told apart by, (K, P N, P N)."""
+    floor, _ = scales(tasks)
+    n_dofs = size // next(iter(tasks.values())).mean.shape[1]
+    pooled = observed_block(pooled_moments(tasks.values()), size)
+    own = [observed_block(task.moments, size) for task in tasks.values()]
+    return recognition_covariances(own, pooled, floor[:n_dofs], strength)
+
+
+def _covariances(tasks: Mapping[str, TaskStatistics], strength: float) -> np.ndarray:
+    """Predictive covariance of each task's next demonstration, (K, D N, D N)."""
+    floor, _ = scales(tasks)
+    pooled = pooled_moments(tasks.values())
+    covariances = []
+    for task in tasks.values():
+        target = structured_target(task.moments, pooled, floor).covariance()
+        covariances.append(shrunk_covariance(task.scatter, task.n, target, strength))
+    return np.array(covariances)
 
 
 def scales(tasks: Mapping[str, TaskStatistics]) -> tuple[np.ndarray, np.ndarray]:

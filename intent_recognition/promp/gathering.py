@@ -18,6 +18,7 @@ from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.examples import Example, Recorded, cut_one, make_examples
 from intent_recognition.promp.library import NONE
 from intent_recognition.promp.statistics import TaskStatistics, merge_statistics, summarize
+from intent_recognition.promp.timing import Timing, settle_timing
 from intent_recognition.promp.training_settings import TrainingSettings
 
 REFERENCE_RECORDINGS = 100
@@ -43,6 +44,7 @@ class Reference:
         settings: basis, ridge and segmentation among them.
         observed, controlled: DOFs of each signal.
         onset, controlled_onset: thresholds of the movement for each signal.
+        timing: templates that recordings are aligned with.
         source: name of the recording that the DOFs are from.
     """
 
@@ -51,12 +53,18 @@ class Reference:
     controlled: tuple[SignalNames, ...]
     onset: tuple[OnsetSettings, ...]
     controlled_onset: tuple[OnsetSettings, ...]
+    timing: Timing
     source: str = ""
 
     @property
     def basis(self) -> NormalizedRBFBasis:
         """The basis functions."""
         return NormalizedRBFBasis(self.settings.n_basis, self.settings.width)
+
+    @property
+    def forecast_basis(self) -> NormalizedRBFBasis:
+        """Those of the aligned examples."""
+        return NormalizedRBFBasis(self.settings.n_forecast_basis, self.settings.width)
 
 
 class Gathered(NamedTuple):
@@ -118,14 +126,19 @@ def gather(
 
 
 def settle_reference(recordings: Sequence[Recorded], settings: TrainingSettings) -> Reference:
-    """Thresholds and DOFs from usable recordings, at least one."""
+    """Thresholds, templates and DOFs from usable recordings, at least one."""
     first = recordings[0]
+    onset = onset_settings([recorded.observed for recorded in recordings])
+    controlled_onset = onset_settings([recorded.controlled for recorded in recordings])
+    if settings.segmentation == "movement":
+        recordings = [cut_one(recorded, onset, controlled_onset) for recorded in recordings]
     return Reference(
         settings=settings,
         observed=_names(first.observed),
         controlled=_names(first.controlled),
-        onset=onset_settings([recorded.observed for recorded in recordings]),
-        controlled_onset=onset_settings([recorded.controlled for recorded in recordings]),
+        onset=onset,
+        controlled_onset=controlled_onset,
+        timing=settle_timing(recordings),
         source=first.name,
     )
 
@@ -185,18 +198,37 @@ def _gather_batch(recordings: Sequence[Recorded], reference: Reference) -> Gathe
             usable.append(cut_one(recorded, reference.onset, reference.controlled_onset))
         else:
             usable.append(recorded)
-    groups: dict[str, list[Example]] = {}
-    used = []
-    examples = make_examples(usable, reference.basis, reference.settings.ridge)
-    for recorded, example in zip(usable, examples, strict=True):
+    examples = []
+    found = make_examples(usable, reference.basis, reference.settings.ridge)
+    for recorded, example in zip(usable, found, strict=True):
         if isinstance(example, TrainingError):
             total = _reject(total, recorded.name, str(example))
         else:
-            groups.setdefault(example.task, []).append(example)
-            used.append(example.name)
+            examples.append((recorded, example))
+    groups: dict[str, list[Example]] = {}
+    for example in _with_aligned(examples, reference):
+        groups.setdefault(example.task, []).append(example)
     return total._replace(
-        tasks={label: summarize(group) for label, group in groups.items()}, used=tuple(used)
+        tasks={label: summarize(group) for label, group in groups.items()},
+        used=tuple(example.name for _, example in examples),
     )
+
+
+def _with_aligned(
+    examples: Sequence[tuple[Recorded, Example]], reference: Reference
+) -> list[Example]:
+    """The examples, each with what it is over the reference phase of its task."""
+    recordings = [recorded for recorded, _ in examples]
+    aligned = make_examples(
+        recordings,
+        reference.forecast_basis,
+        reference.settings.ridge,
+        reference.timing.warps(recordings),
+    )
+    return [
+        example._replace(aligned=over_reference)
+        for (_, example), over_reference in zip(examples, aligned, strict=True)
+    ]
 
 
 def _reason_against(recorded: Recorded, model: Recorded | Reference | None) -> str:

@@ -10,6 +10,8 @@ import numpy as np
 from intent_recognition.alignment.onset import OnsetSettings
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.forecast import Forecast
+from intent_recognition.promp.progress import STEADY
 from intent_recognition.promp.recovery import Recovery
 
 NONE = "none"
@@ -32,7 +34,7 @@ class TaskLibrary:
         weight_mean: (K, D N).
         weight_covariance: predictive covariance of the next demonstration's weights, (K, D N, D N).
         noise_variance: residual variance per DOF, (D,), as training left it unexplained.
-        noise_scale: factor of the observed DOFs' noise variance, from leave-one-out prediction.
+        noise_scale: factor of the observed DOFs' noise variance in prediction.
         correlation_time_s: time over which residuals are taken to be one piece of evidence.
         log_duration_mean, log_duration_std: timing prior per task, log seconds, (K,).
         task_prior: p(s), (K,), sums to one.
@@ -45,6 +47,10 @@ class TaskLibrary:
         observed_groups: number of DOFs of each observed signal, in order; they sum to P.
         onset: how movement onset is detected, one for each observed signal.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration.
+        recognition_covariance: of the observed weights, as recognition has it, (K, P N, P N).
+        recognition_noise_scale: factor of the observed DOFs' noise variance in recognition.
+        aligned: primitives over reference phase that trajectories are predicted from; None where
+            those above, at steady progress, predict as well.
         provenance: where it came from: bags, settings, version, score.
     """
 
@@ -72,6 +78,9 @@ class TaskLibrary:
     onset: tuple[OnsetSettings, ...]
     duration_evidence: float = 1.0
     none_calibration: np.ndarray = field(default_factory=lambda: np.array(READ_AS_IT_IS))
+    recognition_covariance: np.ndarray | None = None
+    recognition_noise_scale: float | None = None
+    aligned: Forecast | None = None
     provenance: Mapping[str, object] = field(default_factory=dict)
 
     @property
@@ -111,8 +120,23 @@ class TaskLibrary:
     @cached_property
     def observed_covariance(self) -> np.ndarray:
         """Prior covariances of the observed weights, tasks then none, (K + 1, P N, P N)."""
-        size = self.n_observed_weights
-        return np.concatenate([self.weight_covariance[:, :size, :size], self.none_covariance[None]])
+        size, known = self.n_observed_weights, self.recognition_covariance
+        if known is None:
+            known = self.weight_covariance[:, :size, :size]
+        return np.concatenate([known, self.none_covariance[None]])
+
+    @cached_property
+    def forecast(self) -> Forecast:
+        """The primitives that trajectories are predicted from."""
+        return self.aligned or Forecast(
+            self.basis,
+            self.n_observed,
+            self.weight_mean,
+            self.weight_covariance,
+            self.noise_variance,
+            self.noise_scale,
+            STEADY,
+        )
 
     @cached_property
     def recovery(self) -> Recovery:
@@ -134,7 +158,8 @@ class TaskLibrary:
             interval_s: time since the DOFs were last observed; infinite at the first.
         """
         crowding = max(1.0, self.correlation_time_s / max(interval_s, 1e-6))
-        return np.diag(self.noise_variance[dofs] * (self.noise_scale * crowding))
+        scale = self.recognition_noise_scale or self.noise_scale
+        return np.diag(self.noise_variance[dofs] * (scale * crowding))
 
     def control_noise_variance(self) -> np.ndarray:
         """Residual variance of the controlled DOFs, (Q,)."""

@@ -21,9 +21,10 @@ from intent_recognition.promp.examples import sample_phases
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.none import departure, none_primitive, none_timing
 from intent_recognition.promp.prior import (
+    Scatter,
     leave_one_out_scatter,
-    leave_one_out_targets,
-    shrunk_covariance,
+    observed_block,
+    recognition_covariances,
 )
 from intent_recognition.promp.statistics import TaskStatistics, pooled_moments
 
@@ -91,7 +92,7 @@ def calibrate_none(
     Args:
         library: the learned tasks; its own none is not looked at.
         tasks: their statistics.
-        strength: of their covariances' target.
+        strength: of the targets of the covariances that tasks are told apart by.
         floor: variance floor per DOF, (D,).
     """
     departed = departure(list(tasks.values()), library.n_observed)
@@ -155,18 +156,20 @@ def _held_out(
     library: TaskLibrary, tasks: Mapping[str, TaskStatistics], strength: float, floor: np.ndarray
 ) -> Iterator[HeldOut]:
     """Demonstrations, evenly drawn from all tasks, each with its task learned without it."""
-    pooled = pooled_moments(tasks.values())
-    size = library.n_observed_weights
+    size, n_dofs = library.n_observed_weights, library.n_observed
+    pooled = observed_block(pooled_moments(tasks.values()), size)
     every = [(k, task, e) for k, task in enumerate(tasks.values()) for e in task.examples]
     for number, task, example in _evenly(every, MAX_CALIBRATED):
         own = None
         if task.n > 1:
-            deviation = example.weights - task.mean
-            (target,) = leave_one_out_targets(task.moments, pooled, deviation[None], floor)
-            scatter = leave_one_out_scatter(task.moments, deviation.ravel())
-            covariance = shrunk_covariance(scatter, task.n - 1, target, strength)
-            mean = (task.mean - deviation / (task.n - 1)).ravel()
-            own = Gaussian(mean[:size], covariance[:size, :size])
+            deviation = (example.weights - task.mean)[:n_dofs]
+            mine, rest = observed_block(task.moments, size), pooled
+            if pooled.freedom > 1:
+                part = leave_one_out_scatter(mine, deviation.ravel())
+                rest = Scatter(pooled.matrix - (mine.matrix - part), pooled.freedom - 1)
+                mine = Scatter(part, mine.freedom - 1)
+            (covariance,) = recognition_covariances([mine], rest, floor[:n_dofs], strength)
+            own = Gaussian((task.mean[:n_dofs] - deviation / (task.n - 1)).ravel(), covariance)
         times_s = sample_phases() * example.duration_s
         yield HeldOut(number, times_s, example.observed, own)
 

@@ -16,6 +16,7 @@ from intent_recognition.errors import DofError, describe
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.bank import N_SCALES, Hypotheses, make_hypotheses
 from intent_recognition.promp.control_grid import ControlGrid
+from intent_recognition.promp.forecast_run import Forecasts
 from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.observations import (
     BankRun,
@@ -24,10 +25,7 @@ from intent_recognition.promp.observations import (
     make_memory,
 )
 from intent_recognition.promp.posture import POSTURE_UNKNOWN, OnsetPosture
-from intent_recognition.promp.prediction import (
-    Trajectory,
-    rollout,
-)
+from intent_recognition.promp.prediction import Trajectory, rollout
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
 from intent_recognition.promp.running_bank import RunningBank
 from intent_recognition.promp.transitions import FORGET_AFTER_S, Expectation
@@ -94,6 +92,7 @@ class _Movement(BankRun):
         onset_ns: int,
         memory: RunningBank | None,
         task_weight: np.ndarray | None,
+        grids: dict[int, ControlGrid],
     ):
         super().__init__(
             library,
@@ -105,9 +104,11 @@ class _Movement(BankRun):
             task_weight=task_weight,
         )
         self.observations: list[Observation] = []
+        self.forecasts = Forecasts(library, hypotheses, onset_ns, grids)
 
     def observe(self, observation: Observation) -> None:
         super().observe(observation)
+        self.forecasts.observe(observation)
         self.observations.append(observation)
         if len(self.observations) > MAX_OBSERVATIONS:
             self.observations = every_second(self.observations)
@@ -143,7 +144,7 @@ class IntentEstimator:
         self.library = library
         self._n_scales = n_scales
         self._posture = OnsetPosture() if start_posture else None
-        self._grids: dict[tuple[int, int], ControlGrid] = {}
+        self._grids: dict[int, ControlGrid] = {}
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._hypotheses = make_hypotheses(library, task_prior, n_scales)
         self._history: list[deque[Observation]] = [deque() for _ in library.observed_groups]
@@ -235,10 +236,7 @@ class IntentEstimator:
         start, used = None, POSTURE_UNKNOWN
         if self._posture is not None:
             start, used = self._posture.given(self.library, task, self._movement.onset_ns)
-        if (task, n_points) not in self._grids:
-            self._grids[task, n_points] = ControlGrid(self.library, task, n_points)
-        duration_s = float(self._posterior.duration_s[task])
-        trajectory = self._grids[task, n_points].predict(self._observed(task), duration_s, start)
+        trajectory = self._movement.forecasts.controlled(task, n_points, start)
         return Prediction(self.library.labels[task], self._movement.onset_ns, trajectory, used)
 
     def predicted_end_std(self) -> float | None:
@@ -254,6 +252,9 @@ class IntentEstimator:
         if self._movement is None or self._posterior is None:
             return None
         task = int(np.argmax(self._posterior.probabilities))
+        if task < self.library.n_tasks:
+            trajectory = self._movement.forecasts[task].observed(n_points)
+            return Prediction(self.library.labels[task], self._movement.onset_ns, trajectory)
         noise = self.library.noise_variance[: self.library.n_observed]
         phase = np.linspace(self._posterior.phase[task], 1.0, n_points)
         return self._prediction(task, self._observed(task), noise, phase)
@@ -301,7 +302,7 @@ class IntentEstimator:
                     describe(f"library {agent}", str(ours), str(theirs), "Train on the same DOFs.")
                 )
         self.library = library
-        self._grids.clear()
+        self._grids = {}
         self.expectation.swap(library, task_prior)
         self._hypotheses = make_hypotheses(library, task_prior, self._n_scales)
         if self._posture is not None:
@@ -341,7 +342,12 @@ class IntentEstimator:
     def _begin(self, onset_ns: int, past: list[Observation]) -> None:
         """Filter a movement from its onset, in the memory of the one before."""
         self._movement = _Movement(
-            self.library, self._hypotheses, onset_ns, self._memory, self.expectation.ratio
+            self.library,
+            self._hypotheses,
+            onset_ns,
+            self._memory,
+            self.expectation.ratio,
+            self._grids,
         )
         self._memory = self._movement.memory
         for observation in past:

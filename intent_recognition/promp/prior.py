@@ -17,6 +17,7 @@ coupling of the agents at one phase is not diluted by other phases, as it is in 
 leave-one-out prediction (`selection.py`), never by hand.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,8 @@ OTHERS_WORTH = 5.0
 """Demonstrations that all other tasks together are worth in a task's target."""
 PHASE_WIDTH = 0.15
 """How far in phase the correlation over DOFs is averaged."""
+OWN_SHARE = 0.5
+"""Share of a task's own covariance in the one it is recognised by (docs/forecast.md)."""
 AMPLITUDE_WORTH = 4.0
 """Demonstrations' worth of the assumption that a DOF varies alike at all phases."""
 
@@ -164,6 +167,36 @@ def leave_one_out_scatter(own: Scatter, deviations: np.ndarray) -> np.ndarray:
         return np.zeros((*deviations.shape[:-1], *own.matrix.shape))
     factor = (own.freedom + 1) / own.freedom
     return own.matrix - factor * deviations[..., :, None] * deviations[..., None, :]
+
+
+def recognition_covariances(
+    own: Sequence[Scatter], pooled: Scatter, floor: np.ndarray, strength: float
+) -> np.ndarray:
+    """Covariances that tasks are told apart by, (K, d, d): half their own, half all tasks' alike.
+
+    Differences between covariances of few demonstrations are chance for the most part, and what is
+    chance tells tasks apart wrongly (regularised discriminant analysis, Friedman 1989).
+
+    Args:
+        own: scatter of each task.
+        pooled: their sum, some of two demonstrations.
+        floor: variance floor per DOF, (D,).
+        strength: the targets' worth in demonstrations.
+    """
+    target = structured_target(pooled, pooled, floor).covariance()
+    shared = (pooled.matrix + strength * target) / (pooled.freedom + strength)
+    covariances = []
+    for scatter in own:
+        n = scatter.freedom + 1
+        target = structured_target(scatter, pooled, floor).covariance()
+        mine = shrunk_covariance(scatter.matrix, n, target, strength)
+        covariances.append(OWN_SHARE * mine + (1.0 - OWN_SHARE) * (1.0 + 1.0 / n) * shared)
+    return np.array(covariances)
+
+
+def observed_block(scatter: Scatter, size: int) -> Scatter:
+    """The scatter of the first `size` weights."""
+    return Scatter(scatter.matrix[:size, :size], scatter.freedom)
 
 
 def _borrow(own: Scatter, pooled: Scatter) -> tuple[np.ndarray, float]:

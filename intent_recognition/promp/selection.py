@@ -3,13 +3,11 @@
 
 For every demonstration left out of its own task, the controlled agent's trajectory is predicted
 from evenly spaced samples of the observed one, after each of `FRACTIONS` of the movement. Of the
-pairs (strength of the target, scale of the noise) whose mean negative log density lies within one
-paired standard error of the best one's, those with the least noise are kept, since less noise
-recognises earlier, and of these the best is taken. The target too is
-estimated without the one left out.
+pairs (strength of the target, scale of the noise) the one of least mean negative log density is
+taken. The target too is estimated without the one left out.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,16 +17,33 @@ from intent_recognition.promp.prior import Scatter, leave_one_out_scatter, shrun
 
 STRENGTHS = (0.3, 1.0, 2.0, 4.0, 10.0, 30.0, 100.0, 300.0)
 NOISE_SCALES = (1.0, 4.0, 16.0, 64.0)
+ALIGNED_STRENGTHS = (10.0, 30.0, 100.0, 300.0)
+ALIGNED_NOISE_SCALES = (4.0, 16.0, 64.0)
+"""The grids of the aligned primitives. Their leave-one-out takes the reference phase for known."""
 FRACTIONS = (0.5, 0.75, 1.0)
 SCORED_PHASES = 20
 
 
 class Candidate(NamedTuple):
-    """Two hyperparameters and their leave-one-out score (nats per DOF and sample, lower wins)."""
+    """Hyperparameters and their leave-one-out score (nats per DOF and sample, lower wins).
+
+    Attributes:
+        strength: worth of the covariances' target in demonstrations.
+        noise_scale: factor of the observed DOFs' noise variance.
+        score: mean negative log density of the controlled agent.
+        aligned: predict from the aligned primitives.
+        aligned_strength, aligned_noise_scale: theirs.
+        recognition_strength, recognition_noise_scale: those of recognition.
+    """
 
     strength: float
     noise_scale: float
     score: float
+    aligned: bool = False
+    aligned_strength: float = 30.0
+    aligned_noise_scale: float = 4.0
+    recognition_strength: float = 1.0
+    recognition_noise_scale: float = 1.0
 
 
 class TaskSamples(NamedTuple):
@@ -59,7 +74,7 @@ def leave_one_out_scores(
     noise_variance: np.ndarray,
     scored_design: np.ndarray,
     strength: float,
-    noise_scales: tuple[float, ...] = NOISE_SCALES,
+    noise_scales: Sequence[float] = NOISE_SCALES,
 ) -> np.ndarray:
     """Mean negative log density of each demonstration's controlled samples, (len(noise_scales), n).
 
@@ -121,6 +136,9 @@ def select(
     targets: Iterable[np.ndarray],
     noise_variance: np.ndarray,
     scored_design: np.ndarray,
+    *,
+    strengths: Sequence[float] = STRENGTHS,
+    noise_scales: Sequence[float] = NOISE_SCALES,
 ) -> tuple[Candidate, tuple[Candidate, ...]]:
     """The best pair of strength and noise scale, and all that were tried.
 
@@ -133,37 +151,28 @@ def select(
             (n, D N, D N). Only one is held at a time, so both may be generators.
         noise_variance: residual variance per DOF, (D,).
         scored_design: basis at the scored phases, (s, N).
+        strengths: of the grid.
+        noise_scales: of the grid.
     """
     parts = []
     for samples, loo_targets in zip(tasks, targets, strict=True):
         if samples.scatter.freedom > 0:
             scores = [
-                leave_one_out_scores(samples, loo_targets, noise_variance, scored_design, strength)
-                for strength in STRENGTHS
+                leave_one_out_scores(
+                    samples, loo_targets, noise_variance, scored_design, strength, noise_scales
+                )
+                for strength in strengths
             ]
             parts.append(np.concatenate(scores))
     if not parts:
         middle = Candidate(
-            STRENGTHS[len(STRENGTHS) // 2], NOISE_SCALES[len(NOISE_SCALES) // 2], float("nan")
+            strengths[len(strengths) // 2], noise_scales[len(noise_scales) // 2], float("nan")
         )
         return middle, (middle,)
     per_demonstration = np.hstack(parts)
-    grid = [(strength, scale) for strength in STRENGTHS for scale in NOISE_SCALES]
+    grid = [(strength, scale) for strength in strengths for scale in noise_scales]
     tried = [
         Candidate(strength, scale, float(score))
         for (strength, scale), score in zip(grid, per_demonstration.mean(axis=1), strict=True)
     ]
-    return _least_noise(tried, per_demonstration), tuple(tried)
-
-
-def _least_noise(tried: list[Candidate], scores: np.ndarray) -> Candidate:
-    """The best candidate among those of least noise within one standard error, scores (c, n)."""
-    best = int(np.argmin(scores.mean(axis=1)))
-    excess = scores - scores[best]
-    error = excess.std(axis=1, ddof=1) / np.sqrt(scores.shape[1])
-    close = [tried[i] for i in np.flatnonzero(excess.mean(axis=1) <= error)]
-    least = min(candidate.noise_scale for candidate in close)
-    return min(
-        (candidate for candidate in close if candidate.noise_scale == least),
-        key=lambda candidate: candidate.score,
-    )
+    return min(tried, key=lambda candidate: candidate.score), tuple(tried)

@@ -36,6 +36,7 @@ class TaskStatistics:
         log_duration_scatter: sum of their squared deviations from it.
         duration_sum_s: sum of the durations.
         examples: all demonstrations, or `MAX_EXAMPLES` of them drawn by a hash of their names.
+        aligned: the same of the aligned examples; None where nothing was aligned.
     """
 
     n: int
@@ -48,6 +49,7 @@ class TaskStatistics:
     log_duration_scatter: float
     duration_sum_s: float
     examples: tuple[Example, ...]
+    aligned: "TaskStatistics | None" = None
 
     @property
     def moments(self) -> Scatter:
@@ -69,6 +71,7 @@ def summarize(examples: Sequence[Example]) -> TaskStatistics:
     mean = weights.mean(axis=0)
     flat = (weights - mean).reshape(len(weights), -1)
     logs = np.log([example.duration_s for example in examples])
+    aligned = [example.aligned for example in examples if example.aligned is not None]
     return TaskStatistics(
         n=len(examples),
         mean=mean,
@@ -80,6 +83,7 @@ def summarize(examples: Sequence[Example]) -> TaskStatistics:
         log_duration_scatter=float(np.sum((logs - logs.mean()) ** 2)),
         duration_sum_s=float(sum(example.duration_s for example in examples)),
         examples=_draw(examples),
+        aligned=summarize(aligned) if len(aligned) == len(examples) else None,
     )
 
 
@@ -89,6 +93,7 @@ def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStati
     share, pairs = second.n / n, first.n * second.n / n
     step = second.mean - first.mean
     outer = np.outer(step, step)
+    both = first.aligned is not None and second.aligned is not None
     log_step = second.log_duration_mean - first.log_duration_mean
     return TaskStatistics(
         n=n,
@@ -103,6 +108,7 @@ def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStati
         + pairs * log_step**2,
         duration_sum_s=first.duration_sum_s + second.duration_sum_s,
         examples=_draw((*first.examples, *second.examples)),
+        aligned=merge_statistics(first.aligned, second.aligned) if both else None,
     )
 
 

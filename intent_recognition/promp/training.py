@@ -10,7 +10,13 @@ import numpy as np
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.examples import Example, Recorded, sample_phases, scored_phases
-from intent_recognition.promp.fitting import learned_from, library_from_statistics, scales
+from intent_recognition.promp.fitting import (
+    aligned_forecast,
+    aligned_statistics,
+    learned_from,
+    library_from_statistics,
+    scales,
+)
 from intent_recognition.promp.gathering import (
     NAMES_KEPT,
     Gathered,
@@ -21,7 +27,14 @@ from intent_recognition.promp.gathering import (
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.none_calibration import calibrate_none
 from intent_recognition.promp.prior import leave_one_out_targets
-from intent_recognition.promp.selection import Candidate, TaskSamples, select
+from intent_recognition.promp.rehearsal import rehearse
+from intent_recognition.promp.selection import (
+    ALIGNED_NOISE_SCALES,
+    ALIGNED_STRENGTHS,
+    Candidate,
+    TaskSamples,
+    select,
+)
 from intent_recognition.promp.statistics import (
     TaskStatistics,
     merge_statistics,
@@ -126,6 +139,40 @@ def choose(
     Every demonstration that was kept whole is left out in turn, of very many `MAX_SCORED`, as many
     of each task; the statistics it is predicted from are those of all others.
     """
+    chosen, tried = _choose(tasks, reference.basis)
+    over_reference = aligned_statistics(tasks)
+    if over_reference is not None:
+        best, _ = _choose(
+            over_reference,
+            reference.forecast_basis,
+            strengths=ALIGNED_STRENGTHS,
+            noise_scales=ALIGNED_NOISE_SCALES,
+        )
+        chosen = chosen._replace(
+            aligned_strength=best.strength, aligned_noise_scale=best.noise_scale
+        )
+        chosen = chosen._replace(aligned=_aligned_predicts_better(tasks, reference, chosen))
+    return chosen, tried
+
+
+def _aligned_predicts_better(
+    tasks: Mapping[str, TaskStatistics], reference: Reference, chosen: Candidate
+) -> bool:
+    """Whether left-out demonstrations are predicted with less error by aligned primitives."""
+    over_reference = aligned_statistics(tasks)
+    steady = library_from_statistics(tasks, reference, chosen).forecast
+    aligned = aligned_forecast(tasks, reference, chosen)
+    floor, _ = scales(tasks)
+    of_steady = rehearse(steady, tasks, tasks, chosen.strength, floor)
+    floor, _ = scales(over_reference)
+    of_aligned = rehearse(aligned, over_reference, tasks, chosen.aligned_strength, floor)
+    return bool(of_aligned.size and of_aligned.mean() < of_steady.mean())
+
+
+def _choose(
+    tasks: Mapping[str, TaskStatistics], basis: NormalizedRBFBasis, **grid
+) -> tuple[Candidate, tuple[Candidate, ...]]:
+    """Hyperparameters of the primitives with this basis, on a grid as of `select`."""
     most = MAX_SCORED
     if sum(len(task.examples) for task in tasks.values()) > MAX_SCORED:
         most = max(MAX_SCORED // len(tasks), 1)
@@ -134,13 +181,13 @@ def choose(
         for task in tasks.values()
         for start in range(0, min(len(task.examples), most), SCORED_TOGETHER)
     ]
-    basis = reference.basis
     floor, noise = scales(tasks)
     return select(
         (_samples(task, examples, basis) for task, examples in parts),
         _targets(parts, tasks, floor),
         noise,
         basis.design_matrix(scored_phases()),
+        **grid,
     )
 
 
@@ -201,7 +248,7 @@ def _calibrated(
 ) -> TaskLibrary:
     """The library with its evidence against none read as these demonstrations ask for."""
     floor, _ = scales(tasks)
-    calibration = calibrate_none(library, tasks, chosen.strength, floor)
+    calibration = calibrate_none(library, tasks, chosen.recognition_strength, floor)
     return replace(library, none_calibration=calibration)
 
 

@@ -9,15 +9,15 @@ import numpy as np
 
 from intent_recognition.errors import IntentError, describe
 from intent_recognition.promp.bank import (
-    FilterBank,
     Hypotheses,
     fixed_hypotheses,
     make_hypotheses,
 )
 from intent_recognition.promp.examples import Recorded
+from intent_recognition.promp.forecast_run import Forecasts
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.observations import BankRun, merge
-from intent_recognition.promp.prediction import StartPosture, mixture_at
+from intent_recognition.promp.observations import BankRun, Observation, merge
+from intent_recognition.promp.prediction import StartPosture
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
 from intent_recognition.report.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.report.calibration import Recognitions, Spreads
@@ -28,6 +28,8 @@ PREDICTION_FRACTIONS = (0.25, 0.5, 0.75, 1.0)
 TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 PHASES = ("known_phase", "unknown_phase")
 SMALLEST_PROBABILITY = 1e-300
+UNLIKELY = 1e-3
+"""Tasks less probable than this are left out of the marginal prediction."""
 PREDICTION_NAMES = (
     "rmse",
     "rmse_inferred_task",
@@ -134,7 +136,7 @@ def score_demonstration(
                     phase, fraction, test.task, library.labels, probabilities, bool(none)
                 )
             if fraction in PREDICTION_FRACTIONS:
-                case = _Case(library, run.bank, hypotheses, posterior, label, times, truth)
+                case = _Case(library, run, posterior, label, times, truth)
                 baselines = _baseline_scores(library, training, test, fraction, truth, known)
                 mean, std = case.given_task(posture if start_posture else None)
                 own = _prediction_scores(
@@ -154,8 +156,7 @@ class _Case(NamedTuple):
     """One recording at one share observed: what is believed, and what was true."""
 
     library: TaskLibrary
-    bank: FilterBank
-    hypotheses: Hypotheses
+    run: "_Run"
     posterior: TaskPosterior
     label: int
     times: np.ndarray
@@ -165,12 +166,27 @@ class _Case(NamedTuple):
         self, task_weights: np.ndarray, start: StartPosture | None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation (T, Q) of the mixture over tasks (K,) and durations."""
-        weights = task_weights[:, None] * self.posterior.scale_weights[:-1]
-        return mixture_at(self.library, self.bank, self.hypotheses, weights, self.times, start)
+        likely = np.flatnonzero(task_weights > UNLIKELY)
+        moments = [self.run.forecasts[task].mixture_at(self.times, start) for task in likely]
+        share = task_weights[likely] / task_weights[likely].sum()
+        mean, square = (np.tensordot(share, part, axes=1) for part in map(np.array, zip(*moments)))
+        return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
     def given_task(self, start: StartPosture | None) -> tuple[np.ndarray, np.ndarray]:
         """The same given the true task."""
         return self.predict(np.eye(self.library.n_tasks)[self.label], start)
+
+
+class _Run(BankRun):
+    """The bank, and the forecasts beside it."""
+
+    def __init__(self, library: TaskLibrary, hypotheses: Hypotheses, onset_ns: int):
+        super().__init__(library, hypotheses, None, onset_ns)
+        self.forecasts = Forecasts(library, hypotheses, onset_ns)
+
+    def observe(self, observation: Observation) -> None:
+        super().observe(observation)
+        self.forecasts.observe(observation)
 
 
 def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> np.ndarray:
@@ -186,10 +202,10 @@ def _snapshots(
     test: Recorded,
     duration_s: float,
     watch: Watch | None,
-) -> Iterator[tuple[float, BankRun]]:
+) -> Iterator[tuple[float, _Run]]:
     """The bank after each share of the movement's time, in order."""
     fractions = sorted({*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS})
-    run = BankRun(library, hypotheses, None, test.start_ns)
+    run = _Run(library, hypotheses, test.start_ns)
     for observation in merge(test.observed):
         elapsed = (observation.stamp_ns - test.start_ns) * 1e-9
         if observation.stamp_ns > test.end_ns:

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One task's trajectories, from a movement under way."""
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from intent_recognition.gaussian.linalg import symmetrize
+from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.bank import Hypotheses
+from intent_recognition.promp.control_grid import ControlGrid
+from intent_recognition.promp.forecast import Forecast
+from intent_recognition.promp.lead_filter import LeadFilter
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.observations import Observation, group_dofs
+from intent_recognition.promp.prediction import (
+    StartPosture,
+    Trajectory,
+    controlled_weights,
+    dof_variance,
+)
+from intent_recognition.promp.progress import leads, reference_phase
+
+N_PHASES = 201
+"""Reference phases that a mixture's trajectories are tabulated at."""
+N_TABULATED = 101
+"""Those that the controlled agent's trajectory is interpolated between."""
+NEGLIGIBLE = 1e-4
+"""Posterior probability of a duration below which it is left out of a mixture."""
+
+
+class ForecastRun:
+    """Durations, leads and weights of one task, taking one observation after the other.
+
+    Args:
+        library: the learned tasks; it has a forecast.
+        task: number of the task.
+        hypotheses: the grid of durations.
+        onset_ns: stamp from which times count.
+    """
+
+    def __init__(self, library: TaskLibrary, task: int, hypotheses: Hypotheses, onset_ns: int):
+        forecast, size = library.forecast, library.forecast.n_observed_weights
+        grid = slice(task * hypotheses.n_scales, (task + 1) * hypotheses.n_scales)
+        log_prior = hypotheses.log_prior[grid]
+        self.library, self.task, self.onset_ns = library, task, onset_ns
+        self._log_prior = log_prior - np.logaddexp.reduce(log_prior)
+        self._power = hypotheses.duration_evidence
+        self._dofs = [group_dofs(library, k) for k in range(len(library.observed_groups))]
+        self.filter = LeadFilter(
+            forecast,
+            forecast.weight_mean[task, :size],
+            forecast.weight_covariance[task, :size, :size],
+            hypotheses.duration_s[grid],
+        )
+
+    def observe(self, observation: Observation) -> None:
+        """Take positions, not before the last ones."""
+        forecast, dofs = self.library.forecast, self._dofs[observation.group]
+        if observation.dofs is not None:
+            dofs = dofs[list(observation.dofs)]
+        noise = np.diag(forecast.noise_variance[dofs] * forecast.noise_scale)
+        if observation.covariance is not None:
+            noise = noise + observation.covariance
+        elapsed_s = (observation.stamp_ns - self.onset_ns) * 1e-9
+        self.filter.observe(elapsed_s, dofs, observation.values, noise)
+
+    @property
+    def duration_weights(self) -> np.ndarray:
+        """p(duration | observations), (S,); the evidence counts as in `recognition.py`."""
+        log_weight = self._log_prior + self._power * self.filter.log_evidence
+        weight = np.exp(log_weight - log_weight.max())
+        return weight / weight.sum()
+
+    @property
+    def duration_s(self) -> float:
+        """Expected duration of the whole movement."""
+        return float(self.duration_weights @ self.filter.duration_s)
+
+    def observed_weights(self) -> Gaussian:
+        """Observed weights, durations marginalised by matching moments."""
+        weight, means = self.duration_weights, self.filter.mean
+        mean = weight @ means
+        deviation = (means - mean) * np.sqrt(weight)[:, None]
+        covariance = np.tensordot(weight, self.filter.covariance, axes=1)
+        return Gaussian(mean, symmetrize(covariance + deviation.T @ deviation))
+
+    def phases_at(self, times_s: np.ndarray) -> np.ndarray:
+        """Probability of each tabulated reference phase at times after onset, (S, T, G)."""
+        lead, durations = self.filter.leads_at(times_s), self.filter.duration_s
+        phase = reference_phase(self.library.forecast.progress, times_s / durations[:, None])
+        place = phase * (N_PHASES - 1)
+        cell = np.minimum(place.astype(np.int64), N_PHASES - 2)
+        share = place - cell
+        n_rows = len(durations) * len(times_s)
+        index = cell.reshape(n_rows, -1) + N_PHASES * np.arange(n_rows)[:, None]
+        table = np.bincount(
+            np.concatenate([index.ravel(), index.ravel() + 1]),
+            np.concatenate([(lead * (1.0 - share)).ravel(), (lead * share).ravel()]),
+            n_rows * N_PHASES,
+        )
+        return table.reshape(len(durations), len(times_s), N_PHASES)
+
+    def mixture_at(
+        self, times_s: np.ndarray, start: StartPosture | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and mean square of the controlled agent at true times after onset, (T, Q) each.
+
+        The mean square includes the noise (Ewerton et al. 2015, Eq. 14, over durations and leads).
+        """
+        forecast, weights = self.library.forecast, self.duration_weights
+        design = forecast.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
+        phases = self.phases_at(times_s)
+        mean = np.zeros((len(times_s), forecast.n_controlled))
+        square = np.zeros_like(mean)
+        for index in np.flatnonzero(weights > NEGLIGIBLE):
+            observed = Gaussian(self.filter.mean[index], self.filter.covariance[index])
+            controlled = controlled_weights(forecast, self.task, observed, start)
+            position = design @ controlled.mean.reshape(forecast.n_controlled, -1).T
+            variance = dof_variance(design, controlled.covariance)
+            variance += forecast.control_noise_variance()
+            mean += weights[index] * phases[index] @ position
+            square += weights[index] * phases[index] @ (variance + position**2)
+        total = weights[weights > NEGLIGIBLE].sum()
+        return mean / total, square / total
+
+    def controlled(
+        self, n_points: int, start: StartPosture | None = None, grid: ControlGrid | None = None
+    ) -> Trajectory:
+        """The controlled agent's whole interaction from onset, or its end alone for one point.
+
+        Args:
+            n_points: T.
+            start: measured posture of the controlled agent at onset.
+            grid: `control_grid` of this task, if it is at hand.
+        """
+        grid = grid or control_grid(self.library.forecast, self.task)
+        duration_s = self.duration_s
+        along = grid.predict(self.observed_weights(), 1.0, start)
+        times_s = np.linspace(1.0, 0.0, n_points)[::-1] * duration_s
+        phase, phase_variance, rate = self._path(times_s)
+        curve = CubicHermiteSpline(along.times_s, along.positions, along.velocities)
+        slope = curve(phase, 1)
+        spread = [np.interp(phase, along.times_s, column) for column in along.std.T]
+        variance = np.stack(spread, axis=1) ** 2 + slope**2 * phase_variance[:, None]
+        return Trajectory(times_s, curve(phase), slope * rate[:, None], np.sqrt(variance))
+
+    def observed(self, n_points: int) -> Trajectory:
+        """The rest of the observed agent's movement."""
+        forecast, duration_s = self.library.forecast, self.duration_s
+        begin_s = min(self.filter.elapsed_s or 0.0, duration_s)
+        times_s = np.linspace(begin_s, duration_s, n_points)
+        phase, phase_variance, rate = self._path(times_s)
+        weights = self.observed_weights()
+        per_dof = weights.mean.reshape(forecast.n_observed, -1).T
+        slope = forecast.basis.derivative_matrix(phase) @ per_dof
+        design = forecast.basis.design_matrix(phase)
+        variance = dof_variance(design, weights.covariance)
+        variance += forecast.noise_variance[: forecast.n_observed]
+        variance += slope**2 * phase_variance[:, None]
+        return Trajectory(times_s, design @ per_dof, slope * rate[:, None], np.sqrt(variance))
+
+    def _path(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Expected progress: reference phase, its variance, and phase per second, each (T,).
+
+        It never goes back, and is at the end at the last of the times.
+        """
+        progress, durations = self.library.forecast.progress, self.filter.duration_s
+        weights = self.duration_weights
+        likely = np.flatnonzero(weights > NEGLIGIBLE)
+        share = weights[likely, None, None] / weights[likely].sum()
+        share = share * self.filter.leads_at(times_s)[likely]
+        recorded = times_s / durations[likely, None]
+        if len(leads(progress)) == 1:
+            recorded = np.tile(times_s / self.duration_s, (len(likely), 1))
+        phase = reference_phase(progress, recorded)
+        mean = np.einsum("ste,ste->t", share, phase)
+        variance = np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
+        mean = np.maximum.accumulate(mean)
+        mean += (1.0 - mean[-1]) * times_s / times_s[-1]
+        rate = np.gradient(mean, times_s) if len(times_s) > 1 else np.zeros(1)
+        return mean, variance, rate
+
+
+def control_grid(forecast: Forecast, task: int) -> ControlGrid:
+    """The controlled agent over reference phase, for `ForecastRun.controlled`."""
+    return ControlGrid(forecast, task, N_TABULATED)
+
+
+class Forecasts:
+    """The forecasts of a movement under way, each task's filtered when it is asked for.
+
+    Observations closer together than the library's `correlation_time_s` tell nothing new about
+    what a primitive leaves unexplained; of them the first is used. Velocities are not used.
+
+    Args:
+        library: the learned tasks; it has a forecast.
+        hypotheses: the grid of durations.
+        onset_ns: stamp from which times count.
+        grids: the library's `control_grid` of tasks that had one; others are added.
+    """
+
+    def __init__(
+        self,
+        library: TaskLibrary,
+        hypotheses: Hypotheses,
+        onset_ns: int,
+        grids: dict[int, ControlGrid] | None = None,
+    ):
+        self._library, self._hypotheses, self._onset_ns = library, hypotheses, onset_ns
+        self._grids = {} if grids is None else grids
+        self._kept: list[Observation] = []
+        self._runs: dict[int, tuple[ForecastRun, int]] = {}
+        self._last_ns: dict[tuple, int] = {}
+
+    def observe(self, observation: Observation) -> None:
+        """Keep an observation if a run would use it."""
+        kind = (observation.group, observation.dofs)
+        spacing_ns = 0.999e9 * self._library.correlation_time_s
+        early = observation.stamp_ns - self._last_ns.get(kind, -spacing_ns) < spacing_ns
+        if early or observation.derivative:
+            return
+        self._last_ns[kind] = observation.stamp_ns
+        self._kept.append(observation)
+
+    def __getitem__(self, task: int) -> ForecastRun:
+        """The run of a task, with all observations so far."""
+        run, seen = self._runs.get(task, (None, 0))
+        if run is None:
+            run = ForecastRun(self._library, task, self._hypotheses, self._onset_ns)
+        for observation in self._kept[seen:]:
+            run.observe(observation)
+        self._runs[task] = run, len(self._kept)
+        return run
+
+    def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
+        """The controlled agent's whole interaction under a task, as `ForecastRun.controlled`."""
+        if task not in self._grids:
+            self._grids[task] = control_grid(self._library.forecast, task)
+        return self[task].controlled(n_points, start, self._grids[task])

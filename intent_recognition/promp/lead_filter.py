@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Weights and lead of one task under several durations, filtered together.
+
+Each duration is a hypothesis: a Gaussian over the observed weights and a grid of probabilities over
+the lead. An observation weighs the leads by how well each explains it; the weights are then
+conditioned on it once, at the expected basis functions, with the doubt about the lead as additional
+noise (assumed-density filtering). The leads are kept from step to step and smoothed when asked for.
+"""
+
+import numpy as np
+
+from intent_recognition.gaussian.linalg import cholesky, log_normalizer, solve_lower, symmetrize
+from intent_recognition.promp.forecast import Forecast
+from intent_recognition.promp.progress import drift, lead_prior, reference_phase
+
+
+class LeadFilter:
+    """Filter of S hypotheses of one task.
+
+    Args:
+        forecast: the learned primitives.
+        mean, covariance: prior of the observed weights, one for all hypotheses or one for each,
+            (..., P N) and (..., P N, P N).
+        duration_s: of the whole movement under each hypothesis, (S,).
+
+    Attributes:
+        mean, covariance: filtered observed weights, (S, P N) and (S, P N, P N).
+        lead: probability of each lead by now, (S, E).
+        log_evidence: of all observations, lead marginalised, (S,).
+        elapsed_s: when the last observation was made, None before the first.
+    """
+
+    def __init__(
+        self, forecast: Forecast, mean: np.ndarray, covariance: np.ndarray, duration_s: np.ndarray
+    ):
+        n, size = len(duration_s), forecast.n_observed_weights
+        self.forecast, self.duration_s = forecast, duration_s
+        self.mean = np.broadcast_to(mean, (n, size)).copy()
+        self.covariance = np.broadcast_to(covariance, (n, size, size)).copy()
+        self.lead = np.tile(lead_prior(forecast.progress), (n, 1))
+        self.log_evidence = np.zeros(n)
+        self.elapsed_s: float | None = None
+        self._steps: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._times: list[float] = []
+
+    def observe(
+        self, elapsed_s: float, dofs: np.ndarray, values: np.ndarray, noise: np.ndarray
+    ) -> None:
+        """Take positions of some observed DOFs.
+
+        Args:
+            elapsed_s: time since onset, not before the last.
+            dofs: which DOFs, (m,).
+            values: (m,), or one for each hypothesis, (S, m).
+            noise: covariance, (m, m).
+        """
+        forecast, n, m = self.forecast, len(self.duration_s), len(dofs)
+        n_basis = forecast.basis.n_basis
+        moved = np.eye(self.lead.shape[1])
+        if self.elapsed_s is not None:
+            moved = drift(forecast.progress, (elapsed_s - self.elapsed_s) / self.duration_s)
+            self.lead = np.einsum("se,sef->sf", self.lead, moved)
+        phase = reference_phase(forecast.progress, elapsed_s / self.duration_s)
+        design = forecast.basis.design_matrix(phase)  # (S, E, N)
+        blocks = self.covariance.reshape(n, -1, n_basis, self.mean.shape[1])[:, dofs]
+        weights = self.mean.reshape(n, -1, n_basis)[:, dofs]
+        expected = np.matmul(design, np.swapaxes(weights, 1, 2))  # (S, E, m)
+        half = np.matmul(design[:, None], blocks).reshape(n, m, phase.shape[1], -1, n_basis)
+        spread = np.einsum("spern,sen->sepr", half[:, :, :, dofs], design, optimize=True)
+        factor = cholesky(symmetrize(spread + noise), name="innovation covariance")
+        innovation = np.asarray(values)[..., None, :] - expected
+        whitened = solve_lower(factor, innovation[..., None])[..., 0]
+        density = -0.5 * np.sum(whitened**2, axis=-1) - log_normalizer(factor)
+        best = density.max(axis=1, keepdims=True)
+        likelihood = np.exp(density - best)
+        self.log_evidence += np.log(np.sum(self.lead * likelihood, axis=1)) + best[:, 0]
+        tempered = np.exp(forecast.progress.evidence * (density - best))
+        lead = self.lead * tempered
+        self.lead = lead / lead.sum(axis=1, keepdims=True)
+        self._condition(design, blocks, expected, dofs, np.asarray(values), noise)
+        self._steps.append((np.broadcast_to(moved, (n, *moved.shape[-2:])), self.lead, tempered))
+        self._times.append(elapsed_s)
+        self.elapsed_s = elapsed_s
+
+    def _condition(
+        self,
+        design: np.ndarray,
+        blocks: np.ndarray,
+        expected: np.ndarray,
+        dofs: np.ndarray,
+        values: np.ndarray,
+        noise: np.ndarray,
+    ) -> None:
+        """Condition the weights on values seen at an uncertain lead."""
+        n, m, n_basis = len(design), len(dofs), design.shape[2]
+        row = np.einsum("se,sen->sn", self.lead, design)
+        mean = np.einsum("se,sem->sm", self.lead, expected)
+        deviation = expected - mean[:, None]
+        doubt = np.einsum("se,sem,ser->smr", self.lead, deviation, deviation)
+        cross = np.matmul(row[:, None, None], blocks)[:, :, 0]  # H S, (S, m, P N)
+        own = np.einsum("smrn,sn->smr", cross.reshape(n, m, -1, n_basis)[:, :, dofs], row)
+        factor = cholesky(symmetrize(own + doubt + noise), name="innovation covariance")
+        scaled = solve_lower(factor, cross)
+        whitened = solve_lower(factor, (values - mean)[..., None])
+        self.mean += np.matmul(np.swapaxes(scaled, 1, 2), whitened)[..., 0]
+        self.covariance -= np.matmul(np.swapaxes(scaled, 1, 2), scaled)
+
+    def leads_at(self, times_s: np.ndarray) -> np.ndarray:
+        """Probability of each lead at times after onset given all observations, (S, T, E)."""
+        if not self._steps:
+            prior = lead_prior(self.forecast.progress)
+            return np.tile(prior, (len(self.duration_s), len(times_s), 1))
+        smoothed, seen_s = self._smoothed(), np.array(self._times)
+        after = np.clip(np.searchsorted(seen_s, times_s), 0, len(seen_s) - 1)
+        before = np.maximum(after - 1, 0)
+        gap = np.maximum(seen_s[after] - seen_s[before], 1e-9)
+        share = np.clip((times_s - seen_s[before]) / gap, 0.0, 1.0)[:, None]
+        lead = (1.0 - share) * smoothed[:, before] + share * smoothed[:, after]
+        future = times_s > seen_s[-1]
+        passed = (times_s[future] - seen_s[-1]) / self.duration_s[:, None]
+        lead[:, future] = np.einsum(
+            "se,stef->stf", self.lead, drift(self.forecast.progress, passed)
+        )
+        return lead
+
+    def _smoothed(self) -> np.ndarray:
+        """Leads at the observations given all of them, (S, n, E): the backward recursion."""
+        later = np.ones_like(self.lead)
+        smoothed = []
+        for moved, lead, likelihood in reversed(self._steps):
+            now = lead * later
+            smoothed.append(now / now.sum(axis=1, keepdims=True))
+            later = np.einsum("sef,sf->se", moved, later * likelihood)
+            later /= later.max(axis=1, keepdims=True)
+        return np.stack(smoothed[::-1], axis=1)
