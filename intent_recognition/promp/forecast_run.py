@@ -43,6 +43,8 @@ class ForecastRun:
         grid = slice(task * hypotheses.n_scales, (task + 1) * hypotheses.n_scales)
         log_prior = hypotheses.log_prior[grid]
         self.library, self.task, self.onset_ns = library, task, onset_ns
+        if not np.any(np.isfinite(log_prior)):  # an impossible task can still be asked for
+            log_prior = np.zeros_like(log_prior)
         self._log_prior = log_prior - np.logaddexp.reduce(log_prior)
         self._power = hypotheses.duration_evidence
         self._dofs = [group_dofs(library, k) for k in range(len(library.observed_groups))]
@@ -54,7 +56,7 @@ class ForecastRun:
         )
 
     def observe(self, observation: Observation) -> None:
-        """Take positions, not before the last ones."""
+        """Take positions."""
         forecast, dofs = self.library.forecast, self._dofs[observation.group]
         if observation.dofs is not None:
             dofs = dofs[list(observation.dofs)]
@@ -145,10 +147,14 @@ class ForecastRun:
         return Trajectory(times_s, curve(phase), slope * rate[:, None], np.sqrt(variance))
 
     def observed(self, n_points: int) -> Trajectory:
-        """The rest of the observed agent's movement."""
+        """The rest of the observed agent's movement; its end alone when that is due, or for T = 1.
+
+        Args:
+            n_points: T.
+        """
         forecast, duration_s = self.library.forecast, self.duration_s
         begin_s = min(self.filter.elapsed_s or 0.0, duration_s)
-        times_s = np.linspace(begin_s, duration_s, n_points)
+        times_s = np.linspace(duration_s, begin_s, n_points)[::-1]
         phase, phase_variance, rate = self._path(times_s)
         weights = self.observed_weights()
         per_dof = weights.mean.reshape(forecast.n_observed, -1).T
@@ -175,10 +181,11 @@ class ForecastRun:
         phase = reference_phase(progress, recorded)
         mean = np.einsum("ste,ste->t", share, phase)
         variance = np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
+        if times_s[-1] <= times_s[0]:
+            return np.ones_like(mean), variance, np.zeros_like(mean)
         mean = np.maximum.accumulate(mean)
         mean += (1.0 - mean[-1]) * times_s / times_s[-1]
-        rate = np.gradient(mean, times_s) if len(times_s) > 1 else np.zeros(1)
-        return mean, variance, rate
+        return mean, variance, np.gradient(mean, times_s)
 
 
 def control_grid(forecast: Forecast, task: int) -> ControlGrid:

@@ -49,7 +49,8 @@ class LeadFilter:
         """Take positions of some observed DOFs.
 
         Args:
-            elapsed_s: time since onset, not before the last.
+            elapsed_s: time since onset; one before the last, of another signal, is taken at its own
+                time and at the lead by now.
             dofs: which DOFs, (m,).
             values: (m,), or one for each hypothesis, (S, m).
             noise: covariance, (m, m).
@@ -79,8 +80,8 @@ class LeadFilter:
         self.lead = lead / lead.sum(axis=1, keepdims=True)
         self._condition(design, blocks, expected, dofs, np.asarray(values), noise)
         self._steps.append((np.broadcast_to(moved, (n, *moved.shape[-2:])), self.lead, tempered))
-        self._times.append(elapsed_s)
-        self.elapsed_s = elapsed_s
+        self.elapsed_s = elapsed_s if self.elapsed_s is None else max(elapsed_s, self.elapsed_s)
+        self._times.append(self.elapsed_s)
 
     def _condition(
         self,

@@ -8,6 +8,7 @@ pass again; its scale s(u) is learned from how demonstrations had to be warped o
 (`timing.py`). The lead is followed on a grid, beside the Gaussian over the weights.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ import numpy as np
 N_LEADS = 15
 LEAD_SPAN = 2.5
 """Grid of the lead: how many values, and how many standard deviations it reaches to either side."""
+JUMP = 1e-12
+"""Probability that the lead is drawn anew between two observations: no lead is ever ruled out."""
 
 
 class Progress(NamedTuple):
@@ -46,24 +49,26 @@ def leads(progress: Progress) -> np.ndarray:
 
 def lead_prior(progress: Progress) -> np.ndarray:
     """Probability of each of them before anything is seen, (E,)."""
-    weight = np.exp(-0.5 * leads(progress) ** 2)
-    return weight / weight.sum()
+    return _normal(leads(progress))
 
 
 def drift(progress: Progress, passed: np.ndarray) -> np.ndarray:
     """Transition of the lead while so much recorded phase passes, (..., E, E), rows sum to one.
 
+    It keeps the prior, and two transitions one after the other equal that of their sum, however
+    short they are: with signals of several stamps, leads must not spread for being looked at often.
+
     Args:
         progress: prior of the lead.
-        passed: recorded phase, (...).
+        passed: recorded phase, (...); less than zero counts as zero.
     """
     grid = leads(progress)
     if len(grid) == 1:
         return np.ones((*np.shape(passed), 1, 1))
-    kept = np.exp(-np.asarray(passed, dtype=np.float64) / progress.correlation)[..., None, None]
-    narrowest = 0.5 * (grid[1] - grid[0])
-    spread = np.sqrt(np.maximum(1.0 - kept**2, narrowest**2))
-    kernel = np.exp(-0.5 * ((grid - kept * grid[:, None]) / spread) ** 2)
+    decay, left, right = _modes(len(grid))
+    share = np.maximum(passed, 0.0) / progress.correlation
+    kernel = (left * np.exp(-share[..., None, None] * decay)) @ right
+    kernel = np.maximum(kernel, 0.0) + JUMP * _normal(grid)
     return kernel / kernel.sum(axis=-1, keepdims=True)
 
 
@@ -73,3 +78,25 @@ def reference_phase(progress: Progress, recorded: np.ndarray) -> np.ndarray:
     at = np.linspace(0.0, 1.0, len(progress.lead_std))
     scale = np.interp(recorded, at, progress.lead_std)
     return np.clip(recorded[..., None] + scale[..., None] * leads(progress), 0.0, 1.0)
+
+
+def _normal(grid: np.ndarray) -> np.ndarray:
+    """Probabilities of leads under their prior, (E,)."""
+    weight = np.exp(-0.5 * grid**2)
+    return weight / weight.sum()
+
+
+@lru_cache(maxsize=4)
+def _modes(n_leads: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Modes of an Ornstein-Uhlenbeck process on a grid: decay (E,), left and right, (E, E) each.
+
+    Neighbours i and j change places at a rate of sqrt(p_j / p_i), which keeps the prior p by
+    detailed balance; rates are in parts of that of the slowest mode, the lead's own.
+    """
+    root = np.sqrt(_normal(np.linspace(-LEAD_SPAN, LEAD_SPAN, n_leads)))
+    generator = np.eye(n_leads, k=1) + np.eye(n_leads, k=-1)
+    generator -= np.diag(generator @ root / root)
+    rate, vectors = np.linalg.eigh(generator)
+    rate = np.maximum(-rate[::-1], 0.0)
+    vectors = vectors[:, ::-1]
+    return rate / rate[1], vectors / root[:, None], vectors.T * root
