@@ -33,11 +33,12 @@ def rehearse(
     recorded: Mapping[str, TaskStatistics],
     strength: float,
     floor: np.ndarray,
-) -> np.ndarray:
-    """Squared errors of the controlled agent, a number per demonstration left out, (n,).
+) -> float:
+    """Mean squared error of the controlled agent of demonstrations left out.
 
     Each DOF counts in parts of its variance over all demonstrations; mean over DOFs, phases and
-    shares of the movement observed (`selection.FRACTIONS`). The duration is known.
+    shares of the movement observed (`selection.FRACTIONS`). The duration is known. Infinite if no
+    demonstration can be left out.
 
     Args:
         forecast: what is rehearsed; its means and covariances are replaced by those without the
@@ -58,7 +59,7 @@ def rehearse(
         drawn = np.unique(np.linspace(0, len(pairs) - 1, MAX_REHEARSED).round().astype(int))
         left_out = [pairs[index] for index in drawn]
         errors.append(_task_errors(forecast, task, pooled, left_out, strength, floor) / scale)
-    return np.concatenate(errors).mean(axis=1) if errors else np.zeros(0)
+    return float(np.concatenate(errors).mean()) if errors else np.inf
 
 
 def _task_errors(

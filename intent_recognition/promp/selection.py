@@ -17,9 +17,9 @@ from intent_recognition.promp.prior import Scatter, leave_one_out_scatter, shrun
 
 STRENGTHS = (0.3, 1.0, 2.0, 4.0, 10.0, 30.0, 100.0, 300.0)
 NOISE_SCALES = (1.0, 4.0, 16.0, 64.0)
-ALIGNED_STRENGTHS = (10.0, 30.0, 100.0, 300.0)
-ALIGNED_NOISE_SCALES = (4.0, 16.0, 64.0)
-"""The grids of the aligned primitives. Their leave-one-out takes the reference phase for known."""
+ALIGNED_STRENGTHS = (10.0, 30.0, 100.0)
+ALIGNED_NOISE_SCALES = (4.0, 16.0)
+"""The grid of the aligned primitives, whose predictions are rehearsed (`rehearsal.py`)."""
 FRACTIONS = (0.5, 0.75, 1.0)
 SCORED_PHASES = 20
 

@@ -18,8 +18,6 @@ from intent_recognition.promp.progress import Progress
 from intent_recognition.promp.signals import Signal
 
 N_LEAD_PHASES = 51
-LEAD_SMOOTHING = 0.1
-"""Recorded phase over which the variance of the lead is averaged."""
 SMALLEST_LEAD = 0.004
 UNKNOWN_LEAD = 0.03
 """Standard deviations of the lead: the least, and that where no task has two recordings."""
@@ -92,16 +90,20 @@ def _leads(warps: Iterable[Warp]) -> np.ndarray:
 
 
 def _lead_std(leads: Sequence[np.ndarray]) -> np.ndarray:
-    """Standard deviation of the lead, pooled over tasks, (U,)."""
+    """Standard deviation of the lead, pooled over tasks, (U,).
+
+    Recordings begin and end with the movement, so that nobody leads there: the variance is that of
+    a bridge, c^2 4 u (1 - u), with c from the warps.
+    """
     phase = np.linspace(0.0, 1.0, N_LEAD_PHASES)
-    if not leads:
-        bridge = UNKNOWN_LEAD * np.sqrt(4.0 * phase * (1.0 - phase))
-        return np.maximum(bridge, SMALLEST_LEAD)
-    freedom = sum(len(rows) - 1 for rows in leads)
-    variance = sum(np.sum(rows**2, axis=0) for rows in leads) / freedom
-    kernel = np.abs(phase[:, None] - phase) <= 0.5 * LEAD_SMOOTHING + 1e-9
-    variance = kernel @ variance / kernel.sum(axis=1)
-    return np.maximum(np.sqrt(variance), SMALLEST_LEAD)
+    bridge = 4.0 * phase * (1.0 - phase)
+    largest = UNKNOWN_LEAD
+    if leads:
+        inner = slice(1, -1)
+        freedom = sum(len(rows) - 1 for rows in leads)
+        variance = sum(np.sum(rows**2, axis=0) for rows in leads) / freedom
+        largest = np.sqrt(np.mean(variance[inner] * bridge[inner]) / np.mean(bridge[inner] ** 2))
+    return np.maximum(largest * np.sqrt(bridge), SMALLEST_LEAD)
 
 
 def _by_task(recordings: Sequence) -> dict[str, list[int]]:

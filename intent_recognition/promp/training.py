@@ -140,33 +140,34 @@ def choose(
     of each task; the statistics it is predicted from are those of all others.
     """
     chosen, tried = _choose(tasks, reference.basis)
-    over_reference = aligned_statistics(tasks)
-    if over_reference is not None:
-        best, _ = _choose(
-            over_reference,
-            reference.forecast_basis,
-            strengths=ALIGNED_STRENGTHS,
-            noise_scales=ALIGNED_NOISE_SCALES,
-        )
-        chosen = chosen._replace(
-            aligned_strength=best.strength, aligned_noise_scale=best.noise_scale
-        )
-        chosen = chosen._replace(aligned=_aligned_predicts_better(tasks, reference, chosen))
-    return chosen, tried
+    return _choose_aligned(tasks, reference, chosen), tried
 
 
-def _aligned_predicts_better(
+def _choose_aligned(
     tasks: Mapping[str, TaskStatistics], reference: Reference, chosen: Candidate
-) -> bool:
-    """Whether left-out demonstrations are predicted with less error by aligned primitives."""
+) -> Candidate:
+    """Hyperparameters of the aligned primitives, and whether predictions come from them.
+
+    They do where left-out demonstrations are predicted with less error than at steady progress.
+    """
     over_reference = aligned_statistics(tasks)
+    if over_reference is None:
+        return chosen
     steady = library_from_statistics(tasks, reference, chosen).forecast
     aligned = aligned_forecast(tasks, reference, chosen)
     floor, _ = scales(tasks)
-    of_steady = rehearse(steady, tasks, tasks, chosen.strength, floor)
+    least = rehearse(steady, tasks, tasks, chosen.strength, floor)
     floor, _ = scales(over_reference)
-    of_aligned = rehearse(aligned, over_reference, tasks, chosen.aligned_strength, floor)
-    return bool(of_aligned.size and of_aligned.mean() < of_steady.mean())
+    for strength in ALIGNED_STRENGTHS:
+        for noise_scale in ALIGNED_NOISE_SCALES:
+            candidate = replace(aligned, noise_scale=noise_scale)
+            error = rehearse(candidate, over_reference, tasks, strength, floor)
+            if error < least:
+                least = error
+                chosen = chosen._replace(
+                    aligned=True, aligned_strength=strength, aligned_noise_scale=noise_scale
+                )
+    return chosen
 
 
 def _choose(
