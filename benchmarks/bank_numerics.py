@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A million observations with hardly any noise: does the covariance stay one?"""
+"""A million observations with hardly any noise, and a movement beside one joint Gaussian."""
 
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.stats import multivariate_normal
 
 from benchmarks.measure import Result
-from benchmarks.synthetic import N_BASIS, N_OBSERVED, synthetic_library
+from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
+from intent_recognition.promp.bank import fixed_hypotheses
 from intent_recognition.promp.filter_block import FilterBlock, make_state
+from intent_recognition.promp.observations import BankRun
+from intent_recognition.promp.recognition import task_posterior
 
 N_UPDATES = 1_000_000
 NOISE_VARIANCE = 1e-8
@@ -55,3 +59,42 @@ def numerics(n_updates: int = N_UPDATES) -> Iterator[Result]:
         "x",
         "largest element",
     )
+
+
+def one_movement(n_tasks: int = 30) -> Iterator[Result]:
+    """Log evidence, mean and probabilities of every task beside its joint Gaussian's."""
+    rng = np.random.default_rng(8)
+    library = synthetic_library(rng, n_tasks, n_controlled=0)
+    hypotheses = fixed_hypotheses(library, DURATION_S)
+    observations = movement(library, 0, rng)[:100]
+    start_ns = observations[0].stamp_ns
+    run = BankRun(library, hypotheses, None, start_ns)
+    sum_error = 0.0
+    for observation in observations:
+        run.observe(observation)
+        total = task_posterior(run, hypotheses, 0.0).probabilities.sum()
+        sum_error = max(sum_error, abs(total - 1.0))
+    elapsed_s = np.array([o.stamp_ns - start_ns for o in observations]) * 1e-9
+    dofs = np.arange(N_OBSERVED)
+    rows = library.basis.design_matrix(elapsed_s / DURATION_S)
+    matrix = np.kron(rows[:, None], np.eye(N_OBSERVED)[..., None]).reshape(-1, N_OBSERVED * N_BASIS)
+    noise = np.kron(np.eye(len(rows)), library.noise_covariance(dofs, elapsed_s[1]))
+    noise[:N_OBSERVED, :N_OBSERVED] = library.noise_covariance(dofs, np.inf)
+    values = np.concatenate([o.values for o in observations])
+    mean_error = evidence_error = 0.0
+    for k, (mean, prior) in enumerate(
+        zip(library.observed_mean, library.observed_covariance, strict=True)
+    ):
+        innovation = matrix @ prior @ matrix.T + noise
+        density = multivariate_normal(matrix @ mean, innovation).logpdf(values)
+        found = run.bank.log_evidence[k]
+        evidence_error = max(evidence_error, abs(found - density) / max(1.0, abs(density)))
+        expected = mean + prior @ matrix.T @ np.linalg.solve(innovation, values - matrix @ mean)
+        error = np.abs(run.bank.mean[k] - expected).max() / np.abs(expected).max()
+        mean_error = max(mean_error, error)
+    of = f"{n_tasks} tasks and none, {len(rows)} observations, one by one and all at once"
+    yield Result(
+        "one movement, mean off the joint Gaussian's", mean_error, 1e-9, "at most", "x", of
+    )
+    yield Result("... log evidence off its log density", evidence_error, 1e-8, "at most", "x", of)
+    yield Result("... sum of the probabilities off one", sum_error, 1e-12, "at most", "", "ever")

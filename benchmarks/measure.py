@@ -30,13 +30,18 @@ class Result(NamedTuple):
 
     def line(self) -> str:
         """The result as printed."""
-        measured = f"{self.measured:.3g} {self.unit}"
-        required = f"{self.direction} {self.required:g} {self.unit}"
-        return f"{self.name:<44} {measured:>14}   {required:<20} {self.verdict:<11} {self.remark}"
+        measured = f"{_digits(self.measured)} {self.unit}"
+        required = f"{self.direction} {_digits(self.required)} {self.unit}"
+        return f"{self.name:<54} {measured:>14}   {required:<20} {self.verdict:<11} {self.remark}"
 
     def to_dict(self) -> dict[str, object]:
         """The result for JSON."""
         return self._asdict() | {"verdict": self.verdict}
+
+
+def _digits(number: float) -> str:
+    """Three digits, or all before the point."""
+    return f"{number:.0f}" if 1e3 <= abs(number) < 1e6 else f"{number:.3g}"
 
 
 def seconds(work: Callable[[], object], repeats: int = 5) -> float:

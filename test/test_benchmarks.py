@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
+from benchmarks.bank_memory import growth, long_run
+from benchmarks.bank_numerics import one_movement
 from benchmarks.measure import Result
 from benchmarks.synthetic import synthetic_library
 from intent_recognition.promp.bank import condition_bank, fixed_hypotheses, start_bank
@@ -47,14 +49,25 @@ def test_peers_of_the_filter_bank_compute_what_it_does(name):
 
 @pytest.fixture
 def one_result(monkeypatch):
-    monkeypatch.setattr(
-        command, "results", lambda: iter([Result("thing", 9.0, 2.0, "at most", "ms")])
-    )
+    result = Result("thing", 9.0, 2.0, "at most", "ms")
+    monkeypatch.setattr(command, "results", lambda: iter(["Things", result]))
 
 
 def test_a_shortfall_is_said_and_still_exits_with_zero(one_result, capsys):
     assert command.main([]) == 0
-    assert "falls short" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert out.startswith("\nThings\nthing ")
+    assert "\n0 of 1 hold; " in out and "\n  falls short: thing\n" in out
+
+
+def test_one_joint_gaussian_is_what_the_filter_computes():
+    for result in one_movement(2):
+        assert result.verdict == "ok", result.line()
+
+
+def test_a_long_run_ends_at_its_limit_of_time():
+    with long_run(0.0) as process:
+        assert "from 800 to 800 observations" in growth(process).remark
 
 
 def test_json_alone_is_json_and_nothing_else(one_result, capsys):

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All benchmarks in their order, those that a clock decides first."""
+
+from collections.abc import Iterator
+
+from benchmarks.alignment import alignment
+from benchmarks.bank import bank
+from benchmarks.bank_memory import growth, long_run, memory
+from benchmarks.bank_numerics import numerics, one_movement
+from benchmarks.measure import Result
+from benchmarks.mixture import mixture
+from benchmarks.node import node
+from benchmarks.offline import bags_to_model, evaluation
+from benchmarks.online import online
+from benchmarks.reading import reading
+from benchmarks.recognition import unknown_tasks
+from benchmarks.training import training
+from intent_recognition.share import share_path
+from intent_recognition.storage import load_dofs, read_demonstrations
+
+TRAINING = "bags/toolbox/train"
+HELD_OUT = "bags/toolbox/test/plate_handover_00"
+
+
+def everything() -> Iterator[str | Result]:
+    """Headings, and the results that belong to them as they are measured."""
+    in_parts, library, demonstrations = bags_to_model(share_path(TRAINING))
+    (recorded,), _ = read_demonstrations(share_path(HELD_OUT), load_dofs())
+    yield "One observation: time of the filter bank"
+    yield from bank()
+    yield "Nodes, from a pose to a trajectory of 50 points and 7 joints"
+    yield from node(library, [recorded])
+    yield "Learning from aligned demonstrations"
+    yield from training(demonstrations)
+    yield "Alignment in time"
+    yield from alignment()
+    yield "Mixture from unlabelled demonstrations"
+    yield from mixture(demonstrations)
+    yield "Reading bags"
+    yield from reading()
+    yield "As a whole"
+    yield in_parts
+    yield evaluation(demonstrations)
+    yield from online(library, recorded)
+    with long_run() as process:
+        yield "Numerics"
+        yield from numerics()
+        yield from one_movement()
+        yield "Movements of unknown tasks"
+        yield from unknown_tasks(demonstrations)
+        yield "Memory"
+        yield memory()
+        yield growth(process)
