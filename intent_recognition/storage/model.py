@@ -15,11 +15,12 @@ from intent_recognition.errors import ArgumentError, DofError, IntentError, Mode
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.training import Trained
+from intent_recognition.storage.arrays import RETRAIN, check_arrays, check_positive
 from intent_recognition.storage.dofs import DofSpec
+from intent_recognition.storage.forecasts import ALIGNED, pack_forecast, unpack_forecast
 from intent_recognition.storage.statistics import ARRAYS, pack_statistics, unpack_statistics
 
 FORMAT_VERSION = 1
-RETRAIN = "Train it again with `intent train`."
 NUMBERS = (
     "weight_mean",
     "weight_covariance",
@@ -38,8 +39,16 @@ NUMBERS = (
     "duration_evidence",
     "n_demonstrations",
     "observed_groups",
+    "recognition_covariance",
+    "recognition_noise_scale",
 )
-SCALARS = ("noise_scale", "correlation_time_s", "none_prior", "duration_evidence")
+SCALARS = (
+    "noise_scale",
+    "correlation_time_s",
+    "none_prior",
+    "duration_evidence",
+    "recognition_noise_scale",
+)
 
 
 @dataclass(frozen=True)
@@ -77,7 +86,8 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
         ModelError: the folder cannot be written to.
     """
     library = model.library
-    arrays = {name: np.asarray(getattr(library, name)) for name in NUMBERS}
+    arrays = {name: np.asarray(value) for name, value in _recognition(library).items()}
+    arrays |= {n: np.asarray(getattr(library, n)) for n in NUMBERS if n not in arrays}
     header = {
         "format_version": FORMAT_VERSION,
         "labels": library.labels,
@@ -86,6 +96,9 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
         "dofs": model.dofs.to_dict(),
         "provenance": dict(library.provenance),
     }
+    if library.aligned is not None:
+        header["aligned"], aligned = pack_forecast(library.aligned)
+        arrays |= aligned
     if trained is not None:
         header["statistics"], statistics = pack_statistics(trained)
         arrays |= statistics
@@ -114,7 +127,7 @@ def load_model(path: str | Path) -> Model:
         ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
             value that is not finite or makes no sense; names the file and the array.
     """
-    content = _read(path, NUMBERS)
+    content = _read(path, (*NUMBERS, *ALIGNED))
     header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
@@ -126,12 +139,20 @@ def load_model(path: str | Path) -> Model:
         if isinstance(error, IntentError):
             raise ModelError(f"{path}: {error}") from error
         raise ModelError(describe(f"{path}: header", "a complete one", error, RETRAIN)) from error
-    numbers = _numbers(path, content, _shapes(len(labels), dofs, basis.n_basis))
+    check_arrays(path, content, _shapes(len(labels), dofs, basis.n_basis), ("observed_groups",))
+    numbers = {name: content[name] for name in NUMBERS}
     _check_values(path, numbers)
     _check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
     for name in SCALARS:
         numbers[name] = float(numbers[name])
     numbers["observed_groups"] = tuple(numbers["observed_groups"].tolist())
+    n_observed, n_tasks = len(dofs.observed_names), len(labels)
+    n_dofs = n_observed + len(dofs.controlled_names)
+    aligned = None
+    if "aligned" in header:
+        aligned = unpack_forecast(
+            str(path), header["aligned"], content, n_tasks, n_observed, n_dofs
+        )
     library = TaskLibrary(
         labels=labels,
         basis=basis,
@@ -140,6 +161,7 @@ def load_model(path: str | Path) -> Model:
         observed_units=tuple(entry.unit for entry in dofs.observed for _ in entry.names),
         controlled_units=tuple(entry.unit for entry in dofs.controlled for _ in entry.names),
         onset=onset,
+        aligned=aligned,
         provenance=provenance,
         **numbers,
     )
@@ -225,6 +247,14 @@ def _header(path: str | Path, content: dict[str, np.ndarray]) -> dict:
     return header
 
 
+def _recognition(library: TaskLibrary) -> dict[str, object]:
+    """What recognition has of its own, or takes from the primitives."""
+    return {
+        "recognition_covariance": library.observed_covariance[:-1],
+        "recognition_noise_scale": library.recognition_noise_scale or library.noise_scale,
+    }
+
+
 def _labels(labels: list) -> tuple[str, ...]:
     named = isinstance(labels, list) and all(isinstance(label, str) for label in labels)
     if not named or len({*labels, NONE}) != len(labels) + 1 or not labels:
@@ -252,34 +282,21 @@ def _shapes(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int, .
         "none_calibration": (4,),
         "n_demonstrations": (n_tasks,),
         "observed_groups": (len(dofs.observed),),
+        "recognition_covariance": (n_tasks, size, size),
         **dict.fromkeys(SCALARS, ()),
     }
 
 
-def _numbers(
-    path: str | Path, content: dict[str, np.ndarray], shapes: dict[str, tuple[int, ...]]
-) -> dict[str, np.ndarray]:
-    """The arrays, each of the right kind and shape and finite."""
-    for name in NUMBERS:
-        place = f"{path}: {name}"
-        if name not in content:
-            raise ModelError(describe(place, "an array", "none", RETRAIN))
-        array = content[name]
-        kinds = "iu" if name == "observed_groups" else "iuf"
-        if array.dtype.kind not in kinds:
-            raise ModelError(describe(place, "real numbers", f"type {array.dtype}", RETRAIN))
-        if array.shape != shapes[name]:
-            raise ModelError(describe(place, f"shape {shapes[name]}", array.shape, RETRAIN))
-        if not np.all(np.isfinite(array)):
-            raise ModelError(describe(place, "finite numbers", "NaN or inf", RETRAIN))
-    return {name: content[name] for name in NUMBERS}
-
-
 def _check_values(path: str | Path, numbers: dict[str, np.ndarray]) -> None:
-    positive = ("noise_variance", "noise_scale", "correlation_time_s", "log_duration_std")
-    for name in positive:
-        if not np.all(numbers[name] > 0.0):
-            raise ModelError(describe(f"{path}: {name}", "above zero", numbers[name], RETRAIN))
+    check_positive(
+        path,
+        numbers,
+        "noise_variance",
+        "noise_scale",
+        "correlation_time_s",
+        "log_duration_std",
+        "recognition_noise_scale",
+    )
     for name in ("task_prior", "transition_prior"):
         prior = numbers[name]
         if np.any(prior < 0.0) or np.any(np.abs(prior.sum(axis=-1) - 1.0) > 1e-6):

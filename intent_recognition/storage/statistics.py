@@ -2,32 +2,49 @@
 """Statistics of the demonstrations inside a model file, so that a later session can add to it.
 
 Beside the library's arrays stand those of `TaskStatistics`, one row per task, with of each scatter
-the upper triangle; and those of the examples kept whole, task after task. Names, reference and
-hyperparameters are in the header under `statistics`. Readers that do not know of them pass by.
+the upper triangle; and those of the examples kept whole, task after task; the same of the aligned
+examples; and the templates they were aligned with. Names, reference and hyperparameters are in the
+header under `statistics`. Readers that do not know of them pass by.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import NamedTuple
 
 import numpy as np
 
 from intent_recognition.alignment.onset import OnsetSettings
+from intent_recognition.alignment.reference import Template
 from intent_recognition.errors import ArgumentError, ModelError, describe
 from intent_recognition.promp.examples import Example, sample_phases, scored_phases
 from intent_recognition.promp.gathering import Reference, SignalNames
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.selection import Candidate
 from intent_recognition.promp.statistics import TaskStatistics
+from intent_recognition.promp.timing import Timing
 from intent_recognition.promp.training import Trained
 from intent_recognition.promp.training_settings import TrainingSettings
+from intent_recognition.storage.arrays import (
+    RETRAIN,
+    check_arrays,
+    check_positive,
+    from_upper,
+    upper,
+)
 
-SUMS = tuple(field.name for field in fields(TaskStatistics) if field.name != "examples")
-PARTS = tuple(name for name in Example._fields if name not in ("name", "task"))
+SUMS = tuple(f.name for f in fields(TaskStatistics) if f.name not in ("examples", "aligned"))
+PARTS = tuple(name for name in Example._fields if name not in ("name", "task", "aligned"))
 COUNT = "examples_count"
-ARRAYS = (*(f"statistics_{name}" for name in SUMS), *(f"examples_{name}" for name in PARTS), COUNT)
+STEADY, ALIGNED = "", "aligned_"
+"""Prefixes of the arrays of the examples as they were recorded, and of the aligned ones."""
+TIMING = ("timing_values", "timing_scale", "timing_lead_std")
+ARRAYS = (
+    *(f"{kind}statistics_{name}" for kind in (STEADY, ALIGNED) for name in SUMS),
+    *(f"{kind}examples_{name}" for kind in (STEADY, ALIGNED) for name in PARTS),
+    *TIMING,
+    COUNT,
+)
 """Names of the arrays in the file."""
-RETRAIN = "Train it again with `intent train`."
 
 
 class Packed(NamedTuple):
@@ -39,19 +56,18 @@ class Packed(NamedTuple):
 
 def pack_statistics(trained: Trained) -> Packed:
     """Statistics, reference and hyperparameters as they are written."""
-    tasks = list(trained.tasks.values())
-    arrays = {f"statistics_{name}": np.array([getattr(t, name) for t in tasks]) for name in SUMS}
-    rows, columns = np.triu_indices(tasks[0].mean.size)
-    arrays["statistics_scatter"] = arrays["statistics_scatter"][:, rows, columns]
-    examples = [example for task in tasks for example in task.examples]
-    for name in PARTS:
-        arrays[f"examples_{name}"] = np.array([getattr(example, name) for example in examples])
-    arrays[COUNT] = np.array([len(task.examples) for task in tasks])
+    reference, tasks = trained.reference, list(trained.tasks.values())
     header = {
-        "reference": asdict(trained.reference),
+        "reference": _plain(reference),
         "chosen": trained.chosen._asdict(),
         "labels": list(trained.tasks),
-        "examples": [example.name for example in examples],
+        "examples": [example.name for task in tasks for example in task.examples],
+    }
+    arrays = {
+        **_pack_tasks(tasks, STEADY),
+        **_pack_tasks([task.aligned for task in tasks], ALIGNED),
+        **_pack_timing(reference.timing),
+        COUNT: np.array([len(task.examples) for task in tasks]),
     }
     return Packed(header, arrays)
 
@@ -71,7 +87,9 @@ def unpack_statistics(
         ModelError: something is missing, of another shape, not finite, or of other tasks.
     """
     try:
-        reference = _reference(header["reference"])
+        n_dofs = library.n_observed + library.n_controlled
+        timing = _timing(path, header["reference"]["templates"], arrays, n_dofs)
+        reference = _reference(header["reference"], timing)
         chosen = Candidate(**header["chosen"])
         labels, names = tuple(header["labels"]), tuple(header["examples"])
     except (KeyError, TypeError, AttributeError, ArgumentError) as error:
@@ -82,38 +100,97 @@ def unpack_statistics(
         raise ModelError(
             describe(f"{path}: statistics", f"the tasks {library.labels}", labels, RETRAIN)
         )
-    _check(path, arrays, _shapes(library, len(names)))
-    if arrays[COUNT].sum() != len(names) or np.any(arrays["statistics_n"] < arrays[COUNT]):
-        raise ModelError(
-            describe(f"{path}: {COUNT}", f"{len(names)} in all", arrays[COUNT], RETRAIN)
-        )
-    edges = np.r_[0, np.cumsum(arrays[COUNT])]
-    tasks = {}
-    for row, label in enumerate(labels):
-        parts = {name: arrays[f"examples_{name}"] for name in PARTS}
-        examples = tuple(
-            _example(names[k], label, {name: part[k] for name, part in parts.items()})
-            for k in range(edges[row], edges[row + 1])
-        )
-        tasks[label] = _task({n: arrays[f"statistics_{n}"][row] for n in SUMS}, examples)
+    check_arrays(path, arrays, {COUNT: (len(labels),)}, (COUNT,))
+    for kind, basis in ((STEADY, library.basis), (ALIGNED, reference.forecast_basis)):
+        shapes = _shapes(library, len(names), basis.n_basis, kind)
+        check_arrays(path, arrays, shapes, (f"{kind}statistics_n",))
+        few = np.any(arrays[f"{kind}statistics_n"] < arrays[COUNT])
+        if few or arrays[COUNT].sum() != len(names) or np.any(arrays[COUNT] < 0):
+            raise ModelError(
+                describe(f"{path}: {COUNT}", f"{len(names)} in all", arrays[COUNT], RETRAIN)
+            )
+    aligned = _unpack_tasks(labels, names, arrays, ALIGNED)
+    tasks = _unpack_tasks(labels, names, arrays, STEADY, aligned)
     return Trained(library, reference, tasks, chosen)
 
 
-def _task(sums: dict[str, np.ndarray], examples: tuple[Example, ...]) -> TaskStatistics:
-    size = sums["mean"].size
-    scatter = np.zeros((size, size))
-    scatter[np.triu_indices(size)] = sums["scatter"]
-    sums["scatter"] = np.triu(scatter) + np.triu(scatter, 1).T
-    plain = {name: v.item() if np.ndim(v) == 0 else v for name, v in sums.items()}
-    return TaskStatistics(**plain, examples=examples)
+def _pack_tasks(tasks: Sequence[TaskStatistics], kind: str) -> dict[str, np.ndarray]:
+    """Arrays of the statistics and of the examples kept whole, task after task."""
+    sums = {name: np.array([getattr(task, name) for task in tasks]) for name in SUMS}
+    sums["scatter"] = upper(sums["scatter"])
+    examples = [example for task in tasks for example in task.examples]
+    parts = {name: np.array([getattr(example, name) for example in examples]) for name in PARTS}
+    return {f"{kind}statistics_{name}": array for name, array in sums.items()} | {
+        f"{kind}examples_{name}": array for name, array in parts.items()
+    }
 
 
-def _example(name: str, task: str, parts: dict[str, np.ndarray]) -> Example:
-    plain = {key: v.item() if np.ndim(v) == 0 else v for key, v in parts.items()}
-    return Example(name=name, task=task, **plain)
+def _unpack_tasks(
+    labels: Sequence[str],
+    names: Sequence[str],
+    arrays: Mapping[str, np.ndarray],
+    kind: str,
+    aligned: Mapping[str, TaskStatistics] | None = None,
+) -> dict[str, TaskStatistics]:
+    """Statistics of each label, each with its aligned ones where there are any."""
+    edges = np.r_[0, np.cumsum(arrays[COUNT])]
+    tasks = {}
+    for row, label in enumerate(labels):
+        over_reference = None if aligned is None else aligned[label]
+        examples = []
+        for place, k in enumerate(range(edges[row], edges[row + 1])):
+            parts = {name: _plain_value(arrays[f"{kind}examples_{name}"][k]) for name in PARTS}
+            own = None if over_reference is None else over_reference.examples[place]
+            examples.append(Example(name=names[k], task=label, **parts, aligned=own))
+        sums = {name: _plain_value(arrays[f"{kind}statistics_{name}"][row]) for name in SUMS}
+        sums["scatter"] = from_upper(sums["scatter"], sums["mean"].size)
+        tasks[label] = TaskStatistics(**sums, examples=tuple(examples), aligned=over_reference)
+    return tasks
 
 
-def _reference(content: Mapping) -> Reference:
+def _plain_value(value: np.ndarray) -> np.ndarray | float | int:
+    return value.item() if np.ndim(value) == 0 else value
+
+
+def _pack_timing(timing: Timing) -> dict[str, np.ndarray]:
+    """Templates label after label, and the leads."""
+    templates = list(timing.templates.values())
+    parts = (
+        np.array([template.values for template in templates]),
+        np.array([template.scale for template in templates]),
+        timing.lead_std,
+    )
+    return dict(zip(TIMING, parts, strict=True))
+
+
+def _timing(
+    path: str, labels: Sequence[str], arrays: Mapping[str, np.ndarray], n_dofs: int
+) -> Timing:
+    """The same read back and checked."""
+    values, scale, lead_std = (arrays.get(name, np.zeros(0)) for name in TIMING)
+    n_phases, n_leads = np.shape(values)[1:2], max(len(np.atleast_1d(lead_std)), 2)
+    shapes = ((len(labels), *(n_phases or (2,)), n_dofs), (len(labels), n_dofs), (n_leads,))
+    if not labels:  # nothing was recorded twice
+        shapes = ((0,), (0,), (n_leads,))
+    bounded = {name: arrays[name] for name in TIMING if name in arrays}
+    if "timing_scale" in bounded and scale.dtype.kind == "f":  # infinite for what never moves
+        bounded["timing_scale"] = np.where(np.isposinf(scale), 1.0, scale)
+    check_arrays(path, bounded, dict(zip(TIMING, shapes, strict=True)))
+    check_positive(path, bounded, "timing_scale", "timing_lead_std")
+    templates = {label: Template(values[k], scale[k]) for k, label in enumerate(labels)}
+    return Timing(templates, lead_std)
+
+
+def _plain(reference: Reference) -> dict[str, object]:
+    """A reference without the arrays of its timing."""
+    plain = {f.name: getattr(reference, f.name) for f in fields(reference) if f.name != "timing"}
+    for name in ("onset", "controlled_onset"):
+        plain[name] = [asdict(settings) for settings in plain[name]]
+    plain["settings"] = asdict(reference.settings)
+    return plain | {"templates": list(reference.timing.templates)}
+
+
+def _reference(content: Mapping, timing: Timing) -> Reference:
     def signals(entries: list) -> tuple[SignalNames, ...]:
         return tuple(SignalNames(tuple(names), unit) for names, unit in entries)
 
@@ -123,13 +200,15 @@ def _reference(content: Mapping) -> Reference:
         controlled=signals(content["controlled"]),
         onset=tuple(OnsetSettings(**entry) for entry in content["onset"]),
         controlled_onset=tuple(OnsetSettings(**entry) for entry in content["controlled_onset"]),
+        timing=timing,
         source=content["source"],
     )
 
 
-def _shapes(library: TaskLibrary, n_examples: int) -> dict[str, tuple[int, ...]]:
-    n_basis, n_tasks = library.basis.n_basis, library.n_tasks
-    n_dofs = library.n_observed + library.n_controlled
+def _shapes(
+    library: TaskLibrary, n_examples: int, n_basis: int, kind: str
+) -> dict[str, tuple[int, ...]]:
+    n_tasks, n_dofs = library.n_tasks, library.n_observed + library.n_controlled
     size = n_dofs * n_basis
     shapes = {
         "statistics_mean": (n_tasks, n_dofs, n_basis),
@@ -144,20 +223,4 @@ def _shapes(library: TaskLibrary, n_examples: int) -> dict[str, tuple[int, ...]]
         shapes[f"statistics_{name}"] = (n_tasks, n_dofs)
     for name in ("n", "log_duration_mean", "log_duration_scatter", "duration_sum_s"):
         shapes[f"statistics_{name}"] = (n_tasks,)
-    return shapes | {COUNT: (n_tasks,)}
-
-
-def _check(
-    path: str, arrays: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[int, ...]]
-) -> None:
-    for name, shape in shapes.items():
-        place = f"{path}: {name}"
-        if name not in arrays:
-            raise ModelError(describe(place, "an array", "none", RETRAIN))
-        array = arrays[name]
-        kinds = "iu" if name in (COUNT, "statistics_n") else "iuf"
-        if array.dtype.kind not in kinds or array.shape != shape:
-            got = f"{array.dtype} of shape {array.shape}"
-            raise ModelError(describe(place, f"numbers of shape {shape}", got, RETRAIN))
-        if not np.all(np.isfinite(array)):
-            raise ModelError(describe(place, "finite numbers", "NaN or inf", RETRAIN))
+    return {f"{kind}{name}": shape for name, shape in shapes.items()}

@@ -27,7 +27,13 @@ from intent_recognition.storage.model import (
 @pytest.fixture(scope="module")
 def model() -> Model:
     dofs = make_dofs(WRIST, GLOVE)
-    library = replace(true_library(dofs), provenance={"bags": ["a", "b"], "package_version": "1"})
+    library = true_library(dofs)
+    library = replace(
+        library,
+        recognition_covariance=library.observed_covariance[:-1],
+        recognition_noise_scale=2.0,
+        provenance={"bags": ["a", "b"], "package_version": "1"},
+    )
     return Model(library, dofs)
 
 

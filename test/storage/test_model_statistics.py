@@ -9,7 +9,9 @@ import pytest
 from model_builder import make_dofs, perform, true_library
 
 from intent_recognition.errors import ModelError
+from intent_recognition.promp.fitting import aligned_forecast, learned_from
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.statistics import TaskStatistics
 from intent_recognition.promp.training import TrainingSettings, add_demonstration, learn
 from intent_recognition.storage.model import Model, load_model, load_trained, save_model
 
@@ -17,10 +19,13 @@ DOFS = make_dofs()
 TRUTH = true_library(DOFS)
 
 
-@pytest.fixture(scope="module")
-def trained():
+@pytest.fixture(scope="module", params=[False, True], ids=["steady", "aligned"])
+def trained(request):
     recordings = [perform(TRUTH, k % 3, k) for k in range(8)]
-    return learn(recordings, TrainingSettings(n_basis=6))[1].trained
+    trained = learn(recordings, TrainingSettings(n_basis=6))[1].trained
+    chosen = trained.chosen._replace(aligned=request.param)
+    parts = learned_from(trained.tasks, trained.reference, chosen)
+    return replace(trained, library=replace(trained.library, **parts), chosen=chosen)
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +36,23 @@ def written(trained, tmp_path_factory):
 
 
 def assert_identical(found: TaskLibrary, expected: TaskLibrary) -> None:
-    for field in fields(TaskLibrary):
-        ours, theirs = getattr(expected, field.name), getattr(found, field.name)
-        assert np.array_equal(ours, theirs) if isinstance(ours, np.ndarray) else ours == theirs
+    assert_same_fields(found, expected, "aligned")
+    assert (found.aligned is None) == (expected.aligned is None)
+    if expected.aligned is not None:
+        assert_same_fields(found.aligned, expected.aligned, "progress")
+        assert all(map(np.array_equal, found.aligned.progress, expected.aligned.progress))
+
+
+def assert_same_fields(found, expected, *apart: str) -> None:
+    for name in (field.name for field in fields(expected) if field.name not in apart):
+        assert np.array_equal(getattr(found, name), getattr(expected, name)), name
+
+
+def assert_same_statistics(found: TaskStatistics, expected: TaskStatistics) -> None:
+    assert_same_fields(found, expected, "examples", "aligned")
+    for ours, theirs in zip(expected.examples, found.examples, strict=True):
+        for name in set(ours._fields) - {"aligned"}:
+            assert np.array_equal(getattr(ours, name), getattr(theirs, name)), name
 
 
 def test_what_was_written_is_read_bit_for_bit(trained, written):
@@ -42,11 +61,10 @@ def test_what_was_written_is_read_bit_for_bit(trained, written):
     assert (read.reference, read.chosen) == (trained.reference, trained.chosen)
     assert list(read.tasks) == list(trained.tasks)
     for label, task in trained.tasks.items():
-        for name, value in vars(task).items():
-            if name != "examples":
-                assert np.array_equal(getattr(read.tasks[label], name), value), name
-        for ours, theirs in zip(task.examples, read.tasks[label].examples, strict=True):
-            assert all(map(np.array_equal, ours, theirs))
+        assert_same_statistics(read.tasks[label], task)
+        assert_same_statistics(read.tasks[label].aligned, task.aligned)
+        for ours, theirs in zip(task.aligned.examples, read.tasks[label].examples, strict=True):
+            assert all(map(np.array_equal, ours, theirs.aligned))
 
 
 def test_a_later_session_adds_the_same(trained, written):
@@ -70,6 +88,11 @@ def test_a_model_without_statistics_says_so(trained, tmp_path):
     ("name", "change"),
     [
         ("statistics_mean", lambda a: a[:, :-1]),
+        ("aligned_statistics_mean", lambda a: a[:, :-1]),
+        ("aligned_examples_weights", lambda a: None),
+        ("timing_lead_std", lambda a: a * 0.0),
+        ("timing_values", lambda a: a[:-1]),
+        ("timing_scale", lambda a: a * np.nan),
         ("statistics_scatter", lambda a: a * np.nan),
         ("statistics_n", lambda a: a.astype(float)),
         ("examples_weights", lambda a: None),
@@ -93,6 +116,7 @@ def test_what_is_damaged_is_named(written, tmp_path, name, change):
         lambda s: s["reference"]["settings"].update(n_basis="many", colour="red"),
         lambda s: s.update(labels=["other"]),
         lambda s: s.update(chosen={}),
+        lambda s: s["reference"].pop("templates"),
     ],
 )
 def test_a_damaged_header_is_named(written, tmp_path, change):
@@ -112,3 +136,31 @@ def test_priors_changed_after_learning_are_kept(trained, tmp_path):
     save_model(tmp_path / "model.npz", Model(library, DOFS), trained)
     added = add_demonstration(load_trained(tmp_path / "model.npz")[1], perform(TRUTH, 0, 31))
     assert np.array_equal(added.library.task_prior, prior)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("aligned_weight_mean", lambda a: a[:, :-1]),
+        ("aligned_weight_covariance", lambda a: a * np.nan),
+        ("aligned_noise_variance", lambda a: -a),
+        ("aligned_noise_scale", lambda a: None),
+        ("aligned_lead_std", lambda a: -a),
+        ("aligned", lambda a: None),
+    ],
+)
+def test_what_is_damaged_of_aligned_primitives_is_named(trained, tmp_path, name, change):
+    primitives = aligned_forecast(trained.tasks, trained.reference, trained.chosen)
+    save_model(tmp_path / "m.npz", Model(replace(trained.library, aligned=primitives), DOFS))
+    with np.load(tmp_path / "m.npz", allow_pickle=False) as file:
+        arrays = {key: file[key] for key in file.files}
+    if name in arrays:
+        arrays[name] = change(arrays[name])
+    else:
+        header = json.loads(str(arrays["header"]))
+        header["aligned"]["evidence"] = 2.0
+        arrays["header"] = np.array(json.dumps(header))
+    path = tmp_path / "bad.npz"
+    np.savez(path, **{key: value for key, value in arrays.items() if value is not None})
+    with pytest.raises(ModelError, match=rf"bad\.npz: {name}"):
+        load_model(path)

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arrays of a model file: what each must be like, and symmetric matrices by half."""
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.errors import ModelError, describe
+
+RETRAIN = "Train it again with `intent train`."
+
+
+def check_arrays(
+    path: str | Path,
+    arrays: Mapping[str, np.ndarray],
+    shapes: Mapping[str, tuple[int, ...]],
+    whole: Collection[str] = (),
+) -> None:
+    """Make sure that arrays are there, real, of their shape and finite.
+
+    Args:
+        path: of the file, for messages.
+        arrays: those of the file.
+        shapes: of each that must be there.
+        whole: names of those that must be integers.
+
+    Raises:
+        ModelError: one is not; names the file and the array.
+    """
+    for name, shape in shapes.items():
+        place = f"{path}: {name}"
+        if name not in arrays:
+            raise ModelError(describe(place, "an array", "none", RETRAIN))
+        array = arrays[name]
+        if array.dtype.kind not in ("iu" if name in whole else "iuf"):
+            kind = "whole numbers" if name in whole else "real numbers"
+            raise ModelError(describe(place, kind, f"type {array.dtype}", RETRAIN))
+        if array.shape != shape:
+            raise ModelError(describe(place, f"shape {shape}", array.shape, RETRAIN))
+        if not np.all(np.isfinite(array)):
+            raise ModelError(describe(place, "finite numbers", "NaN or inf", RETRAIN))
+
+
+def check_positive(path: str | Path, arrays: Mapping[str, np.ndarray], *names: str) -> None:
+    """Make sure that all numbers of some arrays are above zero.
+
+    Raises:
+        ModelError: one is not; names the file and the array.
+    """
+    for name in names:
+        if not np.all(arrays[name] > 0.0):
+            raise ModelError(describe(f"{path}: {name}", "above zero", arrays[name], RETRAIN))
+
+
+def upper(matrices: np.ndarray) -> np.ndarray:
+    """Upper triangles of symmetric matrices (..., n, n), row after row, (..., n (n + 1) / 2)."""
+    rows, columns = np.triu_indices(matrices.shape[-1])
+    return matrices[..., rows, columns]
+
+
+def from_upper(triangles: np.ndarray, size: int) -> np.ndarray:
+    """The symmetric matrices (..., size, size) of such triangles."""
+    rows, columns = np.triu_indices(size)
+    matrices = np.zeros((*triangles.shape[:-1], size, size))
+    matrices[..., rows, columns] = matrices[..., columns, rows] = triangles
+    return matrices
