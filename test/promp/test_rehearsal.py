@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rehearsal against a plain loop over demonstrations, and what it decides."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from promp.simulation import START_NS, Recording, minimum_jerk
+
+from intent_recognition.gaussian.normal import Gaussian, condition
+from intent_recognition.promp.examples import sample_phases, scored_phases
+from intent_recognition.promp.fitting import (
+    aligned_forecast,
+    aligned_statistics,
+    library_from_statistics,
+    scales,
+)
+from intent_recognition.promp.forecast import Forecast
+from intent_recognition.promp.gathering import Gathered, gather
+from intent_recognition.promp.lead_filter import LeadFilter
+from intent_recognition.promp.prior import Scatter, shrunk_covariance, structured_target
+from intent_recognition.promp.progress import reference_phase
+from intent_recognition.promp.rehearsal import rehearse
+from intent_recognition.promp.selection import FRACTIONS, Candidate
+from intent_recognition.promp.signals import Signal
+from intent_recognition.promp.statistics import TaskStatistics, pooled_moments
+from intent_recognition.promp.training import choose
+from intent_recognition.promp.training_settings import TrainingSettings
+
+SETTINGS = TrainingSettings(n_basis=8, n_forecast_basis=10, segmentation="recording")
+CHOSEN = Candidate(10.0, 4.0, 0.0, aligned=True, aligned_strength=20.0, aligned_noise_scale=4.0)
+
+
+def a_recording(
+    rng: np.random.Generator, task: int, number: int, timing: float, space: float
+) -> Recording:
+    """Human and robot reach and swing, displaced alike, at a pace whose logarithm varies."""
+    recorded = np.linspace(0.0, 1.0, 81)
+    pace = np.interp(recorded, np.linspace(0.0, 1.0, 8), rng.normal(size=8))
+    passed = np.cumsum(np.exp(timing * pace))
+    phase = (passed - passed[0]) / (passed[-1] - passed[0])
+    size = 1.0 + space * rng.normal()
+    swing = np.sin((3 + task) * np.pi * phase)
+    human = np.stack([size * minimum_jerk(phase), size * swing, phase * (task - 1)], axis=1)
+    robot = np.stack([size * swing + minimum_jerk(phase), np.cos(4 * np.pi * phase)], axis=1)
+    stamps = START_NS + np.round(recorded * 2e9).astype(np.int64)
+    human, robot = (part + 0.01 * rng.normal(size=part.shape) for part in (human, robot))
+    return Recording(
+        f"{task}_{number}",
+        f"task_{task}",
+        (Signal(("x", "y", "z"), stamps, human, "m"),),
+        (Signal(("q", "r"), stamps, robot, "rad"),),
+        START_NS,
+        int(stamps[-1]),
+    )
+
+
+def gathered(seed: int, counts=(5, 3, 2, 1), timing=0.5, space=0.1, settings=SETTINGS) -> Gathered:
+    rng = np.random.default_rng(seed)
+    recordings = [
+        a_recording(rng, task, number, timing, space)
+        for task, n in enumerate(counts)
+        for number in range(n)
+    ]
+    return gather(recordings, settings)
+
+
+def without(
+    task: TaskStatistics, pooled: Scatter, index: int, strength: float, floor: np.ndarray
+) -> Gaussian:
+    """The primitive of a task as all its other demonstrations give it."""
+    weights = np.array([e.weights.ravel() for e in task.examples])
+    rest = np.delete(weights, index, axis=0)
+    both = [(w - w.mean(axis=0)) for w in (weights, rest)]
+    whole, part = (w.T @ w for w in both)
+    others = Scatter(pooled.matrix - whole + part, pooled.freedom - 1)
+    target = structured_target(Scatter(part, len(rest) - 1), others, floor).covariance()
+    return Gaussian(rest.mean(axis=0), shrunk_covariance(part, len(rest), target, strength))
+
+
+def plain_loop(
+    forecast: Forecast,
+    tasks: dict[str, TaskStatistics],
+    recorded: dict[str, TaskStatistics],
+    strength: float,
+    floor: np.ndarray,
+    predict,
+) -> float:
+    pooled = pooled_moments(tasks.values())
+    truths = np.concatenate([e.controlled for t in recorded.values() for e in t.examples])
+    errors = []
+    for label, task in tasks.items():
+        if task.n < 2:
+            continue
+        for index, example in enumerate(recorded[label].examples):
+            primitive = without(task, pooled, index, strength, floor)
+            for share in FRACTIONS:
+                n = int(np.sum(sample_phases() <= share))
+                found = predict(forecast, primitive, example.observed[:n])
+                errors.append((found - example.controlled) ** 2 / truths.var(axis=0))
+    return float(np.mean(errors))
+
+
+def jointly(forecast: Forecast, primitive: Gaussian, seen: np.ndarray) -> np.ndarray:
+    """Steady progress: all samples conditioned on in one step."""
+    n_dofs, n_observed = len(forecast.noise_variance), forecast.n_observed
+    rows = forecast.basis.design_matrix(sample_phases()[: len(seen)])
+    matrix = np.vstack([np.kron(np.eye(n_dofs)[:n_observed], row) for row in rows])
+    noise = np.tile(forecast.noise_variance[:n_observed] * forecast.noise_scale, len(seen))
+    after, _ = condition(primitive, matrix, seen.ravel(), np.diag(noise))
+    controlled = after.mean.reshape(n_dofs, -1)[n_observed:]
+    return forecast.basis.design_matrix(scored_phases()) @ controlled.T
+
+
+def with_leads(forecast: Forecast, primitive: Gaussian, seen: np.ndarray) -> np.ndarray:
+    """One demonstration in a filter of its own; the controlled weights by regression."""
+    size = forecast.n_observed_weights
+    own = replace(
+        forecast, weight_mean=primitive.mean[None], weight_covariance=primitive.covariance[None]
+    )
+    mean, covariance = primitive.mean[:size], primitive.covariance[:size, :size]
+    run = LeadFilter(own, mean, covariance, np.ones(1))
+    noise = np.diag(forecast.noise_variance[: forecast.n_observed] * forecast.noise_scale)
+    for phase, values in zip(sample_phases(), seen, strict=False):
+        run.observe(float(phase), np.arange(forecast.n_observed), values, noise)
+    matrix, offset, _ = own.recovery[0]
+    controlled = (matrix @ run.mean[0] + offset).reshape(forecast.n_controlled, -1)
+    lead, found = run.leads_at(scored_phases())[0], []
+    for share, phase in zip(lead, scored_phases(), strict=True):
+        design = forecast.basis.design_matrix(reference_phase(forecast.progress, np.array(phase)))
+        found.append(share @ design @ controlled.T)
+    return np.array(found)
+
+
+def test_at_steady_progress_it_equals_a_loop_of_joint_conditioning():
+    data = gathered(1)
+    steady = library_from_statistics(data.tasks, data.reference, CHOSEN._replace(aligned=False))
+    floor, _ = scales(data.tasks)
+    arguments = steady.forecast, data.tasks, data.tasks, CHOSEN.strength, floor
+    expected = plain_loop(*arguments, jointly)
+    assert 0.0 < expected < 1.0
+    assert rehearse(*arguments) == pytest.approx(expected, rel=1e-6)
+
+
+def test_with_leads_it_equals_a_loop_of_filters():
+    data = gathered(2, counts=(4, 2, 1))
+    tasks = aligned_statistics(data.tasks)
+    forecast = aligned_forecast(data.tasks, data.reference, CHOSEN)
+    floor, _ = scales(tasks)
+    arguments = forecast, tasks, data.tasks, CHOSEN.aligned_strength, floor
+    expected = plain_loop(*arguments, with_leads)
+    assert 0.0 < expected < 1.0
+    assert rehearse(*arguments) == pytest.approx(expected, rel=1e-6)
+
+
+def test_what_the_forecast_has_learned_of_the_one_left_out_does_not_matter():
+    data = gathered(3)
+    forecast = aligned_forecast(data.tasks, data.reference, CHOSEN)
+    blank = replace(forecast, weight_mean=0 * forecast.weight_mean, weight_covariance=None)
+    tasks = aligned_statistics(data.tasks)
+    floor, _ = scales(tasks)
+    one, other = (rehearse(f, tasks, data.tasks, 10.0, floor) for f in (forecast, blank))
+    assert one == other
+
+
+def test_without_a_second_demonstration_there_is_nothing_to_rehearse():
+    data = gathered(4, counts=(2, 1))
+    alone = {"task_1": data.tasks["task_1"]}
+    floor, _ = scales(data.tasks)
+    steady = library_from_statistics(data.tasks, data.reference, CHOSEN._replace(aligned=False))
+    assert rehearse(steady.forecast, alone, alone, 10.0, floor) == np.inf
+
+
+LEARNING = TrainingSettings(n_basis=20, n_forecast_basis=20, segmentation="recording")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_people_of_varying_timing_are_predicted_from_aligned_primitives(seed):
+    data = gathered(seed, (8, 8), timing=0.5, space=0.1, settings=LEARNING)
+    chosen, _ = choose(data.tasks, data.reference)
+    assert chosen.aligned
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_people_who_keep_the_pace_are_predicted_from_steady_primitives(seed):
+    data = gathered(seed, (8, 8), timing=0.0, space=0.1, settings=LEARNING)
+    chosen, _ = choose(data.tasks, data.reference)
+    assert not chosen.aligned
