@@ -126,13 +126,13 @@ def start_distance(library: TaskLibrary, task: int, position: np.ndarray) -> flo
         task: number of the task.
         position: of the controlled DOFs, (Q,).
     """
-    primitive, n_observed = library.primitive(task), library.n_observed_weights
-    row = library.basis.design_matrix(np.zeros(1))
-    design = np.kron(np.eye(library.n_controlled), row)
-    covariance = design @ primitive.covariance[n_observed:, n_observed:] @ design.T
-    covariance = symmetrize(covariance) + np.diag(library.control_noise_variance())
+    forecast, controlled = library.forecast, slice(library.forecast.n_observed_weights, None)
+    row = forecast.basis.design_matrix(np.zeros(1))
+    design = np.kron(np.eye(forecast.n_controlled), row)
+    covariance = design @ forecast.weight_covariance[task, controlled, controlled] @ design.T
+    covariance = symmetrize(covariance) + np.diag(forecast.control_noise_variance())
     factor = cholesky(covariance, name="covariance of the trained starts")
-    whitened = solve_lower(factor, (position - design @ primitive.mean[n_observed:])[:, None])
+    whitened = solve_lower(factor, (position - start_mean(library, task))[:, None])
     return float(np.sum(whitened**2))
 
 
@@ -148,6 +148,7 @@ def within_trained_starts(library: TaskLibrary, task: int, position: np.ndarray)
 
 def start_mean(library: TaskLibrary, task: int) -> np.ndarray:
     """Mean posture in which a task begins, (Q,)."""
-    row = library.basis.design_matrix(np.zeros(1))[0]
-    weights = library.weight_mean[task, library.n_observed_weights :]
-    return weights.reshape(library.n_controlled, -1) @ row
+    forecast = library.forecast
+    row = forecast.basis.design_matrix(np.zeros(1))[0]
+    weights = forecast.weight_mean[task, forecast.n_observed_weights :]
+    return weights.reshape(forecast.n_controlled, -1) @ row

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from promp.simulation import START_NS, Recording, make_library, minimum_jerk, simulate
+from scipy.stats import multivariate_normal
 
 from intent_recognition.errors import DofError
 from intent_recognition.gaussian.normal import Gaussian
@@ -13,7 +14,7 @@ from intent_recognition.promp.bank import make_hypotheses, start_bank
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.observations import Observation, merge, run_bank
 from intent_recognition.promp.online import Estimate, IntentEstimator
-from intent_recognition.promp.prediction import controlled_weights, observed_weights, rollout
+from intent_recognition.promp.prediction import rollout
 from intent_recognition.promp.recognition import task_posterior
 from intent_recognition.promp.training import TrainingSettings, learn
 
@@ -126,6 +127,8 @@ def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
 
 
 def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, rng):
+    """At steady progress: both agents' weights from all samples at once, for each duration."""
+    library = replace(library, aligned=None)
     observations = list(merge(movement(truth, 0, rng).observed))
     estimator = IntentEstimator(library)
     assert estimator.predict_controlled() is None
@@ -136,21 +139,45 @@ def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, r
     prediction = estimator.predict_controlled(n_points=21)
     assert prediction.task == "task_0"
     assert prediction.onset_ns == estimate.onset_ns
-    hypotheses = make_hypotheses(library)
-    used = [o for o in observations if estimate.onset_ns <= o.stamp_ns <= estimate.stamp_ns]
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), used, estimate.onset_ns)
-    weights = controlled_weights(
-        library, 0, observed_weights(bank, estimate.posterior.scale_weights, 0)
-    )
-    expected = rollout(
-        library.basis,
-        weights,
-        np.linspace(0, 1, 21),
-        estimate.posterior.duration_s[0],
-        library.control_noise_variance(),
-    )
+    moving = [o for o in observations if estimate.onset_ns <= o.stamp_ns <= estimate.stamp_ns]
+    used = [moving[0]]
+    for observation in moving[1:]:
+        if observation.stamp_ns - used[-1].stamp_ns >= 0.999e9 * library.correlation_time_s:
+            used.append(observation)
+    weights, duration_s = by_hand(library, 0, used, estimate.onset_ns)
+    phase = np.linspace(0.0, 1.0, 21)
+    expected = rollout(library.basis, weights, phase, duration_s, library.control_noise_variance())
     for a, b in zip(prediction.trajectory, expected, strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-13)
+        np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-8)
+
+
+def by_hand(
+    library: TaskLibrary, task: int, used: list[Observation], onset_ns: int
+) -> tuple[Gaussian, float]:
+    """Controlled weights and expected duration from one regression per duration."""
+    hypotheses, n_dofs = make_hypotheses(library), len(library.noise_variance)
+    durations = hypotheses.duration_s.reshape(-1, hypotheses.n_scales)[task]
+    log_weight = hypotheses.log_prior.reshape(-1, hypotheses.n_scales)[task].copy()
+    times_s = np.array([(o.stamp_ns - onset_ns) * 1e-9 for o in used])
+    values = np.concatenate([o.values for o in used])
+    noise = library.noise_variance[: library.n_observed] * library.noise_scale
+    prior_mean, prior = library.weight_mean[task], library.weight_covariance[task]
+    means, covariances = [], []
+    for index, duration_s in enumerate(durations):
+        rows = library.basis.design_matrix(np.clip(times_s / duration_s, 0.0, 1.0))
+        design = np.vstack([np.kron(np.eye(library.n_observed, n_dofs), row) for row in rows])
+        spread = design @ prior @ design.T + np.diag(np.tile(noise, len(rows)))
+        density = multivariate_normal(design @ prior_mean, spread).logpdf(values)
+        log_weight[index] += library.duration_evidence * density
+        gain = np.linalg.solve(spread, design @ prior).T
+        means.append(prior_mean + gain @ (values - design @ prior_mean))
+        covariances.append(prior - gain @ design @ prior)
+    weight = np.exp(log_weight - np.logaddexp.reduce(log_weight))
+    mean = weight @ np.array(means)
+    deviation = np.array(means) - mean
+    covariance = np.tensordot(weight, covariances, axes=1) + (deviation.T * weight) @ deviation
+    controlled = slice(library.n_observed_weights, None)
+    return Gaussian(mean[controlled], covariance[controlled, controlled]), weight @ durations
 
 
 def test_rest_of_the_human_begins_where_the_human_is(library, truth, rng):

@@ -133,17 +133,18 @@ def test_it_equals_conditioning_by_hand(library, recording):
     for sample in steady(library, recording, start):
         estimator.observe_controlled(sample)
     for observation in list(merge(recording.observed))[:110]:
-        estimate = estimator.observe(observation)
-    prediction = estimator.predict_controlled(20)
+        estimator.observe(observation)
+    prediction = estimator.predict_controlled(21)
     task = library.labels.index(prediction.task)
+    run = estimator._movement.forecasts[task]
     weights = controlled_weights(
-        library, task, estimator._observed(task), StartPosture(start, np.zeros(2))
+        library.forecast, task, run.observed_weights(), StartPosture(start, np.zeros(2))
     )
     expected = rollout(
         library.basis,
         weights,
-        np.linspace(0.0, 1.0, 20),
-        float(estimate.posterior.duration_s[task]),
+        np.linspace(0.0, 1.0, 21),
+        run.duration_s,
         library.control_noise_variance(),
     )
     np.testing.assert_allclose(prediction.trajectory.positions, expected.positions, atol=1e-12)

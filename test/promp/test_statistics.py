@@ -23,6 +23,15 @@ D, N = 3, 4
 
 
 def make_examples(rng: np.random.Generator, n: int, offset: float = 0.0) -> list[Example]:
+    examples = unaligned(rng, n, offset)
+    over_reference = unaligned(rng, n, offset)
+    return [
+        example._replace(aligned=other._replace(name=example.name, duration_s=example.duration_s))
+        for example, other in zip(examples, over_reference, strict=True)
+    ]
+
+
+def unaligned(rng: np.random.Generator, n: int, offset: float) -> list[Example]:
     return [
         Example(
             f"demo_{rng.integers(10**9)}",
@@ -39,7 +48,11 @@ def make_examples(rng: np.random.Generator, n: int, offset: float = 0.0) -> list
 
 def assert_same(found: TaskStatistics, expected: TaskStatistics, rtol: float = 1e-9) -> None:
     for name, value in vars(expected).items():
-        if name != "examples":
+        if name == "aligned":
+            assert (found.aligned is None) == (value is None)
+            if value is not None:
+                assert_same(found.aligned, value, rtol)
+        elif name != "examples":
             np.testing.assert_allclose(getattr(found, name), value, rtol=rtol, atol=1e-12)
     assert [e.name for e in found.examples] == [e.name for e in expected.examples]
 

@@ -13,7 +13,7 @@ from promp.simulation import Recording, make_library, signals, simulate
 
 from intent_recognition.errors import TrainingError
 from intent_recognition.promp import gathering, statistics, training
-from intent_recognition.promp.fitting import library_from_statistics
+from intent_recognition.promp.fitting import aligned_forecast, library_from_statistics
 from intent_recognition.promp.gathering import gather, merge_gathered
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.training import (
@@ -40,14 +40,21 @@ def recordings(seed: int, n: int, n_tasks: int = 3) -> list[Recording]:
 
 def assert_equal(found: TaskLibrary, expected: TaskLibrary, tolerance: float = 1e-8) -> None:
     """All but where it came from."""
-    for attribute in fields(TaskLibrary):
-        value, other = getattr(expected, attribute.name), getattr(found, attribute.name)
+    assert_same_fields(found, expected, tolerance, "provenance", "aligned")
+    assert (found.aligned is None) == (expected.aligned is None)
+    if expected.aligned is not None:
+        assert_same_fields(found.aligned, expected.aligned, tolerance, "progress")
+        for value, other in zip(expected.aligned.progress, found.aligned.progress, strict=True):
+            np.testing.assert_array_equal(other, value)
+
+
+def assert_same_fields(found, expected, tolerance: float, *apart: str) -> None:
+    for name in (attribute.name for attribute in fields(expected)):
+        value, other = getattr(expected, name), getattr(found, name)
         if isinstance(value, np.ndarray | float):
-            np.testing.assert_allclose(
-                other, value, rtol=tolerance, atol=tolerance, err_msg=attribute.name
-            )
-        elif attribute.name != "provenance":
-            assert other == value, attribute.name
+            np.testing.assert_allclose(other, value, rtol=tolerance, atol=tolerance, err_msg=name)
+        elif name not in apart:
+            assert other == value, name
 
 
 def anew(demonstrations: list[Recording], like: Trained) -> Trained:
@@ -75,6 +82,8 @@ def test_adding_in_any_order_equals_training_anew(seed, random, n_added):
         trained = add_demonstration(trained, recorded)
     expected = anew([*start, *added], trained)
     assert_equal(trained.library, expected.library)
+    found, aligned = (aligned_forecast(t.tasks, t.reference, t.chosen) for t in (trained, expected))
+    assert_same_fields(found, aligned, 1e-8, "progress")
     tried = choose(trained.tasks, trained.reference)[1]
     expected_tried = choose(expected.tasks, expected.reference)[1]
     np.testing.assert_allclose(tried, expected_tried, rtol=1e-6, atol=1e-6)
@@ -197,10 +206,10 @@ def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeyp
     asked = []
     real = training.select
 
-    def watched(samples, *rest):
+    def watched(samples, *rest, **grid):
         samples = list(samples)
         asked.append([len(part.weights) for part in samples])
-        return real(samples, *rest)
+        return real(samples, *rest, **grid)
 
     monkeypatch.setattr(training, "select", watched)
     everything = choose(trained.tasks, trained.reference)
