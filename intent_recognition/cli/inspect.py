@@ -13,6 +13,7 @@ from rich.progress import track
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.inspect_tables import print_bag, print_folder, print_model
 from intent_recognition.errors import BagError, describe
+from intent_recognition.promp.forecast import Forecast
 from intent_recognition.storage.demonstrations import find_bags
 from intent_recognition.storage.inspect import BagSummary, inspect_bag
 from intent_recognition.storage.model import Model, load_model
@@ -89,10 +90,24 @@ def model_json(model: Model) -> dict:
         "noise_std": dict(zip(names, map(float, library.noise_variance**0.5), strict=True)),
         "n_basis": library.basis.n_basis,
         "noise_scale": library.noise_scale,
+        "recognition_noise_scale": library.recognition_noise_scale,
+        "aligned": _aligned_json(library.aligned),
         "correlation_time_s": library.correlation_time_s,
         "none_prior": library.none_prior,
         "dofs": model.dofs.to_dict(),
         "provenance": dict(library.provenance),
+    }
+
+
+def _aligned_json(forecast: Forecast | None) -> dict | None:
+    """The primitives over reference phase as plain values."""
+    if forecast is None:
+        return None
+    return {
+        "n_basis": forecast.basis.n_basis,
+        "noise_scale": forecast.noise_scale,
+        "largest_lead_std": float(forecast.progress.lead_std.max()),
+        "lead_correlation": forecast.progress.correlation,
     }
 
 

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition.errors import BagError
+from intent_recognition.promp.forecast import Forecast
 from intent_recognition.storage.inspect import BagSummary, TopicSummary
 from intent_recognition.storage.mcap_scan import Damage
 from intent_recognition.storage.model import Model
@@ -83,6 +84,16 @@ def print_folder(
     console.print(f"{len(found)} bags: {escape(counts)}", highlight=False)
 
 
+def _prediction(forecast: Forecast | None) -> str:
+    """What trajectories are predicted from."""
+    if forecast is None:
+        return "at steady progress"
+    return (
+        f"aligned, {forecast.basis.n_basis} functions, noise scale {forecast.noise_scale:.3g},"
+        f" leads up to {100 * forecast.progress.lead_std.max():.2g} % of the movement (std)"
+    )
+
+
 def print_model(console: Console, path: Path, model: Model) -> None:
     """What was learned, with what accuracy, and from what."""
     library = model.library
@@ -95,7 +106,9 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             "basis": f"{library.basis.n_basis} functions per degree of freedom",
             "none": f"prior {library.none_prior:.3g}",
             "noise": f"scale {library.noise_scale:.3g}, correlated over"
-            f" {library.correlation_time_s:.3g} s",
+            f" {library.correlation_time_s:.3g} s; in recognition, scale"
+            f" {library.recognition_noise_scale:.3g}",
+            "prediction": _prediction(library.aligned),
             **{key: _brief(value) for key, value in origin.items()},
         },
     )
