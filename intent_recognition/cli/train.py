@@ -122,9 +122,12 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
         )
     console.print(table)
     chosen = report.chosen
+    strength, scale, kind = chosen.strength, chosen.noise_scale, "at steady progress"
+    if chosen.aligned:
+        strength, scale, kind = chosen.aligned_strength, chosen.aligned_noise_scale, "aligned"
     console.print(
-        f"regularisation by leave-one-out prediction: target worth {chosen.strength:g}"
-        f" demonstrations, noise variance x {chosen.noise_scale:g}"
-        f" ({chosen.score:.3f} nats per sample, {len(report.tried)} pairs tried)",
+        f"prediction {kind}, by leave-one-out: target worth {strength:g} demonstrations,"
+        f" noise variance x {scale:g} (steady: error {chosen.score:.3f} of the variance,"
+        f" {len(report.tried)} pairs tried)",
         highlight=False,
     )

@@ -3,8 +3,8 @@
 
 For every demonstration left out of its own task, the controlled agent's trajectory is predicted
 from evenly spaced samples of the observed one, after each of `FRACTIONS` of the movement. Of the
-pairs (strength of the target, scale of the noise) the one of least mean negative log density is
-taken. The target too is estimated without the one left out.
+pairs (strength of the target, scale of the noise) the one of least error is taken. The target too
+is estimated without the one left out.
 """
 
 from collections.abc import Iterable, Sequence
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.gaussian.linalg import LOG_2_PI, symmetrize
+from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.promp.prior import Scatter, leave_one_out_scatter, shrunk_covariance
 
 STRENGTHS = (0.3, 1.0, 2.0, 4.0, 10.0, 30.0, 100.0, 300.0)
@@ -20,17 +20,17 @@ NOISE_SCALES = (1.0, 4.0, 16.0, 64.0)
 ALIGNED_STRENGTHS = (10.0, 30.0, 100.0)
 ALIGNED_NOISE_SCALES = (4.0, 16.0)
 """The grid of the aligned primitives, whose predictions are rehearsed (`rehearsal.py`)."""
-FRACTIONS = (0.5, 0.75, 1.0)
+FRACTIONS = (0.25, 0.5, 0.75, 1.0)
 SCORED_PHASES = 20
 
 
 class Candidate(NamedTuple):
-    """Hyperparameters and their leave-one-out score (nats per DOF and sample, lower wins).
+    """Hyperparameters and their leave-one-out score, lower wins.
 
     Attributes:
         strength: worth of the covariances' target in demonstrations.
         noise_scale: factor of the observed DOFs' noise variance.
-        score: mean negative log density of the controlled agent.
+        score: mean squared error of the controlled agent, each DOF in parts of its variance.
         aligned: predict from the aligned primitives.
         aligned_strength, aligned_noise_scale: theirs.
         recognition_strength, recognition_noise_scale: those of recognition.
@@ -76,7 +76,9 @@ def leave_one_out_scores(
     strength: float,
     noise_scales: Sequence[float] = NOISE_SCALES,
 ) -> np.ndarray:
-    """Mean negative log density of each demonstration's controlled samples, (len(noise_scales), n).
+    """Mean squared error of each demonstration's controlled samples, (len(noise_scales), n).
+
+    Each DOF counts in parts of its variance along the task and between demonstrations.
 
     Args:
         samples: of a task of at least two demonstrations.
@@ -97,17 +99,16 @@ def leave_one_out_scores(
     s_oo, s_oc = covariance[:, :split, :split], covariance[:, :split, split:]
     precision = symmetrize(np.linalg.inv(s_oo))
     gain = np.swapaxes(np.matmul(precision, s_oc), 1, 2)  # (n, QN, PN)
-    residual = symmetrize(covariance[:, split:, split:] - np.matmul(gain, s_oc))
     n_controlled = n_dofs - n_observed
     per_dof = gain.reshape(n, n_controlled, n_basis, split)
     response = np.einsum("sk,nqkp->nqsp", scored_design, per_dof).reshape(n, -1, split)
-    blocks = residual.reshape(n, n_controlled, n_basis, n_controlled, n_basis)
-    own = np.einsum("sk,nqkql,sl->nqs", scored_design, blocks, scored_design).reshape(n, -1)
-    own += np.repeat(noise_variance[n_observed:], len(scored_design))
     controlled_mean = np.einsum(
         "sk,nqk->nqs", scored_design, mean[:, split:].reshape(n, n_controlled, n_basis)
     ).reshape(n, -1)
     truth = np.swapaxes(samples.controlled, 1, 2).reshape(n, -1)
+    own = np.diag(samples.scatter.matrix).reshape(n_dofs, n_basis).mean(axis=1) / rest
+    spread = (own + np.var(samples.mean, axis=1) + noise_variance)[n_observed:]
+    scale_of_truth = np.repeat(spread, len(scored_design))
     centred = samples.observed - np.einsum(
         "nmk,npk->nmp", samples.design, mean[:, :split].reshape(n, n_observed, n_basis)
     )
@@ -125,9 +126,7 @@ def leave_one_out_scores(
             posterior = np.linalg.inv(information)
             update = np.matmul(posterior, (moment / r[None, :, None]).reshape(n, split, 1))
             error = truth - controlled_mean - np.matmul(response, update)[..., 0]
-            variance = own + np.einsum("nap,nap->na", np.matmul(response, posterior), response)
-            density = 0.5 * (error**2 / variance + np.log(variance) + LOG_2_PI)
-            scores[index] += density.mean(axis=1) / len(FRACTIONS)
+            scores[index] += np.mean(error**2 / scale_of_truth, axis=1) / len(FRACTIONS)
     return scores
 
 

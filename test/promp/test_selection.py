@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import norm
 
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
@@ -57,7 +56,7 @@ def slow_scores(samples, target, noise_variance, strength, scale) -> np.ndarray:
         mean = rest.mean(axis=0)
         scatter = sum(np.outer(w - mean, w - mean) for w in rest)
         covariance = (scatter + strength * target) / (n - 2 + strength) * (1 + 1 / (n - 1))
-        densities = []
+        errors = []
         for fraction in FRACTIONS:
             seen = np.flatnonzero(samples.phase[i] <= fraction + 1e-9)
             H = np.vstack([np.kron(np.eye(n_dofs)[:P], samples.design[i, m]) for m in seen])
@@ -68,10 +67,12 @@ def slow_scores(samples, target, noise_variance, strength, scale) -> np.ndarray:
             for s, row in enumerate(SCORED):
                 for q in range(Q):
                     h = np.kron(np.eye(n_dofs)[P + q], row)
-                    std = np.sqrt(h @ posterior.covariance @ h + noise_variance[P + q])
+                    along = np.var(samples.mean[P + q])
+                    between = np.mean(np.var(samples.weights[:, P + q], axis=0, ddof=1))
+                    spread = along + between + noise_variance[P + q]
                     truth = samples.controlled[i, s, q]
-                    densities.append(-norm(h @ posterior.mean, std).logpdf(truth))
-        result[i] = np.mean(densities)
+                    errors.append((h @ posterior.mean - truth) ** 2 / spread)
+        result[i] = np.mean(errors)
     return result
 
 
