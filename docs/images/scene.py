@@ -16,12 +16,12 @@ import pybullet
 from matplotlib import pyplot as plt
 
 from intent_recognition.kinematics.forward import hand_position
-from intent_recognition.promp.bank import make_hypotheses, start_bank
+from intent_recognition.promp.bank import make_hypotheses
 from intent_recognition.promp.decision import DecisionSettings, DecisionState, decide
+from intent_recognition.promp.forecast_run import Forecasts
 from intent_recognition.promp.library import NONE, TaskLibrary
-from intent_recognition.promp.observations import run_bank
 from intent_recognition.promp.online import IntentEstimator
-from intent_recognition.promp.prediction import controlled_weights, observed_weights
+from intent_recognition.promp.prediction import controlled_weights
 from intent_recognition.promp.training import learn
 from intent_recognition.share import share_path
 from intent_recognition.storage import BagReader, load_dofs, read_demonstrations
@@ -97,15 +97,16 @@ def watch(library: TaskLibrary, bag: Path) -> Moment:
 def rest_of_both(library: TaskLibrary, task: str, seen, estimate) -> tuple[np.ndarray, np.ndarray]:
     """Sampled rest of the human's movement (n, T, 3) and of the robot's (n, T, 7)."""
     index, rng = library.labels.index(task), np.random.default_rng(1)
-    hypotheses = make_hypotheses(library)
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), seen, estimate.onset_ns)
-    observed = observed_weights(bank, estimate.posterior.scale_weights, index)
-    controlled = controlled_weights(library, index, observed)
-    design = library.basis.design_matrix(np.linspace(estimate.phase[index], 1.0, N_POINTS))
+    forecasts = Forecasts(library, make_hypotheses(library), estimate.onset_ns)
+    for observation in seen:
+        forecasts.observe(observation)
+    basis, observed = library.forecast.basis, forecasts[index].observed_weights()
+    controlled = controlled_weights(library.forecast, index, observed)
+    design = basis.design_matrix(np.linspace(estimate.phase[index], 1.0, N_POINTS))
     paths = []
     for weights in (observed, controlled):
         samples = rng.multivariate_normal(weights.mean, weights.covariance, N_SAMPLES)
-        per_dof = samples.reshape(N_SAMPLES, -1, library.basis.n_basis)
+        per_dof = samples.reshape(N_SAMPLES, -1, basis.n_basis)
         paths.append(np.einsum("tk,ndk->ntd", design, per_dof))
     return paths[0], paths[1]
 
