@@ -128,7 +128,7 @@ def _beside_peers(library: TaskLibrary, required: dict[str, float]) -> Iterator[
     for name, ratio in required.items():
         theirs = getattr(peers, name)(library, noise, values, PHASE)
         stream = Stream(library, hypotheses, rows_given=name in peers.MATRIX_GIVEN)
-        repeats = 200 if library.n_tasks < 10 else 40
+        repeats = 200 if library.n_tasks < 10 else 120
         ours_s, theirs_s = per_observation(stream, theirs, repeats)
         together = name in peers.ALL_AT_ONCE
         total_s = theirs_s if together else theirs_s * library.n_tasks
