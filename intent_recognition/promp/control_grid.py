@@ -12,7 +12,7 @@ from scipy.linalg import solve_triangular
 
 from intent_recognition.gaussian.linalg import cholesky, symmetrize
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.forecast import Forecast
 from intent_recognition.promp.prediction import StartPosture, Trajectory
 
 
@@ -20,17 +20,17 @@ class ControlGrid:
     """T evenly spaced phases of one task from start to end, or its end alone.
 
     Args:
-        library: the learned tasks.
+        forecast: the learned primitives.
         task: number of the task.
         n_points: T; 1 is the end.
     """
 
-    def __init__(self, library: TaskLibrary, task: int, n_points: int):
+    def __init__(self, forecast: Forecast, task: int, n_points: int):
         self.phase = np.linspace(1.0, 0.0, n_points)[::-1]
-        self._n_controlled = library.n_controlled
-        self._noise = library.control_noise_variance()
-        basis, (matrix, offset, covariance) = library.basis, library.recovery[task]
-        shape = (library.n_controlled, basis.n_basis)
+        self._n_controlled = forecast.n_controlled
+        self._noise = forecast.control_noise_variance()
+        basis, (matrix, offset, covariance) = forecast.basis, forecast.recovery[task]
+        shape = (forecast.n_controlled, basis.n_basis)
         matrix, offset = matrix.reshape(*shape, -1), offset.reshape(shape)
         covariance = covariance.reshape(*shape, *shape)
         design, slope = basis.design_matrix(self.phase), basis.derivative_matrix(self.phase)

@@ -38,6 +38,8 @@ MAX_CALIBRATED = 120
 NEAREST = 8
 """Demonstrations followed, and other tasks that each is compared with, at most."""
 N_IMAGINED = 40
+LEAST_NOISE = 1e-12
+"""Part of a movement's largest variance that the noise is at least, where there is hardly any."""
 
 
 class HeldOut(NamedTuple):
@@ -141,7 +143,8 @@ def prefix_log_evidence(
     design = library.basis.design_matrix(np.clip(times_s / durations[:, None], 0.0, 1.0))
     mean, covariance = _at_samples(primitive, design, n_dofs)
     index = np.arange(m * n_dofs)
-    covariance[:, index, index] += _noise(library, times_s, n_dofs)
+    noise = _noise(library, times_s, n_dofs)
+    covariance[:, index, index] += np.maximum(noise, LEAST_NOISE * covariance.max())
     factor = cholesky(covariance, name="covariance of a movement")
     innovation = (values.ravel() - mean)[..., None]
     whitened = np.array(

@@ -195,8 +195,6 @@ class BankRun:
     def moments(self, task: int, scale_weights: np.ndarray) -> Gaussian:
         """Observed weights given a task, durations marginalised by matching moments.
 
-        Equals `prediction.observed_weights` without copying the hypotheses.
-
         Args:
             task: number of the task.
             scale_weights: p(duration | task), (S,).

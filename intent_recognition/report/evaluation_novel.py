@@ -16,7 +16,7 @@ from intent_recognition.promp.decision import NONE, DecisionSettings, DecisionSt
 from intent_recognition.promp.examples import Recorded
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.observations import BankRun, merge
-from intent_recognition.promp.prediction import controlled_weights, dof_variance, observed_weights
+from intent_recognition.promp.prediction import controlled_weights, dof_variance
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
 from intent_recognition.promp.training import learn
 from intent_recognition.promp.training_settings import TrainingSettings
@@ -88,8 +88,8 @@ class Watch:
     def _end_std(self, run: BankRun, posterior: TaskPosterior, task: int) -> float:
         """Largest standard deviation of the controlled DOFs at the predicted end."""
         library = self._library
-        scales = posterior.scale_weights[task : task + 1]
-        weights = controlled_weights(library, task, observed_weights(run.task(task), scales, 0))
+        observed = run.moments(task, posterior.scale_weights[task])
+        weights = controlled_weights(library, task, observed)
         end = library.basis.design_matrix(np.ones(1))
         variance = dof_variance(end, weights.covariance)[0] + library.control_noise_variance()
         return float(np.sqrt(variance.max()))

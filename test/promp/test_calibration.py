@@ -5,16 +5,10 @@ import numpy as np
 import pytest
 from promp.simulation import START_NS, Recording, make_library, simulate
 
-from intent_recognition.promp.bank import (
-    Hypotheses,
-    fixed_hypotheses,
-    make_hypotheses,
-    start_bank,
-)
+from intent_recognition.promp.bank import Hypotheses, fixed_hypotheses, make_hypotheses
+from intent_recognition.promp.forecast_run import Forecasts
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.observations import merge, run_bank
-from intent_recognition.promp.prediction import mixture_at
-from intent_recognition.promp.recognition import task_posterior
+from intent_recognition.promp.observations import merge
 from intent_recognition.promp.training import TrainingSettings, learn
 
 WHOLE = TrainingSettings(n_basis=8, segmentation="recording")
@@ -34,13 +28,12 @@ def standardised_errors(
         for o in merge(recording.observed)
         if (o.stamp_ns - START_NS) * 1e-9 <= fraction * duration
     ]
-    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), seen, START_NS)
-    posterior = task_posterior(bank, hypotheses, fraction * duration)
-    task = library.labels.index(recording.task)
-    weights = np.zeros((library.n_tasks, hypotheses.n_scales))
-    weights[task] = posterior.scale_weights[task]
+    forecasts = Forecasts(library, hypotheses, START_NS)
+    for observation in seen:
+        forecasts.observe(observation)
     times = np.linspace(0.0, duration, n_times)
-    mean, std = mixture_at(library, bank, hypotheses, weights, times)
+    mean, square = forecasts[library.labels.index(recording.task)].mixture_at(times)
+    std = np.sqrt(square - mean**2)
     signal = recording.controlled[0]
     columns = [np.interp(times, signal.seconds(START_NS), c) for c in signal.values.T]
     return (np.stack(columns, axis=1) - mean) / std

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from promp.plain import observed_weights
 from promp.simulation import make_library, simulate
 
 from intent_recognition.alignment.onset import OnsetSettings, at_rest, is_slow
@@ -14,7 +15,6 @@ from intent_recognition.promp.observations import BankRun, merge
 from intent_recognition.promp.prediction import (
     StartPosture,
     controlled_weights,
-    observed_weights,
     rollout,
 )
 from intent_recognition.promp.recognition import task_posterior

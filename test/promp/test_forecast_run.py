@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from promp.plain import mixture_at
 from promp.simulation import START_NS, make_library, minimum_jerk, simulate, weights_of
 
 from intent_recognition.gaussian.normal import Gaussian
@@ -17,7 +18,6 @@ from intent_recognition.promp.observations import Observation, merge, run_bank
 from intent_recognition.promp.prediction import (
     StartPosture,
     controlled_weights,
-    mixture_at,
     rollout,
 )
 from intent_recognition.promp.progress import STEADY, Progress, reference_phase

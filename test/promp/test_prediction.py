@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from promp.plain import mixture_at, observed_weights
 from promp.simulation import START_NS, draw_weights, make_library, simulate
 
 from intent_recognition.gaussian.normal import Gaussian, condition
@@ -15,8 +16,6 @@ from intent_recognition.promp.prediction import (
     StartPosture,
     controlled_weights,
     dof_variance,
-    mixture_at,
-    observed_weights,
     rollout,
 )
 from intent_recognition.promp.recognition import task_posterior
