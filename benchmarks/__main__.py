@@ -20,11 +20,11 @@ REAL_DATA = Path("../shared/data")
 EVALUATE = f"intent evaluate {REAL_DATA}/SET --dofs {REAL_DATA}/SET/dofs.yaml [--protocol kfold:5]"
 
 
-def results() -> Iterator[str | Result]:
+def results(minutes: float) -> Iterator[str | Result]:
     """All of them under their headings; the libraries they are beside are loaded only now."""
     from benchmarks.everything import everything
 
-    return everything()
+    return everything(minutes)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -37,9 +37,15 @@ def main(arguments: list[str] | None = None) -> int:
         metavar="OUT",
         help="print JSON instead of lines; with OUT print lines and write JSON to OUT",
     )
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        default=8.0,
+        help="end the longest run then, of a million observations (default: %(default)s)",
+    )
     args = parser.parse_args(arguments)
     measured, start_s = [], time.monotonic()
-    for result in results():
+    for result in results(args.minutes):
         if isinstance(result, Result):
             measured.append(result)
         if args.json != "-":

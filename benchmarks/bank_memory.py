@@ -25,7 +25,6 @@ PERIOD_NS = 10_000_000
 
 
 N_LONG = 1_000_000
-LONG_LIMIT_S = 180.0
 
 
 def memory() -> Result:
@@ -57,7 +56,7 @@ def growth(process: subprocess.Popen) -> Result:
     )
 
 
-def long_run(limit_s: float = LONG_LIMIT_S) -> AbstractContextManager[subprocess.Popen]:
+def long_run(limit_s: float) -> AbstractContextManager[subprocess.Popen]:
     """A small library's estimator at work beside what follows, ended with the context."""
     return _measure(3, 10, N_LONG, limit_s)
 

@@ -50,7 +50,7 @@ def test_peers_of_the_filter_bank_compute_what_it_does(name):
 @pytest.fixture
 def one_result(monkeypatch):
     result = Result("thing", 9.0, 2.0, "at most", "ms")
-    monkeypatch.setattr(command, "results", lambda: iter(["Things", result]))
+    monkeypatch.setattr(command, "results", lambda minutes: iter(["Things", result]))
 
 
 def test_a_shortfall_is_said_and_still_exits_with_zero(one_result, capsys):
