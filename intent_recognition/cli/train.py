@@ -126,8 +126,8 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
     if chosen.aligned:
         strength, scale, kind = chosen.aligned_strength, chosen.aligned_noise_scale, "aligned"
     console.print(
-        f"prediction {kind}, by leave-one-out: target worth {strength:g} demonstrations,"
-        f" noise variance x {scale:g} (steady: error {chosen.score:.3f} of the variance,"
-        f" {len(report.tried)} pairs tried)",
+        f"regularisation by leave-one-out, {kind}: target worth {strength:g} demonstrations,"
+        f" noise variance x {scale:g} ({len(report.tried)} pairs tried; steady error"
+        f" {chosen.score:.3f} of the variance)",
         highlight=False,
     )
