@@ -48,7 +48,7 @@ FRESH_S = 0.05
 def node(library: TaskLibrary, recordings: list[Demonstration]) -> Iterator[Result]:
     """Latency beside a bare relay, and whether 1 kHz of input is kept up with."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
-    rclpy.init(args=[])
+    rclpy.init(args=["--ros-args", "--log-level", "error"])
     try:
         with tempfile.TemporaryDirectory() as folder:
             model = Path(folder) / "model.npz"
