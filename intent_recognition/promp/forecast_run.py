@@ -24,6 +24,8 @@ N_PHASES = 201
 """Reference phases that a mixture's trajectories are tabulated at."""
 N_TABULATED = 101
 """Those that the controlled agent's trajectory is interpolated between."""
+LONGEST = 1.5
+"""Observations are kept for so many times the longest duration."""
 NEGLIGIBLE = 1e-4
 """Posterior probability of a duration below which it is left out of a mixture."""
 
@@ -197,10 +199,11 @@ class Forecasts:
     """The forecasts of a movement under way, each task's filtered when it is asked for.
 
     Observations closer together than the library's `correlation_time_s` tell nothing new about
-    what a primitive leaves unexplained; of them the first is used. Velocities are not used.
+    what a primitive leaves unexplained; of them the first is used. Velocities are not used, nor is
+    what is observed long after the movement must be over.
 
     Args:
-        library: the learned tasks; it has a forecast.
+        library: the learned tasks.
         hypotheses: the grid of durations.
         onset_ns: stamp from which times count.
         grids: the library's `control_grid` of tasks that had one; others are added.
@@ -215,6 +218,7 @@ class Forecasts:
     ):
         self._library, self._hypotheses, self._onset_ns = library, hypotheses, onset_ns
         self._grids = {} if grids is None else grids
+        self._longest_s = LONGEST * float(np.max(hypotheses.duration_s))
         self._kept: list[Observation] = []
         self._runs: dict[int, tuple[ForecastRun, int]] = {}
         self._last_ns: dict[tuple, int] = {}
@@ -225,7 +229,8 @@ class Forecasts:
         kind = (observation.group, observation.dofs)
         spacing_ns = 0.999e9 * self._library.correlation_time_s
         early = observation.stamp_ns - self._last_ns.get(kind, -spacing_ns) < spacing_ns
-        if early or observation.derivative:
+        late = (observation.stamp_ns - self._onset_ns) * 1e-9 > self._longest_s
+        if early or late or observation.derivative:
             return
         self._last_ns[kind] = observation.stamp_ns
         self._kept.append(observation)
@@ -250,3 +255,7 @@ class Forecasts:
         trajectory = self[task].controlled(n_points, start, self._grids[task])
         self._last = asked, start, trajectory
         return trajectory
+
+    def end_std(self, task: int, start: StartPosture | None = None) -> float:
+        """Largest standard deviation over the controlled DOFs at the end predicted for a task."""
+        return float(np.max(self.controlled(task, 1, start).std[-1]))

@@ -14,12 +14,11 @@ import numpy as np
 from intent_recognition.alignment.onset import at_rest, detect_onset, is_slow
 from intent_recognition.errors import DofError, describe
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.promp.bank import N_SCALES, Hypotheses, make_hypotheses
+from intent_recognition.promp.bank import N_SCALES, make_hypotheses
 from intent_recognition.promp.control_grid import ControlGrid
-from intent_recognition.promp.forecast_run import Forecasts
 from intent_recognition.promp.library import NONE, TaskLibrary
+from intent_recognition.promp.movement_run import MovementRun
 from intent_recognition.promp.observations import (
-    BankRun,
     Observation,
     every_second,
     make_memory,
@@ -27,7 +26,6 @@ from intent_recognition.promp.observations import (
 from intent_recognition.promp.posture import POSTURE_UNKNOWN, OnsetPosture
 from intent_recognition.promp.prediction import Trajectory, rollout
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
-from intent_recognition.promp.running_bank import RunningBank
 from intent_recognition.promp.transitions import FORGET_AFTER_S, Expectation
 
 HISTORY_S = 2.0
@@ -82,33 +80,15 @@ class Prediction(NamedTuple):
     start: str = ""
 
 
-class _Movement(BankRun):
-    """The movement under way: its onset, its observations and the filtered bank."""
+class _Movement(MovementRun):
+    """The movement under way, and its observations in case the library changes."""
 
-    def __init__(
-        self,
-        library: TaskLibrary,
-        hypotheses: Hypotheses,
-        onset_ns: int,
-        memory: RunningBank | None,
-        task_weight: np.ndarray | None,
-        grids: dict[int, ControlGrid],
-    ):
-        super().__init__(
-            library,
-            hypotheses,
-            None,
-            onset_ns,
-            memory=memory,
-            prune=True,
-            task_weight=task_weight,
-        )
+    def __init__(self, *args, **options):
+        super().__init__(*args, **options)
         self.observations: list[Observation] = []
-        self.forecasts = Forecasts(library, hypotheses, onset_ns, grids)
 
     def observe(self, observation: Observation) -> None:
         super().observe(observation)
-        self.forecasts.observe(observation)
         self.observations.append(observation)
         if len(self.observations) > MAX_OBSERVATIONS:
             self.observations = every_second(self.observations)
@@ -345,9 +325,10 @@ class IntentEstimator:
             self.library,
             self._hypotheses,
             onset_ns,
-            self._memory,
-            self.expectation.ratio,
             self._grids,
+            memory=self._memory,
+            prune=True,
+            task_weight=self.expectation.ratio,
         )
         self._memory = self._movement.memory
         for observation in past:

@@ -15,9 +15,9 @@ from intent_recognition.promp.bank import make_hypotheses
 from intent_recognition.promp.decision import NONE, DecisionSettings, DecisionState, decide
 from intent_recognition.promp.examples import Recorded
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.observations import BankRun, merge
-from intent_recognition.promp.prediction import controlled_weights, dof_variance
-from intent_recognition.promp.recognition import TaskPosterior, task_posterior
+from intent_recognition.promp.movement_run import MovementRun
+from intent_recognition.promp.observations import merge
+from intent_recognition.promp.recognition import task_posterior
 from intent_recognition.promp.training import learn
 from intent_recognition.promp.training_settings import TrainingSettings
 
@@ -48,14 +48,13 @@ class Watch:
     """
 
     def __init__(self, library: TaskLibrary, settings: DecisionSettings | None = None):
-        self._library = library
         self._settings = settings or DecisionSettings()
         self._labels = (*library.labels, NONE)
         self._state = DecisionState()
         self._recent: list[tuple[int, float]] = []
         self._highest, self._activated = -np.inf, ""
 
-    def observe(self, run: BankRun, elapsed_s: float) -> None:
+    def observe(self, run: MovementRun, elapsed_s: float) -> None:
         """Look at the bank after one more observation."""
         posterior = task_posterior(run, run.hypotheses, elapsed_s)
         prior = np.logaddexp.reduce(
@@ -73,7 +72,7 @@ class Watch:
             return
         ready = self._state.n_for + 1 >= self._settings.n_observations
         sure = posterior.probabilities[best] >= self._settings.threshold
-        end_std = self._end_std(run, posterior, best) if ready and sure else None
+        end_std = run.forecasts.end_std(best) if ready and sure else None
         self._state, self._activated = decide(
             self._settings, self._state, self._labels, posterior.probabilities, end_std
         )
@@ -85,19 +84,10 @@ class Watch:
         above = bool(self._highest >= limit)
         return Outcome(task, self._highest, above, self._activated)
 
-    def _end_std(self, run: BankRun, posterior: TaskPosterior, task: int) -> float:
-        """Largest standard deviation of the controlled DOFs at the predicted end."""
-        library = self._library
-        observed = run.moments(task, posterior.scale_weights[task])
-        weights = controlled_weights(library, task, observed)
-        end = library.basis.design_matrix(np.ones(1))
-        variance = dof_variance(end, weights.covariance)[0] + library.control_noise_variance()
-        return float(np.sqrt(variance.max()))
-
 
 def follow(library: TaskLibrary, recorded: Recorded) -> Outcome:
     """What a library makes of a whole recording, its progress unknown."""
-    run = BankRun(library, make_hypotheses(library), None, recorded.start_ns)
+    run = MovementRun(library, make_hypotheses(library), recorded.start_ns)
     watch = Watch(library)
     for observation in merge(recorded.observed):
         if recorded.start_ns <= observation.stamp_ns <= recorded.end_ns:

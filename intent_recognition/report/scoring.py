@@ -14,9 +14,9 @@ from intent_recognition.promp.bank import (
     make_hypotheses,
 )
 from intent_recognition.promp.examples import Recorded
-from intent_recognition.promp.forecast_run import Forecasts
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.observations import BankRun, Observation, merge
+from intent_recognition.promp.movement_run import MovementRun
+from intent_recognition.promp.observations import merge
 from intent_recognition.promp.prediction import StartPosture
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
 from intent_recognition.report.baselines import mean_of_task, nearest_neighbour, sample
@@ -156,7 +156,7 @@ class _Case(NamedTuple):
     """One recording at one share observed: what is believed, and what was true."""
 
     library: TaskLibrary
-    run: "_Run"
+    run: MovementRun
     posterior: TaskPosterior
     label: int
     times: np.ndarray
@@ -177,18 +177,6 @@ class _Case(NamedTuple):
         return self.predict(np.eye(self.library.n_tasks)[self.label], start)
 
 
-class _Run(BankRun):
-    """The bank, and the forecasts beside it."""
-
-    def __init__(self, library: TaskLibrary, hypotheses: Hypotheses, onset_ns: int):
-        super().__init__(library, hypotheses, None, onset_ns)
-        self.forecasts = Forecasts(library, hypotheses, onset_ns)
-
-    def observe(self, observation: Observation) -> None:
-        super().observe(observation)
-        self.forecasts.observe(observation)
-
-
 def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> np.ndarray:
     """Probabilities of the K tasks, renormalised in logs: none may outweigh all by far, (K,)."""
     log_prior = np.logaddexp.reduce(hypotheses.log_prior.reshape(-1, hypotheses.n_scales), axis=1)
@@ -202,10 +190,10 @@ def _snapshots(
     test: Recorded,
     duration_s: float,
     watch: Watch | None,
-) -> Iterator[tuple[float, _Run]]:
+) -> Iterator[tuple[float, MovementRun]]:
     """The bank after each share of the movement's time, in order."""
     fractions = sorted({*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS})
-    run = _Run(library, hypotheses, test.start_ns)
+    run = MovementRun(library, hypotheses, test.start_ns)
     for observation in merge(test.observed):
         elapsed = (observation.stamp_ns - test.start_ns) * 1e-9
         if observation.stamp_ns > test.end_ns:

@@ -297,7 +297,7 @@ def test_scores_against_a_loop_written_out(rng):
         nll = 0.5 * (error / std) ** 2 + np.log(std) + 0.5 * np.log(2 * np.pi)
         expected["nll"].append(np.mean(nll))
     for name, values in expected.items():
-        assert row[name] == pytest.approx(np.mean(values), rel=1e-4, abs=1e-9), name
+        assert row[name] == pytest.approx(np.mean(values), rel=1e-3, abs=1e-9), name
 
 
 def test_a_task_that_no_fold_can_learn_counts_as_missed_and_stays_json():
