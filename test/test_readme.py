@@ -206,8 +206,8 @@ def test_reasons_of_the_table_are_counted_somewhere():
     for _, reasons, _ in table(TEXTS["docs/topics.md"], "What bad input gets"):
         for reason in code(reasons):
             last = reason.removeprefix("count ").removeprefix("stopped: ")
-                if last not in literals:  # put together where it is counted
-                    last = last.removeprefix("posture_")
+            if last not in literals:  # put together where it is counted
+                last = last.removeprefix("posture_")
             assert last in literals, reason
 
 
