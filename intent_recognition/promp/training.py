@@ -27,6 +27,12 @@ from intent_recognition.promp.gathering import (
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.none_calibration import calibrate_none
 from intent_recognition.promp.prior import leave_one_out_targets
+from intent_recognition.promp.recognition_choice import (
+    RECOGNITION_NOISE_SCALES,
+    RECOGNITION_STRENGTHS,
+    least_noise,
+    recognition_losses,
+)
 from intent_recognition.promp.rehearsal import rehearse
 from intent_recognition.promp.selection import (
     ALIGNED_NOISE_SCALES,
@@ -140,7 +146,30 @@ def choose(
     of each task; the statistics it is predicted from are those of all others.
     """
     chosen, tried = _choose(tasks, reference.basis)
+    chosen = _choose_recognition(tasks, reference, chosen)
     return _choose_aligned(tasks, reference, chosen), tried
+
+
+def _choose_recognition(
+    tasks: Mapping[str, TaskStatistics], reference: Reference, chosen: Candidate
+) -> Candidate:
+    """Hyperparameters of recognition, by the log loss of left-out demonstrations."""
+    floor, _ = scales(tasks)
+    candidates = [
+        chosen._replace(recognition_strength=strength, recognition_noise_scale=noise_scale)
+        for noise_scale in RECOGNITION_NOISE_SCALES
+        for strength in RECOGNITION_STRENGTHS
+    ]
+    losses = [
+        recognition_losses(
+            library_from_statistics(tasks, reference, candidate),
+            tasks,
+            candidate.recognition_strength,
+            floor,
+        )
+        for candidate in candidates
+    ]
+    return candidates[least_noise(np.array(losses))]
 
 
 def _choose_aligned(

@@ -11,9 +11,10 @@ from promp.simulation import make_library, simulate
 
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.bank import make_hypotheses, start_bank
+from intent_recognition.promp.held_out import prefix_log_evidence
 from intent_recognition.promp.library import READ_AS_IT_IS
 from intent_recognition.promp.none import departure, none_primitive
-from intent_recognition.promp.none_calibration import calibrate, prefix_log_evidence
+from intent_recognition.promp.none_calibration import calibrate
 from intent_recognition.promp.observations import BankRun, merge
 from intent_recognition.promp.recognition import read_factor, task_posterior
 from intent_recognition.promp.statistics import merge_statistics, summarize
