@@ -19,6 +19,12 @@ MAX_AGE_S = 0.25
 """A posture measured longer before the onset is not the one at onset."""
 SPAN_S = 4.0
 """How long samples are kept: an onset is found up to two seconds late."""
+START_STD = 0.02
+"""How closely an arm stands where it is meant to (sag, calibration), in the unit of each DOF.
+
+Where all demonstrations began in one posture, its trained spread is that of noise. Taken for the
+truth, it would turn a thousandth of a radian at the start into centimetres at the end.
+"""
 OUTSIDE_QUANTILE = 0.999
 """Of the trained starts so many are within; a start beyond is outside."""
 
@@ -111,7 +117,7 @@ class OnsetPosture:
             return None, POSTURE_UNKNOWN
         if task not in self._known:
             if within_trained_starts(library, task, position):
-                start = StartPosture(position, np.zeros(library.n_controlled))
+                start = StartPosture(position, np.full(library.n_controlled, START_STD**2))
                 self._known[task] = start, POSTURE_USED
             else:
                 self._known[task] = None, POSTURE_OUTSIDE
@@ -130,7 +136,7 @@ def start_distance(library: TaskLibrary, task: int, position: np.ndarray) -> flo
     row = forecast.basis.design_matrix(np.zeros(1))
     design = np.kron(np.eye(forecast.n_controlled), row)
     covariance = design @ forecast.weight_covariance[task, controlled, controlled] @ design.T
-    covariance = symmetrize(covariance) + np.diag(forecast.control_noise_variance())
+    covariance = symmetrize(covariance) + np.diag(forecast.control_noise_variance() + START_STD**2)
     factor = cholesky(covariance, name="covariance of the trained starts")
     whitened = solve_lower(factor, (position - start_mean(library, task))[:, None])
     return float(np.sum(whitened**2))

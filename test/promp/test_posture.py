@@ -14,6 +14,7 @@ from intent_recognition.promp.posture import (
     POSTURE_OUTSIDE,
     POSTURE_UNKNOWN,
     POSTURE_USED,
+    START_STD,
     PostureHistory,
     start_distance,
     start_mean,
@@ -64,7 +65,7 @@ def test_bad_samples_are_refused_with_the_reason():
 
 def test_the_distance_of_starts_drawn_from_the_task_is_chi_square(library, rng):
     row = library.basis.design_matrix(np.zeros(1))[0]
-    noise = np.sqrt(library.control_noise_variance())
+    noise = np.sqrt(library.control_noise_variance() + START_STD**2)
     distances = []
     for _ in range(2000):
         weights = draw_weights(library, 1, rng)[library.n_observed :]
@@ -138,7 +139,10 @@ def test_it_equals_conditioning_by_hand(library, recording):
     task = library.labels.index(prediction.task)
     run = estimator._movement.forecasts[task]
     weights = controlled_weights(
-        library.forecast, task, run.observed_weights(), StartPosture(start, np.zeros(2))
+        library.forecast,
+        task,
+        run.observed_weights(),
+        StartPosture(start, np.full(2, START_STD**2)),
     )
     expected = rollout(
         library.basis,
