@@ -72,7 +72,7 @@ def learned_from(
     covariances = _covariances(tasks, chosen.strength)
     size = sum(len(signal.names) for signal in reference.observed) * reference.basis.n_basis
     timing = _timing(statistics)
-    recognition = _recognition(tasks, size, chosen.recognition_strength)
+    covariance = recognition(tasks, size, chosen.recognition_strength)
     return {
         "weight_mean": np.array([task.mean.ravel() for task in statistics]),
         "weight_covariance": covariances,
@@ -80,9 +80,9 @@ def learned_from(
         "noise_scale": chosen.noise_scale,
         "n_demonstrations": np.array([task.n for task in statistics]),
         **timing,
-        "recognition_covariance": recognition,
+        "recognition_covariance": covariance,
         "recognition_noise_scale": chosen.recognition_noise_scale,
-        **none_model(statistics, recognition, timing),
+        **none_model(statistics, covariance, timing),
         "aligned": aligned_forecast(tasks, reference, chosen) if chosen.aligned else None,
     }
 
@@ -111,7 +111,7 @@ def aligned_forecast(
     )
 
 
-def _recognition(tasks: Mapping[str, TaskStatistics], size: int, strength: float) -> np.ndarray:
+def recognition(tasks: Mapping[str, TaskStatistics], size: int, strength: float) -> np.ndarray:
     """Covariances of the observed weights that tasks are told apart by, (K, P N, P N)."""
     floor, _ = scales(tasks)
     n_dofs = size // next(iter(tasks.values())).mean.shape[1]

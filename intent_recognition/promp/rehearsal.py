@@ -23,6 +23,9 @@ from intent_recognition.promp.progress import reference_phase
 from intent_recognition.promp.selection import FRACTIONS
 from intent_recognition.promp.statistics import TaskStatistics, pooled_moments
 
+ALIGNED_STRENGTHS = (10.0, 30.0, 100.0)
+ALIGNED_NOISE_SCALES = (4.0, 16.0)
+"""The grid that the aligned primitives are rehearsed on."""
 MAX_REHEARSED = 12
 """Demonstrations of one task that are left out, at most, evenly drawn."""
 

@@ -17,9 +17,6 @@ from intent_recognition.promp.prior import Scatter, leave_one_out_scatter, shrun
 
 STRENGTHS = (0.3, 1.0, 2.0, 4.0, 10.0, 30.0, 100.0, 300.0)
 NOISE_SCALES = (1.0, 4.0, 16.0, 64.0)
-ALIGNED_STRENGTHS = (10.0, 30.0, 100.0)
-ALIGNED_NOISE_SCALES = (4.0, 16.0)
-"""The grid of the aligned primitives, whose predictions are rehearsed (`rehearsal.py`)."""
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
 SCORED_PHASES = 20
 
@@ -135,9 +132,6 @@ def select(
     targets: Iterable[np.ndarray],
     noise_variance: np.ndarray,
     scored_design: np.ndarray,
-    *,
-    strengths: Sequence[float] = STRENGTHS,
-    noise_scales: Sequence[float] = NOISE_SCALES,
 ) -> tuple[Candidate, tuple[Candidate, ...]]:
     """The best pair of strength and noise scale, and all that were tried.
 
@@ -150,26 +144,22 @@ def select(
             (n, D N, D N). Only one is held at a time, so both may be generators.
         noise_variance: residual variance per DOF, (D,).
         scored_design: basis at the scored phases, (s, N).
-        strengths: of the grid.
-        noise_scales: of the grid.
     """
     parts = []
     for samples, loo_targets in zip(tasks, targets, strict=True):
         if samples.scatter.freedom > 0:
             scores = [
-                leave_one_out_scores(
-                    samples, loo_targets, noise_variance, scored_design, strength, noise_scales
-                )
-                for strength in strengths
+                leave_one_out_scores(samples, loo_targets, noise_variance, scored_design, strength)
+                for strength in STRENGTHS
             ]
             parts.append(np.concatenate(scores))
     if not parts:
         middle = Candidate(
-            strengths[len(strengths) // 2], noise_scales[len(noise_scales) // 2], float("nan")
+            STRENGTHS[len(STRENGTHS) // 2], NOISE_SCALES[len(NOISE_SCALES) // 2], float("nan")
         )
         return middle, (middle,)
     per_demonstration = np.hstack(parts)
-    grid = [(strength, scale) for strength in strengths for scale in noise_scales]
+    grid = [(strength, scale) for strength in STRENGTHS for scale in NOISE_SCALES]
     tried = [
         Candidate(strength, scale, float(score))
         for (strength, scale), score in zip(grid, per_demonstration.mean(axis=1), strict=True)

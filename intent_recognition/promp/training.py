@@ -15,6 +15,7 @@ from intent_recognition.promp.fitting import (
     aligned_statistics,
     learned_from,
     library_from_statistics,
+    recognition,
     scales,
 )
 from intent_recognition.promp.gathering import (
@@ -33,14 +34,12 @@ from intent_recognition.promp.recognition_choice import (
     least_noise,
     recognition_losses,
 )
-from intent_recognition.promp.rehearsal import rehearse
-from intent_recognition.promp.selection import (
+from intent_recognition.promp.rehearsal import (
     ALIGNED_NOISE_SCALES,
     ALIGNED_STRENGTHS,
-    Candidate,
-    TaskSamples,
-    select,
+    rehearse,
 )
+from intent_recognition.promp.selection import Candidate, TaskSamples, select
 from intent_recognition.promp.statistics import (
     TaskStatistics,
     merge_statistics,
@@ -160,15 +159,16 @@ def _choose_recognition(
         for noise_scale in RECOGNITION_NOISE_SCALES
         for strength in RECOGNITION_STRENGTHS
     ]
-    losses = [
-        recognition_losses(
-            library_from_statistics(tasks, reference, candidate),
-            tasks,
-            candidate.recognition_strength,
-            floor,
+    library = library_from_statistics(tasks, reference, chosen)
+    losses = []
+    for candidate in candidates:
+        strength = candidate.recognition_strength
+        recognising = replace(
+            library,
+            recognition_covariance=recognition(tasks, library.n_observed_weights, strength),
+            recognition_noise_scale=candidate.recognition_noise_scale,
         )
-        for candidate in candidates
-    ]
+        losses.append(recognition_losses(recognising, tasks, strength, floor))
     return candidates[least_noise(np.array(losses))]
 
 
@@ -200,9 +200,9 @@ def _choose_aligned(
 
 
 def _choose(
-    tasks: Mapping[str, TaskStatistics], basis: NormalizedRBFBasis, **grid
+    tasks: Mapping[str, TaskStatistics], basis: NormalizedRBFBasis
 ) -> tuple[Candidate, tuple[Candidate, ...]]:
-    """Hyperparameters of the primitives with this basis, on a grid as of `select`."""
+    """Hyperparameters of the primitives with this basis, and all that were tried."""
     most = MAX_SCORED
     if sum(len(task.examples) for task in tasks.values()) > MAX_SCORED:
         most = max(MAX_SCORED // len(tasks), 1)
@@ -217,7 +217,6 @@ def _choose(
         _targets(parts, tasks, floor),
         noise,
         basis.design_matrix(scored_phases()),
-        **grid,
     )
 
 
