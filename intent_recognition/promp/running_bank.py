@@ -109,11 +109,6 @@ class RunningBank:
         return self._evidence[: self.n_active * self.shape[1]]
 
     @property
-    def n_pending_rows(self) -> int:
-        """So many observed values a block takes before it folds them into its state."""
-        return self._pending.shape[1]
-
-    @property
     def log_evidence(self) -> np.ndarray:
         """Log density of what each hypothesis was conditioned on, (T S,)."""
         if not self._moved:
