@@ -16,7 +16,7 @@ from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from intent_recognition.storage.bag_writer import BagWriter
 from intent_recognition.storage.sessions import MARKER_TOPIC, MARKER_TYPE
 from sim_bridge.coworker import SessionPlan, parse_task_list, plan_session
-from sim_bridge.generate import (
+from sim_bridge.recording import (
     EPOCH_NS,
     POSE_TOPIC,
     POSE_TYPE,

@@ -110,7 +110,7 @@ def _train(path: Path, console: Console) -> Path:
 
 def _report(args, log, plan, first_ns: int, wall_s: float, console: Console) -> int:
     """Score, print the table, write the report; returns the exit code."""
-    from intent_recognition.experiments.toolbox import score_session
+    from intent_recognition.experiments.session_scoring import score_session
     from intent_recognition.report.demo_report import write_demo_report
     from intent_recognition.report.interaction_table import table_lines
     from intent_recognition.report.summary import summarise, summary_line, to_json

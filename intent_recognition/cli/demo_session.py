@@ -57,7 +57,7 @@ def run_session(args: argparse.Namespace, model: Path, console: Console):
     import rclpy
 
     from intent_recognition.cli.processes import NodeProcesses
-    from intent_recognition.experiments.toolbox import first_sample_ns
+    from intent_recognition.experiments.session_scoring import first_sample_ns
     from intent_recognition.share import node_environment
     from sim_bridge.coworker import parse_task_list, plan_session
 

@@ -13,7 +13,8 @@ from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.storage import load_dofs, read_demonstrations
 from intent_recognition.storage.bag_metadata import read_metadata
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS
-from sim_bridge.generate import Order, demonstrate, generate, main, orders, write_demonstration
+from sim_bridge.generate import generate, main
+from sim_bridge.toolbox_recordings import Order, demonstrate, orders, write_demonstration
 
 FIRST = Order(1, "train", HOLD, 3)
 
@@ -78,6 +79,8 @@ def test_shipped_bags_read_as_demonstrations_without_a_rejection(repository):
 def test_bad_requests_are_named(tmp_path, capsys):
     with pytest.raises(ArgumentError, match="purpose"):
         demonstrate(Order(1, "holiday", PLATE, 0))
+    with pytest.raises(ArgumentError, match="scenario"):
+        generate(tmp_path, 1, scenario="kitchen")
     with pytest.raises(ArgumentError, match="jobs"):
         generate(tmp_path, 1, jobs=0)
     (tmp_path / "toolbox" / "train" / "plate_handover_00").mkdir(parents=True)

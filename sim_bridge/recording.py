@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What all recordings of the simulation have in common: topics, clock, the sensors' resolution."""
+
+import numpy as np
+
+from intent_recognition import __version__
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+
+POSE_TOPIC, POSE_TYPE = "mocap/wrist/pose", "geometry_msgs/msg/PoseStamped"
+JOINT_TOPIC, JOINT_TYPE = "joint_states", "sensor_msgs/msg/JointState"
+EPOCH_NS = 1_767_225_600_000_000_000  # 2026-01-01 00:00 UTC, the day of all recordings
+SAMPLE_NS = 10_000_000
+
+# What the sensors can tell apart, as powers of two: encoders and trackers deliver counts.
+ANGLE_STEP_RAD = 2.0**-20
+RATE_STEP_RAD_S = 2.0**-16
+TORQUE_STEP_NM = 2.0**-10
+POSITION_STEP_M = 2.0**-17
+QUATERNION_STEP = 2.0**-17
+
+PROVENANCE = {
+    "simulated": "true",
+    "generator": "python -m sim_bridge.generate",
+    "generator_version": __version__,
+}
+"""Metadata that every recording of the generator carries."""
+
+
+def to_counts(values: np.ndarray, step: float) -> np.ndarray:
+    """Values as a sensor of that resolution delivers them."""
+    return np.round(values / step) * step
+
+
+def pose_fields(stamp_ns: int, position: np.ndarray, turn: np.ndarray) -> dict:
+    """Fields of a PoseStamped in the world: position (3,) [m], quaternion (4,) xyzw."""
+    return {
+        "header": {"stamp": stamp_ns, "frame_id": "world"},
+        "pose": {
+            "position": dict(zip("xyz", position.tolist(), strict=True)),
+            "orientation": dict(zip("xyzw", turn.tolist(), strict=True)),
+        },
+    }
+
+
+def joint_fields(stamp_ns: int, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> dict:
+    """Fields of a JointState of the arm: positions, velocities, torques (7,)."""
+    return {
+        "header": {"stamp": stamp_ns},
+        "name": list(JOINT_NAMES),
+        "position": q,
+        "velocity": qd,
+        "effort": torque,
+    }
+
+
+def metadata_vector(values: np.ndarray) -> str:
+    """A vector as metadata write it: six decimals, separated by spaces."""
+    return " ".join(f"{value:.6f}" for value in values)

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demonstrations of the toolbox assembly: a worker reaches, a person leads the arm."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics.forward import hand_position
+from intent_recognition.storage.bag_writer import BagWriter
+from sim_bridge.coworker.demonstration import WristDemonstration, plan_demonstration
+from sim_bridge.coworker.hardness import TEST_COUNTS, TRAINING_COUNTS, demonstration_rng
+from sim_bridge.coworker.styles import TASKS
+from sim_bridge.recording import (
+    ANGLE_STEP_RAD,
+    EPOCH_NS,
+    JOINT_TOPIC,
+    JOINT_TYPE,
+    POSE_TOPIC,
+    POSE_TYPE,
+    POSITION_STEP_M,
+    PROVENANCE,
+    QUATERNION_STEP,
+    RATE_STEP_RAD_S,
+    SAMPLE_NS,
+    TORQUE_STEP_NM,
+    joint_fields,
+    metadata_vector,
+    pose_fields,
+    to_counts,
+)
+from sim_bridge.scene import handover_point
+from sim_bridge.teaching import TaughtArm, teach
+from sim_bridge.teaching_path import TeachingPath, plan_teaching
+
+SETS = {"train": (0, TRAINING_COUNTS), "test": (1, TEST_COUNTS)}
+
+
+@dataclass(frozen=True)
+class Order:
+    """One demonstration to make: which set ("train" or "test"), task and index, from which seed."""
+
+    seed: int
+    purpose: str
+    task: str
+    index: int
+
+    @property
+    def name(self) -> str:
+        """Name of the bag, such as plate_handover_03."""
+        return f"{self.task}_{self.index:02d}"
+
+    @property
+    def folder(self) -> PurePosixPath:
+        """Where the bag goes, below the folder for all bags."""
+        return PurePosixPath("toolbox", self.purpose, self.name)
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first sample: one demonstration a minute, from a fixed day on."""
+        minute = 1000 * SETS[self.purpose][0] + 100 * TASKS.index(self.task) + self.index
+        return EPOCH_NS + minute * 60_000_000_000
+
+
+@dataclass(frozen=True)
+class Demonstrated:
+    """One demonstration: the worker, where the arm was led, and what its sensors said."""
+
+    order: Order
+    wrist: WristDemonstration
+    path: TeachingPath
+    arm: TaughtArm
+
+    @property
+    def teaching_error_m(self) -> float:
+        """Distance of the measured hand at the arrival from where the rule puts it."""
+        arrived = round(self.wrist.arrival_s * 100.0)
+        point = handover_point(self.order.task, self.wrist.reach.goal_m)
+        return float(np.linalg.norm(hand_position(self.arm.positions_rad[arrived]) - point))
+
+
+def orders(seed: int) -> list[Order]:
+    """Every demonstration: 48 for training, 12 for testing."""
+    return [
+        Order(seed, purpose, task, index)
+        for purpose, (_, counts) in SETS.items()
+        for task, count in counts.items()
+        for index in range(count)
+    ]
+
+
+def demonstrate(order: Order) -> Demonstrated:
+    """Simulate one demonstration: the worker reaches, a person leads the arm.
+
+    Raises:
+        ArgumentError: unknown task or set.
+    """
+    if order.purpose not in SETS:
+        raise ArgumentError(
+            describe("purpose", f"one of {sorted(SETS)}", order.purpose, "Correct the set.")
+        )
+    rng = demonstration_rng(order.seed, SETS[order.purpose][0], order.task, order.index)
+    wrist = plan_demonstration(rng, order.task)
+    length = float(wrist.samples.times_s[-1])
+    path = plan_teaching(
+        rng, order.task, wrist.reach.goal_m, wrist.onset_s, wrist.arrival_s, length
+    )
+    return Demonstrated(order, wrist, path, teach(rng, path, wrist.samples.true_positions_m))
+
+
+def metadata(shown: Demonstrated) -> dict[str, str]:
+    """What metadata.yaml says under custom_data."""
+    wrist, times = shown.wrist, shown.path.times
+
+    def stamp(seconds: float) -> str:
+        return str(shown.order.start_ns + round(seconds * 1e9))
+
+    return {
+        "task": shown.order.task,
+        "simulated": "true",  # before the set, as in the shipped files
+        "set": shown.order.purpose,
+        **PROVENANCE,
+        "seed": str(shown.order.seed),
+        "index": str(shown.order.index),
+        "human_onset_ns": stamp(wrist.onset_s),
+        "human_end_ns": stamp(wrist.end_s),
+        "robot_start_ns": stamp(times.start_s),
+        "robot_taught_ns": stamp(times.taught_s),
+        "robot_arrival_ns": stamp(times.arrival_s),
+        "tempo_s": f"{wrist.reach.nominal_s:.6f}",
+        "hesitations": str(len(wrist.reach.hesitations)),
+        "start_m": metadata_vector(wrist.reach.start_m),
+        "goal_m": metadata_vector(wrist.reach.goal_m),
+        "handover_point_m": metadata_vector(handover_point(shown.order.task, wrist.reach.goal_m)),
+        "teaching_error_m": f"{shown.teaching_error_m:.6f}",
+        "strongest_pull_n": f"{shown.arm.strongest_pull_n:.3f}",
+    }
+
+
+def messages(shown: Demonstrated) -> Iterator[tuple[str, str, int, dict]]:
+    """Yield (topic, type, stamp in ns, fields), in order of time."""
+    samples, arm = shown.wrist.samples, shown.arm
+    positions = to_counts(samples.positions_m, POSITION_STEP_M)
+    turns = to_counts(samples.orientations, QUATERNION_STEP)
+    angles = to_counts(arm.positions_rad, ANGLE_STEP_RAD)
+    rates = to_counts(arm.velocities_rad_s, RATE_STEP_RAD_S)
+    torques = to_counts(arm.torques_nm, TORQUE_STEP_NM)
+    for k in range(len(samples.times_s)):
+        stamp = shown.order.start_ns + k * SAMPLE_NS
+        if samples.visible[k]:
+            yield POSE_TOPIC, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
+        yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, angles[k], rates[k], torques[k])
+
+
+def make(order: Order, output: Path) -> Path:
+    """Simulate one demonstration and write it as a bag below `output`; return its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+    """
+    return write_demonstration(demonstrate(order), output)
+
+
+def write_demonstration(shown: Demonstrated, output: Path) -> Path:
+    """Write one demonstration as a bag below `output`/toolbox; return its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+    """
+    folder = output / shown.order.folder
+    with BagWriter(folder, metadata(shown), flush_period_s=None) as bag:
+        for topic, kind, stamp, fields in messages(shown):
+            bag.write_message(topic, kind, fields, stamp)
+    return folder
