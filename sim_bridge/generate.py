@@ -21,6 +21,9 @@ from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyEr
 SCENARIOS = MappingProxyType(
     {
         "toolbox": "sim_bridge.toolbox_recordings",
+        "pointing": "sim_bridge.pointing.recordings",
+        "assembly": "sim_bridge.assembly.recordings",
+        "pole": "sim_bridge.pole.recordings",
     }
 )
 """Per scenario the module that offers `orders(seed)` and `make(order, output)`."""

@@ -9,7 +9,17 @@ from collections.abc import Sequence
 from intent_recognition import __version__
 from intent_recognition.errors import IntentError
 
-COMMANDS = ("demo", "train", "evaluate", "replay", "inspect", "recover", "record", "play")
+COMMANDS = (
+    "demo",
+    "train",
+    "evaluate",
+    "replay",
+    "inspect",
+    "recover",
+    "record",
+    "play",
+    "experiments",
+)
 
 
 def make_parser() -> argparse.ArgumentParser:

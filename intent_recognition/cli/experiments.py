@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent experiments`: the papers' tables and figures, each beside the paper's own."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from intent_recognition import __version__
+from intent_recognition.cli.console import make_console
+from intent_recognition.cli.experiment_runs import Run, run_all
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.experiments.catalogue import EXPERIMENTS, chosen
+from intent_recognition.experiments.outcome import Outcome, Settings
+
+MARKS = {True: "[green]yes[/]", False: "[red]no[/]", None: "other conditions"}
+
+
+def add_parser(subparsers) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "experiments",
+        help="the papers' results again, beside the papers' own",
+        description="Run the experiments of the papers on recordings of the simulation, print what"
+        " came out beside the paper's figure, and write one report that opens without network.",
+    )
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help="which (default: all; --list shows them)"
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("out/experiments"),
+        metavar="DIR",
+        help="folder of report.html, numbers.json and figures/ (default: %(default)s)",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of all variation (default: 1)")
+    parser.add_argument("--quick", action="store_true", help="a fast subset of each, for a look")
+    parser.add_argument(
+        "--bags", type=Path, metavar="DIR", help="folder of recordings (default: the shipped ones)"
+    )
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default: %(default)s)")
+    parser.add_argument("--list", action="store_true", help="show the names and stop")
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write the numbers here too")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run them; 1 if one broke off.
+
+    Raises:
+        ArgumentError: a name, the seed or the number of processes is not possible.
+    """
+    console = make_console()
+    if args.list:
+        _print_list(console)
+        return 0
+    if args.seed < 0 or args.jobs < 1:
+        got = (args.seed, args.jobs)
+        raise ArgumentError(
+            describe("--seed, --jobs", "seed >= 0 and jobs >= 1", got, "Give such numbers.")
+        )
+    entries = chosen(args.names)
+    started = time.monotonic()
+    settings = Settings(args.seed, args.quick, args.bags)
+    runs = run_all(entries, settings, args.jobs, console)
+    failures = {name: run.failure for name, run in runs.items() if run.failure}
+    outcomes = {name: run.outcome for name, run in runs.items() if run.outcome}
+    for name, outcome in outcomes.items():
+        _print_outcome(console, name, outcome, runs[name].seconds)
+    numbers = numbers_json(runs, args.seed, args.quick)
+    report = _write(args.output, outcomes, failures, numbers, args.json)
+    for name, reason in failures.items():
+        sys.stderr.write(f"intent experiments: {name} broke off: {reason}\n")
+    console.print(
+        f"{len(outcomes)} experiments in {time.monotonic() - started:.0f} s, report: {report}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    sys.stdout.write(summary_line(outcomes.values()) + "\n")
+    return 1 if failures else 0
+
+
+def summary_line(outcomes: Sequence[Outcome]) -> str:
+    """How many of the papers' figures are met."""
+    findings = [finding.holds for outcome in outcomes for finding in outcome.findings]
+    return (
+        f"summary: {findings.count(True)} of {len(findings)} figures met or beaten,"
+        f" {findings.count(False)} missed, {findings.count(None)} not like for like"
+    )
+
+
+def numbers_json(runs: Mapping[str, Run], seed: int, quick: bool) -> dict:
+    """All numbers and findings, ready for JSON."""
+    content: dict = {"version": __version__, "seed": seed, "quick": quick, "experiments": {}}
+    for name, run in runs.items():
+        if run.outcome is None:
+            content["experiments"][name] = {"failure": run.failure}
+            continue
+        findings = [vars(finding) for finding in run.outcome.findings]
+        content["experiments"][name] = {"findings": findings, "numbers": dict(run.outcome.numbers)}
+    return content
+
+
+def _write(
+    folder: Path,
+    outcomes: Mapping[str, Outcome],
+    failures: Mapping[str, str],
+    numbers: dict,
+    extra: Path | None,
+) -> Path:
+    from intent_recognition.report.experiments_report import write_experiments_report, write_figures
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, outcome in outcomes.items():
+        write_figures(folder / "figures", name, outcome)
+    text = json.dumps(numbers, indent=2) + "\n"
+    for path in (folder / "numbers.json", extra):
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+    mode = ", quick" if numbers["quick"] else ""
+    footer = f"intent_recognition {__version__}, seed {numbers['seed']}{mode}."
+    return write_experiments_report(folder / "report.html", outcomes, failures, footer)
+
+
+def _print_list(console: Console) -> None:
+    table = Table(box=None, header_style="bold")
+    for title in ("name", "stands beside", "what"):
+        table.add_column(title)
+    for entry in EXPERIMENTS:
+        table.add_row(entry.name, entry.source, entry.summary)
+    console.print(table)
+
+
+def _print_outcome(console: Console, name: str, outcome: Outcome, seconds: float) -> None:
+    console.print(f"\n[bold]{outcome.title}[/] ({name}; {outcome.source}; {seconds:.0f} s)")
+    table = Table(box=None, header_style="dim", pad_edge=False)
+    for title in ("", "paper", "ours", "met", ""):
+        table.add_column(title, overflow="fold")
+    for f in outcome.findings:
+        table.add_row(f.quantity, f.paper or "-", f.ours, MARKS[f.holds], f"[dim]{f.remark}[/]")
+    console.print(table)

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The experiments by name, in the order of the papers."""
+
+import importlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.experiments.outcome import Outcome, Settings
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One experiment: its name, the module that holds `run(settings)`, and what it regenerates."""
+
+    name: str
+    module: str
+    source: str
+    summary: str
+
+    def run(self, settings: Settings) -> Outcome:
+        """Run it."""
+        return importlib.import_module(self.module).run(settings)
+
+
+IP, MIP, WP = "Maeda et al. 2014", "Ewerton et al. 2015", "Brandl et al. 2014"
+
+
+def _entry(name: str, paper: str, figures: str, summary: str) -> Entry:
+    return Entry(name, f"intent_recognition.experiments.{name}", f"{paper}, {figures}", summary)
+
+
+EXPERIMENTS = (
+    _entry("sparse", IP, "Fig. 2", "conditioning on few, asynchronous, noisy observations"),
+    _entry("noise", IP, "Fig. 3", "prediction error of ProMP and DMP under noise"),
+    _entry("alignment", IP, "Sec. III-E", "smooth time warps beside dynamic time warping"),
+    _entry("pointing", IP, "Fig. 4-6", "the arm points where the human points"),
+    _entry("assembly", IP, "Fig. 7-9", "two humans assemble a box; the arm takes one's place"),
+    _entry("pole", MIP, "Fig. 2-4", "two ways around a pole, from unlabelled demonstrations"),
+    _entry("toolbox", MIP, "Fig. 5-8", "three tasks from unlabelled demonstrations"),
+    _entry("feedback", IP, "Sec. III-C", "the arm reproduces mean and variance of a primitive"),
+)
+"""All of them."""
+
+
+def chosen(names: Iterable[str]) -> list[Entry]:
+    """The experiments of these names, each once, in the order of the papers; all without names.
+
+    Raises:
+        ArgumentError: a name is not in the catalogue.
+    """
+    known = {entry.name: entry for entry in EXPERIMENTS}
+    wanted = list(names) or list(known)
+    for name in wanted:
+        if name not in known:
+            cure = "`intent experiments --list` shows all."
+            raise ArgumentError(describe("NAME", f"one of {', '.join(known)}", name, cure))
+    return [entry for entry in EXPERIMENTS if entry.name in wanted]
