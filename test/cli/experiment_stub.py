@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An experiment for tests of the command."""
+
+from intent_recognition.experiments.outcome import Finding, Outcome
+from intent_recognition.report.html import Text
+
+
+def run(settings):
+    """Draw one number from the seed."""
+    settings.progress(0.5, "drawing")
+    value = float(settings.rng(0).standard_normal())
+    finding = Finding("error [cm]", "3", f"{value:.3f}", True)
+    other = Finding("of another kind", "", "7", None, "The paper says nothing of it.")
+    return Outcome(
+        "A stub", "Nobody, Fig. 0", "Does it run?", (finding, other), (Text("Here."),), (),
+        {"value": value, "quick": settings.quick},
+    )  # fmt: skip

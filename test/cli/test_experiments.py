@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent experiments`: what is asked for runs, is printed and written; the rest is told."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from intent_recognition.cli import experiments
+from intent_recognition.cli.main import main
+from intent_recognition.errors import ArgumentError
+from intent_recognition.experiments import catalogue
+from intent_recognition.experiments.catalogue import EXPERIMENTS, Entry, chosen
+from intent_recognition.experiments.outcome import Finding, Settings
+
+GOOD = Entry("stub", "experiment_stub", "Nobody, Fig. 0", "a stub")
+BROKEN = Entry("broken", "experiment_stub_broken", "Nobody, Fig. 1", "a stub that breaks off")
+
+
+@pytest.fixture
+def stubs(monkeypatch):
+    """Only the stubs are in the catalogue."""
+    monkeypatch.setattr(sys, "path", [str(Path(__file__).parent), *sys.path])
+    for module in (catalogue, experiments):
+        monkeypatch.setattr(module, "EXPERIMENTS", (GOOD, BROKEN))
+
+
+def test_writes_report_and_numbers_and_repeats_by_seed(stubs, tmp_path, capsys):
+    for folder in ("a", "b"):
+        assert main(["experiments", "stub", "--seed", "3", "--output", str(tmp_path / folder)]) == 0
+    printed = capsys.readouterr().out
+    assert "1 of 2 figures met or beaten, 0 missed, 1 not like for like" in printed
+    a, b = (json.loads((tmp_path / f / "numbers.json").read_text()) for f in ("a", "b"))
+    assert a == b
+    numbers = a["experiments"]["stub"]["numbers"]
+    assert numbers["value"] == float(Settings(seed=3).rng(0).standard_normal())
+    page = (tmp_path / "a" / "report.html").read_text()
+    assert "A stub" in page
+    assert "Nobody, Fig. 0" in page
+
+
+def test_one_that_breaks_off_does_not_take_the_others_along(stubs, tmp_path, capsys):
+    assert main(["experiments", "--quick", "--output", str(tmp_path)]) == 1
+    assert "broken broke off: no recordings in stub" in capsys.readouterr().err
+    content = json.loads((tmp_path / "numbers.json").read_text())["experiments"]
+    assert content["stub"]["numbers"]["quick"] is True
+    assert content["broken"] == {"failure": "no recordings in stub"}
+    assert "broken broke off" in (tmp_path / "report.html").read_text()
+
+
+def test_unknown_name_is_one_line(capsys):
+    assert main(["experiments", "juggling"]) == 1
+    assert "NAME" in capsys.readouterr().err
+
+
+def test_chosen_keeps_the_papers_order_and_takes_each_once():
+    names = [entry.name for entry in EXPERIMENTS]
+    assert [e.name for e in chosen([names[2], names[0], names[2]])] == [names[0], names[2]]
+    assert chosen([]) == list(EXPERIMENTS)
+
+
+def test_a_finding_that_is_not_met_says_why():
+    with pytest.raises(ArgumentError, match="remark"):
+        Finding("error [cm]", "3", "4", False)
