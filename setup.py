@@ -77,6 +77,7 @@ setup(
         "rich",
         "rosbags>=0.10",
         "scipy>=1.11",
+        "trimesh>=4",
         "zstandard",
     ],
     extras_require={

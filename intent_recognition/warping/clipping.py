@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Closed surfaces cut by a plane: the volume below it and the tilt at which half is left."""
+
+import numpy as np
+from scipy.optimize import brentq
+
+from intent_recognition.errors import ArgumentError, describe
+
+
+def surface_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Volume enclosed by a closed, outward wound surface.
+
+    Args:
+        vertices: points (n, 3) in metres.
+        faces: vertex indices (m, 3), counter-clockwise seen from outside.
+
+    Returns:
+        The volume in cubic metres.
+    """
+    triangles = vertices[faces] - vertices.mean(0)
+    return float(_signed_volumes(triangles).sum())
+
+
+def volume_below(
+    vertices: np.ndarray, faces: np.ndarray, point: np.ndarray, normal: np.ndarray
+) -> float:
+    """Volume of the part of a closed surface below the plane through `point`.
+
+    Every triangle is cut at the plane and what is left of it spans a signed tetrahedron with
+    `point`. The lid lies in the plane of `point` and therefore adds nothing.
+
+    Args:
+        vertices: points (n, 3) in metres.
+        faces: vertex indices (m, 3), counter-clockwise seen from outside.
+        point: a point (3,) of the plane.
+        normal: the plane's normal (3,); below is where the scalar product is negative.
+
+    Returns:
+        The volume in cubic metres.
+    """
+    relative = vertices - point
+    heights = relative @ normal
+    triangles, heights = relative[faces], heights[faces]
+    n_below = (heights < 0.0).sum(1)
+    total = _signed_volumes(triangles[n_below == 3]).sum()
+    one = n_below == 1
+    if one.any():
+        corner, left, right, towards_left, towards_right = _cut(triangles[one], heights[one], True)
+        total += _signed_volumes(np.stack([corner, towards_left, towards_right], 1)).sum()
+    two = n_below == 2
+    if two.any():
+        corner, left, right, towards_left, towards_right = _cut(triangles[two], heights[two], False)
+        total += _signed_volumes(np.stack([towards_left, left, right], 1)).sum()
+        total += _signed_volumes(np.stack([towards_left, right, towards_right], 1)).sum()
+    return float(total)
+
+
+def half_volume_angle(
+    vertices: np.ndarray, faces: np.ndarray, lip: np.ndarray, up: np.ndarray, outward: np.ndarray
+) -> float:
+    """Tilt about the lip after which half of the volume is above the lip (Brandl et al. II-D).
+
+    Args:
+        vertices: points (n, 3) of the closed inner surface up to the opening, in metres.
+        faces: vertex indices (m, 3), counter-clockwise seen from outside.
+        lip: the lip point (3,).
+        up: unit axis (3,) of the container, toward its opening.
+        outward: unit vector (3,) across `up`, from the axis toward the lip.
+
+    Returns:
+        The angle in radians, between 0 and pi.
+
+    Raises:
+        ArgumentError: the surface encloses nothing, or no tilt leaves half of it.
+    """
+    half = 0.5 * surface_volume(vertices, faces)
+
+    def surplus(angle: float) -> float:
+        normal = np.cos(angle) * up - np.sin(angle) * outward
+        return volume_below(vertices, faces, lip, normal) - half
+
+    if not half > 0.0 or surplus(0.0) <= 0.0 or surplus(np.pi) >= 0.0:
+        raise ArgumentError(
+            describe(
+                "vertices, lip",
+                "a closed inner surface below its lip",
+                f"{2.0 * half * 1e6:.3g} ml, of which {(surplus(0.0) + half) * 1e6:.3g} ml are "
+                "below the lip",
+                "Wind the faces outward and take a lip point on the opening.",
+            )
+        )
+    return float(brentq(surplus, 0.0, np.pi, xtol=1e-6))
+
+
+def _signed_volumes(triangles: np.ndarray) -> np.ndarray:
+    """Volume (m,) of the tetrahedra between triangles (m, 3, 3) and the origin."""
+    return np.einsum("ij,ij->i", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6.0
+
+
+def _cut(triangles: np.ndarray, heights: np.ndarray, below: bool) -> tuple[np.ndarray, ...]:
+    """The corner alone on its side, the two others in order, and the cuts toward both."""
+    lone = np.argmax((heights < 0.0) == below, axis=1)
+    rows = np.arange(len(triangles))
+    order = [(lone + step) % 3 for step in range(3)]
+    corner, left, right = (triangles[rows, index] for index in order)
+    at_corner, at_left, at_right = (heights[rows, index] for index in order)
+    towards_left = corner + (at_corner / (at_corner - at_left))[:, None] * (left - corner)
+    towards_right = corner + (at_corner / (at_corner - at_right))[:, None] * (right - corner)
+    return corner, left, right, towards_left, towards_right

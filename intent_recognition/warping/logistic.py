@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Logistic regression by iteratively reweighted least squares (Brandl et al. III-A)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import expit
+
+from intent_recognition.errors import ArgumentError, ShapeError, TrainingError, describe
+
+
+@dataclass(frozen=True)
+class LogisticModel:
+    """Probability `1 / (1 + exp(-(bias + weights . (features - offset) / scale)))`.
+
+    Attributes:
+        bias: log odds of the mean feature vector.
+        weights: log odds (d,) per standard deviation of each feature.
+        offset: mean (d,) of the features learned from.
+        scale: their standard deviation (d,), 1 where it was 0.
+    """
+
+    bias: float
+    weights: np.ndarray
+    offset: np.ndarray
+    scale: np.ndarray
+
+    def log_odds(self, features: np.ndarray) -> np.ndarray:
+        """Log odds (n,) at features (n, d)."""
+        features = np.asarray(features, dtype=float)
+        if features.ndim != 2 or features.shape[1] != len(self.weights):
+            cure = "Compute the features in the way they were computed for learning."
+            expected = f"shape (n, {len(self.weights)})"
+            raise ShapeError(describe("features", expected, features.shape, cure))
+        return self.bias + (features - self.offset) @ (self.weights / self.scale)
+
+    def probability(self, features: np.ndarray) -> np.ndarray:
+        """Probability (n,) of label 1 at features (n, d)."""
+        return expit(self.log_odds(features))
+
+
+def fit_logistic(
+    features: np.ndarray,
+    labels: np.ndarray,
+    ridge: float = 1e-2,
+    sample_weights: np.ndarray | None = None,
+    max_iterations: int = 100,
+    tolerance: float = 1e-9,
+) -> LogisticModel:
+    """Fit by Newton steps on the ridge-penalised likelihood, halved until it rises.
+
+    Features are standardised first; the penalty is `ridge / 2 * |weights|^2` on the standardised
+    weights and leaves the bias free. With a ridge above 0, separable labels have a finite answer.
+
+    Args:
+        features: (n, d), finite.
+        labels: (n,), 0 or 1 (or booleans), both present.
+        ridge: strength of the penalty, above 0.
+        sample_weights: (n,) weight of each sample, at least 0; all 1 when None.
+        max_iterations: Newton steps at most.
+        tolerance: stop when the largest change of a weight is below.
+
+    Returns:
+        The model.
+
+    Raises:
+        ShapeError: shapes do not fit.
+        ArgumentError: a value is not finite, a label is not 0 or 1, or ridge is not above 0.
+        TrainingError: only one label is present, or no step count sufficed.
+    """
+    features, labels, weights = _checked(features, labels, ridge, sample_weights)
+    offset = np.average(features, axis=0, weights=weights)
+    scale = np.sqrt(np.average((features - offset) ** 2, axis=0, weights=weights))
+    scale = np.where(scale > 1e-12 * (1.0 + np.abs(offset)), scale, 1.0)
+    design = np.column_stack([np.ones(len(features)), (features - offset) / scale])
+    penalty = np.full(design.shape[1], ridge)
+    penalty[0] = 0.0
+    beta = np.zeros(design.shape[1])
+    beta[0] = np.log((weights @ labels) / (weights @ (1.0 - labels)))
+
+    def loss(candidate: np.ndarray) -> float:
+        odds = design @ candidate
+        return weights @ (np.logaddexp(0.0, odds) - labels * odds) + 0.5 * penalty @ candidate**2
+
+    current = loss(beta)
+    for _ in range(max_iterations):
+        probability = expit(design @ beta)
+        gradient = design.T @ (weights * (probability - labels)) + penalty * beta
+        curvature = weights * probability * (1.0 - probability)
+        hessian = (design * curvature[:, None]).T @ design + np.diag(penalty)
+        # Where every probability is 0 or 1 the bias has no curvature of its own.
+        hessian[0, 0] += 1e-12 * weights.sum()
+        step = cho_solve(cho_factor(hessian), gradient)
+        length = 1.0
+        while loss(beta - length * step) > current + 1e-12 * abs(current) and length > 1e-8:
+            length *= 0.5
+        beta = beta - length * step
+        current = loss(beta)
+        if np.abs(length * step).max() < tolerance * (1.0 + np.abs(beta).max()):
+            return LogisticModel(float(beta[0]), beta[1:], offset, scale)
+    got = f"a step of {np.abs(step).max():.3g} after {max_iterations}"
+    cure = "Raise ridge or max_iterations."
+    raise TrainingError(describe("labels", "converging weights", got, cure))
+
+
+def _checked(
+    features: np.ndarray, labels: np.ndarray, ridge: float, sample_weights: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The arguments as float arrays of fitting shapes."""
+    features, labels = np.asarray(features, dtype=float), np.asarray(labels, dtype=float)
+    if features.ndim != 2 or not len(features):
+        cure = "Pass one row of features per sample."
+        raise ShapeError(describe("features", "shape (n, d) with n > 0", features.shape, cure))
+    weights = np.ones(len(features)) if sample_weights is None else np.asarray(sample_weights)
+    for name, vector in (("labels", labels), ("sample_weights", weights)):
+        if vector.shape != (len(features),):
+            cure = "Pass one per row of features."
+            raise ShapeError(describe(name, f"shape ({len(features)},)", vector.shape, cure))
+    if not np.isfinite(features).all():
+        bad = f"{np.count_nonzero(~np.isfinite(features))} others"
+        raise ArgumentError(describe("features", "finite values", bad, "Leave those samples out."))
+    if not np.isin(labels, (0.0, 1.0)).all():
+        got = np.setdiff1d(labels, (0.0, 1.0))[:3]
+        raise ArgumentError(describe("labels", "0 or 1", got, "Fit one model per label."))
+    if not (np.isfinite(weights).all() and (weights >= 0.0).all()):
+        cure = "Leave samples of no use out or weigh them 0."
+        raise ArgumentError(describe("sample_weights", "values >= 0", weights.min(), cure))
+    if not (np.isfinite(ridge) and ridge > 0.0):
+        cure = "A small one, 1e-6, is nearly none."
+        raise ArgumentError(describe("ridge", "a value above 0", ridge, cure))
+    if not 0.0 < weights @ labels < weights.sum():
+        got = f"{np.count_nonzero(labels)} of {len(labels)} with label 1"
+        raise TrainingError(describe("labels", "both 0 and 1", got, "Add samples of the other."))
+    return features, labels, weights.astype(float)

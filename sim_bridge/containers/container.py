@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A container with its ground truth, all in the object's frame.
+
+The frame: metres, z up, the base in the plane z = 0, the axis of the container is the z axis, a
+handle points toward -x and the lip toward +x.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import trimesh
+
+from intent_recognition.warping.clipping import half_volume_angle
+from intent_recognition.warping.parts import Part
+
+RIM_BAND_M = 0.0025
+HANDLE_GAP_M = 0.0008
+
+
+@dataclass(frozen=True)
+class Sections:
+    """The wall as stacked rings of R heights with S corners each.
+
+    Between two neighbouring rings the wall is linear: the eight corners of ring r and r + 1,
+    corner s and s + 1, inner and outer, are a convex piece of it. On the uppermost ring, the
+    crest, inner and outer outline coincide. The floor is the convex hull of `base` at height 0
+    and `outer[0]` at `heights_m[0]`, on whose upper side the cavity stands.
+
+    Attributes:
+        heights_m: (R,), rising, from the cavity's floor to the crest.
+        inner: outline of the cavity (R, S, 2) in metres, counter-clockwise from +x.
+        outer: outline of the wall (R, S, 2) in metres, at the same polar angles.
+        base: outline of the base (S, 2) in metres.
+    """
+
+    heights_m: np.ndarray
+    inner: np.ndarray
+    outer: np.ndarray
+    base: np.ndarray
+
+
+@dataclass(frozen=True)
+class Container:
+    """A cup or bowl and what is true of it.
+
+    Attributes:
+        name: one of `CONTAINER_NAMES`.
+        mesh: the solid. Wall and handle are closed surfaces each; the handle's ends are inside
+            the wall.
+        inner: the cavity up to the plane of the rim, a closed surface.
+        sections: the wall without its handle.
+        handle: the handle alone, or None.
+        opening_radius_m: mean distance of the crest of the rim from its centre, over its length.
+        height_m: from the base to the crest.
+        inner_volume_m3: volume of `inner`.
+        opening_centre: centre (3,) of the opening, in the plane of the rim.
+    """
+
+    name: str
+    mesh: trimesh.Trimesh
+    inner: trimesh.Trimesh
+    sections: Sections
+    handle: trimesh.Trimesh | None
+    opening_radius_m: float
+    height_m: float
+    inner_volume_m3: float
+    opening_centre: np.ndarray
+
+    @cached_property
+    def lip_point(self) -> np.ndarray:
+        """Lip (3,) toward +x, away from the handle."""
+        return self.lip_toward(np.array([10.0, 0.0, 0.0]))
+
+    @cached_property
+    def tilt_reference_rad(self) -> float:
+        """Tilt about `lip_point` after which half of the cavity is above it."""
+        return self.tilt_reference_about(self.lip_point)
+
+    def lip_toward(self, point: np.ndarray) -> np.ndarray:
+        """Point (3,) of the crest that is closest to `point` (3,), the other container's place."""
+        crest = self.sections.outer[-1]
+        along = np.roll(crest, -1, axis=0) - crest
+        share = np.einsum("ij,ij->i", np.asarray(point)[:2] - crest, along)
+        share = np.clip(share / np.einsum("ij,ij->i", along, along), 0.0, 1.0)
+        nearest = crest + share[:, None] * along
+        closest = np.argmin(np.linalg.norm(nearest - np.asarray(point)[:2], axis=1))
+        return np.array([*nearest[closest], self.height_m])
+
+    def tilt_reference_about(self, lip: np.ndarray) -> float:
+        """Tilt in radians about the lip (3,) after which half of the cavity is above it."""
+        outward = (lip - self.opening_centre) * [1.0, 1.0, 0.0]
+        return half_volume_angle(
+            self.inner.vertices,
+            self.inner.faces,
+            lip,
+            np.array([0.0, 0.0, 1.0]),
+            outward / np.linalg.norm(outward),
+        )
+
+    def labels(self, points: np.ndarray) -> np.ndarray:
+        """Part (n,), values of `Part`, of surface points (n, 3) in the object's frame."""
+        points = np.asarray(points, dtype=float)
+        parts = np.full(len(points), int(Part.CONTAINER))
+        if self.handle is not None:
+            outside = self._outer_distance(points)
+            parts[(outside > HANDLE_GAP_M) & (points[:, 0] < 0.0)] = int(Part.HANDLE)
+        parts[(points[:, 2] > self.height_m - RIM_BAND_M) & (parts != Part.HANDLE)] = int(Part.RIM)
+        return parts
+
+    def _outer_distance(self, points: np.ndarray) -> np.ndarray:
+        """How far (n,) points are outside of the wall, horizontally."""
+        heights = np.concatenate([[0.0], self.sections.heights_m])
+        outlines = np.concatenate([self.sections.base[None], self.sections.outer])
+        radii = np.linalg.norm(outlines, axis=2)
+        n_corners = radii.shape[1]
+        angle = np.arctan2(points[:, 1], points[:, 0]) % (2.0 * np.pi)
+        corner = np.rint(angle / (2.0 * np.pi) * n_corners).astype(int) % n_corners
+        row = np.interp(points[:, 2], heights, np.arange(len(heights)))
+        low = np.minimum(row.astype(int), len(heights) - 2)
+        share = row - low
+        wall = (1.0 - share) * radii[low, corner] + share * radii[low + 1, corner]
+        return np.linalg.norm(points[:, :2], axis=1) - wall

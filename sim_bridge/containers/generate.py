@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Seeded generators of ten cups and bowls, built from profiles without boolean operations."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import trimesh
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.warping.clipping import surface_volume
+from sim_bridge.containers.container import Container, Sections
+from sim_bridge.containers.surfaces import close_rings, swept_tube
+
+N_CORNERS = 64
+SIZE_SPREAD = 0.08
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a kind of container looks like; lengths in metres.
+
+    Attributes:
+        height_m: from the base to the crest.
+        base_m: outer radius at the base.
+        top_m: outer radius at the top.
+        wall_m: thickness of the wall.
+        floor_m: thickness of the floor.
+        bulge: exponent of the profile; 1 is a cone, below it bulges outward.
+        squareness: exponent of the outline; 2 is a circle, above it nears a square.
+        handle_m: how far the handle reaches out, 0 for none.
+        grip_m: radius of the handle's tube.
+    """
+
+    height_m: float
+    base_m: float
+    top_m: float
+    wall_m: float
+    floor_m: float
+    bulge: float = 1.0
+    squareness: float = 2.0
+    handle_m: float = 0.0
+    grip_m: float = 0.0
+
+
+SHAPES = {
+    "mug": Shape(0.095, 0.038, 0.0415, 0.0035, 0.006, 0.35, 2.0, 0.030, 0.0045),
+    "tall_mug": Shape(0.120, 0.036, 0.0400, 0.0040, 0.007, 0.80, 2.0, 0.033, 0.0050),
+    "espresso_cup": Shape(0.060, 0.022, 0.0310, 0.0030, 0.005, 0.60, 2.0, 0.020, 0.0035),
+    "tea_cup": Shape(0.064, 0.024, 0.0480, 0.0028, 0.005, 0.50, 2.0, 0.024, 0.0035),
+    "tall_glass": Shape(0.140, 0.029, 0.0345, 0.0024, 0.008),
+    "tumbler": Shape(0.090, 0.034, 0.0410, 0.0030, 0.009, 0.70),
+    "paper_cup": Shape(0.108, 0.029, 0.0430, 0.0020, 0.004),
+    "round_bowl": Shape(0.068, 0.032, 0.0700, 0.0040, 0.006, 0.50),
+    "shallow_bowl": Shape(0.046, 0.042, 0.0850, 0.0040, 0.006, 0.60),
+    "square_bowl": Shape(0.060, 0.050, 0.0640, 0.0040, 0.006, 0.60, 5.0),
+}
+CONTAINER_NAMES = tuple(SHAPES)
+
+
+def make_container(name: str, seed: int = 0) -> Container:
+    """Make one of the ten containers.
+
+    Args:
+        name: one of `CONTAINER_NAMES`.
+        seed: draws the sizes; the same seed makes the same container.
+
+    Returns:
+        The container in its own frame: metres, z up, base at z = 0.
+
+    Raises:
+        ArgumentError: no such container.
+    """
+    if name not in SHAPES:
+        cure = "Take one of these."
+        raise ArgumentError(describe("name", f"one of {', '.join(SHAPES)}", repr(name), cure))
+    rng = np.random.default_rng([seed, CONTAINER_NAMES.index(name)])
+    return build_container(name, vary(SHAPES[name], rng))
+
+
+def vary(shape: Shape, rng: np.random.Generator) -> Shape:
+    """The shape in another size, its height and its width drawn apart."""
+    tall, wide = rng.uniform(1.0 - SIZE_SPREAD, 1.0 + SIZE_SPREAD, 2)
+    return replace(
+        shape,
+        height_m=shape.height_m * tall,
+        base_m=shape.base_m * wide,
+        top_m=shape.top_m * wide,
+        handle_m=shape.handle_m * wide,
+    )
+
+
+def build_container(name: str, shape: Shape) -> Container:
+    """Build the solid, its cavity and its ground truth from a shape."""
+    sections = _sections(shape)
+    wall, inner = _wall(sections), _cavity(sections)
+    handle = _handle(shape, sections) if shape.handle_m else None
+    crest = sections.outer[-1]
+    edges = np.linalg.norm(np.roll(crest, -1, axis=0) - crest, axis=1)
+    weights = edges + np.roll(edges, 1)
+    return Container(
+        name=name,
+        mesh=wall if handle is None else trimesh.util.concatenate([wall, handle]),
+        inner=inner,
+        sections=sections,
+        handle=handle,
+        opening_radius_m=float(np.average(np.linalg.norm(crest, axis=1), weights=weights)),
+        height_m=shape.height_m,
+        inner_volume_m3=surface_volume(inner.vertices, inner.faces),
+        opening_centre=np.array([0.0, 0.0, shape.height_m]),
+    )
+
+
+def _profile(shape: Shape, share: np.ndarray) -> np.ndarray:
+    """Outer radius at shares of the height."""
+    return shape.base_m + (shape.top_m - shape.base_m) * share**shape.bulge
+
+
+def _sections(shape: Shape) -> Sections:
+    """Rings from the floor of the cavity to the crest, closer at the bottom and at the top."""
+    shoulder = shape.height_m - 0.5 * shape.wall_m
+    share = np.linspace(0.0, 1.0, 15) ** 1.5
+    body = shape.floor_m + (shoulder - shape.floor_m) * share
+    rise = np.array([0.4, 0.7, 0.9, 1.0])
+    heights = np.concatenate([body, shoulder + 0.5 * shape.wall_m * rise])
+    outer = _profile(shape, heights / shape.height_m)
+    cavity = (heights - shape.floor_m) / (shape.height_m - shape.floor_m)
+    inner = _profile(shape, cavity) - shape.wall_m
+    # The rim is a half circle about the middle of the wall.
+    middle, half = 0.5 * (outer + inner), 0.5 * (outer - inner)
+    half[len(body) :] *= np.sqrt(1.0 - rise**2)
+    angles = np.arange(N_CORNERS) * 2.0 * np.pi / N_CORNERS
+    direction = np.stack([np.cos(angles), np.sin(angles)], 1)
+    power = shape.squareness
+    outline = direction * ((np.abs(direction) ** power).sum(1) ** (-1.0 / power))[:, None]
+    return Sections(
+        heights_m=heights,
+        inner=(middle - half)[:, None, None] * outline,
+        outer=(middle + half)[:, None, None] * outline,
+        base=_profile(shape, np.zeros(1))[0] * outline,
+    )
+
+
+def _raise(outline: np.ndarray, height_m: float) -> np.ndarray:
+    """An outline (S, 2) as a ring (S, 3) at a height."""
+    return np.column_stack([outline, np.full(len(outline), height_m)])
+
+
+def _wall(sections: Sections) -> trimesh.Trimesh:
+    """The solid without its handle: up outside, over the crest, down inside."""
+    rings = [_raise(sections.base, 0.0)]
+    rings += [_raise(o, h) for o, h in zip(sections.outer, sections.heights_m, strict=True)]
+    inside = list(zip(sections.inner, sections.heights_m, strict=True))[:-1]
+    rings += [_raise(outline, height) for outline, height in reversed(inside)]
+    return close_rings(np.stack(rings))
+
+
+def _cavity(sections: Sections) -> trimesh.Trimesh:
+    """The closed cavity up to the plane of the rim."""
+    rings = [_raise(o, h) for o, h in zip(sections.inner, sections.heights_m, strict=True)]
+    return close_rings(np.stack(rings))
+
+
+def _handle(shape: Shape, sections: Sections) -> trimesh.Trimesh:
+    """An ear toward -x whose ends lie in the middle of the wall."""
+    heights = sections.heights_m
+    middle = np.linalg.norm(0.5 * (sections.inner + sections.outer)[:, 0], axis=1)
+    upper, lower = 0.84 * shape.height_m, 0.24 * shape.height_m
+    angles = np.linspace(0.0, np.pi, 25)
+    wide = np.sin(angles) ** 0.7
+    z = 0.5 * (upper + lower) + 0.5 * (upper - lower) * np.cos(angles)
+    x = -np.interp(z, heights, middle) - shape.handle_m * wide
+    path = np.stack([x, np.zeros_like(x), z], 1)
+    tube = swept_tube(path, shape.grip_m, end_tangent=np.array([-1.0, 0.0, 0.0]))
+    for ring in (tube[0], tube[-1]):
+        radius = np.interp(ring[:, 2], heights, middle)
+        ring[:, 0] = -np.sqrt(radius**2 - ring[:, 1] ** 2)
+    return close_rings(tube)

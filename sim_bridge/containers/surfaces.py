@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Closed triangle meshes from stacked rings and swept tubes."""
+
+import numpy as np
+import trimesh
+
+TUBE_CORNERS = 16
+
+
+def close_rings(rings: np.ndarray) -> trimesh.Trimesh:
+    """Join rings to a tube and close both ends with fans.
+
+    Args:
+        rings: (R, S, 3) corners in metres, each ring counter-clockwise seen from the last one.
+
+    Returns:
+        A watertight mesh, wound outward.
+    """
+    n_rings, n_corners, _ = rings.shape
+    vertices = np.concatenate([rings.reshape(-1, 3), rings[[0, -1]].mean(1)])
+    first, last = n_rings * n_corners, n_rings * n_corners + 1
+    ring, corner = np.meshgrid(np.arange(n_rings - 1), np.arange(n_corners), indexing="ij")
+    following = (corner + 1) % n_corners
+    low, low_next = ring * n_corners + corner, ring * n_corners + following
+    high, high_next = low + n_corners, low_next + n_corners
+    around = np.arange(n_corners)
+    around_next, top = (around + 1) % n_corners, (n_rings - 1) * n_corners
+    faces = np.concatenate(
+        [
+            np.stack([low, low_next, high_next], -1).reshape(-1, 3),
+            np.stack([low, high_next, high], -1).reshape(-1, 3),
+            np.stack([around_next, around, np.full(n_corners, first)], -1),
+            np.stack([top + around, top + around_next, np.full(n_corners, last)], -1),
+        ]
+    )
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def swept_tube(path: np.ndarray, radius_m: float, end_tangent: np.ndarray) -> np.ndarray:
+    """Rings of a round tube along a path in the plane y = 0.
+
+    Args:
+        path: centre line (P, 3) in metres.
+        radius_m: of the tube.
+        end_tangent: direction (3,) in which the tube leaves at the start; it comes back the
+            other way at its end.
+
+    Returns:
+        The rings (P, S, 3), each counter-clockwise seen from the one before.
+    """
+    tangents = np.gradient(path, axis=0)
+    tangents[0], tangents[-1] = end_tangent, -end_tangent
+    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+    across = np.array([0.0, 1.0, 0.0])
+    beside = np.cross(across, tangents)
+    angles = np.arange(TUBE_CORNERS) * 2.0 * np.pi / TUBE_CORNERS
+    circle = np.cos(angles)[:, None, None] * beside + np.sin(angles)[:, None, None] * across
+    return path[:, None] + radius_m * circle.transpose(1, 0, 2)

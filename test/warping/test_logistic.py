@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Logistic regression by reweighted least squares."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+from scipy.special import expit
+
+from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
+from intent_recognition.warping.logistic import fit_logistic
+
+
+def samples(seed: int, n: int = 200) -> tuple[np.ndarray, np.ndarray]:
+    """Features (n, 3) of different scales and labels drawn from a known model."""
+    rng = np.random.default_rng(seed)
+    features = rng.normal(size=(n, 3)) * [1.0, 100.0, 1e-3] + [0.0, 50.0, 2.0]
+    odds = (features - [0.0, 50.0, 2.0]) @ [1.5, -0.02, 500.0]
+    return features, (rng.random(n) < expit(odds)).astype(int)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10_000), ridge=st.sampled_from([1e-3, 1e-1, 10.0]))
+def test_weights_minimise_the_penalised_loss(seed, ridge):
+    """A general minimiser of the same loss finds the same weights."""
+    features, labels = samples(seed)
+    model = fit_logistic(features, labels, ridge=ridge)
+    standard = (features - features.mean(0)) / features.std(0)
+
+    def loss(beta):
+        odds = beta[0] + standard @ beta[1:]
+        return (np.logaddexp(0, odds) - labels * odds).sum() + 0.5 * ridge * beta[1:] @ beta[1:]
+
+    found = minimize(loss, np.zeros(4), method="BFGS", options={"gtol": 1e-7})
+    np.testing.assert_allclose([model.bias, *model.weights], found.x, rtol=1e-4, atol=1e-4)
+
+
+def test_probabilities_match_the_share_of_labels():
+    """Without a penalty on the bias, mean probability equals the share of ones."""
+    features, labels = samples(1)
+    model = fit_logistic(features, labels)
+    assert model.probability(features).mean() == pytest.approx(labels.mean(), abs=1e-8)
+
+
+def test_units_of_features_do_not_matter():
+    """Features in other units give the same probabilities."""
+    features, labels = samples(2)
+    first = fit_logistic(features, labels).probability(features)
+    second = fit_logistic(features * [1e3, 1e-6, 7.0], labels).probability(
+        features * [1e3, 1e-6, 7.0]
+    )
+    np.testing.assert_allclose(first, second, atol=1e-9)
+
+
+def test_separable_labels_have_a_finite_answer():
+    """The ridge bounds the weights."""
+    features = np.linspace(-1.0, 1.0, 20)[:, None]
+    model = fit_logistic(features, features[:, 0] > 0.0)
+    assert np.isfinite(model.weights).all()
+    assert (model.probability(features) > 0.5).tolist() == (features[:, 0] > 0.0).tolist()
+
+
+def test_weights_stand_for_repeated_samples():
+    """Weight 3 equals the sample thrice; weight 0 equals leaving it out."""
+    features, labels = samples(3, 40)
+    weights = np.random.default_rng(0).integers(0, 4, 40)
+    weighted = fit_logistic(features, labels, sample_weights=weights)
+    repeated = fit_logistic(np.repeat(features, weights, axis=0), np.repeat(labels, weights))
+    np.testing.assert_allclose(weighted.log_odds(features), repeated.log_odds(features), rtol=1e-6)
+
+
+def test_constant_feature_changes_nothing():
+    """A feature without information gets weight 0."""
+    features, labels = samples(4)
+    model = fit_logistic(np.column_stack([features, np.full(len(labels), 3.0)]), labels)
+    assert model.weights[-1] == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("features", "labels", "options", "error"),
+    [
+        (np.zeros(3), np.zeros(3), {}, ShapeError),
+        (np.zeros((3, 1)), np.zeros(2), {}, ShapeError),
+        (np.full((3, 1), np.nan), np.array([0, 1, 1]), {}, ArgumentError),
+        (np.zeros((3, 1)), np.array([0, 1, 2]), {}, ArgumentError),
+        (np.zeros((3, 1)), np.array([0, 1, 1]), {"ridge": 0.0}, ArgumentError),
+        (np.zeros((3, 1)), np.ones(3), {}, TrainingError),
+        (np.zeros((3, 1)), np.array([0, 1, 1]), {"sample_weights": -np.ones(3)}, ArgumentError),
+    ],
+)
+def test_bad_input_is_named(features, labels, options, error):
+    """Each refusal names its argument."""
+    with pytest.raises(error, match="expected"):
+        fit_logistic(features, labels, **options)
