@@ -7,16 +7,17 @@ import numpy as np
 REST_QUATERNION = np.array([0.0, 0.0, 1.0, 0.0])
 
 
-def quaternions(rotation_vectors: np.ndarray) -> np.ndarray:
+def quaternions(rotation_vectors: np.ndarray, rest: np.ndarray = REST_QUATERNION) -> np.ndarray:
     """Unit quaternions xyzw (T, 4) of the wrist in the world, without a jump of sign.
 
     Args:
         rotation_vectors: rotations relative to the rest orientation (T, 3), in the wrist's axes.
+        rest: the wrist's orientation at rest, quaternion xyzw (4,).
     """
     angle = np.linalg.norm(rotation_vectors, axis=1)
     half_sinc = 0.5 * np.sinc(angle / (2.0 * np.pi))
     turn = np.column_stack((rotation_vectors * half_sinc[:, None], np.cos(0.5 * angle)))
-    out = _multiply(REST_QUATERNION, turn)
+    out = _multiply(rest, turn)
     flips = np.sign(np.sum(out[1:] * out[:-1], axis=1))
     out[1:] *= np.cumprod(np.where(flips < 0, -1.0, 1.0))[:, None]
     return out

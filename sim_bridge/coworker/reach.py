@@ -138,7 +138,7 @@ def draw_reach(
     turn = style.turn_rad + 0.12 * rng.standard_normal(3)
     low, high = np.log(DURATION_RANGE_S)
     drawn_s = float(np.exp(rng.uniform(low, high)))
-    hesitations = _draw_hesitations(rng)
+    hesitations = draw_hesitations(rng)
     reach = Reach(task, start_m, goal, nominal_s or drawn_s, bow, skew, turn, hesitations)
     if reach.duration_s > LONGEST_MOVEMENT_S:
         reach = Reach(task, start_m, goal, reach.nominal_s, bow, skew, turn)
@@ -152,7 +152,7 @@ def draw_retract(rng: np.random.Generator, start_m: np.ndarray) -> Reach:
     return Reach("", start_m, draw_rest(rng), rng.uniform(1.1, 1.7), bow, 1.0, turn)
 
 
-def _draw_hesitations(rng: np.random.Generator) -> tuple[Hesitation, ...]:
+def draw_hesitations(rng: np.random.Generator) -> tuple[Hesitation, ...]:
     """None as a rule, else one or two slow-downs within the movement."""
     hesitates = rng.uniform() < HESITATION_PROBABILITY
     count = 1 + int(rng.uniform() < 0.25)

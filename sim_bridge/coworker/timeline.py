@@ -15,7 +15,7 @@ from sim_bridge.coworker.noise import (
     smooth_noise,
     tremor,
 )
-from sim_bridge.coworker.orientation import quaternions
+from sim_bridge.coworker.orientation import REST_QUATERNION, quaternions
 from sim_bridge.coworker.reach import Reach, progress_at, reach_positions
 
 RATE_HZ = 100.0
@@ -47,6 +47,7 @@ def sample_wrist(
     *,
     gaps_per_s: float,
     drop_rate: float = 0.002,
+    rest: np.ndarray = REST_QUATERNION,
 ) -> WristSamples:
     """Sample the wrist over `length_s` seconds of rest, movements and holds.
 
@@ -57,6 +58,7 @@ def sample_wrist(
         length_s: length of the whole in seconds.
         gaps_per_s: occlusions per second, on average.
         drop_rate: probability that a single sample is lost.
+        rest: the wrist's orientation at rest, quaternion xyzw (4,).
     """
     count = round(length_s * RATE_HZ) + 1
     times = np.arange(count) / RATE_HZ
@@ -76,4 +78,4 @@ def sample_wrist(
     measured = true + MARKER_STD_M * rng.standard_normal((count, 3))
     rotation = rotation + MARKER_ANGLE_STD_RAD * rng.standard_normal((count, 3))
     visible = occlusions(rng, count, RATE_HZ, gaps_per_s, drop_rate)
-    return WristSamples(times, measured, quaternions(rotation), visible, true)
+    return WristSamples(times, measured, quaternions(rotation, rest), visible, true)

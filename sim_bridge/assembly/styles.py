@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where two coworkers reach to when they assemble a box: places and what varies about them.
+
+The worker (observed) sits at the far side of the table, the assistant (predicted, later replaced
+by the arm) where the robot's base is. Three tasks as in Maeda et al. 2014, Fig. 7:
+
+- hand-over: the worker stretches out a hand; the assistant takes a screw from its tray and brings
+  it there.
+- fastening: the worker takes the electrical screwdriver and sets it on the screw in the box; the
+  assistant holds the box, then the worker presses. The worker's wrist ends where it also ends in a
+  hand-over.
+- plate insertion: the worker takes the bottom plate and holds it before the box; the assistant
+  takes the box and flips it, slots toward the worker, who then pushes the plate in.
+
+World frame: robot base at the origin, x toward the worker, z up; metres, radians, seconds.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+HAND_OVER = "hand_over"
+FASTENING = "fastening"
+PLATE_INSERTION = "plate_insertion"
+TASKS = (HAND_OVER, FASTENING, PLATE_INSERTION)
+
+WORKER, ASSISTANT = "wrist", "assistant"
+"""The two tracked bodies."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Somewhere a wrist goes: uniform in a box about its centre, both (3,)."""
+
+    centre_m: np.ndarray
+    half_width_m: np.ndarray
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """One position, (3,)."""
+        return self.centre_m + self.half_width_m * rng.uniform(-1.0, 1.0, 3)
+
+
+def _frozen(*values: float) -> np.ndarray:
+    array = np.array(values)
+    array.setflags(write=False)
+    return array
+
+
+def _place(centre: tuple[float, ...], half_width: tuple[float, ...]) -> Place:
+    return Place(_frozen(*centre), _frozen(*half_width))
+
+
+RESTS = {
+    WORKER: _place((1.08, 0.00, 0.22), (0.05, 0.08, 0.05)),
+    ASSISTANT: _place((0.46, -0.10, 0.30), (0.02, 0.03, 0.02)),
+}
+"""Where each wrist rests before a task, whichever it is."""
+
+GOALS = {
+    HAND_OVER: _place((0.80, 0.02, 0.34), (0.06, 0.09, 0.05)),
+    FASTENING: _place((0.79, 0.00, 0.34), (0.05, 0.08, 0.04)),
+    PLATE_INSERTION: _place((0.84, -0.06, 0.28), (0.05, 0.08, 0.04)),
+}
+"""Where the worker's wrist stops: hand stretched out, screwdriver on the screw, plate at the box."""
+
+SCREWDRIVER = _place((0.98, 0.28, 0.22), (0.03, 0.05, 0.02))
+PLATE = _place((0.98, -0.28, 0.20), (0.03, 0.05, 0.02))
+TRAY = _place((0.50, 0.20, 0.24), (0.02, 0.03, 0.01))
+"""Where things lie: as the wrist is when the hand takes them."""
+
+GIVE_M = _frozen(-0.15, -0.02, 0.02)
+HOLD_M = _frozen(-0.20, -0.10, -0.09)
+TAKE_BOX_M = _frozen(-0.25, 0.14, -0.02)
+FLIPPED_M = _frozen(-0.28, 0.02, 0.05)
+"""From the worker's goal to the assistant's wrist: screw given, box held, box taken, box flipped."""
+
+PERSONAL_STD_M = 0.012
+"""How far a person's wrist is from what the place of the other would make it, per axis."""
+
+PRESS_M = _frozen(0.0, 0.0, -0.02)
+PUSH_M = _frozen(-0.07, 0.0, 0.0)
+"""The worker's last movement: pressing the screwdriver, pushing the plate in."""
+
+FLIP_BOW_M = _frozen(-0.02, 0.0, 0.10)
+"""The wrist goes up and over when the box is flipped."""
+
+REACTION_S = (0.25, 0.55)
+GRASP_S = (0.15, 0.30)
+READY_S = (0.10, 0.25)
+"""How long it takes to react to the other, to take a thing, and to see that the other is ready."""
+
+TEMPO_LOG_STD = 0.14
+PERSONAL_LOG_STD = 0.08
+"""Spread of the log durations: a pair's tempo, and of each movement about it."""
