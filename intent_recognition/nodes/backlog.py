@@ -2,60 +2,117 @@
 """What to do when observations come faster than they can be used: thin them, the newest stays."""
 
 from collections.abc import Callable, Sequence
-from typing import Generic, TypeVar
+from functools import partial
+from heapq import merge
+from typing import TypeVar
 
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from intent_recognition.nodes.conversions import stamp_ns
+
+LATEST_NS = 2**63 - 1
 MAX_WAITING = 16
 """More waiting messages than these, twice on end, mean that the node cannot keep up."""
 
 Item = TypeVar("Item")
 
 
-class Backlog(Generic[Item]):
-    """A subscription's callback that looks at all messages that wait, not at one.
+class _Source:
+    """One topic: its subscription, and what takes its messages."""
 
-    The executor hands over one message at a time, the oldest. Whatever waits behind it is taken at
-    once. Where more than `MAX_WAITING` wait although the last ones were only just worked off, the
+    def __init__(self, use: Callable[[object], None]):
+        self.use = use
+        self.subscription: Subscription | None = None
+        self.behind = False
+
+
+class Backlog:
+    """Subscriptions that are looked at together, all messages that wait, not one.
+
+    The executor hands over one message at a time, the oldest of its topic. Whatever waits behind
+    it, there and on the other topics, is taken at once and used in the order of the stamps. Where
+    more than `MAX_WAITING` wait on a topic although the last ones were only just worked off, the
     queue would grow: evenly spaced ones are used, the newest always. Observations close in time
     share one piece of evidence (`TaskLibrary.noise_covariance`), so little is lost. A queue that
     has grown once, while a model was loaded, say, is worked off whole.
 
     Args:
-        use: takes each message that is used, oldest first.
-        dropped: told how many were not.
+        dropped: told how many were not used.
     """
 
-    def __init__(self, use: Callable[[Item], None], dropped: Callable[[int], None]):
-        self._use, self._dropped = use, dropped
-        self._subscription: Subscription | None = None
-        self._behind = False
+    def __init__(self, dropped: Callable[[int], None]):
+        self._dropped = dropped
+        self._sources: list[_Source] = []
 
-    def attach(self, subscription: Subscription) -> Subscription:
-        """The subscription whose callback this is."""
-        self._subscription = subscription
-        return subscription
+    def subscribe(
+        self, node: Node, kind: type, topic: str, use: Callable[[object], None], qos: QoSProfile
+    ) -> Subscription:
+        """Subscribe to one more topic.
 
-    def __call__(self, message: Item) -> None:
-        """Use a message and whatever waits behind it."""
-        waiting = [message, *self._take_waiting()]
+        Args:
+            node: subscribes.
+            kind: of the messages.
+            topic: its name.
+            use: takes each message that is used.
+            qos: of the subscription.
+        """
+        source = _Source(use)
+        callback = partial(self._on_message, len(self._sources))
+        self._sources.append(source)
+        source.subscription = node.create_subscription(kind, topic, callback, qos)
+        return source.subscription
+
+    @property
+    def subscriptions(self) -> list[Subscription]:
+        """Those made, in order."""
+        return [source.subscription for source in self._sources if source.subscription]
+
+    def close(self, node: Node) -> None:
+        """Unsubscribe from everything."""
+        while self._sources:
+            source = self._sources.pop()
+            node.destroy_subscription(source.subscription)
+            source.subscription = None
+
+    def _on_message(self, number: int, message: object) -> None:
+        """Use a message and whatever waits, behind it or elsewhere."""
+        waiting = [self._take_waiting(source) for source in self._sources]
+        waiting[number].insert(0, message)
+        used = [
+            [(source, one) for one in self._thinned(source, messages)]
+            for source, messages in zip(self._sources, waiting, strict=True)
+            if messages
+        ]
+        for source, one in used[0] if len(used) == 1 else merge(*used, key=_time_ns):
+            if source.subscription is not None:  # what came before may have closed it
+                source.use(one)
+
+    def _thinned(self, source: _Source, waiting: list[object]) -> list[object]:
         too_many = len(waiting) > MAX_WAITING
-        used = thin(waiting, MAX_WAITING) if too_many and self._behind else waiting
-        self._behind = too_many
+        used = thin(waiting, MAX_WAITING) if too_many and source.behind else waiting
+        source.behind = too_many
         if len(used) < len(waiting):
             self._dropped(len(waiting) - len(used))
-        for one in used:
-            self._use(one)
+        return used
 
-    def _take_waiting(self) -> list[Item]:
-        taken: list[Item] = []
-        if self._subscription is None:
+    def _take_waiting(self, source: _Source) -> list[object]:
+        taken: list[object] = []
+        if source.subscription is None:
             return taken
-        with self._subscription.handle:
-            handle = self._subscription.handle
-            while (found := handle.take_message(self._subscription.msg_type, False)) is not None:
+        kind = source.subscription.msg_type
+        with (handle := source.subscription.handle):
+            while (found := handle.take_message(kind, False)) is not None:
                 taken.append(found[0])
         return taken
+
+
+def _time_ns(arrival: tuple[_Source, object]) -> int:
+    """Stamp of a message; without one it is of now, so it comes last."""
+    message = arrival[1]
+    stamped = hasattr(message, "header") or hasattr(message, "stamp")
+    return stamp_ns(message) if stamped else LATEST_NS
 
 
 def thin(items: Sequence[Item], most: int) -> list[Item]:

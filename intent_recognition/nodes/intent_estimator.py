@@ -34,10 +34,10 @@ from intent_recognition.promp.library import NONE
 from intent_recognition.promp.observations import Observation, group_dofs
 from intent_recognition.promp.online import Estimate, IntentEstimator, Prediction
 from intent_recognition.promp.transitions import FORGET_AFTER_S
-from intent_recognition.storage.dofs import DofEntry, extract, load_dofs
+from intent_recognition.storage.dofs import DofEntry, DofSpec, load_dofs
+from intent_recognition.storage.measuring import Instrument, observed_instruments
 from intent_recognition.storage.model import Model, check_dofs, load_model
 from intent_recognition.storage.signals import is_raw_pose
-from intent_recognition.storage.stream import pose_covariance
 
 STREAM_TIMEOUT_S = 0.5
 CHECK_PERIOD_S = 0.1
@@ -87,9 +87,11 @@ class IntentEstimatorNode(ManagedNode):
             self,
             "dofs",
             "",
-            "DOF file; empty takes the model's own. Another one than the model's is an error.",
+            "DOF file; empty takes the model's own. Other DOFs than the model's are an error;"
+            " measured velocities may be added.",
             read_only=True,
         )
+        self._own_dofs: DofSpec | None = None
         self._publish_rate = parameter(
             self,
             "publish_rate",
@@ -133,7 +135,7 @@ class IntentEstimatorNode(ManagedNode):
         self._markers = self.create_publisher(MarkerArray, "intent/markers", qos.COMMAND)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/reload_model", self._on_reload)
-        self._inputs: list = []
+        self._inputs = Backlog(partial(self._diagnostics.count, "dropped_behind"))
         self._wrong_types: set[tuple[str, str, str]] = set()
         self._checks = 0
         self._watchdog = self.create_timer(
@@ -144,7 +146,8 @@ class IntentEstimatorNode(ManagedNode):
     def configure(self) -> None:
         """Load the model and check it against the DOF file."""
         self._model = self._load()
-        self._kinds = [message_class(entry.type) for entry in self._model.dofs.observed]
+        self._kinds = {e.type: message_class(e.type) for e in self._dofs.observed}
+        self._kinds |= {e.type: message_class(e.type) for e in self._dofs.velocities}
         self._estimator = IntentEstimator(
             self._model.library,
             transitions=self._transitions,
@@ -165,14 +168,15 @@ class IntentEstimatorNode(ManagedNode):
 
     def activate(self) -> None:
         """Subscribe to the observed agent."""
-        for group, entry in enumerate(self._model.dofs.observed):
-            raw = is_raw_pose(entry.topic, entry.type)
-            kind = Odometry if raw else self._kinds[group]
-            topic = human_topic(entry) if raw else entry.topic
-            use = partial(self._on_odometry if raw else self._on_message, group, entry)
-            backlog = Backlog(use, partial(self._diagnostics.count, "dropped_behind"))
-            subscription = self.create_subscription(kind, topic, backlog, INPUT)
-            self._inputs.append(backlog.attach(subscription))
+        by_topic: dict[str, list[Instrument]] = {}
+        for instrument in observed_instruments(self._dofs):
+            by_topic.setdefault(instrument.entry.topic, []).append(instrument)
+        for topic, instruments in by_topic.items():
+            entry = instruments[0].entry
+            raw = is_raw_pose(topic, entry.type)
+            kind = Odometry if raw else self._kinds[entry.type]
+            use = partial(self._on_odometry if raw else self._on_message, instruments)
+            self._inputs.subscribe(self, kind, human_topic(entry) if raw else topic, use, INPUT)
         if self._start_posture:
             controlled = self._model.dofs.controlled
             self._postures.open(self._estimator, controlled, message_class, human_topic)
@@ -181,8 +185,7 @@ class IntentEstimatorNode(ManagedNode):
 
     def deactivate(self) -> None:
         """Let go of the observed agent and forget the movement under way."""
-        while self._inputs:
-            self.destroy_subscription(self._inputs.pop())
+        self._inputs.close(self)
         self._postures.close()
         self._forget()
         self._diagnostics.status(_OK, "not active")
@@ -193,6 +196,11 @@ class IntentEstimatorNode(ManagedNode):
         self._marker_builder = MarkerBuilder()
         self._moving = self._silent = False
         self._last_publication_ns = 0
+
+    @property
+    def _dofs(self) -> DofSpec:
+        """The node's own DOF file, which may add measured velocities; else the model's."""
+        return self._own_dofs or self._model.dofs
 
     def _load(self) -> Model:
         path = self.get_parameter("model").value
@@ -207,32 +215,37 @@ class IntentEstimatorNode(ManagedNode):
             )
         model = load_model(path)
         if self._dofs_path:
-            check_dofs(model, load_dofs(self._dofs_path), self._dofs_path)
+            self._own_dofs = load_dofs(self._dofs_path)
+            check_dofs(model, self._own_dofs, self._dofs_path)
         return model
 
-    def _on_odometry(self, group: int, entry: DofEntry, message: Odometry) -> None:
-        covariance = np.array(message.pose.covariance).reshape(6, 6)[:3, :3]
+    def _on_odometry(self, instruments: list[Instrument], message: Odometry) -> None:
+        """Take a tracked pose; its twist is differentiated from poses, so it is no evidence."""
         self._frame = message.header.frame_id or self._frame
-        self._take(group, entry, message, message.pose, pose_covariance(entry, covariance))
+        self._take(instruments, message, message.pose)
 
-    def _on_message(self, group: int, entry: DofEntry, message: object) -> None:
-        self._take(group, entry, message, message, None)
+    def _on_message(self, instruments: list[Instrument], message: object) -> None:
+        self._take(instruments, message, message)
 
-    def _take(self, group, entry, message, content, covariance) -> None:
+    def _take(self, instruments: list[Instrument], message: object, content: object) -> None:
         start_s = time.perf_counter()
-        self._diagnostics.tick(entry.topic)
+        topic = instruments[0].entry.topic
+        self._diagnostics.tick(topic)
         stamp = stamp_ns(message) if hasattr(message, "header") else self._now_ns()
-        try:
-            observation = Observation(stamp, group, extract(entry, content), covariance)
-        except MessageError as error:
-            self._diagnostics.reject("missing_dof", str(error))
-            return
-        reason = self._estimator.reason_to_reject(observation)
-        if reason is not None:
-            self._diagnostics.reject(reason, f"{entry.topic} at {stamp} ns")
-            return
-        self._last_arrival_s = time.monotonic()
-        self._publish(self._estimator.observe(observation), observation)
+        for instrument in instruments:
+            try:
+                observation = instrument.observe(stamp, content)
+            except MessageError as error:
+                self._diagnostics.reject("missing_dof", str(error))
+                continue
+            reason = self._estimator.reason_to_reject(observation)
+            if reason is not None:
+                self._diagnostics.reject(reason, f"{topic} at {stamp} ns")
+                continue
+            if len(observation.values) < len(instrument.entry.names):
+                self._diagnostics.tick(f"{topic}, in part")
+            self._last_arrival_s = time.monotonic()
+            self._publish(self._estimator.observe(observation), observation)
         self._diagnostics.latency(time.perf_counter() - start_s)
 
     def _publish(self, estimate: Estimate, observation: Observation) -> None:
@@ -249,7 +262,7 @@ class IntentEstimatorNode(ManagedNode):
         self._next_task.update(self._estimator)
 
     def _publish_prediction(self, estimate: Estimate, observation: Observation) -> None:
-        if observation.group == self._shown:
+        if observation.group == self._shown and not observation.derivative:
             entry = self._model.dofs.observed[observation.group]
             self._marker_builder.observe(observation.stamp_ns, position_of(entry, observation))
         since_s = abs(estimate.stamp_ns - self._last_publication_ns) * 1e-9
@@ -304,7 +317,7 @@ class IntentEstimatorNode(ManagedNode):
 
     def _check_types(self) -> None:
         """Report publishers of another type, which are never heard; each one once."""
-        for subscription in self._inputs:
+        for subscription in self._inputs.subscriptions:
             topic, kind = subscription.topic_name, subscription.msg_type
             expected = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
             for sender in self.get_publishers_info_by_topic(topic):

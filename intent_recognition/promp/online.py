@@ -5,8 +5,6 @@ The node and `intent replay` run this same object, so that their numbers are equ
 clock: all times are stamps of measurements.
 """
 
-from collections import deque
-from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +24,7 @@ from intent_recognition.promp.observations import (
 from intent_recognition.promp.posture import POSTURE_UNKNOWN, OnsetPosture
 from intent_recognition.promp.prediction import Trajectory, rollout
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
+from intent_recognition.promp.signal_past import SignalPast, arrays
 from intent_recognition.promp.transitions import FORGET_AFTER_S, Expectation
 
 HISTORY_S = 2.0
@@ -127,9 +126,7 @@ class IntentEstimator:
         self._grids: dict[int, ControlGrid] = {}
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._hypotheses = make_hypotheses(library, task_prior, n_scales)
-        self._history: list[deque[Observation]] = [deque() for _ in library.observed_groups]
-        self._newest_ns = [0] * len(library.observed_groups)
-        self._late = [(0, 0)] * len(library.observed_groups)
+        self._past = [SignalPast(size, HISTORY_S) for size in library.observed_groups]
         self._memory = make_memory(library, self._hypotheses)
         self._movement: _Movement | None = None
         self._posterior: TaskPosterior | None = None
@@ -141,20 +138,20 @@ class IntentEstimator:
         Asked once for each. A clock that was set back (a recording played again) is followed
         after CLOCK_RESET_AFTER observations: all is forgotten then, as by `reset`.
         """
-        expected = self.library.observed_groups[observation.group]
+        dofs, past = observation.dofs, self._past[observation.group]
+        expected = past.n_dofs if dofs is None else len(dofs)
         if np.shape(observation.values) != (expected,):
             return "wrong_size"
         if not np.all(np.isfinite(observation.values)):
             return "not_finite"
         if observation.stamp_ns <= 0:
             return "zero_stamp"
-        if observation.stamp_ns <= self._newest_ns[observation.group]:
-            last_ns, count = self._late[observation.group]
-            count = count + 1 if observation.stamp_ns > last_ns else 1
-            self._late[observation.group] = (observation.stamp_ns, count)
-            if count < CLOCK_RESET_AFTER:
+        if past.is_late(observation):
+            if past.count_late(observation) < CLOCK_RESET_AFTER:
                 return "stamp_not_increasing"
             self.reset()
+        if observation.derivative and observation.covariance is None:
+            return "no_covariance"
         if observation.covariance is not None and not _is_covariance(
             observation.covariance, expected
         ):
@@ -163,12 +160,9 @@ class IntentEstimator:
 
     def observe(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""
-        self._history[observation.group].append(observation)
-        self._newest_ns[observation.group] = observation.stamp_ns
-        self._late[observation.group] = (0, 0)
-        for history in self._history:  # a signal that fell silent must not speak for ever
-            while history and observation.stamp_ns - history[0].stamp_ns > HISTORY_S * 1e9:
-                history.popleft()
+        self._past[observation.group].add(observation)
+        for past in self._past:  # a signal that fell silent must not speak for ever
+            past.forget_before(observation.stamp_ns)
         if self._movement is None:
             self.expectation.forget_if_long_ago(observation.stamp_ns)
             self._begin_if_moving()
@@ -258,10 +252,8 @@ class IntentEstimator:
         if self._posture is not None:
             self._posture.clear()
         self._needs_rest = False
-        self._newest_ns = [0] * len(self._history)
-        self._late = [(0, 0)] * len(self._history)
-        for history in self._history:
-            history.clear()
+        for past in self._past:
+            past.clear()
 
     def swap(self, library: TaskLibrary, task_prior: np.ndarray | None = None) -> None:
         """Go on with another library; the movement under way is filtered anew from its onset.
@@ -293,31 +285,20 @@ class IntentEstimator:
             last_ns = before.observations[-1].stamp_ns
             self._posterior = self.expectation.weigh(self._movement.posterior(last_ns))
 
-    def _arrays(self, group: int, last_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Times and values of a signal's past, or of the last seconds of it."""
-        history = self._history[group]
-        if last_s is not None:
-            oldest_ns = history[-1].stamp_ns - last_s * 1e9 - 1.0
-            newest_first = takewhile(lambda o: o.stamp_ns >= oldest_ns, reversed(history))
-            history = list(newest_first)[::-1]
-        start = history[0].stamp_ns
-        times = np.array([(o.stamp_ns - start) * 1e-9 for o in history])
-        return times, np.array([o.values for o in history])
-
     def _begin_if_moving(self) -> None:
         if self._needs_rest:
             self._needs_rest = not self._at_rest()
             return
         onsets = []
-        for group, settings in enumerate(self.library.onset):
-            if self._history[group]:
-                onset = detect_onset(settings, *self._arrays(group))
+        for settings, past in zip(self.library.onset, self._past, strict=True):
+            for history in past.speaking(settings.rest_s):
+                onset = detect_onset(settings, *arrays(history))
                 if onset is not None:
-                    onsets.append(self._history[group][0].stamp_ns + round(onset * 1e9))
+                    onsets.append(history[0].stamp_ns + round(onset * 1e9))
         if not onsets:
             return
-        past = [o for history in self._history for o in history if o.stamp_ns >= min(onsets)]
-        self._begin(min(onsets), sorted(past, key=lambda o: (o.stamp_ns, o.group)))
+        found = [o for past in self._past for o in past.observations() if o.stamp_ns >= min(onsets)]
+        self._begin(min(onsets), sorted(found, key=lambda o: (o.stamp_ns, o.group, o.derivative)))
 
     def _begin(self, onset_ns: int, past: list[Observation]) -> None:
         """Filter a movement from its onset, in the memory of the one before."""
@@ -336,14 +317,10 @@ class IntentEstimator:
 
     def _at_rest(self, rest_s: float | None = None) -> bool:
         return all(
-            not history
-            or (
-                is_slow(settings, *self._arrays(group, settings.window_s))
-                and at_rest(settings, *self._arrays(group), rest_s)
-            )
-            for group, (settings, history) in enumerate(
-                zip(self.library.onset, self._history, strict=True)
-            )
+            is_slow(settings, *arrays(history, settings.window_s))
+            and at_rest(settings, *arrays(history), rest_s)
+            for settings, past in zip(self.library.onset, self._past, strict=True)
+            for history in past.speaking(settings.rest_s)
         )
 
     def _finished(self, stamp_ns: int, posterior: TaskPosterior) -> bool:

@@ -12,10 +12,13 @@ import numpy as np
 import yaml
 
 from intent_recognition.errors import DofError, MessageError, describe
+from intent_recognition.storage.velocities import check_velocities
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
 KEYS = ("topic", "type", "fields", "joints", "unit", "quantity")
+VELOCITY_KEYS = (*KEYS, "of", "std")
+SIDES = ("observed", "controlled", "velocities")
 TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 FIELD_PATH = re.compile(r"[A-Za-z_]\w*(\.\w+)*")
 
@@ -31,6 +34,8 @@ class DofEntry:
         joints: joint names of a JointState, in the order of the DOFs; excludes `fields`.
         unit: unit of all DOFs of this entry.
         quantity: what is read of each joint: "position", "velocity" or "effort".
+        of: names of the observed DOFs whose measured velocities these are; empty for positions.
+        std: standard deviation of each velocity, where a message brings no covariance; or None.
     """
 
     topic: str
@@ -39,6 +44,8 @@ class DofEntry:
     joints: tuple[str, ...] = ()
     unit: str = ""
     quantity: str = "position"
+    of: tuple[str, ...] = ()
+    std: float | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,17 +59,25 @@ class DofEntry:
         """The entry as it stands in a DOF file."""
         chosen = {"joints": list(self.joints)} if self.joints else {"fields": list(self.fields)}
         quantity = {} if self.quantity == "position" else {"quantity": self.quantity}
-        return {"topic": f"/{self.topic}", "type": self.type, **chosen, **quantity} | {
+        velocity = {"of": list(self.of)} if self.of else {}
+        if self.std is not None:
+            velocity["std"] = self.std
+        return {"topic": f"/{self.topic}", "type": self.type, **chosen, **quantity, **velocity} | {
             "unit": self.unit
         }
 
 
 @dataclass(frozen=True)
 class DofSpec:
-    """Observed (human) and controlled (robot) degrees of freedom, in the order of the model."""
+    """Observed (human) and controlled (robot) degrees of freedom, in the order of the model.
+
+    `velocities` are of observed DOFs and measured independently of their positions. They are
+    evidence online; training does not need them.
+    """
 
     observed: tuple[DofEntry, ...]
     controlled: tuple[DofEntry, ...]
+    velocities: tuple[DofEntry, ...] = ()
 
     @property
     def observed_names(self) -> tuple[str, ...]:
@@ -76,15 +91,15 @@ class DofSpec:
 
     @property
     def topics(self) -> dict[str, str]:
-        """Type of every topic the spec needs, by topic name without leading slash."""
+        """Type of every topic training needs, by topic name without leading slash."""
         return {entry.topic: entry.type for entry in (*self.observed, *self.controlled)}
 
     def to_dict(self) -> dict[str, list[dict[str, object]]]:
         """Plain lists and dictionaries, as the DOF file and the model file hold them."""
-        return {
-            "observed": [entry.to_dict() for entry in self.observed],
-            "controlled": [entry.to_dict() for entry in self.controlled],
-        }
+        sides = {side: [entry.to_dict() for entry in getattr(self, side)] for side in SIDES}
+        if not self.velocities:
+            del sides["velocities"]
+        return sides
 
     @classmethod
     def from_dict(cls, content: object, source: str = "dofs") -> "DofSpec":
@@ -99,13 +114,15 @@ class DofSpec:
         """
         if not isinstance(content, Mapping):
             raise _error(source, "a mapping with the keys observed and controlled", content)
-        if unknown := sorted(set(map(str, content)) - {"observed", "controlled"}):
-            raise _error(source, "only the keys observed and controlled", ", ".join(unknown))
+        if unknown := sorted(set(map(str, content)) - set(SIDES)):
+            raise _error(source, f"only the keys {', '.join(SIDES)}", ", ".join(unknown))
         spec = cls(
             _entries(content, "observed", source, minimum=1),
             _entries(content, "controlled", source, minimum=0),
+            _entries(content, "velocities", source, minimum=0),
         )
         _check_consistent(spec, source)
+        check_velocities(spec.observed, spec.velocities, source)
         return spec
 
 
@@ -206,14 +223,15 @@ def _entries(content: Mapping, side: str, source: str, minimum: int) -> tuple[Do
         return ()
     if not isinstance(listed, list) or len(listed) < minimum:
         raise _error(f"{source}: {side}", f"a list of at least {minimum} entries", listed)
-    return tuple(_entry(item, f"{source}: {side}[{i}]") for i, item in enumerate(listed))
+    keys = VELOCITY_KEYS if side == "velocities" else KEYS
+    return tuple(_entry(item, f"{source}: {side}[{i}]", keys) for i, item in enumerate(listed))
 
 
-def _entry(item: object, place: str) -> DofEntry:
+def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
     if not isinstance(item, Mapping):
         raise _error(place, "a mapping with topic, type, fields or joints, and unit", item)
-    if unknown := sorted(set(map(str, item)) - set(KEYS)):
-        raise _error(place, f"only the keys {', '.join(KEYS)}", ", ".join(unknown))
+    if unknown := sorted(set(map(str, item)) - set(keys)):
+        raise _error(place, f"only the keys {', '.join(keys)}", ", ".join(unknown))
     texts = {key: _text(item, key, place) for key in ("topic", "type", "unit")}
     if not TYPE_NAME.fullmatch(texts["type"]):
         raise _error(f"{place}: type", "package/msg/Name", texts["type"])
@@ -228,6 +246,8 @@ def _entry(item: object, place: str) -> DofEntry:
         raise _error(f"{place}: quantity", f"{', '.join(QUANTITIES)}, with joints", quantity)
     names = _names(item, "joints" if "joints" in item else "fields", place)
     chosen = {"joints": names} if "joints" in item else {"fields": names}
+    if "of" in keys:
+        chosen |= {"of": _names(item, "of", place), "std": _std(item, place)}
     return DofEntry(
         relative_topic(texts["topic"]),
         texts["type"],
@@ -244,8 +264,16 @@ def _text(item: Mapping, key: str, place: str) -> str:
     return value
 
 
+def _std(item: Mapping, place: str) -> float | None:
+    std = item.get("std")
+    number = isinstance(std, (int, float)) and not isinstance(std, bool)
+    if std is not None and not (number and 0.0 < std < np.inf):
+        raise _error(f"{place}: std", "a positive number", std)
+    return None if std is None else float(std)
+
+
 def _names(item: Mapping, key: str, place: str) -> tuple[str, ...]:
-    names: Sequence = item[key]
+    names: Sequence = item.get(key)
     if not isinstance(names, list) or not names:
         raise _error(f"{place}: {key}", "a list of names", names)
     for name in names:

@@ -10,7 +10,8 @@ import numpy as np
 from intent_recognition.errors import MessageError
 from intent_recognition.promp.observations import Observation
 from intent_recognition.storage.bag_reader import BagReader
-from intent_recognition.storage.dofs import DofEntry, DofSpec, extract
+from intent_recognition.storage.dofs import DofSpec, extract
+from intent_recognition.storage.measuring import Instrument, observed_instruments
 from intent_recognition.storage.signals import MISSING_DOF, is_raw_pose, pose_message
 from intent_recognition.tracking.ingest import IngestSettings, IngestState, Rejected, ingest_pose
 
@@ -22,19 +23,6 @@ class Sample(NamedTuple):
 
     controlled: bool
     observation: Observation
-
-
-def pose_covariance(entry: DofEntry, position_covariance: np.ndarray) -> np.ndarray:
-    """Measurement covariance of the entry's fields of a pose, (m, m); zero for others.
-
-    Args:
-        entry: fields of a PoseStamped.
-        position_covariance: (3, 3) [m^2], world axes.
-    """
-    axes = [POSITION_FIELDS.index(f) if f in POSITION_FIELDS else -1 for f in entry.fields]
-    rows = np.array(axes)
-    known = (rows[:, None] >= 0) & (rows[None, :] >= 0)
-    return np.where(known, position_covariance[np.ix_(rows, rows)], 0.0)
 
 
 def iter_observations(
@@ -69,17 +57,17 @@ def iter_samples(
     """
     settings = settings or IngestSettings()
     rejected = Counter() if rejected is None else rejected
-    entries = [(False, group, entry) for group, entry in enumerate(dofs.observed)]
+    instruments = [(False, one) for one in observed_instruments(dofs)]
     if controlled:
-        entries += [(True, group, entry) for group, entry in enumerate(dofs.controlled)]
-    by_topic: dict[str, list[tuple[bool, int, DofEntry]]] = defaultdict(list)
-    for found in entries:
-        by_topic[found[2].topic].append(found)
+        instruments += [(True, Instrument(e, group)) for group, e in enumerate(dofs.controlled)]
+    by_topic: dict[str, list[tuple[bool, Instrument]]] = defaultdict(list)
+    for found in instruments:
+        by_topic[found[1].entry.topic].append(found)
     states: Mapping[str, IngestState] = defaultdict(IngestState.initial)
     for item in reader.messages(list(by_topic)):
         topic = item.topic.lstrip("/")
         stamp, message, covariance = item.stamp_ns, item.message, None
-        if is_raw_pose(topic, by_topic[topic][0][2].type):
+        if is_raw_pose(topic, by_topic[topic][0][1].entry.type):
             states[topic], result = ingest_pose(
                 settings, states[topic], stamp, *_pose(message), message.header.frame_id
             )
@@ -87,14 +75,17 @@ def iter_samples(
                 rejected[result.reason] += 1
                 continue
             message, covariance = pose_message(message.header, result), result.position_covariance
-        for of_controlled, group, entry in by_topic[topic]:
+        for of_controlled, instrument in by_topic[topic]:
             try:
-                values = extract(entry, message)
+                if of_controlled:
+                    values = extract(instrument.entry, message)
+                    observation = Observation(stamp, instrument.group, values)
+                else:
+                    observation = instrument.observe(stamp, message, covariance)
             except MessageError:
                 rejected[MISSING_DOF] += 1
                 continue
-            noise = None if covariance is None else pose_covariance(entry, covariance)
-            yield Sample(of_controlled, Observation(stamp, group, values, noise))
+            yield Sample(of_controlled, observation)
 
 
 def _pose(message: object) -> tuple[np.ndarray, np.ndarray]:

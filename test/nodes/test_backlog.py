@@ -4,9 +4,10 @@
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.qos import QoSProfile
-from std_msgs.msg import Int64
+from std_msgs.msg import Header, Int64
 
 from intent_recognition.nodes.backlog import MAX_WAITING, Backlog, thin
+from intent_recognition.nodes.conversions import to_stamp
 
 
 @given(st.integers(1, 500), st.integers(1, 100))
@@ -33,8 +34,7 @@ def test_a_queue_that_grew_once_is_worked_off_and_one_that_goes_on_growing_is_th
         for number in numbers:
             publisher.publish(Int64(data=number))
 
-    backlog = Backlog(use, dropped.append)
-    backlog.attach(harness.probe.create_subscription(Int64, "numbers", backlog, qos))
+    Backlog(dropped.append).subscribe(harness.probe, Int64, "numbers", use, qos)
     publisher = harness.publisher(Int64, "numbers", qos)
     harness.connect(publisher)
     send(range(n))
@@ -44,3 +44,23 @@ def test_a_queue_that_grew_once_is_worked_off_and_one_that_goes_on_growing_is_th
     assert len(used) + sum(dropped) == 2 * n and dropped
     send([2 * n])  # and it goes on
     harness.spin_until(lambda: used[-1] == 2 * n, what="one more")
+
+
+def test_topics_that_wait_together_are_used_in_the_order_of_their_stamps(harness):
+    used, dropped = [], []
+    qos = QoSProfile(depth=1000)
+    backlog = Backlog(dropped.append)
+
+    def use(message: Header) -> None:
+        used.append(message.stamp.nanosec)
+
+    for topic in ("a", "b", "c"):
+        backlog.subscribe(harness.probe, Header, topic, use, qos)
+    publishers = [harness.publisher(Header, topic, qos) for topic in ("a", "b", "c")]
+    harness.connect(*publishers)
+    for number in range(1, 46):  # none of the last topic: its square has no remainder of two
+        publishers[(number * number) % 3].publish(Header(stamp=to_stamp(number)))
+    harness.spin_until(lambda: len(used) == 45, what="all")
+    assert used == list(range(1, 46)) and not dropped
+    backlog.close(harness.probe)
+    assert backlog.subscriptions == []

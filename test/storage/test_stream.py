@@ -17,7 +17,7 @@ from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.promp.observations import merge
 from intent_recognition.storage import BagReader, BagWriter, read_demonstrations
 from intent_recognition.storage.dofs import DofEntry
-from intent_recognition.storage.stream import iter_observations, pose_covariance
+from intent_recognition.storage.stream import iter_observations
 from intent_recognition.tracking.ingest import IngestSettings
 
 DOFS = make_dofs(WRIST)
@@ -103,17 +103,20 @@ def test_what_is_dropped_is_counted_by_reason(tmp_path):
     assert [o.stamp_ns for o in seen] == kept
 
 
-def test_a_message_without_a_joint_is_counted(tmp_path):
+def test_a_message_without_one_joint_tells_of_the_other_and_one_without_any_is_counted(tmp_path):
     human = DofEntry("joint_states", GLOVE.type, joints=("lwr_a1_joint", "lwr_a2_joint"), unit="r")
     with BagWriter(tmp_path / "bag") as writer:
         for i in range(10):
-            names = ["lwr_a1_joint"] if i % 5 == 2 else ["lwr_a2_joint", "lwr_a1_joint"]
+            names = ["lwr_a2_joint", "lwr_a1_joint"]
+            if i % 5 >= 3:
+                names = ["lwr_a2_joint"] if i % 5 == 3 else ["other"]
             message = joints(i, names=names, positions=[2.0, 1.0][: len(names)])
             writer.write_message("joint_states", GLOVE.type, message, message["header"]["stamp"])
     counted = Counter()
     seen = stream(tmp_path / "bag", type(DOFS)((human,), ()), rejected=counted)
     assert counted == {"missing_dof": 2} and len(seen) == 8
-    assert all(list(o.values) == [1.0, 2.0] for o in seen)
+    whole, part = ([1.0, 2.0], None), ([2.0], (1,))
+    assert [(list(o.values), o.dofs) for o in seen] == 2 * [whole, whole, whole, part]
 
 
 def test_extrinsics_turn_values_and_covariance(tmp_path):
@@ -128,11 +131,3 @@ def test_extrinsics_turn_values_and_covariance(tmp_path):
     (seen,) = stream(tmp_path / "bag", settings=settings)
     np.testing.assert_allclose(seen.values, [0.8, 2.5, 4.0], atol=1e-12)
     np.testing.assert_allclose(seen.covariance, np.diag([4e-6, 1e-6, 9e-6]), atol=1e-15)
-
-
-def test_covariance_follows_the_order_of_the_fields():
-    full = np.array([[4.0, 1.0, 2.0], [1.0, 5.0, 3.0], [2.0, 3.0, 6.0]])
-    fields = ("pose.position.z", "pose.orientation.x", "pose.position.x")
-    entry = DofEntry(WRIST.topic, WRIST.type, fields=fields, unit="m")
-    expected = np.array([[6.0, 0.0, 2.0], [0.0, 0.0, 0.0], [2.0, 0.0, 4.0]])
-    np.testing.assert_array_equal(pose_covariance(entry, full), expected)

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever of the observed agent is measured, whenever: the nodes give what replay gives."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bag_builder import POSE
+from model_builder import GLOVE, WRIST, learned_model, make_dofs, message_of, perform, true_library
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+
+from intent_recognition.cli.replay import replay
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode, message_class
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.promp.observations import merge
+from intent_recognition.storage import BagReader, BagWriter
+from intent_recognition.storage.dofs import DofEntry
+from intent_recognition.storage.model import Model, load_model, save_model
+
+FLAT = replace(WRIST, fields=("pose.position.x", "pose.position.z"))
+ELBOW = DofEntry("mocap/elbow/pose", POSE, fields=("pose.position.y",), unit="m")
+ODOMETRY = "nav_msgs/msg/Odometry"
+HAND = DofEntry(
+    "tracker/hand", ODOMETRY, fields=tuple(f"pose.pose.position.{a}" for a in "xyz"), unit="m"
+)
+HAND_RATE = DofEntry(
+    HAND.topic,
+    ODOMETRY,
+    fields=tuple(f"twist.twist.linear.{a}" for a in "zx"),
+    unit="m/s",
+    of=(HAND.names[2], HAND.names[0]),
+)
+GLOVE_RATE = replace(GLOVE, quantity="velocity", unit="rad/s", of=GLOVE.joints, std=0.05)
+MS = 1_000_000
+
+
+class Subject:
+    """A model of one DOF file, and bags made of messages of one's own."""
+
+    def __init__(self, folder, dofs):
+        self.folder, self.dofs, self.truth = folder, dofs, true_library(dofs)
+        self.model = learned_model(replace(dofs, velocities=()), self.truth)
+        self.path = folder / "model.npz"
+        save_model(self.path, Model(self.model.library, dofs))
+
+    def observations(self, task=1, seed=90):
+        return list(merge(perform(self.truth, task, seed).observed))
+
+    def record(self, messages):
+        """A bag of (log time, entry, fields), in the order of log times."""
+        with BagWriter(self.folder / "bag", {}) as writer:
+            for log_ns, entry, fields in sorted(messages, key=lambda m: m[0]):
+                writer.write_message(entry.topic, entry.type, fields, log_ns)
+        return self.folder / "bag"
+
+
+class Nodes:
+    """Ingest and estimator, fed with a bag's messages one after the other."""
+
+    def __init__(self, harness, subject, bodies=("wrist",)):
+        self.harness, self.dofs = harness, subject.dofs
+        self.ingest = harness.add(
+            MocapIngest(parameter_overrides=[Parameter("bodies", value=list(bodies))])
+        )
+        self.estimator = harness.add(
+            IntentEstimatorNode(parameter_overrides=[Parameter("model", value=str(subject.path))])
+        )
+        self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
+        inner = [p for p in self.ingest._outputs.values() if p.topic_name[1:] in self.heard()]
+        harness.connect(self.estimator._tasks, *inner)
+
+    def heard(self):
+        return {s.topic_name[1:] for s in self.estimator.subscriptions}
+
+    def feed(self, bag):
+        types = {e.topic: message_class(e.type) for e in self.dofs.observed}
+        inputs = {topic: self.harness.publisher(kind, topic, 10) for topic, kind in types.items()}
+        self.harness.connect(*inputs.values())
+        for raw in BagReader(bag).raw_messages(inputs):
+            topic, before = raw.topic.lstrip("/"), self.handled()
+            inputs[topic].publish(deserialize_message(raw.data, types[topic]))
+            self.harness.spin_until(lambda b=before: self.handled() > b, what="its effect")
+
+    def handled(self):
+        """How often the estimator was done with a message, or a message was refused."""
+        done = len(self.estimator._diagnostics._latencies_s)
+        return done + self.ingest._diagnostics._counts.total()
+
+    def rejected(self):
+        return self.ingest._diagnostics._counts + self.estimator._diagnostics._counts
+
+
+def check_replay(nodes, bag, model):
+    """Estimates of nodes and replay, stamp by stamp; the rows of replay."""
+    counted = Counter()
+    rows = list(replay(BagReader(bag), model, counted))
+    nodes.harness.spin_until(lambda: len(nodes.tasks) >= len(rows), what="all estimates")
+    assert [stamp_ns(m) for m in nodes.tasks] == [row["stamp"] for row in rows]
+    for message, row in zip(nodes.tasks, rows, strict=True):
+        for ours, theirs in ((message.position, "probabilities"), (message.velocity, "phase")):
+            np.testing.assert_allclose(ours, list(row[theirs].values()), rtol=0.0, atol=1e-9)
+    assert counted == nodes.rejected()
+    return rows
+
+
+def winner(rows):
+    """The task while it was last under way."""
+    moving = [row for row in rows if row["probabilities"]["none"] < 1.0]
+    return max(moving[-1]["probabilities"], key=moving[-1]["probabilities"].get)
+
+
+def plain(subject, observations, delay_ns=lambda group: 0):
+    """Messages of complete observations, some topics recorded later than measured."""
+    for o in observations:
+        entry = subject.dofs.observed[o.group]
+        fields = message_of(entry, o.stamp_ns, o.values)
+        yield o.stamp_ns + delay_ns(o.group), entry, fields
+
+
+def run(harness, subject, messages, **options):
+    bag = subject.record(messages)
+    nodes = Nodes(harness, subject, **options)
+    nodes.feed(bag)
+    return check_replay(nodes, bag, load_model(subject.path)), nodes
+
+
+def shifted(observations, group, by_ns):
+    return [
+        o._replace(stamp_ns=o.stamp_ns + by_ns) if o.group == group else o for o in observations
+    ]
+
+
+@pytest.fixture
+def bodies(tmp_path):
+    return Subject(tmp_path, make_dofs(FLAT, ELBOW))
+
+
+def test_some_fields_of_two_bodies_one_of_them_slow_and_silent_for_a_while(harness, bodies):
+    seen = shifted(bodies.observations(), 1, 3 * MS)
+    begin = seen[0].stamp_ns
+    seen = [
+        o
+        for k, o in enumerate(seen)
+        if o.group == 0 or (k % 3 and not 1.2 < (o.stamp_ns - begin) * 1e-9 < 1.9)
+    ]
+    rows, nodes = run(harness, bodies, plain(bodies, seen), bodies=("wrist", "elbow"))
+    assert len(rows) == len(seen) and winner(rows) == "task_1"
+    assert nodes.heard() >= {"human/wrist", "human/elbow"}
+
+
+def test_one_body_that_comes_late_behind_the_other(harness, bodies):
+    seen = bodies.observations(2)
+    delayed = plain(bodies, seen, lambda group: 70 * MS * group)
+    rows, _ = run(harness, bodies, delayed, bodies=("wrist", "elbow"))
+    stamps = [row["stamp"] for row in rows]
+    assert len(rows) == len(seen) and stamps != sorted(stamps)
+    assert winner(rows) == "task_2"
+
+
+def test_stamps_before_the_last_of_the_same_body_are_dropped(harness, bodies):
+    seen = bodies.observations(0)
+    for k in range(20, len(seen) - 2, 15):  # they change places with the next of their topic
+        seen[k], seen[k + 2] = seen[k + 2], seen[k]
+    messages = [(1 + k, e, f) for k, (_, e, f) in enumerate(plain(bodies, seen))]
+    rows, nodes = run(harness, bodies, messages, bodies=("wrist", "elbow"))
+    swapped = len(range(20, len(seen) - 2, 15))
+    assert nodes.rejected() == {"stamp_not_increasing": swapped}
+    assert len(rows) == len(seen) - swapped
+
+
+def test_joints_that_are_missing_or_nan_leave_the_others(harness, tmp_path):
+    subject = Subject(tmp_path, make_dofs(GLOVE))
+    messages = []
+    for k, (log_ns, entry, fields) in enumerate(plain(subject, subject.observations())):
+        if 80 <= k < 110:
+            fields = fields | {"name": ["index"], "position": fields["position"][1:]}
+        elif k % 7 == 3:
+            fields = fields | {"position": [fields["position"][0], float("nan")]}
+        elif k % 50 == 5:
+            fields = fields | {"position": [float("nan")] * 2}
+        elif k % 50 == 6:
+            fields = fields | {"position": [float("inf"), fields["position"][1]]}
+        elif k % 50 == 8:
+            fields = fields | {"name": ["a", "b"]}
+        messages.append((log_ns, entry, fields))
+    rows, nodes = run(harness, subject, messages)
+    assert winner(rows) == "task_1"
+    counts = nodes.rejected()
+    assert set(counts) == {"not_finite", "missing_dof"} and min(counts.values()) >= 2
+    in_part = nodes.estimator._diagnostics._totals[f"{GLOVE.topic}, in part"]
+    assert in_part >= 45 and len(rows) + counts.total() == len(messages)
+
+
+def odometry(stamp, position, velocity, position_std, velocity_std):
+    def diagonal(*stds):
+        return np.diag(np.square(stds)).ravel().tolist()
+
+    return {
+        "header": {"stamp": stamp, "frame_id": "world"},
+        "pose": {
+            "pose": {
+                "position": dict(zip("xyz", map(float, position), strict=True)),
+                "orientation": {"w": 1.0},
+            },
+            "covariance": diagonal(*[position_std] * 3, 0.1, 0.1, 0.1),
+        },
+        "twist": {
+            "twist": {"linear": dict(zip("xyz", map(float, velocity), strict=True))},
+            "covariance": diagonal(*[velocity_std] * 3, 0.1, 0.1, 0.1),
+        },
+    }
+
+
+def moving_hand(subject):
+    """Odometry with its own velocities, each message with a covariance of its own."""
+    (signal,) = perform(subject.truth, 1, 90).observed
+    seconds = signal.seconds(int(signal.stamps_ns[0]))
+    smooth = np.apply_along_axis(np.convolve, 0, signal.values, np.ones(5) / 5, "same")
+    speed = np.gradient(smooth, seconds, axis=0)
+    speed[:4] = speed[-4:] = 0.0
+    for k, stamp in enumerate(signal.stamps_ns.tolist()):
+        stds = 0.002 * (1 + k % 4), 0.05 * (1 + k % 3)
+        yield stamp, HAND, odometry(stamp, signal.values[k], speed[k], *stds)
+
+
+def test_velocities_measured_beside_the_positions(harness, tmp_path):
+    subject = Subject(tmp_path, replace(make_dofs(HAND), velocities=(HAND_RATE,)))
+    messages = list(moving_hand(subject))
+    for k, (_, _, fields) in enumerate(messages):
+        if k % 10 == 4:  # no position: the velocities alone
+            fields["pose"]["pose"]["position"]["y"] = float("nan")
+        if k % 10 == 6:  # one velocity
+            fields["twist"]["twist"]["linear"]["x"] = float("nan")
+        if k % 10 == 8:  # velocities without a covariance
+            fields["twist"]["covariance"] = [0.0] * 36
+    rows, nodes = run(harness, subject, messages)
+    tenth = [len(range(k, len(messages), 10)) for k in range(10)]
+    assert nodes.rejected() == {"not_finite": tenth[4], "no_covariance": tenth[8]}
+    assert len(rows) == 2 * len(messages) - tenth[4] - tenth[8]
+    assert winner(rows) == "task_1"
+    without = list(replay(BagReader(tmp_path / "bag"), subject.model))
+    assert winner(without) == "task_1"
+    surely = [max(r["probabilities"].values()) for r in (rows[len(rows) // 2], without[-60])]
+    assert surely[0] != surely[1]
+
+
+def test_velocities_of_joints_with_the_deviation_of_the_dof_file(harness, tmp_path):
+    subject = Subject(tmp_path, replace(make_dofs(GLOVE), velocities=(GLOVE_RATE,)))
+    messages, seen = [], subject.observations()
+    for k, (log_ns, entry, fields) in enumerate(plain(subject, seen)):
+        step = seen[min(k + 1, len(seen) - 1)].values - seen[max(k - 1, 0)].values
+        velocity = [] if k % 3 else (step / 0.04).tolist()
+        messages.append((log_ns, entry, fields | {"velocity": velocity}))
+    rows, nodes = run(harness, subject, messages)
+    third = len(range(0, len(messages), 3))
+    assert nodes.rejected() == {"missing_dof": len(messages) - third}
+    assert len(rows) == len(messages) + third and winner(rows) == "task_1"
+
+
+def test_the_dof_file_of_the_node_may_add_velocities_to_the_model_s(harness, tmp_path):
+    import yaml
+
+    subject = Subject(tmp_path, make_dofs(HAND))
+    more = replace(subject.dofs, velocities=(HAND_RATE,))
+    (tmp_path / "dofs.yaml").write_text(yaml.safe_dump(more.to_dict()))
+    parameters = {"model": str(subject.path), "dofs": str(tmp_path / "dofs.yaml")}
+    node = harness.add(
+        IntentEstimatorNode(
+            parameter_overrides=[Parameter(name, value=v) for name, v in parameters.items()]
+        )
+    )
+    tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
+    publisher = harness.publisher(message_class(ODOMETRY), HAND.topic, 10)
+    harness.connect(publisher, node._tasks)
+    bag = subject.record(list(moving_hand(subject))[:3])
+    for raw in BagReader(bag).raw_messages():
+        publisher.publish(deserialize_message(raw.data, message_class(ODOMETRY)))
+    harness.spin_until(lambda: len(tasks) == 6, what="position and velocity of each")
