@@ -18,6 +18,8 @@ COMMANDS = (
     "recover",
     "record",
     "play",
+    "teach",
+    "undo",
     "experiments",
 )
 

@@ -21,8 +21,8 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from intent_recognition.errors import BagError, describe
-from intent_recognition.nodes.bag_recorder import message_type
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.topic_recorder import message_type
 from intent_recognition.storage.bag_metadata import TopicInfo
 from intent_recognition.storage.bag_reader import BagReader, RawMessage
 from intent_recognition.storage.qos_profiles import policy

@@ -16,8 +16,9 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from intent_recognition.errors import BagError
-from intent_recognition.nodes.bag_recorder import BagRecorder, message_type
+from intent_recognition.nodes.bag_recorder import BagRecorder
 from intent_recognition.nodes.qos import LATCHED, SENSOR, STATE
+from intent_recognition.nodes.topic_recorder import message_type
 from intent_recognition.storage import BagReader
 
 MODULE = "intent_recognition.nodes.bag_recorder"

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent teach`: demonstrate a task while the graph runs, and have it recognised at once."""
+
+import argparse
+import queue
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+
+from intent_recognition.cli.console import make_console
+from intent_recognition.cli.node_arguments import add_node_options, node_arguments
+from intent_recognition.errors import BagError, IntentError, describe
+
+HEARD_S = 5.0
+HANDED_OVER_S = 5.0
+DEFAULT_LIBRARY = Path("tasks")
+QUIT = "q"
+
+
+def add_parser(subparsers) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "teach",
+        help="record a task while the graph runs, learn it, use it",
+        description="Record demonstrations of a task while the graph runs. Each is learned as soon"
+        " as its recording ends, and a running estimator uses it at once. Needs ROS 2.",
+    )
+    parser.add_argument("task", metavar="TASK", help="label of what is shown")
+    add_library_options(parser)
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        metavar="S",
+        help="record so long instead of waiting for Enter",
+    )
+    parser.add_argument(
+        "--count", type=int, default=0, metavar="N", help="demonstrations (default: until q)"
+    )
+    parser.set_defaults(run=run)
+
+
+def add_library_options(parser: argparse.ArgumentParser) -> None:
+    """Options of the commands that work on a library of tasks."""
+    parser.add_argument(
+        "--library",
+        type=Path,
+        default=DEFAULT_LIBRARY,
+        metavar="DIR",
+        help="folder of recordings, model and history (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--model", type=Path, metavar="M.npz", help="model that a new library begins with"
+    )
+    parser.add_argument(
+        "--dofs", type=Path, metavar="F", help="DOF file of a new library without a model"
+    )
+    add_node_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record, learn, hand over; 1 if nothing was learned.
+
+    Raises:
+        IntentError: the library cannot be used, or nothing is heard of what is to be recorded.
+    """
+    console = make_console()
+    with teacher_node(args, task=args.task) as (teacher, spin):
+        _wait_until_heard(teacher, spin)
+        console.print(f"library {teacher.folder.path}", highlight=False, soft_wrap=True)
+        learned = _lessons(args, teacher, spin, console)
+    return 0 if learned else 1
+
+
+@contextmanager
+def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple]:
+    """A task_teacher of this process, and `spin(until, seconds)`, true once `until()` is."""
+    import rclpy
+
+    from intent_recognition.nodes.runtime import make_executor
+    from intent_recognition.nodes.task_teacher import TaskTeacher
+
+    chosen = {"library": str(args.library.absolute()), "task": task}
+    chosen |= {k: str(v.absolute()) for k in ("model", "dofs") if (v := getattr(args, k))}
+    rclpy.init(args=node_arguments(args, chosen))
+    executor = node = None
+    try:
+        executor = make_executor()
+        node = TaskTeacher()
+        executor.add_node(node)
+
+        def spin(until: Callable[[], object], seconds: float) -> bool:
+            end_s = time.monotonic() + seconds
+            while not until():
+                if time.monotonic() > end_s:
+                    return False
+                executor.spin_once(timeout_sec=0.05)
+            return True
+
+        yield node, spin
+    finally:
+        if executor is not None:
+            executor.shutdown()
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def hand_over(teacher, spin: Callable, console: Console, what: str) -> None:
+    """Wait until a running estimator uses the model, and print how it went."""
+    spin(lambda: not teacher.handing_over, HANDED_OVER_S)
+    console.print(teacher.said or what, highlight=False, markup=False, soft_wrap=True)
+
+
+def _wait_until_heard(teacher, spin: Callable) -> None:
+    wanted = teacher.wanted
+    if spin(lambda: len(teacher.listening) == len(wanted), HEARD_S):
+        return
+    silent = sorted(set(wanted) - set(teacher.listening))
+    cure = "Start the tracker and the arm, or remap the topics."
+    raise BagError(describe("topics", f"publishers of {', '.join(silent)}", "none", cure))
+
+
+def _lessons(args: argparse.Namespace, teacher, spin: Callable, console: Console) -> int:
+    """Demonstrations, one after the other; returns how many were learned."""
+    lines = None if args.seconds else _Lines()
+    learned = shown = 0
+    while not args.count or shown < args.count:
+        if lines and not _asked(lines, spin, console, f"Enter: record {args.task}, {QUIT}: end"):
+            break
+        shown += 1
+        teacher.start()
+        if lines is None:
+            spin(lambda: False, args.seconds)
+        elif not _asked(lines, spin, console, f"recording; Enter: done, {QUIT}: throw away"):
+            console.print(teacher.discard(), highlight=False, soft_wrap=True)
+            continue
+        try:
+            what = teacher.stop()
+        except IntentError as error:
+            console.print(str(error), style="yellow", highlight=False, soft_wrap=True)
+            continue
+        learned += 1
+        hand_over(teacher, spin, console, what)
+        if lines is None and not args.count:
+            break
+    return learned
+
+
+def _asked(lines: "_Lines", spin: Callable, console: Console, question: str) -> bool:
+    """Ask and wait for a line; False where it is to quit, or at the end of the input."""
+    console.print(question, highlight=False)
+    spin(lambda: lines.ready, float("inf"))
+    return lines.take() not in (QUIT, None)
+
+
+class _Lines:
+    """Lines of standard input, read by a thread so that the node can go on; None at the end."""
+
+    def __init__(self) -> None:
+        self._lines: queue.Queue[str | None] = queue.Queue()
+        threading.Thread(target=self._read, name="stdin", daemon=True).start()
+
+    @property
+    def ready(self) -> bool:
+        return not self._lines.empty()
+
+    def take(self) -> str | None:
+        line = self._lines.get()
+        if line is None:
+            self._lines.put(None)
+        return line
+
+    def _read(self) -> None:
+        for line in sys.stdin:
+            self._lines.put(line.strip())
+        self._lines.put(None)

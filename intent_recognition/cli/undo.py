@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent undo`: take the last demonstration back, also from the running graph."""
+
+import argparse
+
+from intent_recognition.cli.console import make_console
+from intent_recognition.cli.teach import add_library_options, hand_over, teacher_node
+
+FOUND_S = 2.0
+
+
+def add_parser(subparsers) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "undo",
+        help="take the last demonstration of a library back",
+        description="Take the last demonstration that `intent teach` learned back: the model before"
+        " it returns, a running estimator loads it, and the recording is kept in `undone`.",
+    )
+    add_library_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Take it back.
+
+    Raises:
+        ModelError: there is nothing to take back.
+    """
+    console = make_console()
+    with teacher_node(args) as (teacher, spin):
+        spin(teacher.estimator_runs, FOUND_S)
+        hand_over(teacher, spin, console, teacher.undo())
+    return 0

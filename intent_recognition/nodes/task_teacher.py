@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node: records a demonstration while the graph runs, learns it and gives it to the estimator."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.runtime import parameter, run
+from intent_recognition.nodes.topic_recorder import TopicRecorder, answer
+from intent_recognition.storage.dofs import DofSpec, load_dofs
+from intent_recognition.storage.model import load_model
+from intent_recognition.storage.task_folder import WAIT, Change, TaskFolder
+
+OK, WARN = 0, 1
+ESTIMATOR = "intent_estimator"
+
+
+class TaskTeacher(TopicRecorder):
+    """A recorder whose recordings become tasks.
+
+    `~/start` begins a recording of the task named by the parameter `task`; `~/stop` ends it, adds
+    it to the model in the folder `library` and asks the estimator to load that; `~/discard` ends
+    it and keeps it aside; `~/undo` takes the last one back. What happened is on `teach/status`,
+    a sentence each, the last one latched.
+
+    Attributes:
+        folder: the library of tasks.
+        said: the last sentence of `teach/status`.
+        handing_over: a model is on its way to the estimator.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__("task_teacher", **kwargs)
+        parameter(self, "task", "", "label of the demonstration")
+        self.said = ""
+        self.handing_over = False
+        self.folder = self._open_folder()
+        self._status = self.create_publisher(String, "teach/status", qos.LATCHED)
+        for name, action in (
+            ("start", self.start),
+            ("stop", self.stop),
+            ("discard", self.discard),
+            ("undo", self.undo),
+        ):
+            self.create_service(Trigger, f"~/{name}", partial(_serve, action))
+        self._set_model = self.create_client(SetParameters, f"{ESTIMATOR}/set_parameters")
+        self._reload = self.create_client(Trigger, f"{ESTIMATOR}/reload_model")
+        entries = (*self.folder.dofs.observed, *self.folder.dofs.controlled)
+        self.listen([entry.topic.lstrip("/") for entry in entries])
+        self._say(OK, f"ready; library {self.folder.path}")
+
+    def start(self) -> str:
+        """Begin a recording of the task named by the parameter `task`; returns its path.
+
+        Raises:
+            ResourceBusyError: it is recording already.
+            BagError: the label names no task, or the disk is full.
+        """
+        task = self.get_parameter("task").value
+        path = self.folder.new_bag(task)
+        self.open_bag(path, {"task": task})
+        self._say(OK, f"recording {path.name}")
+        return str(path)
+
+    def stop(self) -> str:
+        """End the recording, learn it and let the estimator use it; returns what changed.
+
+        Raises:
+            BagError: nothing is being recorded, or the recording cannot be read.
+            TrainingError: it cannot be learned from; it is kept in the folder's `undone`.
+        """
+        bag = self.close_bag().path
+        try:
+            change = self.folder.learn(bag)
+        except IntentError as error:
+            self._say(WARN, f"not learned: {error}")
+            raise
+        return self._changed(change, f"learned {bag.name}")
+
+    def discard(self) -> str:
+        """End the recording without learning it; it is kept in the folder's `undone`.
+
+        Raises:
+            BagError: nothing is being recorded.
+        """
+        bag = self.close_bag().path
+        self.folder.set_aside(bag)
+        text = f"{bag.name} is not learned, and kept in undone"
+        self._say(OK, text)
+        return text
+
+    def undo(self) -> str:
+        """Take the last recording back; returns what changed.
+
+        Raises:
+            ModelError: there is nothing to take back.
+        """
+        change = self.folder.undo()
+        return self._changed(change, f"took {Path(change.bag).name} back")
+
+    def _open_folder(self) -> TaskFolder:
+        library = parameter(
+            self, "library", "", "folder of recordings, model and history", read_only=True
+        )
+        dofs = parameter(self, "dofs", "", "DOF file; empty takes the model's", read_only=True)
+        model = parameter(
+            self, "model", "", "model a new library begins with; empty: none", read_only=True
+        )
+        if not library:
+            cure = "Pass library:=DIR."
+            raise ArgumentError(describe("parameter library", "a folder", "nothing", cure))
+        folder = TaskFolder(library, _dofs(dofs, model, library))
+        if model and not folder.model_path.exists():
+            folder.start_from(model)
+        return folder
+
+    def _changed(self, change: Change, what: str) -> str:
+        """Tell what changed and give the model to the estimator."""
+        if change.action == WAIT:
+            text = f"{what}; a first model needs two demonstrations of a task"
+            self._say(OK, text)
+            return text
+        tasks = ", ".join(f"{label} {n}" for label, n in change.tasks.items())
+        text = f"{what}; demonstrations: {tasks or 'none'}"
+        self._say(OK, text)
+        if change.model:
+            self._hand_over(text)
+        return text
+
+    def _hand_over(self, text: str) -> None:
+        """Name the model to the estimator and have it loaded."""
+        if not self.estimator_runs():
+            self._say(OK, f"{text}; no estimator runs")
+            return
+        self.handing_over = True
+        value = Parameter("model", value=str(self.folder.model_path)).to_parameter_msg()
+        asked = self._set_model.call_async(SetParameters.Request(parameters=[value]))
+        asked.add_done_callback(lambda _: self._ask_to_load(text))
+
+    def _ask_to_load(self, text: str) -> None:
+        self._reload.call_async(Trigger.Request()).add_done_callback(
+            lambda future: self._loaded(future, text)
+        )
+
+    def _loaded(self, future: Future, text: str) -> None:
+        self.handing_over = False
+        answer = future.result()
+        if answer.success:
+            self._say(OK, f"{text}; in use")
+        else:
+            self._say(WARN, f"{text}; not loaded: {answer.message}")
+
+    def estimator_runs(self) -> bool:
+        """Whether there is an estimator to give models to."""
+        return self._set_model.service_is_ready() and self._reload.service_is_ready()
+
+    def _say(self, level: int, text: str) -> None:
+        self.said = text
+        self._status.publish(String(data=text))
+        self.diagnostics.status(level, text)
+        self.get_logger().info(text)
+
+
+def _serve(
+    action: Callable[[], str], _: Trigger.Request, response: Trigger.Response
+) -> Trigger.Response:
+    return answer(response, action)
+
+
+def _dofs(dofs: str, model: str, library: str) -> DofSpec:
+    """The DOFs of the library: as given, else those of its model, else the shipped ones."""
+    if dofs:
+        return load_dofs(dofs)
+    present = Path(library) / "model.npz"
+    if present.exists() or model:
+        return load_model(present if present.exists() else model).dofs
+    return load_dofs()
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(TaskTeacher, args)

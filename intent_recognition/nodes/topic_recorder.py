@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Base of the nodes that write topics to bags: any topic of any installed type, bit for bit."""
+
+import importlib
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import (
+    QoSDurabilityPolicy,
+    QoSHistoryPolicy,
+    QoSProfile,
+    QoSReliabilityPolicy,
+)
+from std_srvs.srv import Trigger
+
+from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe
+from intent_recognition.nodes.bag_listener import BagListener
+from intent_recognition.nodes.runtime import Diagnostics
+from intent_recognition.storage.bag_writer import BagWriter, DiskFullError
+from intent_recognition.storage.qos_profiles import rosbag2_profile
+
+DISCOVERY_PERIOD_S = 0.1
+FLUSH_PERIOD_S = 0.5
+QUEUE_DEPTH = 2000
+NOISE_TOPICS = ("/rosout", "/parameter_events")
+ABSOLUTE_TOPICS = ("/clock", "/diagnostics")
+OK, WARN, ERROR = 0, 1, 2
+
+
+@dataclass
+class _Source:
+    """One topic listened to."""
+
+    name: str
+    type: str
+    reliability: QoSReliabilityPolicy
+    durability: QoSDurabilityPolicy
+    profiles: list[dict]
+    latched: list[tuple[bytes, int]] = field(default_factory=list)
+
+
+class TopicRecorder(Node):
+    """Listens to topics all the time and writes them to a bag between `open_bag` and `close_bag`.
+
+    Topics are stored by their name relative to the node's namespace, so that a bag recorded in
+    one namespace trains, and plays in, any other. Log time is the time of reception, publish time
+    that of the publisher, both as the middleware gives them. The last message of latched topics
+    received before the start is written at the start.
+
+    A subclass calls `listen` once its parameters are known.
+
+    Attributes:
+        diagnostics: of the node.
+    """
+
+    def __init__(self, name: str, **kwargs):
+        super().__init__(name, **kwargs)
+        self._wanted: tuple[str, ...] = ()
+        self._sources: dict[str, _Source] = {}
+        self._writer: BagWriter | None = None
+        self._lock = threading.RLock()
+        self.diagnostics = Diagnostics(self)
+        self.diagnostics.status(OK, "idle")
+        self._listener = BagListener(self, self._on_message, self._on_error)
+
+    def listen(self, topics: Sequence[str]) -> None:
+        """Subscribe to these topics as they appear, or to all there are in the namespace if none.
+
+        Raises:
+            BagError: two of them would be one in the bag.
+        """
+        self._check_names(topics)
+        self._wanted = tuple(topics)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(DISCOVERY_PERIOD_S, self.discover, clock=steady)
+        self.create_timer(FLUSH_PERIOD_S, self._flush, clock=steady)
+        self.discover()
+
+    @property
+    def listening(self) -> tuple[str, ...]:
+        """Resolved names of the topics subscribed to."""
+        return tuple(self._sources)
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """Resolved names of the topics asked for; empty where all are."""
+        return tuple(map(self.resolve_topic_name, self._wanted))
+
+    @property
+    def recording(self) -> Path | None:
+        """The bag being written, None between recordings."""
+        return None if self._writer is None else self._writer.path
+
+    @property
+    def message_count(self) -> int:
+        """Messages written to it so far."""
+        return 0 if self._writer is None else self._writer.message_count
+
+    def open_bag(self, path: str | Path, metadata: Mapping[str, str]) -> None:
+        """Begin to record.
+
+        Raises:
+            ResourceBusyError: it is recording already, or the bag exists.
+            BagError: the disk is full.
+        """
+        if self._writer is not None:
+            cure = "Stop it first."
+            raise ResourceBusyError(describe("~/start", "no recording", self._writer.path, cure))
+        with self._lock:
+            self._writer = BagWriter(path, dict(metadata))
+            for source in self._sources.values():
+                self._declare(source)
+                for data, sent_ns in source.latched:
+                    self._write(source, data, time.time_ns(), sent_ns)
+        self.diagnostics.status(OK, f"recording to {path}")
+        self.get_logger().info(f"recording to {path}")
+
+    def close_bag(self) -> BagWriter:
+        """End the recording; returns its writer, which is closed.
+
+        Raises:
+            BagError: nothing is being recorded, or the end did not fit on the disk.
+        """
+        if self._writer is None:
+            raise BagError(describe("~/stop", "a recording", "none", "Start one first."))
+        with self._lock:
+            writer, self._writer = self._writer, None
+            self.diagnostics.status(OK, "idle")
+            writer.close()
+        self.get_logger().info(f"{writer.message_count} messages in {writer.path}")
+        return writer
+
+    def gave_up(self) -> None:
+        """Called when the disk was full and the recording was ended."""
+
+    def destroy_node(self) -> None:
+        """Close the bag, then the node."""
+        self._listener.close()
+        if self._writer is not None:
+            try:
+                self.close_bag()
+            except IntentError as error:
+                self.get_logger().error(str(error))
+        super().destroy_node()
+
+    def discover(self) -> None:
+        """Subscribe to what has appeared; follow publishers that offer less than was asked for."""
+        found = dict(self.get_topic_names_and_types())
+        for resolved, stored in self._wanted_topics(found).items():
+            types = found.get(resolved, [])
+            if len(types) > 1:
+                self.diagnostics.reject("ambiguous_type", f"{resolved} has {', '.join(types)}")
+            elif types:
+                self._follow(resolved, stored, types[0])
+
+    def _check_names(self, topics: Sequence[str]) -> None:
+        """Refuse topics that would be one and the same in the bag."""
+        stored: dict[str, str] = {}
+        for topic in map(self.resolve_topic_name, topics):
+            other = stored.setdefault(self._stored_name(topic), topic)
+            if other != topic:
+                cure = "Record one of them, or record both without a namespace."
+                found = f"{other} and {topic}"
+                raise BagError(describe("topics", "names that differ in the bag", found, cure))
+
+    def _wanted_topics(self, found: Sequence[str]) -> dict[str, str]:
+        """Stored name of every topic to record, by its resolved name."""
+        if self._wanted:
+            return {t: self._stored_name(t) for t in self.wanted}
+        space = self.get_namespace().rstrip("/") + "/"
+        hidden = [t for t in found if any(part.startswith("_") for part in t.split("/"))]
+        return {
+            t: self._stored_name(t)
+            for t in found
+            if t not in NOISE_TOPICS
+            and (t.startswith(space) or t in ABSOLUTE_TOPICS)
+            and t not in hidden
+            and (self.count_publishers(t) or t in self._sources)
+        }
+
+    def _stored_name(self, topic: str) -> str:
+        space = self.get_namespace().rstrip("/") + "/"
+        return "/" + topic.removeprefix(space).lstrip("/")
+
+    def _follow(self, resolved: str, stored: str, type_name: str) -> None:
+        publishers = self.get_publishers_info_by_topic(resolved)
+        if not publishers:
+            return
+        offers = [p.qos_profile for p in publishers]
+        reliability = _weakest(
+            [o.reliability for o in offers],
+            QoSReliabilityPolicy.RELIABLE,
+            QoSReliabilityPolicy.BEST_EFFORT,
+        )
+        durability = _weakest(
+            [o.durability for o in offers],
+            QoSDurabilityPolicy.TRANSIENT_LOCAL,
+            QoSDurabilityPolicy.VOLATILE,
+        )
+        known = self._sources.get(resolved)
+        if known is not None:
+            weaker = (known.reliability, known.durability) != (reliability, durability)
+            if not weaker or _is_stronger(reliability, durability, known):
+                return
+        self._subscribe(resolved, stored, type_name, reliability, durability, offers)
+
+    def _subscribe(self, resolved, stored, type_name, reliability, durability, offers) -> None:
+        try:
+            kind = message_type(type_name)
+        except BagError as error:
+            self.diagnostics.reject("unknown_type", str(error))
+            return
+        profile = QoSProfile(
+            history=QoSHistoryPolicy.KEEP_LAST,
+            depth=QUEUE_DEPTH,
+            reliability=reliability,
+            durability=durability,
+        )
+        profiles = [
+            rosbag2_profile(o.reliability.name.lower(), o.durability.name.lower(), o.depth)
+            for o in offers
+        ]
+        with self._lock:
+            source = _Source(stored, type_name, reliability, durability, profiles)
+            self._sources[resolved] = source
+            if self._writer is not None:
+                self._declare(source)
+        self._listener.subscribe(resolved, kind, resolved, profile)
+
+    def _on_message(self, resolved: str, data: bytes, received_ns: int, sent_ns: int) -> None:
+        received_ns = received_ns or time.time_ns()
+        with self._lock:
+            source = self._sources[resolved]
+            if source.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL:
+                source.latched = [(data, sent_ns or received_ns)]
+            if self._writer is not None:
+                self._write(source, data, received_ns, sent_ns or received_ns)
+
+    def _on_error(self, error: Exception) -> None:
+        self.diagnostics.reject("unexpected", repr(error))
+
+    def _declare(self, source: _Source) -> None:
+        try:
+            self._writer.add_topic(source.name, source.type, source.profiles)
+        except IntentError as error:
+            self.diagnostics.reject("undeclared_topic", str(error))
+
+    def _write(self, source: _Source, data: bytes, received_ns: int, sent_ns: int) -> None:
+        try:
+            self._writer.write(source.name, source.type, data, received_ns, sent_ns)
+        except DiskFullError as error:
+            self._give_up(error)
+        except IntentError as error:
+            self.diagnostics.reject("unwritable", str(error))
+        else:
+            self.diagnostics.tick(source.name.lstrip("/"))
+
+    def _flush(self) -> None:
+        with self._lock:
+            if self._writer is None:
+                return
+            try:
+                self._writer.flush()
+            except DiskFullError as error:
+                self._give_up(error)
+            else:
+                self.diagnostics.value("messages", self._writer.message_count)
+
+    def _give_up(self, error: DiskFullError) -> None:
+        """Report and stop; what was written is a whole bag."""
+        self._writer = None
+        self.diagnostics.status(ERROR, str(error))
+        self.get_logger().error(str(error))
+        self.gave_up()
+
+
+def message_type(type_name: str) -> type:
+    """The class of "package/msg/Name", of any installed package.
+
+    Raises:
+        BagError: the package is not installed or has no such message.
+    """
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        cure = "Install the package, or source its workspace."
+        raise BagError(describe("type", "an installed message type", type_name, cure)) from error
+
+
+def _weakest(offered, strong, weak):
+    return strong if offered and all(policy == strong for policy in offered) else weak
+
+
+def _is_stronger(reliability, durability, known: _Source) -> bool:
+    """Whether every policy asks for at least what the subscription asks for already."""
+    return reliability in (known.reliability, QoSReliabilityPolicy.RELIABLE) and durability in (
+        known.durability,
+        QoSDurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def answer(response: Trigger.Response, action: Callable[[], str]) -> Trigger.Response:
+    """Fill a service's response with what `action` returns, or with why it failed."""
+    try:
+        response.message = action()
+        response.success = True
+    except IntentError as error:
+        response.success = False
+        response.message = str(error)
+    return response

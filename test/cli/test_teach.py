@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent teach` and `intent undo` as their user runs them, beside publishers of a cell."""
+
+import subprocess
+import sys
+
+import pytest
+from geometry_msgs.msg import PoseStamped
+from model_builder import make_dofs, perform, true_library, write_recording
+from rclpy.duration import Duration
+from sensor_msgs.msg import JointState
+
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
+from intent_recognition.promp.observations import merge
+from intent_recognition.storage.task_folder import TaskFolder
+
+DOFS = make_dofs()
+TRUTH = true_library(DOFS)
+OLD, NEW = TRUTH.labels[0], TRUTH.labels[2]
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def old(tmp_path_factory):
+    """A model of one task, with statistics."""
+    folder = TaskFolder(tmp_path_factory.mktemp("old") / "tasks", DOFS)
+    for seed in range(4):
+        folder.learn(write_recording(folder.new_bag(OLD), perform(TRUTH, 0, seed), DOFS))
+    return folder.model_path
+
+
+class Command:
+    """`intent ...` as a process whose lines can be waited for."""
+
+    def __init__(self, *arguments):
+        self.process = subprocess.Popen(
+            [sys.executable, "-u", "-m", "intent_recognition.cli.main", *map(str, arguments)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.kill()
+        self.process.communicate()
+
+    def wait_for(self, text):
+        seen = []
+        for line in self.process.stdout:
+            seen.append(line)
+            if text in line:
+                return line
+        raise AssertionError(f"no {text!r} in {''.join(seen)}")
+
+    def press(self, key=""):
+        self.process.stdin.write(f"{key}\n")
+        self.process.stdin.flush()
+
+
+def test_teach_records_learns_and_undo_takes_it_back(harness, tmp_path, old):
+    pose = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.STATE)
+    joints = harness.publisher(JointState, "joint_states", qos.STATE)
+    library = tmp_path / "tasks"
+    with Command("teach", NEW, "--library", library, "--model", old) as command:
+        command.wait_for("Enter: record")
+        harness.connect(pose, joints)
+        command.press()
+        command.wait_for("recording; Enter")
+        recording = perform(TRUTH, 2, 50)
+        for observation in merge((*recording.observed, *recording.controlled)):
+            send(pose, joints, observation)
+        assert joints.wait_for_all_acked(Duration(seconds=30))
+        assert pose.wait_for_all_acked(Duration(seconds=30))
+        command.press()
+        assert f"{NEW} 1" in command.wait_for("learned")
+        command.press("q")
+        assert command.process.wait(30) == 0
+    folder = TaskFolder(library, DOFS)
+    assert dict(folder.history()[-1].tasks) == {OLD: 4, NEW: 1}
+    with Command("undo", "--library", library) as command:
+        assert f"{OLD} 4" in command.wait_for("took")
+        assert command.process.wait(30) == 0
+    assert dict(folder.history()[-1].tasks) == {OLD: 4}
+
+
+def send(pose, joints, observation):
+    stamp = int(observation.stamp_ns)
+    if observation.group == 0:
+        message = PoseStamped(pose=to_pose(observation.values, UPRIGHT))
+        message.header.stamp, message.header.frame_id = to_stamp(stamp), "world"
+        pose.publish(message)
+    else:
+        joints.publish(to_joint_state(DOFS.controlled_names, observation.values, time_ns=stamp))
+
+
+def test_undo_of_an_empty_library_is_one_line(tmp_path):
+    command = [sys.executable, "-m", "intent_recognition.cli.main", "undo", "--library"]
+    done = subprocess.run(
+        [*command, str(tmp_path / "tasks")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert "intent undo: undo: expected a recording to take back" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Teaching while the graph runs: recorded, learned, in use, and taken back, with no restart."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from model_builder import make_dofs, perform, true_library, write_recording
+from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.task_teacher import TaskTeacher
+from intent_recognition.promp.observations import merge
+from intent_recognition.storage.model import Model, save_model
+from intent_recognition.storage.task_folder import TaskFolder
+
+DOFS = make_dofs()
+TRUTH = true_library(DOFS)
+OLD, NEW = TRUTH.labels[:2], TRUTH.labels[2]
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+LATER_NS = 100_000_000_000
+"""Each movement begins so much later than the one of the seed before it."""
+
+
+def movement(seed, *sides):
+    """Messages of a movement of the new task, in order: (stamp, group, values)."""
+    recording = perform(TRUTH, 2, seed)
+    signals = [signal for side in sides for signal in getattr(recording, side)]
+    return [(int(o.stamp_ns) + seed * LATER_NS, o.group, o.values) for o in merge(signals)]
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """A model of two tasks, with statistics."""
+    folder = TaskFolder(tmp_path_factory.mktemp("old") / "tasks", DOFS)
+    for seed in range(8):
+        task = seed % 2
+        bag = folder.new_bag(OLD[task])
+        folder.learn(write_recording(bag, perform(TRUTH, task, seed), DOFS))
+    return folder.model_path
+
+
+class Cell:
+    """Estimator and teacher in one process, and who publishes what they hear."""
+
+    def __init__(self, harness, library, model):
+        def node(kind, **values):
+            overrides = [Parameter(name, value=value) for name, value in values.items()]
+            return harness.add(kind(parameter_overrides=overrides))
+
+        self.harness = harness
+        self.estimator = node(IntentEstimatorNode, model=str(model))
+        self.teacher = node(TaskTeacher, model=str(model), library=str(library), task=NEW)
+        self.pose = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
+        self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
+        self.human = harness.publisher(Odometry, "human/wrist", qos.SENSOR)
+        self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
+        self.said = harness.collect(String, "teach/status", qos.LATCHED)
+        harness.spin_until(lambda: len(self.teacher.listening) == 2)
+        harness.connect(self.pose, self.joints, self.human)
+
+    def show(self, seed):
+        """Publish a demonstration of the new task; returns when it is written."""
+        sent = movement(seed, "observed", "controlled")
+        for number, (stamp, group, values) in enumerate(sent, self.teacher.message_count + 1):
+            if group == 0:
+                message = PoseStamped(pose=to_pose(values, UPRIGHT))
+                message.header.stamp, message.header.frame_id = to_stamp(stamp), "world"
+                self.pose.publish(message)
+            else:
+                joints = DOFS.controlled_names
+                self.joints.publish(to_joint_state(joints, values, time_ns=stamp))
+            self.harness.spin_until(lambda n=number: self.teacher.message_count >= n)
+
+    def call(self, service):
+        return self.harness.call(Trigger, f"task_teacher/{service}", Trigger.Request())
+
+    def wait_said(self, text):
+        self.harness.spin_until(lambda: any(text in m.data for m in self.said), what=text)
+
+    def observe(self, seed):
+        """Let the estimator see a movement; returns labels and the highest probability of each."""
+        self.tasks.clear()
+        for stamp, _, values in movement(seed, "observed"):
+            message = Odometry()
+            message.header.stamp = to_stamp(stamp)
+            message.header.frame_id = "world"
+            message.pose.pose = to_pose(values, UPRIGHT)
+            message.pose.covariance[0::7][:3] = [4e-6] * 3
+            seen = len(self.tasks)
+            self.human.publish(message)
+            self.harness.spin_until(lambda n=seen: len(self.tasks) > n)
+        return list(self.tasks[-1].name), np.max([m.position for m in self.tasks], axis=0)
+
+
+def test_a_task_taught_while_the_graph_runs_is_recognised_and_taken_back(harness, tmp_path, model):
+    cell = Cell(harness, tmp_path / "mine", model)
+    for seed in (50, 51, 52):
+        assert cell.call("start").success
+        cell.show(seed)
+        answer = cell.call("stop")
+        assert answer.success, answer.message
+        cell.wait_said("in use")
+        cell.said.clear()
+    labels, probabilities = cell.observe(60)
+    assert labels == [*OLD, NEW, "none"]
+    assert probabilities[labels.index(NEW)] > 0.9
+    assert max(probabilities[labels.index(label)] for label in OLD) < 0.9
+    for _ in range(3):
+        assert cell.call("undo").success
+    cell.wait_said("in use")
+    harness.spin_until(lambda: tuple(cell.estimator._model.labels) == OLD)
+    assert not cell.call("undo").success
+
+
+def test_bad_requests_say_what_is_wrong_and_leave_the_model(harness, tmp_path, model):
+    cell = Cell(harness, tmp_path / "mine", model)
+    assert "Start one first" in cell.call("stop").message
+    cell.teacher.set_parameters([Parameter("task", value="a/b")])
+    assert "task" in cell.call("start").message
+    cell.teacher.set_parameters([Parameter("task", value=NEW)])
+    assert cell.call("start").success
+    assert "recording" in cell.call("start").message
+    empty = cell.call("stop")
+    assert not empty.success
+    assert cell.teacher.folder.history()[-1].action == "start"
+    assert cell.call("start").success
+    assert cell.call("discard").success
+    assert len(list((tmp_path / "mine" / "undone" / NEW).iterdir())) == 2
+
+
+def test_a_library_is_asked_for(harness):
+    with pytest.raises(ArgumentError, match="library"):
+        TaskTeacher()
+
+
+def test_without_an_estimator_it_learns_all_the_same(harness, tmp_path, model):
+    overrides = [
+        Parameter("library", value=str(tmp_path / "mine")),
+        Parameter("model", value=str(model)),
+    ]
+    teacher = harness.add(TaskTeacher(parameter_overrides=overrides))
+    bag = teacher.folder.new_bag(NEW)
+    teacher.folder.learn(write_recording(bag, perform(TRUTH, 2, 50), DOFS))
+    assert "took" in teacher.undo()
+
+
+def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
+    from intent_recognition.errors import ModelError
+    from intent_recognition.storage.model import load_model
+
+    bare = load_model(model)
+    save_model(tmp_path / "bare.npz", Model(bare.library, bare.dofs))
+    overrides = [
+        Parameter("library", value=str(tmp_path / "mine")),
+        Parameter("model", value=str(tmp_path / "bare.npz")),
+    ]
+    with pytest.raises(ModelError, match="statistics"):
+        TaskTeacher(parameter_overrides=overrides)
