@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Prediction error of Interaction DMPs and ProMPs under noise (Maeda et al. 2014, Fig. 3).
+
+One DOF of each agent. The first samples of the observed one's curve are seen through noise, the
+controlled one's whole curve is predicted. Filter, noise variance and shrinkage are chosen by cross
+validation, for each number of samples, in one of two ways: anew for each level of noise, which only
+who knows the level can do, or once, on the clean signal.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.experiments.outcome import Finding, Outcome, Settings
+from intent_recognition.experiments.sketch_models import (
+    SHRINKAGES,
+    SMOOTHERS,
+    VARIANCES,
+    Candidate,
+    folds,
+    squared_errors,
+)
+from intent_recognition.experiments.sketches import N_SAMPLES, sketch_pairs
+from intent_recognition.promp.differentiation import Butterworth, SavitzkyGolay
+from intent_recognition.report.drawing import to_svg
+from intent_recognition.report.figures_noise import growth_figure, noise_figure
+from intent_recognition.report.html import Block, Column, Figure, Table, Text
+
+N_TRAIN = 40
+N_TEST = 60
+N_FOLDS = 5
+N_DRAWS = 4
+"""Draws of the noise on each demonstration that cross validation leaves out."""
+PLAIN = SavitzkyGolay(0.02, 2)
+"""A parabola through three samples: central differences and no filter."""
+CARRIED = (SavitzkyGolay(0.1), Butterworth(10.0))
+
+PROMP, DMP, PROMP_CLEAN, DMP_CLEAN, DMP_PLAIN, DMP_CARRIED = METHODS = (
+    "ProMP, chosen for the noise",
+    "DMP, chosen for the noise",
+    "ProMP, chosen for a clean signal",
+    "DMP, chosen for a clean signal",
+    "DMP without a filter",
+    "DMP, noise carried through the derivatives",
+)
+
+
+class Plan(NamedTuple):
+    """How much is computed."""
+
+    levels: tuple[float, ...]
+    counts: tuple[int, ...]
+    repeats: int
+    pools: Mapping[str, tuple[Candidate, ...]]
+
+
+class Growth(NamedTuple):
+    """Error at the most noise over that without, and its standard error over data sets."""
+
+    factor: float
+    error: float
+
+    def __str__(self) -> str:
+        return f"x {self.factor:.1f} \N{PLUS-MINUS SIGN} {self.error:.1f}"
+
+
+def run(settings: Settings) -> Outcome:
+    """Repeat on independent data sets: draw, choose, predict, score."""
+    plan = make_plan(settings.quick)
+    rmse = []
+    for repeat in range(plan.repeats):
+        settings.progress(repeat / plan.repeats, f"data set {repeat + 1} of {plan.repeats}")
+        rmse.append(one_data_set(settings.rng(repeat), plan))
+    table = {method: np.array([run[method] for run in rmse]) for method in METHODS}
+    growth = {method: _growth(errors) for method, errors in table.items()}
+    settings.progress(1.0, "figures")
+    return Outcome(
+        title="Noise: ProMP and DMP",
+        source="Maeda et al. 2014, Fig. 3",
+        question=(
+            "How does the error of the predicted agent grow with the noise of what is seen of the"
+            " other, when the model is made of positions (ProMP) and of accelerations (DMP)?"
+        ),
+        findings=_findings(table, growth, plan),
+        blocks=_blocks(table, growth, plan),
+        conditions=_conditions(plan),
+        numbers={
+            "noise_variance": list(plan.levels),
+            "observed_samples": list(plan.counts),
+            "rmse": {method: errors.mean(axis=0).tolist() for method, errors in table.items()},
+            "rmse_standard_error": {m: _error(errors).tolist() for m, errors in table.items()},
+            "growth": {method: list(value) for method, value in growth.items()},
+        },
+    )
+
+
+def make_plan(quick: bool) -> Plan:
+    """What is tried, and how often."""
+    smoothers = SMOOTHERS[::4] if quick else SMOOTHERS
+    variances = VARIANCES[::3] if quick else VARIANCES
+    shrinkages = SHRINKAGES[:1] if quick else SHRINKAGES
+
+    def pool(filters: Sequence[object], white: bool = True) -> tuple[Candidate, ...]:
+        return tuple(
+            Candidate(shrinkage, variance, smoother, white)
+            for smoother in filters
+            for shrinkage in shrinkages
+            for variance in variances
+        )
+
+    promp, dmp = pool([None]), pool(smoothers)
+    pools = {
+        PROMP: promp,
+        PROMP_CLEAN: promp,
+        DMP: dmp,
+        DMP_CLEAN: dmp,
+        DMP_PLAIN: pool([PLAIN]),
+        DMP_CARRIED: pool(CARRIED, white=False),
+    }
+    if quick:
+        return Plan((0.0, 0.04), (51, N_SAMPLES), 2, pools)
+    return Plan((0.0, 0.01, 0.02, 0.03, 0.04), (11, 26, 51, 76, N_SAMPLES), 10, pools)
+
+
+def one_data_set(rng: np.random.Generator, plan: Plan) -> dict[str, np.ndarray]:
+    """Root mean square error of the controlled curve per method, (L, k)."""
+    train, test = sketch_pairs(rng, N_TRAIN), sketch_pairs(rng, N_TEST)
+    pools = list(dict.fromkeys(plan.pools.values()))
+    validated = [_cross_validate(rng, train, pool, plan) for pool in pools]
+    seen = _disturbed(rng, test[..., 0], plan.levels)
+    result = {}
+    for method, pool in plan.pools.items():
+        errors = validated[pools.index(pool)]
+        best = np.argmin(errors, axis=0)
+        if method in (PROMP_CLEAN, DMP_CLEAN):
+            best = np.repeat(best[:1], len(plan.levels), axis=0)
+        taken, number = np.unique(best, return_inverse=True)
+        scored = squared_errors(train, test[..., 1], seen, [pool[i] for i in taken], plan.counts)
+        picked = np.take_along_axis(scored, number.reshape(1, *best.shape), axis=0)[0]
+        result[method] = np.sqrt(picked)
+    return result
+
+
+def _cross_validate(
+    rng: np.random.Generator, train: np.ndarray, pool: Sequence[Candidate], plan: Plan
+) -> np.ndarray:
+    """Mean squared error of demonstrations left out, (c, L, k)."""
+    total = 0.0
+    for kept, left_out in folds(len(train), N_FOLDS):
+        held = np.repeat(train[left_out], N_DRAWS, axis=0)
+        seen = _disturbed(rng, held[..., 0], plan.levels)
+        total += squared_errors(train[kept], held[..., 1], seen, pool, plan.counts)
+    return total / N_FOLDS
+
+
+def _disturbed(rng: np.random.Generator, curves: np.ndarray, levels: Sequence[float]) -> np.ndarray:
+    """Curves (t, T) with white noise of each variance, the same draw scaled, (L, t, T)."""
+    noise = rng.normal(size=curves.shape)
+    return np.array([curves + np.sqrt(level) * noise for level in levels])
+
+
+def _growth(rmse: np.ndarray) -> Growth:
+    """Of the full observation; errors (repeats, L, k)."""
+    ratio = rmse[:, -1, -1] / rmse[:, 0, -1]
+    return Growth(float(ratio.mean()), float(_error(ratio)))
+
+
+def _error(values: np.ndarray) -> np.ndarray:
+    """Standard error of the mean over the first axis."""
+    return values.std(axis=0, ddof=1) / np.sqrt(len(values))
+
+
+def _findings(
+    table: Mapping[str, np.ndarray], growth: Mapping[str, Growth], plan: Plan
+) -> tuple[Finding, ...]:
+    mean = {method: errors.mean(axis=0) for method, errors in table.items()}
+    noisy = np.array(table[DMP])[:, 1:] - np.array(table[PROMP])[:, 1:]
+    better = int(np.sum(noisy.mean(axis=0) > 0.0))
+    middle = len(plan.counts) // 2
+    clean = mean[DMP][0, -1] / mean[PROMP][0, -1]
+    part = mean[DMP][-1, middle] / mean[PROMP][-1, middle]
+    return (
+        Finding(
+            "growth of the ProMP's error, noise variance 0 to 0.04, full observation",
+            "x 2",
+            str(growth[PROMP]),
+            None,
+            "The scatter of the sketches, which the paper does not report and on which this factor"
+            " depends, was set so that it comes out like this.",
+        ),
+        Finding(
+            "growth of the DMP's error, likewise",
+            "x 5",
+            f"{growth[DMP]} chosen for the noise; {growth[DMP_CLEAN]} for a clean signal;"
+            f" {growth[DMP_PLAIN]} without a filter",
+            None,
+            "The paper does not say how its DMP was filtered; with filter and noise variance chosen"
+            " anew for each level of noise the DMP loses little more than the ProMP.",
+        ),
+        Finding(
+            "the DMP's error over the ProMP's without noise, full observation",
+            "",
+            f"{clean:.2f}",
+            None,
+            "The paper gives no figure; about one means that the DMP is no straw man.",
+        ),
+        Finding(
+            f"the DMP's error over the ProMP's at variance {plan.levels[-1]:g},"
+            f" {plan.counts[middle]} samples seen",
+            "above 1",
+            f"{part:.2f}",
+            bool(part > 1.0),
+            "" if part > 1.0 else "The DMP does as well here.",
+        ),
+        Finding(
+            "cells of the bar chart (noise by samples) in which the ProMP errs less",
+            "all",
+            f"{better} of {noisy[0].size}",
+            bool(better == noisy[0].size),
+            "" if better == noisy[0].size else "The rest are equal within the standard error.",
+        ),
+    )
+
+
+def _blocks(
+    table: Mapping[str, np.ndarray], growth: Mapping[str, Growth], plan: Plan
+) -> tuple[Block, ...]:
+    summary = {m: (errors.mean(axis=0), _error(errors)) for m, errors in table.items()}
+    bars = noise_figure({m: summary[m] for m in (PROMP, DMP)}, plan.levels, plan.counts)
+    panels = {
+        f"{plan.counts[k]} of {N_SAMPLES} samples seen": {
+            m: (mean[:, k], error[:, k]) for m, (mean, error) in summary.items()
+        }
+        for k in (len(plan.counts) // 2 - (len(plan.counts) == 2), -1)
+    }
+    lines = growth_figure(panels, plan.levels, STYLES)
+    return (
+        Figure(
+            to_svg(bars),
+            "Error of the predicted agent's whole curve over the number of samples seen of the"
+            " other (the paper's Fig. 3), everything chosen for the noise. Means over"
+            f" {plan.repeats} data sets, \N{PLUS-MINUS SIGN} 2 standard errors.",
+        ),
+        Figure(
+            to_svg(lines),
+            "Error over the noise when half of the curve is seen, and all of it; mean"
+            " \N{PLUS-MINUS SIGN} 2 standard errors.",
+        ),
+        _growth_table(summary, growth),
+        Text(
+            "Differentiating takes no information away. It makes the noise of neighbouring samples"
+            " depend on each other, and conditioning sample by sample (Eq. 6) takes them for"
+            " independent. With the covariance that the derivatives have, the DMP predicts as the"
+            " ProMP does; but then it has been conditioned on positions in disguise."
+        ),
+    )
+
+
+STYLES = {
+    PROMP: (0, False, "o"),
+    DMP: (1, False, "s"),
+    PROMP_CLEAN: (0, True, "o"),
+    DMP_CLEAN: (1, True, "s"),
+    DMP_PLAIN: (3, True, "^"),
+    DMP_CARRIED: (2, False, "D"),
+}
+"""Colour, dashed, marker of each method."""
+
+
+def _growth_table(
+    summary: Mapping[str, tuple[np.ndarray, np.ndarray]], growth: Mapping[str, Growth]
+) -> Table:
+    rows = tuple(
+        (
+            method,
+            f"{1e3 * mean[0, -1]:.1f} \N{PLUS-MINUS SIGN} {1e3 * error[0, -1]:.1f}",
+            f"{1e3 * mean[-1, -1]:.1f} \N{PLUS-MINUS SIGN} {1e3 * error[-1, -1]:.1f}",
+            str(growth[method]),
+        )
+        for method, (mean, error) in summary.items()
+    )
+    columns = (
+        Column("method", align="left"),
+        Column("RMSE, clean", "1/1000"),
+        Column("RMSE, variance 0.04", "1/1000"),
+        Column("growth"),
+    )
+    return Table(columns, rows, "Full observation; mean \N{PLUS-MINUS SIGN} standard error.")
+
+
+def _conditions(plan: Plan) -> tuple[str, ...]:
+    return (
+        "The paper's sketches are not published; ours are drawn by a generator: smooth curves"
+        " through six heights that three causes move together.",
+        "A curve spans 2 units and pairs differ by 0.25 (standard deviation), so that noise of"
+        " variance 0.04 is about as large as what is to be told.",
+        "The DMP has the ProMP's 20 basis functions, its shrinkage of the covariance and its free"
+        " choice of the noise variance; in addition a Savitzky-Golay or zero-phase Butterworth"
+        f" filter of {len(SMOOTHERS)} widths. All is chosen by {N_FOLDS}-fold cross validation on"
+        f" {N_TRAIN} demonstrations, separately for each number of samples.",
+        "The DMP's goal and start are learned with its weights and predicted with them, as in the"
+        " original interaction primitives.",
+        f"Scores are of {N_TEST} pairs of {plan.repeats} data sets each that nothing was chosen"
+        " on.",
+    )
