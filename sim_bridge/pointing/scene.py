@@ -24,8 +24,7 @@ TIP_ABOVE_TABLE_M = 0.015
 """How high above the spot the demonstrator stops the tip: near it, without a touch."""
 
 # Down from the level at the circle's centre, and steeper for nearer spots, as an arm does it.
-_DOWN_RAD, _STEEPER_RAD_M = 0.55, 1.0
-_YAW_SHARE = 0.7
+_DOWN_RAD, _STEEPER_RAD_M = 0.75, 2.0
 
 # Polar coordinates in the circle (radius [m], direction [deg]): sparse, as in the paper's figure.
 _TRAIN = (
@@ -64,7 +63,7 @@ def spot(purpose: str, index: int) -> np.ndarray:
 
 def pointing_rotation(spot_m: np.ndarray) -> np.ndarray:
     """Rotation (3, 3) of the hand that points at a spot (3,): outward and down."""
-    yaw = _YAW_SHARE * np.arctan2(spot_m[1], spot_m[0])
+    yaw = np.arctan2(spot_m[1], spot_m[0])
     distance = np.hypot(spot_m[0], spot_m[1])
     down = _DOWN_RAD + _STEEPER_RAD_M * (CIRCLE_CENTRE_M[0] - distance)
     cy, sy, cd, sd = np.cos(yaw), np.sin(yaw), np.cos(down), np.sin(down)

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pointing experiment on a subset."""
+
+import json
+
+import numpy as np
+import pytest
+
+from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.pointing import condition_on_end, run
+from intent_recognition.gaussian.normal import Gaussian, marginal, regression
+from intent_recognition.promp.training import learn
+from intent_recognition.storage import load_dofs, read_demonstrations
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    return run(Settings(quick=True))
+
+
+def test_the_arm_points_within_the_circle_tenth(outcome):
+    numbers = outcome.numbers
+    assert len(numbers["error_m"]) == 2
+    assert numbers["largest_error_m"] == max(numbers["error_m"]) < 0.03
+    assert numbers["mean_error_m"] < np.mean(numbers["nearest_demonstration_error_m"])
+    assert not any(numbers["touched_table"])
+    json.dumps(dict(numbers))
+
+
+def test_the_arm_does_what_was_predicted(outcome):
+    assert outcome.numbers["largest_execution_error_m"] < 0.002
+    assert outcome.findings[0].ours == f"{100 * outcome.numbers['largest_error_m']:.1f}"
+
+
+def test_conditioning_on_the_end_is_the_joint_gaussian_of_end_and_weights(repository):
+    bags = sorted((repository / "bags" / "pointing" / "train").iterdir())[:4]
+    library, _ = learn(read_demonstrations(bags, load_dofs())[0])
+    primitive, n_basis = library.primitive(0), library.basis.n_basis
+    wrist = np.array([0.9, 0.02, 0.03])
+    row = library.basis.design_matrix(np.ones(1))[0]
+    matrix = np.zeros((3, len(primitive.mean)))
+    for k in range(3):
+        matrix[k, k * n_basis : (k + 1) * n_basis] = row
+    noise = np.diag(library.noise_variance[:3] * library.noise_scale)
+    cross = matrix @ primitive.covariance
+    joint = Gaussian(
+        np.concatenate((matrix @ primitive.mean, primitive.mean)),
+        np.block([[cross @ matrix.T + noise, cross], [cross.T, primitive.covariance]]),
+    )
+    rule = regression(joint, 3)
+    posterior = condition_on_end(library, wrist)
+    np.testing.assert_allclose(posterior.mean, rule.matrix @ wrist + rule.offset, atol=1e-8)
+    np.testing.assert_allclose(posterior.covariance, rule.covariance, atol=1e-9)
+    spread = np.diag(marginal(primitive, np.arange(5)).covariance)
+    assert np.all(np.diag(posterior.covariance)[:5] <= spread + 1e-12)
