@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The inner surface of a container, closed at the plane of its rim.
+
+Its shape is the rim's outline, shrunk with depth along one profile. The profile goes through the
+means of the points that face the cavity, so that noise does not widen it as it does a convex hull.
+Where the inside was not seen it follows the outside at the thickness of the wall.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.warping.clipping import surface_volume
+from intent_recognition.warping.rim import Rim
+
+N_BINS = 24
+MIN_IN_BIN = 3
+MIN_ON_FLOOR = 6
+N_LEVELS = 12
+FLOOR_TO_WALL = 1.7
+MIN_DEPTH = 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class Cavity:
+    """What a container can hold.
+
+    Attributes:
+        vertices: (n, 3) [m], in the coordinates of the points.
+        faces: (m, 3), wound outward.
+        profile: radius and depth (J, 2) [m], from the crest to the middle of the floor.
+        height_m: of the container, from the base to the crest.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    profile: np.ndarray
+    height_m: float
+
+    @property
+    def volume_m3(self) -> float:
+        """Volume up to the plane of the rim."""
+        return surface_volume(self.vertices, self.faces)
+
+
+def fit_cavity(points: np.ndarray, normals: np.ndarray, rim: Rim) -> Cavity:
+    """Fit the inner surface below a rim.
+
+    Args:
+        points: of container and rim (n, 3) [m].
+        normals: outward unit normals (n, 3).
+        rim: of the container.
+
+    Returns:
+        The cavity.
+
+    Raises:
+        ArgumentError: nothing faces the cavity, or it has hardly a depth.
+    """
+    local, facing = rim.to_local(points), normals @ rim.axes.T
+    depth, shape = -local[:, 0], _shape(rim, local[:, 1:])
+    distance = np.maximum(np.hypot(local[:, 1], local[:, 2]), 1e-12)
+    radius = distance / shape
+    outside = (local * facing).sum(1) > 0.0
+    outward = (local[:, 1:] * facing[:, 1:]).sum(1) / distance
+    inside = ~outside & (depth > 0.02 * rim.depth_m) & (radius < 1.5 * rim.radius_m)
+    below = outside & (facing[:, 0] < -0.8) & (depth > 0.8 * rim.depth_m)
+    outer = _levels(depth, radius, outside & (outward > 0.5), rim.depth_m)
+    if inside.sum() < MIN_IN_BIN * 5:
+        cure = "Scan the object from above, so that its inside is seen."
+        raise ArgumentError(describe("points", "some inside", int(inside.sum()), cure))
+    floor = inside & (facing[:, 0] > 0.6) & (radius < 0.4 * rim.radius_m)
+    floor_m = float(np.median(depth[floor])) if floor.sum() >= MIN_ON_FLOOR else None
+    base_seen = below.mean() > 0.01
+    inner = _inner(depth[inside], radius[inside], rim)
+    profile, height = _profile(inner, outer, floor_m, base_seen, rim)
+    if profile[-1, 1] < MIN_DEPTH * rim.depth_m:
+        cure = "It may be closed on top, or scanned upside down."
+        got = f"{1e3 * profile[-1, 1]:.1f} mm of {1e3 * rim.depth_m:.1f} mm"
+        raise ArgumentError(describe("points", "a cavity below the rim", got, cure))
+    vertices, faces = _surface(profile, rim)
+    return Cavity(vertices, faces, profile, height)
+
+
+def _shape(rim: Rim, flat: np.ndarray) -> np.ndarray:
+    """The outline's distance (n,) from its centre in the direction of points, mean 1."""
+    radii = np.linalg.norm(rim.outline, axis=1) / rim.radius_m
+    angles = np.arctan2(flat[:, 1], flat[:, 0])
+    corners = np.arange(len(radii)) * 2.0 * np.pi / len(radii)
+    return np.interp(angles, corners, radii, period=2.0 * np.pi)
+
+
+def _levels(depth: np.ndarray, radius: np.ndarray, wall: np.ndarray, depth_m: float) -> np.ndarray:
+    """Mean depth and median radius (m, 2) of a wall, level by level."""
+    row = np.where(wall, (depth / depth_m * N_LEVELS).astype(int), -1)
+    levels = [row == level for level in range(N_LEVELS)]
+    return np.array(
+        [(depth[here].mean(), np.median(radius[here])) for here in levels if here.sum() >= 4]
+    ).reshape(-1, 2)
+
+
+def _inner(depth: np.ndarray, radius: np.ndarray, rim: Rim) -> np.ndarray:
+    """Mean radius and depth (m, 2) of the points inside, from the rim to the floor.
+
+    They are gathered by the angle at which they are seen from the axis at half the depth.
+    """
+    pole = 0.5 * float(np.quantile(depth, 0.98))
+    start = np.arctan2(-pole, rim.radius_m)
+    angle = (np.arctan2(depth - pole, radius) - start) / (0.5 * np.pi - start)
+    row = np.clip((angle * N_BINS).astype(int), 0, N_BINS - 1)
+    count = np.bincount(row, minlength=N_BINS)
+    seen = count >= MIN_IN_BIN
+    sums = np.stack([np.bincount(row, values, N_BINS) for values in (radius, depth)], 1)
+    return sums[seen] / count[seen, None]
+
+
+def _profile(
+    inner: np.ndarray, outer: np.ndarray, floor_m: float | None, base_seen: bool, rim: Rim
+) -> tuple[np.ndarray, float]:
+    """Radius and depth from the crest to the middle of the floor, and the object's height.
+
+    A base or floor that was not seen is where the thickness of the wall lets one expect it.
+    """
+    floor_thickness = FLOOR_TO_WALL * _thickness(inner, outer, rim)
+    height = rim.depth_m
+    if floor_m is None:
+        floor_m = max(height - floor_thickness, inner[:, 1].max())
+        hidden = outer[(outer[:, 0] > inner[:, 1].max()) & (outer[:, 0] < floor_m)]
+        wall = np.stack([hidden[:, 1] - floor_thickness / FLOOR_TO_WALL, hidden[:, 0]], 1)
+        inner = np.concatenate([inner, wall])
+        inner = np.concatenate([inner, [[inner[-1, 0], floor_m]]])
+    elif not base_seen:
+        height = max(height, floor_m + floor_thickness)
+    ends = np.array([[rim.radius_m, 0.0], [0.0, floor_m]])
+    return np.concatenate([ends[:1], inner, ends[1:]]), float(height)
+
+
+def _thickness(inner: np.ndarray, outer: np.ndarray, rim: Rim) -> float:
+    """Median distance of the outer from the inner wall, square to the wall."""
+    usual = 0.05 * rim.radius_m
+    wall = inner[inner[:, 0] > 0.6 * rim.radius_m]
+    if len(outer) < 2 or not len(wall):
+        return usual
+    wall = wall[np.argsort(wall[:, 1])]
+    slope = np.gradient(outer[:, 1], outer[:, 0])
+    level = outer[:, 0]
+    both = (level >= wall[0, 1]) & (level <= wall[-1, 1])
+    if not both.any():
+        return usual
+    gap = (outer[:, 1] - np.interp(level, wall[:, 1], wall[:, 0])) / np.sqrt(1.0 + slope**2)
+    return float(np.clip(np.median(gap[both]), 0.01 * rim.radius_m, 0.3 * rim.radius_m))
+
+
+def _surface(profile: np.ndarray, rim: Rim) -> tuple[np.ndarray, np.ndarray]:
+    """Rings along the profile, closed by the floor and by the plane of the rim."""
+    outline = rim.outline / rim.radius_m
+    n_corners, n_rings = len(outline), len(profile) - 1
+    rings = np.empty((n_rings, n_corners, 3))
+    rings[..., 0] = -profile[:-1, 1, None]
+    rings[..., 1:] = profile[:-1, 0, None, None] * outline
+    poles = [[0.0, 0.0, 0.0], [-profile[-1, 1], 0.0, 0.0]]
+    vertices = rim.centre + np.concatenate([rings.reshape(-1, 3), poles]) @ rim.axes
+    return vertices, _faces(n_rings, n_corners)
+
+
+def _faces(n_rings: int, n_corners: int) -> np.ndarray:
+    """Triangles between rings that go down, a lid over the first, a floor under the last."""
+    ring, corner = np.meshgrid(np.arange(n_rings - 1), np.arange(n_corners), indexing="ij")
+    following = (corner + 1) % n_corners
+    high, high_next = ring * n_corners + corner, ring * n_corners + following
+    low, low_next = high + n_corners, high_next + n_corners
+    around = np.arange(n_corners)
+    after = (around + 1) % n_corners
+    lid, floor = n_rings * n_corners, n_rings * n_corners + 1
+    last = (n_rings - 1) * n_corners
+    return np.concatenate(
+        [
+            np.stack([low, low_next, high_next], -1).reshape(-1, 3),
+            np.stack([low, high_next, high], -1).reshape(-1, 3),
+            np.stack([around, after, np.full(n_corners, lid)], -1),
+            np.stack([last + after, last + around, np.full(n_corners, floor)], -1),
+        ]
+    )

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The coarse frame of an object, from its parts (Brandl et al. II-B)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.warping.opening import OpeningPlane, across
+
+N_LEVELS = 12
+PROTRUSION = 1.25
+MIN_HANDLE_SHARE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectFrame:
+    """Where an object is, how it stands and how large it is.
+
+    The paper's origin, the mean of the container's points, moves with what a camera happens to
+    see; the centre of the opening does not.
+
+    Attributes:
+        origin: centre (3,) of the opening [m].
+        axes: rows (3, 3): toward the opening; toward the handle; their cross product.
+        radius_m: of the opening.
+        height_m: from the base to the opening.
+        reach_m: from the axis to the handle's far end, 0 without a handle.
+    """
+
+    origin: np.ndarray
+    axes: np.ndarray
+    radius_m: float
+    height_m: float
+    reach_m: float
+
+    @property
+    def has_handle(self) -> bool:
+        """Whether a handle was found."""
+        return self.reach_m > 0.0
+
+    def to_local(self, points: np.ndarray) -> np.ndarray:
+        """Points (n, 3) in the frame's axes, in metres."""
+        return (points - self.origin) @ self.axes.T
+
+
+def coarse_frame(
+    points: np.ndarray,
+    normals: np.ndarray,
+    opening: OpeningPlane,
+    handle_probability: np.ndarray | None = None,
+) -> ObjectFrame:
+    """Frame of an object whose opening is known.
+
+    The second axis points to the handle. Without one it is that of the largest spread across the
+    first axis, which does not matter for round objects.
+
+    Args:
+        points: (n, 3) [m].
+        normals: outward unit normals (n, 3).
+        opening: of the object.
+        handle_probability: (n,) first guess of the handle; all alike when None.
+
+    Returns:
+        The frame.
+    """
+    up = opening.up
+    offsets = points - opening.centre
+    level = offsets @ up
+    flat = offsets - level[:, None] * up
+    radius = np.linalg.norm(flat, axis=1)
+    height = -float(np.quantile(level, 0.003))
+    handle = protruding(level / height, radius, (normals * flat).sum(1) > 0.5 * radius)
+    direction, reach = np.zeros(3), 0.0
+    if handle.mean() > MIN_HANDLE_SHARE:
+        weight = 1.0 if handle_probability is None else 0.1 + handle_probability[handle]
+        units = flat[handle] / radius[handle, None] * np.reshape(weight, (-1, 1))
+        direction = units.sum(0) / np.sum(weight * np.ones(len(units)))
+        # The corners of a square bowl stand out as well, but to all sides.
+        if np.linalg.norm(direction) > 0.7:
+            reach = float(np.quantile(radius[handle], 0.98))
+    if not reach:
+        direction = _widest(flat, up, opening)
+    direction = direction - (direction @ up) * up
+    direction /= np.linalg.norm(direction)
+    axes = np.stack([up, direction, np.cross(up, direction)])
+    return ObjectFrame(opening.centre, axes, opening.radius_m, height, reach)
+
+
+def protruding(share: np.ndarray, radius: np.ndarray, outward: np.ndarray) -> np.ndarray:
+    """Which points (n,) stand out of the wall by far.
+
+    Args:
+        share: height (n,) above the opening in heights of the object, so -1 to 0.
+        radius: distance (n,) from the axis.
+        outward: whether each point's normal (n,) points away from the axis.
+
+    Returns:
+        A mask (n,).
+    """
+    row = np.clip(((1.0 + share) * N_LEVELS).astype(int), 0, N_LEVELS - 1)
+    wall = np.full(N_LEVELS, np.nan)
+    for level in range(N_LEVELS):
+        here = radius[(row == level) & outward]
+        if len(here) >= 5:
+            wall[level] = np.quantile(here, 0.35)
+    known = np.isfinite(wall)
+    if not known.any():
+        return np.zeros(len(radius), dtype=bool)
+    wall = np.interp(np.arange(N_LEVELS), np.flatnonzero(known), wall[known])
+    return radius > PROTRUSION * np.maximum(wall[row], 0.6 * np.median(wall))
+
+
+def _widest(flat: np.ndarray, up: np.ndarray, opening: OpeningPlane) -> np.ndarray:
+    """Direction (3,) in which points spread most across the axis, signed toward more of them."""
+    plane = np.stack(across(up), 1)
+    local = flat @ plane
+    _, vectors = np.linalg.eigh(local.T @ local)
+    direction = plane @ vectors[:, 1]
+    along = flat @ direction
+    return direction if (along**3).sum() >= 0.0 else -direction

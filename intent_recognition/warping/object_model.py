@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Objects as points with outward normals and part labels (Brandl et al. II-A)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.warping.parts import Part
+
+MIN_POINTS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectCloud:
+    """Points (n, 3) of an object's surface in metres and outward unit normals (n, 3)."""
+
+    points: np.ndarray
+    normals: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check shapes, finiteness and normals; take unit copies that cannot be written to."""
+        points = checked_points(self.points)
+        normals = np.array(self.normals, dtype=float)
+        if normals.shape != points.shape:
+            cure = "Give one outward normal per point, or use `with_estimated_normals`."
+            raise ShapeError(describe("normals", f"shape {points.shape}", normals.shape, cure))
+        length = np.linalg.norm(normals, axis=1)
+        bad = ~(np.isfinite(length) & (length > 1e-9))
+        if bad.any():
+            cure = "Leave those points out, or use `with_estimated_normals`."
+            raise ArgumentError(
+                describe("normals", "finite ones, not 0", f"{bad.sum()} others of {len(bad)}", cure)
+            )
+        normals /= length[:, None]
+        for name, array in (("points", points), ("normals", normals)):
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+
+
+@dataclass(frozen=True, eq=False)
+class AnnotatedObject(ObjectCloud):
+    """An object whose parts are known.
+
+    Attributes:
+        labels: part (n,) of each point, values of `Part`.
+        name: what it is.
+    """
+
+    labels: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    name: str = "object"
+
+    def __post_init__(self) -> None:
+        """Check the labels as well."""
+        super().__post_init__()
+        labels = np.array(self.labels)
+        if labels.shape != (len(self.points),):
+            cure = "Give one label per point."
+            raise ShapeError(describe("labels", f"({len(self.points)},)", labels.shape, cure))
+        if not np.isin(labels, list(Part)).all():
+            cure = "Use CONTAINER 0, RIM 1 and HANDLE 2."
+            got = np.setdiff1d(labels, list(Part))[:3]
+            raise ArgumentError(describe("labels", "values of Part", got, cure))
+        labels = labels.astype(int)
+        labels.setflags(write=False)
+        object.__setattr__(self, "labels", labels)
+
+
+def checked_points(points: np.ndarray) -> np.ndarray:
+    """A float copy of points (n, 3).
+
+    Raises:
+        ShapeError: not (n, 3).
+        ArgumentError: too few, or not finite.
+    """
+    points = np.array(points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ShapeError(describe("points", "shape (n, 3)", points.shape, "One row per point."))
+    if len(points) < MIN_POINTS:
+        cure = "Scan the object closer or from more sides."
+        raise ArgumentError(describe("points", f"at least {MIN_POINTS}", len(points), cure))
+    bad = ~np.isfinite(points).all(1)
+    if bad.any():
+        cure = "Leave pixels without depth out."
+        got = f"{bad.sum()} of {len(bad)} with NaN or infinity"
+        raise ArgumentError(describe("points", "finite coordinates", got, cure))
+    return points

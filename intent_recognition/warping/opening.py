@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a container opens: the plane that its rim lies in and that bears on all of it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+N_HYPOTHESES = 500
+N_VERIFIED = 8
+BAND = 0.03
+"""Half thickness of the plane, in root mean square distances of the points from their mean."""
+MIN_RIM_POINTS = 8
+LIKELY_SHARE = 0.15
+MIN_SCORE = 0.3
+MAX_RING_SPREAD = 0.25
+
+
+class OpeningPlane(NamedTuple):
+    """A circle with its axis: centre (3,) [m], unit axis (3,) outward, radius [m]."""
+
+    centre: np.ndarray
+    up: np.ndarray
+    radius_m: float
+
+
+def find_opening(
+    points: np.ndarray, normals: np.ndarray, rim_probability: np.ndarray
+) -> OpeningPlane | None:
+    """Find the opening from a first guess of the rim.
+
+    Planes through three probable rim points each are scored by the rim probability near them,
+    less what lies above; the best are kept and the one that looks into most surface is taken.
+
+    Args:
+        points: (n, 3) in metres.
+        normals: outward unit normals (n, 3).
+        rim_probability: (n,) of each point.
+
+    Returns:
+        The opening; None if no plane has a ring of rim with a cavity below.
+    """
+    middle = points.mean(0)
+    size = float(np.sqrt(((points - middle) ** 2).sum(1).mean()))
+    tolerance = BAND * size
+    # How probable a rim looks differs from camera to camera; what counts is the order.
+    usual = np.quantile(rim_probability, 1.0 - LIKELY_SHARE)
+    rim_probability = rim_probability / (rim_probability + usual + 1e-12)
+    planes = _hypotheses(points, rim_probability, middle)
+    distance = (points @ planes[:, :3].T) - planes[:, 3]
+    near = np.abs(distance) < tolerance
+    above = distance > 2.0 * tolerance
+    support = rim_probability @ near - 0.5 * above.sum(0)
+    likely = planes[np.argsort(-support)[:N_VERIFIED]]
+    best, best_score = None, MIN_SCORE
+    for plane in np.concatenate([likely, _ends(points, likely[:2, :3], middle)]):
+        opening = _refine(points, rim_probability, plane, tolerance)
+        if opening is None:
+            continue
+        score = _looks_into(points, normals, opening, tolerance)
+        score += _ring_share(points, rim_probability, opening, tolerance)
+        if score > best_score:
+            best, best_score = opening, score
+    return best
+
+
+def fit_circle(plane_points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Centre (2,) and radius of the circle through points (n, 2) in the least-squares sense."""
+    design = np.column_stack([2.0 * plane_points, np.ones(len(plane_points))])
+    solution, *_ = np.linalg.lstsq(design, (plane_points**2).sum(1), rcond=None)
+    radius = np.sqrt(max(solution[2] + solution[:2] @ solution[:2], 0.0))
+    return solution[:2], float(radius)
+
+
+def fit_plane(points: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Unit normal (3,) of the plane through points (n, 3), on the side of `up`."""
+    offsets = points - points.mean(0)
+    _, vectors = np.linalg.eigh(offsets.T @ offsets)
+    normal = vectors[:, 0]
+    return normal if normal @ up >= 0.0 else -normal
+
+
+def across(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors that make a right-handed frame with `up` as the third axis."""
+    helper = np.zeros(3)
+    helper[np.argmin(np.abs(up))] = 1.0
+    first = np.cross(helper, up)
+    first /= np.linalg.norm(first)
+    return first, np.cross(up, first)
+
+
+def _hypotheses(points: np.ndarray, probability: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Planes (m, 4): normals away from the middle, and their distances from the origin."""
+    count = max(MIN_RIM_POINTS, int(LIKELY_SHARE * len(points)))
+    likely = np.argsort(-probability, kind="stable")[:count]
+    # Always the same draws: the same cloud in another place gives the same planes.
+    draws = np.random.default_rng(0).integers(0, count, (N_HYPOTHESES, 3))
+    corners = points[likely[draws]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1)
+    kept = length > 1e-3 * length.max()
+    normals = normals[kept] / length[kept, None]
+    offsets = np.einsum("ij,ij->i", normals, corners[kept, 0])
+    sign = np.where(normals @ middle > offsets, -1.0, 1.0)
+    return np.column_stack([normals * sign[:, None], offsets * sign])
+
+
+def _ends(points: np.ndarray, directions: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Planes (m, 4) that bear on the points, across given directions and principal axes."""
+    offsets = points - middle
+    _, axes = np.linalg.eigh(offsets.T @ offsets)
+    normals = np.concatenate([-directions, axes.T, -axes.T])
+    return np.column_stack([normals, np.quantile(points @ normals.T, 0.985, axis=0)])
+
+
+def _refine(
+    points: np.ndarray, probability: np.ndarray, plane: np.ndarray, tolerance: float
+) -> OpeningPlane | None:
+    """The plane and circle through the probable rim points near a plane."""
+    up, offset = plane[:3], plane[3]
+    for _ in range(3):
+        near = (np.abs(points @ up - offset) < 1.5 * tolerance) & (probability >= 0.5)
+        if near.sum() < MIN_RIM_POINTS:
+            return None
+        rim = points[near]
+        up = fit_plane(rim, up)
+        offset = rim.mean(0) @ up
+    first, second = across(up)
+    flat = rim @ np.stack([first, second], 1)
+    centre, radius = fit_circle(flat)
+    if np.std(np.linalg.norm(flat - centre, axis=1)) > MAX_RING_SPREAD * radius:
+        return None
+    return OpeningPlane(centre[0] * first + centre[1] * second + offset * up, up, radius)
+
+
+def _ring_share(
+    points: np.ndarray, probability: np.ndarray, opening: OpeningPlane, tolerance: float
+) -> float:
+    """Share of the probable rim that lies on the ring."""
+    offsets = points - opening.centre
+    level = offsets @ opening.up
+    aside = np.linalg.norm(offsets - level[:, None] * opening.up, axis=1)
+    on_ring = np.abs(aside - opening.radius_m) < 0.25 * opening.radius_m
+    likely = probability >= 0.5
+    return float((on_ring & (np.abs(level) < 1.5 * tolerance))[likely].mean())
+
+
+def _looks_into(
+    points: np.ndarray, normals: np.ndarray, opening: OpeningPlane, tolerance: float
+) -> float:
+    """How much surface below the ring faces its centre, less what lies in the ring or above."""
+    centre, up, radius = opening
+    offsets = points - centre
+    depth = -(offsets @ up)
+    aside = np.linalg.norm(offsets + depth[:, None] * up, axis=1)
+    facing = -(normals * offsets).sum(1) > 0.1 * radius
+    inside = (aside < 1.05 * radius) & (depth > 2.0 * tolerance)
+    lid = (aside < 0.75 * radius) & (depth < 2.0 * tolerance)
+    above = depth < -2.0 * tolerance
+    floor = inside & (aside < 0.9 * radius) & (normals @ up < -0.7)
+    return float((inside & facing).mean() - 3.0 * lid.mean() - 3.0 * above.mean() - floor.mean())

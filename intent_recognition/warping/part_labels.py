@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""First guess of the parts by local features, learned from the one annotated object."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import TrainingError, describe
+from intent_recognition.warping.features import local_features
+from intent_recognition.warping.logistic import LogisticModel, fit_logistic
+from intent_recognition.warping.object_model import AnnotatedObject
+from intent_recognition.warping.parts import Part
+
+RIDGE = 1.0
+N_VIEWS = (1, 1, 1, 2, 2, 3, 3, 3)
+N_POINTS = 2000
+GRAZING = 0.17
+
+
+class PartClassifiers(NamedTuple):
+    """One logistic regression for the rim and one for the handle, None if there is no handle."""
+
+    rim: LogisticModel
+    handle: LogisticModel | None
+
+
+def fit_part_classifiers(source: AnnotatedObject, up: np.ndarray) -> PartClassifiers:
+    """Learn to tell parts from how the surface looks nearby (Brandl et al. II-B).
+
+    A camera above sees more of the rim than of the walls. The annotated points are therefore
+    thinned as one to three cameras would, and the classifiers see these clouds besides the whole.
+
+    Args:
+        source: the annotated object.
+        up: its unit axis (3,).
+
+    Returns:
+        The classifiers.
+
+    Raises:
+        TrainingError: no point is labelled as rim, or every one.
+    """
+    n_rim = int((source.labels == Part.RIM).sum())
+    if not 0 < n_rim < len(source.labels):
+        cure = "Annotate the rim around the opening as RIM and the wall as CONTAINER."
+        raise TrainingError(describe("labels", "some points on the RIM", n_rim, cure))
+    rng = np.random.default_rng(0)
+    everything = np.arange(len(source.points))
+    count = min(N_POINTS, len(everything))
+    chosen = [everything, *(rng.choice(everything, count, replace=False) for _ in range(2))]
+    chosen += [_seen(source, up, n_views, rng) for n_views in N_VIEWS]
+    features = np.concatenate([local_features(source.points[c], source.normals[c]) for c in chosen])
+    labels = source.labels[np.concatenate(chosen)]
+    with_handle = bool((labels == Part.HANDLE).any())
+    return PartClassifiers(
+        fit_logistic(features, labels == Part.RIM, ridge=RIDGE),
+        fit_logistic(features, labels == Part.HANDLE, ridge=RIDGE) if with_handle else None,
+    )
+
+
+def _seen(
+    source: AnnotatedObject, up: np.ndarray, n_views: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Indices of points that cameras above would see, hidden ones behind others included."""
+    first = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
+    first /= np.linalg.norm(first)
+    second = np.cross(up, first)
+    weight = np.zeros(len(source.points))
+    start = rng.uniform(0.0, 2.0 * np.pi)
+    for view in range(n_views):
+        azimuth, elevation = start + 2.0 * np.pi * view / n_views, rng.uniform(0.7, 1.2)
+        level = np.cos(azimuth) * first + np.sin(azimuth) * second
+        facing = source.normals @ (np.cos(elevation) * level + np.sin(elevation) * up)
+        weight += np.where(facing > GRAZING, facing, 0.0)
+    count = min(N_POINTS, int((weight > 0.0).sum()) * 2 // 3)
+    return rng.choice(len(weight), count, replace=False, p=weight / weight.sum())

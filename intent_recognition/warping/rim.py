@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rim of an opening as a closed line."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.warping.frame import ObjectFrame
+from intent_recognition.warping.opening import fit_circle, fit_plane
+
+N_CORNERS = 48
+N_HARMONICS = 8
+SMOOTHNESS = 0.02
+CREST_QUANTILE = 0.9
+MIN_RIM_POINTS = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Rim:
+    """The rim's crest in the plane of the opening.
+
+    Attributes:
+        centre: (3,) [m].
+        axes: rows (3, 3): out of the opening; toward the handle; their cross product.
+        outline: crest (S, 2) [m] along the second and third axis, about the centre.
+        depth_m: lowest point of the object below the crest.
+    """
+
+    centre: np.ndarray
+    axes: np.ndarray
+    outline: np.ndarray
+    depth_m: float
+
+    @property
+    def up(self) -> np.ndarray:
+        """Unit axis (3,) out of the opening."""
+        return self.axes[0]
+
+    @property
+    def radius_m(self) -> float:
+        """Mean distance of the crest from its centre, over its length."""
+        edges = np.linalg.norm(np.roll(self.outline, -1, axis=0) - self.outline, axis=1)
+        radii = np.linalg.norm(self.outline, axis=1)
+        return float(np.average(radii, weights=edges + np.roll(edges, 1)))
+
+    @property
+    def crest(self) -> np.ndarray:
+        """The crest (S, 3) [m]."""
+        return self.centre + self.outline @ self.axes[1:]
+
+    def to_local(self, points: np.ndarray) -> np.ndarray:
+        """Points (n, 3) in the rim's axes, in metres."""
+        return (points - self.centre) @ self.axes.T
+
+
+def fit_rim(points: np.ndarray, normals: np.ndarray, frame: ObjectFrame) -> Rim:
+    """Fit plane, centre and outline to rim points.
+
+    The distance from the centre is a smooth function of the direction plus the thickness of the
+    rim times how far the normal points outward: the crest is where it points along the axis. So
+    it does not matter which side of the rim a camera saw.
+
+    Args:
+        points: of the rim (n, 3) [m].
+        normals: outward unit normals (n, 3).
+        frame: of the object.
+
+    Returns:
+        The rim.
+
+    Raises:
+        ArgumentError: there are too few points.
+    """
+    if len(points) < MIN_RIM_POINTS:
+        cure = "Scan the opening from above, with more points."
+        got = f"{len(points)} points on the rim"
+        raise ArgumentError(describe("points", f"at least {MIN_RIM_POINTS}", got, cure))
+    points, normals, up = _in_plane(points, normals, frame.axes[0])
+    handle = frame.axes[1] - (frame.axes[1] @ up) * up
+    handle /= np.linalg.norm(handle)
+    axes = np.stack([up, handle, np.cross(up, handle)])
+    local, facing = (points - frame.origin) @ axes.T, normals @ axes.T
+    middle, _ = fit_circle(local[:, 1:])
+    for _ in range(2):
+        flat = local[:, 1:] - middle
+        radius = np.maximum(np.hypot(*flat.T), 1e-12)
+        outward = (flat * facing[:, 1:]).sum(1) / radius
+        coefficients = _fit_harmonics(np.arctan2(flat[:, 1], flat[:, 0]), radius, outward)
+        # What turns once around is an offset of the centre.
+        middle = middle + coefficients[[1, 1 + N_HARMONICS]]
+    angles = np.arange(N_CORNERS) * 2.0 * np.pi / N_CORNERS
+    coefficients[[1, 1 + N_HARMONICS]] = 0.0
+    radii = _harmonics(angles) @ coefficients[:-1]
+    outline = radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], 1)
+    level = _crest_level(local[:, 0], facing[:, 0])
+    centre = frame.origin + np.array([level, *middle]) @ axes
+    return Rim(centre, axes, outline, frame.height_m + level)
+
+
+def _harmonics(angles: np.ndarray) -> np.ndarray:
+    """Constant, cosines and sines (n, 1 + 2 N_HARMONICS) of angles (n,)."""
+    orders = np.arange(1, N_HARMONICS + 1)
+    turned = angles[:, None] * orders
+    return np.column_stack([np.ones(len(angles)), np.cos(turned), np.sin(turned)])
+
+
+def _fit_harmonics(angles: np.ndarray, radii: np.ndarray, outward: np.ndarray) -> np.ndarray:
+    """Coefficients of the radius over direction, and of the normal's outward share."""
+    design = np.column_stack([_harmonics(angles), outward])
+    orders = np.arange(1, N_HARMONICS + 1)
+    penalty = SMOOTHNESS * np.concatenate([[0.0], orders**2, orders**2, [0.0]])
+    penalty[[1, 1 + N_HARMONICS]] = 0.0
+    normal = design.T @ design + np.diag(penalty + 1e-9)
+    return np.linalg.solve(normal, design.T @ radii)
+
+
+def _crest_level(level: np.ndarray, upward: np.ndarray) -> float:
+    """Height of the crest, where a rounded rim's normal points along the axis.
+
+    On a round rim the height falls in proportion to 1 - upward, and on a flat one not at all;
+    the line through both is free of noise, which the highest points are not.
+    """
+    top = upward > 0.3
+    if top.sum() < MIN_RIM_POINTS:
+        return float(np.quantile(level, CREST_QUANTILE))
+    drop = 1.0 - upward[top]
+    spread = drop - drop.mean()
+    slope = min((spread @ level[top]) / (spread @ spread + 1e-6 * len(drop)), 0.0)
+    return float(level[top].mean() - slope * drop.mean())
+
+
+def _in_plane(
+    points: np.ndarray, normals: np.ndarray, up: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rim points near their common plane, their normals, and its unit normal (3,)."""
+    for _ in range(3):
+        up = fit_plane(points, up)
+        distance = (points - points.mean(0)) @ up
+        kept = np.abs(distance) < 2.5 * distance.std() + 1e-12
+        if kept.all() or kept.sum() < MIN_RIM_POINTS:
+            break
+        points, normals = points[kept], normals[kept]
+    return points, normals, fit_plane(points, up)

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Warping the annotated object onto another one (Brandl et al. II-B and II-C)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.warping.cavity import Cavity, fit_cavity
+from intent_recognition.warping.features import local_features
+from intent_recognition.warping.frame import ObjectFrame, coarse_frame
+from intent_recognition.warping.mapping import agreeing_neighbours, majority
+from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
+from intent_recognition.warping.opening import find_opening
+from intent_recognition.warping.part_labels import PartClassifiers, fit_part_classifiers
+from intent_recognition.warping.parts import Part
+from intent_recognition.warping.rim import Rim, fit_rim
+
+Mapping = Literal["label", "point"]
+N_CLASSIFIED = 700
+
+
+@dataclass(frozen=True, eq=False)
+class WarpSource:
+    """The annotated object with what is learned from it, once.
+
+    Attributes:
+        annotated: the object.
+        classifiers: of the first guess of the parts.
+        frame: of the object, found in the same way as that of a target.
+    """
+
+    annotated: AnnotatedObject
+    classifiers: PartClassifiers
+    frame: ObjectFrame
+
+
+@dataclass(frozen=True, eq=False)
+class WarpedObject:
+    """What warping makes of source and target: points that know their parts.
+
+    Attributes:
+        points: (n, 3) [m], in the target's coordinates.
+        normals: outward unit normals (n, 3).
+        labels: part (n,) of each point.
+        frame: of the target, with axes toward the opening and toward the handle.
+        mapping: "label": the points are the target's; "point": they are the source's, moved.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    labels: np.ndarray
+    frame: ObjectFrame
+    mapping: Mapping
+
+    def part(self, part: Part) -> np.ndarray:
+        """Points (m, 3) of one part."""
+        return self.points[self.labels == part]
+
+    @cached_property
+    def rim(self) -> Rim:
+        """The rim as a closed line in the plane of the opening."""
+        on_rim = self.labels == Part.RIM
+        return fit_rim(self.points[on_rim], self.normals[on_rim], self.frame)
+
+    @cached_property
+    def cavity(self) -> Cavity:
+        """The inner surface below the rim."""
+        kept = self.labels != Part.HANDLE
+        return fit_cavity(self.points[kept], self.normals[kept], self.rim)
+
+
+def prepare_source(annotated: AnnotatedObject) -> WarpSource:
+    """Learn the part classifiers and the frame of the annotated object.
+
+    Raises:
+        TrainingError: no rim is annotated.
+        ArgumentError: the object has no opening.
+    """
+    container, rim = (
+        annotated.points[annotated.labels == part].mean(0) for part in (Part.CONTAINER, Part.RIM)
+    )
+    up = (rim - container) / np.linalg.norm(rim - container)
+    classifiers = fit_part_classifiers(annotated, up)
+    frame = _frame(annotated, classifiers)
+    return WarpSource(annotated, classifiers, frame)
+
+
+def warp(
+    source: WarpSource, target: ObjectCloud, mapping: Mapping = "label", k: int = 1
+) -> WarpedObject:
+    """Warp the source onto a target.
+
+    Args:
+        source: from `prepare_source`.
+        target: an object in any place, direction and size.
+        mapping: "label" gives each target point the part of its nearest source points; "point"
+            moves each source point to its nearest target points.
+        k: how many neighbours vote on a label, or are averaged.
+
+    Returns:
+        The warped object.
+
+    Raises:
+        ArgumentError: the target has no opening, or mapping or k is none.
+    """
+    if mapping not in ("label", "point"):
+        cure = "See docs/warping.md."
+        raise ArgumentError(describe("mapping", "'label' or 'point'", repr(mapping), cure))
+    frame = _frame(target, source.classifiers)
+    points, normals, labels = _aligned_source(source, frame)
+    seen, seen_normals = frame.to_local(target.points), target.normals @ frame.axes.T
+    if mapping == "label":
+        near = agreeing_neighbours(seen, seen_normals, points, normals, k)
+        warped = (target.points, target.normals, majority(labels[near], len(Part)))
+    else:
+        near = agreeing_neighbours(points, normals, seen, seen_normals, k)
+        mean_normals = target.normals[near].mean(1)
+        mean_normals /= np.maximum(np.linalg.norm(mean_normals, axis=1, keepdims=True), 1e-12)
+        warped = (target.points[near].mean(1), mean_normals, labels)
+    return WarpedObject(*warped, frame, mapping)
+
+
+def _frame(cloud: ObjectCloud, classifiers: PartClassifiers) -> ObjectFrame:
+    """The coarse frame of an unlabelled object."""
+    tree = cKDTree(cloud.points)
+    for step in sorted({max(1, len(cloud.points) // N_CLASSIFIED), 1}, reverse=True):
+        rows = slice(None, None, step)
+        features = local_features(cloud.points, cloud.normals, tree, rows)
+        rim = classifiers.rim.probability(features)
+        opening = find_opening(cloud.points[rows], cloud.normals[rows], rim)
+        if opening is not None:
+            return coarse_frame(cloud.points, cloud.normals, opening)
+    cure = "It may be closed on top, or no cup or bowl at all."
+    got = "no ring of rim points with a cavity below"
+    raise ArgumentError(describe("points", "a container with an open rim", got, cure))
+
+
+def _aligned_source(
+    source: WarpSource, target: ObjectFrame
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points, normals and labels of the source, scaled to the target's size in its axes.
+
+    Height and radius are scaled apart. A handle is stretched to the target's reach, and left out
+    where the target has none.
+    """
+    own = source.frame
+    points = own.to_local(source.annotated.points)
+    normals = source.annotated.normals @ own.axes.T
+    labels = source.annotated.labels
+    tall, wide = target.height_m / own.height_m, target.radius_m / own.radius_m
+    scale = np.array([tall, wide, wide])
+    points, normals = points * scale, normals / scale
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    handle = labels == Part.HANDLE
+    if own.has_handle and target.has_handle:
+        far, near = wide * own.reach_m, wide * own.radius_m
+        stretch = (target.reach_m - target.radius_m) / (far - near)
+        radius = np.linalg.norm(points[handle, 1:], axis=1)
+        longer = np.maximum(radius - near, 0.0) * (stretch - 1.0)
+        points[handle, 1:] *= (1.0 + longer / radius)[:, None]
+        return points, normals, labels
+    return points[~handle], normals[~handle], labels[~handle]
