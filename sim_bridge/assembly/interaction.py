@@ -7,6 +7,7 @@ import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.assembly.styles import (
+    EARLY_S,
     FASTENING,
     FLIP_BOW_M,
     FLIPPED_M,
@@ -33,6 +34,8 @@ from sim_bridge.coworker.reach import Reach, draw_hesitations
 
 Timed = tuple[float, Reach]
 BOW_STD_M = 0.012
+HESITANT_SHARE = 0.5
+"""Of its about two long reaches a person hesitates in one, as often as in the toolbox assembly."""
 
 
 @dataclass(frozen=True)
@@ -80,12 +83,20 @@ class _Person:
         self.now_s = max(until_s, self.now_s) + self._rng.uniform(*extra_s)
 
     def move(
-        self, goal_m: np.ndarray, nominal_s: float, bow_m=(0.0, 0.0, 0.03), *, hesitant: bool = True
+        self,
+        goal_m: np.ndarray,
+        nominal_s: float,
+        bow_m=(0.0, 0.0, 0.03),
+        *,
+        hesitant: bool = True,
+        not_before_s: float = 0.0,
     ) -> None:
-        """Reach for a goal, at a tempo near the pair's."""
+        """Reach for a goal, at a tempo near the pair's, or slower so as not to be there too soon."""
         rng = self._rng
         nominal_s *= self._tempo * float(np.exp(PERSONAL_LOG_STD * rng.standard_normal()))
+        nominal_s = max(nominal_s, not_before_s - self.now_s)
         drawn = draw_hesitations(rng)
+        hesitant = hesitant and rng.uniform() < HESITANT_SHARE
         share = min(1.0, np.linalg.norm(goal_m - self.wrist_m) / 0.25)
         bow = share * (np.asarray(bow_m) + BOW_STD_M * rng.standard_normal(3))
         turn = self._turn + 0.05 * rng.standard_normal(3)
@@ -168,11 +179,11 @@ def _plate_insertion(rng, worker: _Person, assistant: _Person, goal_m: np.ndarra
     worker.move(PLATE.draw(rng), 1.0)
     taken_s = worker.now_s
     worker.wait(0.0, GRASP_S)
-    worker.move(goal_m, 1.15)
     assistant.wait(taken_s, REACTION_S)
     assistant.move(_beside(rng, goal_m, TAKE_BOX_M), 1.0)
     assistant.wait(0.0, GRASP_S)
     assistant.move(_beside(rng, goal_m, FLIPPED_M), 1.1, FLIP_BOW_M)
+    worker.move(goal_m, 1.15, not_before_s=assistant.now_s - rng.uniform(*EARLY_S))
     worker.wait(assistant.now_s, READY_S)
     worker.move(goal_m + PUSH_M, 0.7, (0.0, 0.0, 0.0), hesitant=False)
 

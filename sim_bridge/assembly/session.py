@@ -16,8 +16,8 @@ SESSIONS, PER_SESSION, PER_TASK = 3, 40, 40
 
 MARGIN_S = 0.4
 """A demonstration's marks: so long before the worker's onset, and after both have come to rest."""
-IDLE_S = (0.5, 0.65)
-HOLD_S = 0.5
+IDLE_S = (0.45, 0.6)
+HOLD_S = 0.45
 LAST_S = 0.6
 GAPS_PER_S = 0.08
 FACING_WORKER = np.array([0.0, 0.0, 0.0, 1.0])
@@ -87,4 +87,4 @@ def _retract(rng: np.random.Generator, start_m: np.ndarray, rest: Place) -> Reac
     """The way back to a new resting place."""
     bow = np.array([0.0, 0.0, 0.02]) + 0.012 * rng.standard_normal(3)
     turn = 0.1 * rng.standard_normal(3)
-    return Reach("", start_m, rest.draw(rng), rng.uniform(0.85, 1.05), bow, 1.0, turn)
+    return Reach("", start_m, rest.draw(rng), rng.uniform(0.8, 1.0), bow, 1.0, turn)

@@ -52,7 +52,7 @@ def _place(centre: tuple[float, ...], half_width: tuple[float, ...]) -> Place:
 
 RESTS = {
     WORKER: _place((1.08, 0.00, 0.22), (0.05, 0.08, 0.05)),
-    ASSISTANT: _place((0.46, -0.10, 0.30), (0.02, 0.03, 0.02)),
+    ASSISTANT: _place((0.52, -0.12, 0.31), (0.02, 0.03, 0.02)),
 }
 """Where each wrist rests before a task, whichever it is."""
 
@@ -65,7 +65,7 @@ GOALS = {
 
 SCREWDRIVER = _place((0.98, 0.28, 0.22), (0.03, 0.05, 0.02))
 PLATE = _place((0.98, -0.28, 0.20), (0.03, 0.05, 0.02))
-TRAY = _place((0.50, 0.20, 0.24), (0.02, 0.03, 0.01))
+TRAY = _place((0.54, 0.20, 0.25), (0.02, 0.03, 0.01))
 """Where things lie: as the wrist is when the hand takes them."""
 
 GIVE_M = _frozen(-0.15, -0.02, 0.02)
@@ -88,6 +88,9 @@ REACTION_S = (0.25, 0.55)
 GRASP_S = (0.15, 0.30)
 READY_S = (0.10, 0.25)
 """How long it takes to react to the other, to take a thing, and to see that the other is ready."""
+
+EARLY_S = (0.2, 0.7)
+"""Who brings the plate slows down to be there so long before the box has been flipped."""
 
 TEMPO_LOG_STD = 0.14
 PERSONAL_LOG_STD = 0.08
