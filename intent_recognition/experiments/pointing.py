@@ -2,6 +2,7 @@
 """The arm points where the human points, without seeing the spot (Maeda et al. 2014, Fig. 4-6)."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,8 +20,10 @@ from intent_recognition.report.figures_pointing import (
 )
 from intent_recognition.report.html import Block, Column, Figure, Row, Table, Text
 from intent_recognition.storage import Demonstration, load_dofs, read_demonstrations
-from sim_bridge.pointing.execution import PointingRun, execute
 from sim_bridge.pointing.scene import CIRCLE_CENTRE_M, CIRCLE_DIAMETER_M, SPOTS_M, pointed_at
+
+if TYPE_CHECKING:
+    from sim_bridge.pointing.execution import PointingRun
 
 PAPER_LARGEST_M = 0.03
 HOLD_SAMPLES = 20
@@ -53,7 +56,7 @@ class Tested:
     posterior: Gaussian
     predicted_m: np.ndarray
     spread_m2: np.ndarray
-    run: PointingRun
+    run: "PointingRun"
 
     @property
     def error_m(self) -> float:
@@ -107,6 +110,8 @@ def both_agents(library: TaskLibrary, weights: Gaussian) -> Trajectory:
 
 
 def _test(library: TaskLibrary, recording: Demonstration, index: int) -> Tested:
+    from sim_bridge.pointing.execution import execute  # physics, loaded when it is needed
+
     wrist = final_wrist(recording)
     posterior = condition_on_end(library, wrist)
     trajectory = both_agents(library, posterior)
