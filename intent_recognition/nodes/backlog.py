@@ -11,6 +11,7 @@ from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.wire_reading import read_stamp_ns
 
 LATEST_NS = 2**63 - 1
 MAX_WAITING = 16
@@ -22,8 +23,8 @@ Item = TypeVar("Item")
 class _Source:
     """One topic: its subscription, and what takes its messages."""
 
-    def __init__(self, use: Callable[[object], None]):
-        self.use = use
+    def __init__(self, use: Callable[[object], None], raw: bool):
+        self.use, self.raw = use, raw
         self.subscription: Subscription | None = None
         self.behind = False
 
@@ -47,7 +48,14 @@ class Backlog:
         self._sources: list[_Source] = []
 
     def subscribe(
-        self, node: Node, kind: type, topic: str, use: Callable[[object], None], qos: QoSProfile
+        self,
+        node: Node,
+        kind: type,
+        topic: str,
+        use: Callable[[object], None],
+        qos: QoSProfile,
+        *,
+        raw: bool = False,
     ) -> Subscription:
         """Subscribe to one more topic.
 
@@ -57,11 +65,12 @@ class Backlog:
             topic: its name.
             use: takes each message that is used.
             qos: of the subscription.
+            raw: whether it takes bytes, of messages with a header.
         """
-        source = _Source(use)
+        source = _Source(use, raw)
         callback = partial(self._on_message, len(self._sources))
         self._sources.append(source)
-        source.subscription = node.create_subscription(kind, topic, callback, qos)
+        source.subscription = node.create_subscription(kind, topic, callback, qos, raw=raw)
         return source.subscription
 
     @property
@@ -103,14 +112,16 @@ class Backlog:
             return taken
         kind = source.subscription.msg_type
         with (handle := source.subscription.handle):
-            while (found := handle.take_message(kind, False)) is not None:
+            while (found := handle.take_message(kind, source.raw)) is not None:
                 taken.append(found[0])
         return taken
 
 
 def _time_ns(arrival: tuple[_Source, object]) -> int:
     """Stamp of a message; without one it is of now, so it comes last."""
-    message = arrival[1]
+    source, message = arrival
+    if source.raw:
+        return read_stamp_ns(message)
     stamped = hasattr(message, "header") or hasattr(message, "stamp")
     return stamp_ns(message) if stamped else LATEST_NS
 

@@ -3,7 +3,7 @@
 
 import importlib
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -30,6 +30,7 @@ from intent_recognition.nodes.markers import (
 )
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
 from intent_recognition.nodes.wire import NamedVectorWire, TrajectoryWire
+from intent_recognition.nodes.wire_reading import read_odometry
 from intent_recognition.promp.library import NONE
 from intent_recognition.promp.observations import Observation, group_dofs
 from intent_recognition.promp.online import Estimate, IntentEstimator, Prediction
@@ -161,6 +162,7 @@ class IntentEstimatorNode(ManagedNode):
             (g for g, e in enumerate(self._model.dofs.observed) if has_position(e)), None
         )
         self._moving = self._silent = False
+        self._last_robot: tuple[Prediction, bytes] | None = None
         self._last_arrival_s = 0.0
         self._last_publication_ns = 0
         self._frame = "world"
@@ -176,7 +178,8 @@ class IntentEstimatorNode(ManagedNode):
             raw = is_raw_pose(topic, entry.type)
             kind = Odometry if raw else self._kinds[entry.type]
             use = partial(self._on_odometry if raw else self._on_message, instruments)
-            self._inputs.subscribe(self, kind, human_topic(entry) if raw else topic, use, INPUT)
+            name = human_topic(entry) if raw else topic
+            self._inputs.subscribe(self, kind, name, use, INPUT, raw=raw)
         if self._start_posture:
             controlled = self._model.dofs.controlled
             self._postures.open(self._estimator, controlled, message_class, human_topic)
@@ -219,22 +222,35 @@ class IntentEstimatorNode(ManagedNode):
             check_dofs(model, self._own_dofs, self._dofs_path)
         return model
 
-    def _on_odometry(self, instruments: list[Instrument], message: Odometry) -> None:
+    def _on_odometry(self, instruments: list[Instrument], data: bytes) -> None:
         """Take a tracked pose; its twist is differentiated from poses, so it is no evidence."""
-        self._frame = message.header.frame_id or self._frame
-        self._take(instruments, message, message.pose)
+        start_s = time.perf_counter()
+        try:
+            tracked = read_odometry(data)
+        except MessageError as error:
+            self._diagnostics.reject("malformed", str(error))
+            return
+        self._frame = tracked.frame_id or self._frame
+        stamp, pose, covariance = tracked.stamp_ns, tracked.pose, tracked.covariance
+        self._take(instruments, stamp, lambda i: i.observe_pose(stamp, pose, covariance), start_s)
 
     def _on_message(self, instruments: list[Instrument], message: object) -> None:
-        self._take(instruments, message, message)
-
-    def _take(self, instruments: list[Instrument], message: object, content: object) -> None:
         start_s = time.perf_counter()
+        stamp = stamp_ns(message) if hasattr(message, "header") else self._now_ns()
+        self._take(instruments, stamp, lambda i: i.observe(stamp, message), start_s)
+
+    def _take(
+        self,
+        instruments: list[Instrument],
+        stamp: int,
+        read: Callable[[Instrument], Observation],
+        start_s: float,
+    ) -> None:
         topic = instruments[0].entry.topic
         self._diagnostics.tick(topic)
-        stamp = stamp_ns(message) if hasattr(message, "header") else self._now_ns()
         for instrument in instruments:
             try:
-                observation = instrument.observe(stamp, content)
+                observation = read(instrument)
             except MessageError as error:
                 self._diagnostics.reject("missing_dof", str(error))
                 continue
@@ -278,10 +294,14 @@ class IntentEstimatorNode(ManagedNode):
             self._publish_human(estimate, self._estimator.predict_observed())
 
     def _publish_trajectory(self, robot: Prediction) -> None:
-        times, positions, velocities, std = robot.trajectory
-        self._trajectory.publish(
-            self._wire.build(robot.onset_ns, times, positions, velocities, std, frame_id=robot.task)
-        )
+        """Publish a prediction; between two that differ, the same bytes again."""
+        if self._last_robot is None or robot.trajectory is not self._last_robot[0].trajectory:
+            times, positions, velocities, std = robot.trajectory
+            data = self._wire.build(
+                robot.onset_ns, times, positions, velocities, std, frame_id=robot.task
+            )
+            self._last_robot = robot, data
+        self._trajectory.publish(self._last_robot[1])
 
     def _publish_human(self, estimate: Estimate, human: Prediction) -> None:
         if self._shown is None:

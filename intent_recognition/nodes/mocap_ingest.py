@@ -10,15 +10,11 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError, MessageError, describe
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import (
-    orientation_array,
-    position_array,
-    stamp_ns,
-)
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
 from intent_recognition.nodes.wire import OdometryWire
+from intent_recognition.nodes.wire_reading import read_pose
 from intent_recognition.tracking.ingest import (
     IngestSettings,
     IngestState,
@@ -58,7 +54,11 @@ class MocapIngest(Node):
         }
         self._inputs = [
             self.create_subscription(
-                PoseStamped, f"mocap/{body}/pose", partial(self._on_pose, body), qos.SENSOR
+                PoseStamped,
+                f"mocap/{body}/pose",
+                partial(self._on_pose, body),
+                qos.SENSOR,
+                raw=True,
             )
             for body in bodies
         ]
@@ -93,16 +93,22 @@ class MocapIngest(Node):
             ),
         )
 
-    def _on_pose(self, body: str, message: PoseStamped) -> None:
+    def _on_pose(self, body: str, data: bytes) -> None:
+        """Take the bytes of a PoseStamped."""
         start_s = time.perf_counter()
         self._diagnostics.tick(f"mocap/{body}/pose")
+        try:
+            measured = read_pose(data)
+        except MessageError as error:
+            self._diagnostics.reject("malformed", f"{body}: {error}")
+            return
         self._states[body], result = ingest_pose(
             self._settings,
             self._states[body],
-            stamp_ns(message),
-            position_array(message.pose),
-            orientation_array(message.pose),
-            message.header.frame_id,
+            measured.stamp_ns,
+            measured.pose[:3],
+            measured.pose[3:],
+            measured.frame_id,
         )
         if isinstance(result, Rejected):
             self._diagnostics.reject(result.reason, f"{body}: {result.detail}")

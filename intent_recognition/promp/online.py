@@ -24,7 +24,7 @@ from intent_recognition.promp.observations import (
 from intent_recognition.promp.posture import POSTURE_UNKNOWN, OnsetPosture
 from intent_recognition.promp.prediction import Trajectory, rollout
 from intent_recognition.promp.recognition import TaskPosterior, task_posterior
-from intent_recognition.promp.signal_past import SignalPast, arrays
+from intent_recognition.promp.signal_past import SignalPast
 from intent_recognition.promp.transitions import FORGET_AFTER_S, Expectation
 
 HISTORY_S = 2.0
@@ -152,11 +152,11 @@ class IntentEstimator:
             self.reset()
         if observation.derivative and observation.covariance is None:
             return "no_covariance"
-        if observation.covariance is not None and not _is_covariance(
-            observation.covariance, expected
-        ):
-            return "bad_covariance"
-        return None
+        covariance = observation.covariance
+        if covariance is None:
+            return None
+        fits = np.shape(covariance) == (expected, expected)
+        return None if fits and past.trusts(covariance) else "bad_covariance"
 
     def observe(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""
@@ -175,12 +175,14 @@ class IntentEstimator:
             self.expectation.remember(observation.stamp_ns, self._posterior)
             self._movement = self._posterior = None
             return self._idle(observation.stamp_ns)
+        phase = self._posterior.phase.copy()
+        phase[-1] = 0.0
         return Estimate(
             observation.stamp_ns,
             True,
             self._movement.onset_ns,
             self._posterior.probabilities,
-            np.r_[self._posterior.phase[:-1], 0.0],
+            phase,
             self._posterior.log_evidence,
             self._posterior,
         )
@@ -292,9 +294,9 @@ class IntentEstimator:
         onsets = []
         for settings, past in zip(self.library.onset, self._past, strict=True):
             for history in past.speaking(settings.rest_s):
-                onset = detect_onset(settings, *arrays(history))
+                onset = detect_onset(settings, *history.arrays())
                 if onset is not None:
-                    onsets.append(history[0].stamp_ns + round(onset * 1e9))
+                    onsets.append(history.first_ns + round(onset * 1e9))
         if not onsets:
             return
         found = [o for past in self._past for o in past.observations() if o.stamp_ns >= min(onsets)]
@@ -317,8 +319,8 @@ class IntentEstimator:
 
     def _at_rest(self, rest_s: float | None = None) -> bool:
         return all(
-            is_slow(settings, *arrays(history, settings.window_s))
-            and at_rest(settings, *arrays(history), rest_s)
+            is_slow(settings, *history.arrays(settings.window_s))
+            and at_rest(settings, *history.arrays(), rest_s)
             for settings, past in zip(self.library.onset, self._past, strict=True)
             for history in past.speaking(settings.rest_s)
         )
@@ -341,11 +343,3 @@ class IntentEstimator:
         certain = np.zeros(size)
         certain[-1] = 1.0
         return Estimate(stamp_ns, False, 0, certain, np.zeros(size), np.zeros(size), None)
-
-
-def _is_covariance(matrix: np.ndarray, size: int) -> bool:
-    """Whether a sender's covariance has the right shape, is finite and not negative."""
-    if np.shape(matrix) != (size, size) or not np.all(np.isfinite(matrix)):
-        return False
-    eigenvalues = np.linalg.eigvalsh(matrix)
-    return bool(eigenvalues[0] >= -1e-9 * abs(eigenvalues[-1]))

@@ -6,10 +6,12 @@ The running node and `intent replay` use these same functions, so that their num
 
 from collections.abc import Callable
 from functools import partial
+from math import isnan
 from operator import attrgetter
 
 import numpy as np
 
+from intent_recognition.errors import MessageError, describe
 from intent_recognition.promp.observations import Observation
 from intent_recognition.storage.dofs import DofEntry, DofSpec, extract
 from intent_recognition.storage.velocities import place_of
@@ -20,6 +22,11 @@ POSES = (
     "nav_msgs/msg/Odometry",
 )
 """A position is measured as a whole or not at all: one with NaN in it is refused."""
+POSE_FIELDS = tuple(
+    f"pose.{part}.{axis}"
+    for part, axes in (("position", "xyz"), ("orientation", "xyzw"))
+    for axis in axes
+)
 AXES = {
     f"{part}.{axis}": first + k
     for first, parts in ((0, ("position", "linear")), (3, ("angular",)))
@@ -44,8 +51,12 @@ class Instrument:
         self._whole = columns is None and entry.type in POSES
         self._values = partial(_joints, entry) if entry.joints else _fields(entry)
         self._matrix, self._axes = _place_of_covariance(entry)
-        self._known = self._axes >= 0
+        self._unknown = np.minimum.outer(self._axes, self._axes) < 0
+        self._has_unknown = bool(self._unknown.any())
         self._grid = np.ix_(self._axes, self._axes)
+        self.pose_columns = None
+        if entry.fields and set(entry.fields) <= set(POSE_FIELDS):
+            self.pose_columns = np.array([POSE_FIELDS.index(field) for field in entry.fields])
 
     def observe(
         self, stamp_ns: int, content: object, covariance: np.ndarray | None = None
@@ -60,12 +71,36 @@ class Instrument:
         Raises:
             MessageError: a field, or every joint, is missing.
         """
-        values = self._values(content)
-        noise = self._noise(content, covariance)
+        return self._observation(stamp_ns, self._values(content), self._noise(content, covariance))
+
+    def observe_pose(self, stamp_ns: int, pose: np.ndarray, covariance: np.ndarray) -> Observation:
+        """As `observe` of a tracked pose, for entries with `pose_columns`.
+
+        Args:
+            stamp_ns: time of measurement.
+            pose: position and orientation, (7,).
+            covariance: (6, 6).
+
+        Raises:
+            MessageError: the entry asks for more than the pose.
+        """
+        if self.pose_columns is None:
+            raise MessageError(
+                describe(
+                    self.entry.topic,
+                    f"fields among {', '.join(POSE_FIELDS)}",
+                    ", ".join(self.entry.fields),
+                    "A tracked pose has no others; correct the DOF file.",
+                )
+            )
+        return self._observation(stamp_ns, pose[self.pose_columns], self._noise(None, covariance))
+
+    def _observation(
+        self, stamp_ns: int, values: np.ndarray, noise: np.ndarray | None
+    ) -> Observation:
         dofs, derivative = self._columns, self._columns is not None
-        missing = np.isnan(values)
-        if missing.any() and not self._whole and not missing.all():
-            kept = np.flatnonzero(~missing)
+        if not self._whole and isnan(np.add.reduce(values)) and not np.all(np.isnan(values)):
+            kept = np.flatnonzero(~np.isnan(values))
             values = values[kept]
             dofs = tuple(kept.tolist()) if dofs is None else tuple(dofs[k] for k in kept)
             noise = None if noise is None else noise[np.ix_(kept, kept)]
@@ -77,8 +112,8 @@ class Instrument:
             covariance = self._matrix(content)
             covariance = None if covariance is None else np.reshape(covariance, (6, 6))
         noise = None if covariance is None else covariance[self._grid]
-        if noise is not None and not self._known.all():
-            noise = np.where(self._known[:, None] & self._known, noise, 0.0)
+        if noise is not None and self._has_unknown:
+            noise = np.where(self._unknown, 0.0, noise)
         if noise is not None and not noise.any():  # ROS: all zero means unknown
             noise = None
         if noise is None and self.entry.std is not None:

@@ -3,19 +3,28 @@
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import MessageError
-from intent_recognition.nodes.conversions import TrajectoryBuilder, stamp_ns, to_joint_state
+from intent_recognition.nodes.conversions import (
+    TrajectoryBuilder,
+    orientation_array,
+    position_array,
+    stamp_ns,
+    to_joint_state,
+    to_stamp,
+)
 from intent_recognition.nodes.wire import (
     NamedVectorWire,
     OdometryWire,
     TrajectoryWire,
     WireTemplate,
 )
+from intent_recognition.nodes.wire_reading import read_odometry, read_pose, read_stamp_ns
 from intent_recognition.tracking.ingest import TrackedPose
 
 STAMP_NS = 1_767_226_260_790_000_123
@@ -87,3 +96,54 @@ def test_what_is_not_found_or_found_twice_is_an_error():
     for number in (7.75, 3.5):
         with pytest.raises(MessageError, match="each number once"):
             template.places_of(np.array([number]))
+
+
+@pytest.mark.parametrize("frames", [("", ""), ("w", "wrist_world_aligned"), ("world", "elf")])
+def test_numbers_are_read_as_rclpy_reads_them(rng, frames):
+    odometry = Odometry(child_frame_id=frames[1])
+    odometry.pose.covariance = rng.normal(size=36)
+    numbers = iter(rng.normal(size=7).tolist())
+    for part, fields in (("position", "xyz"), ("orientation", "xyzw")):
+        for name in fields:
+            setattr(getattr(odometry.pose.pose, part), name, next(numbers))
+    pose = PoseStamped(pose=odometry.pose.pose)
+    for message, read in ((odometry, read_odometry), (pose, read_pose)):
+        message.header.frame_id = frames[0]
+        message.header.stamp = to_stamp(STAMP_NS)
+        data = serialize_message(message)
+        found = read(data)
+        assert found[:2] == (STAMP_NS, frames[0]) and read_stamp_ns(data) == STAMP_NS
+        held = odometry.pose.pose
+        np.testing.assert_array_equal(found.pose[:3], position_array(held))
+        np.testing.assert_array_equal(found.pose[3:], orientation_array(held))
+        for length in (3, 10, 14, 30, len(data) // 2 - 40):
+            with pytest.raises(MessageError, match="a whole one"):
+                read(data[:2] + data[2 : max(length, 2)])
+        np.testing.assert_array_equal(read(_swapped(data, read)).pose, found.pose)
+    np.testing.assert_array_equal(
+        read_odometry(serialize_message(odometry)).covariance.ravel(), odometry.pose.covariance
+    )
+
+
+def _swapped(data, read):
+    """The same message in the other order of bytes."""
+    texts = 1 if read is read_pose else 2
+    out, at = bytearray(b"\x00\x00" + data[2:4]), 4
+
+    def move(size, count=1):
+        nonlocal at
+        while (at - 4) % size:
+            out.append(0)
+            at += 1
+        for _ in range(count):
+            out.extend(data[at : at + size][::-1])
+            at += size
+
+    move(4, 2)
+    for _ in range(texts):
+        (length,) = np.frombuffer(data, "<u4", 1, at + (-(at - 4)) % 4)
+        move(4)
+        out.extend(data[at : at + length])
+        at += int(length)
+    move(8, (len(data) - at) // 8)
+    return bytes(out)
