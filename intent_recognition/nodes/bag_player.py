@@ -49,6 +49,8 @@ class BagPlayer(Node):
     Attributes:
         done: everything was played and `exit_at_end` holds.
         finished: set when everything was played.
+        position_s: recorded time of the last message, since the bag's first.
+        duration_s: recorded time from the bag's first to its last message.
         published: messages published so far.
     """
 
@@ -67,10 +69,20 @@ class BagPlayer(Node):
         )
         self._exit_at_end = parameter(self, "exit_at_end", True, "end the process after the bag")
         self._restamp = parameter(self, "restamp", False, "shift header stamps to the present")
+        self._offset_s = parameter(
+            self,
+            "start_offset",
+            0.0,
+            "begin this long into the bag in s",
+            minimum=0.0,
+        )
+        wanted = parameter(self, "topics", [], "topics to play; none means all in the bag")
+        self._wanted = {topic.lstrip("/") for topic in wanted}
         use_clock = parameter(self, "clock", False, "publish the recorded time on /clock")
         self.done = False
         self.exit_code = 0
         self.published = 0
+        self.position_s = 0.0
         self.finished = threading.Event()
         self._stopping = threading.Event()
         self._running = threading.Event()
@@ -78,6 +90,8 @@ class BagPlayer(Node):
             self._running.set()
         self._diagnostics = Diagnostics(self)
         self._reader = _open(bag)
+        self._start_ns = self._reader.start_ns
+        self.duration_s = (self._reader.end_ns - self._start_ns) * 1e-9
         self._outputs: dict[str, Publisher] = {}
         self._stamped: set[str] = set()
         for info in self._reader.topics.values():
@@ -97,7 +111,7 @@ class BagPlayer(Node):
         super().destroy_node()
 
     def _add_publisher(self, info: TopicInfo) -> None:
-        if info.message_count == 0:
+        if info.message_count == 0 or not self._is_wanted(info.name):
             return
         try:
             kind = message_type(info.type)
@@ -112,6 +126,9 @@ class BagPlayer(Node):
         fields = list(kind.get_fields_and_field_types().items())
         if fields and fields[0] == ("header", "std_msgs/Header"):
             self._stamped.add(info.name)
+
+    def _is_wanted(self, topic: str) -> bool:
+        return not self._wanted or topic.lstrip("/") in self._wanted
 
     def _load(self) -> Iterable[RawMessage]:
         """The messages in memory, so that reading costs no time later; a stream of big bags."""
@@ -143,7 +160,10 @@ class BagPlayer(Node):
     def _play_once(self) -> None:
         origin_ns = offset_s = None
         latest_s = 0.0
+        begin_ns = self._start_ns + round(self._offset_s * 1e9)
         for message in self._messages or self._reader.raw_messages(self._outputs):
+            if message.log_time_ns < begin_ns:
+                continue
             if origin_ns is None or not self._running.is_set():
                 if not self._wait_while_paused():
                     return
@@ -172,6 +192,7 @@ class BagPlayer(Node):
         if self._clock_publisher and self._rate <= 0.0:
             self._publish_clock(message.log_time_ns)
         self._outputs[message.topic].publish(data)
+        self.position_s = (message.log_time_ns - self._start_ns) * 1e-9
         self.published += 1
         self._diagnostics.tick(message.topic.lstrip("/"))
 

@@ -7,6 +7,7 @@ from nav_msgs.msg import Path
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from intent_recognition.gaussian.tube import tube_faces, tube_rings
 from intent_recognition.nodes.conversions import to_point, to_stamp
 from intent_recognition.promp.observations import Observation
 from intent_recognition.promp.online import Prediction
@@ -20,6 +21,7 @@ LINE_WIDTH_M = 0.006
 TEXT_HEIGHT_M = 0.06
 MAX_OBSERVED = 500
 NEW_MOVEMENT_NS = 500_000_000
+TUBE_FACES = tube_faces().ravel()
 
 
 def has_position(entry: DofEntry) -> bool:
@@ -86,7 +88,12 @@ class MarkerBuilder:
             predicted: rest of the path, (T, 3) [m].
             std: its standard deviation, (T, 3) [m].
         """
-        kinds = (Marker.LINE_STRIP, Marker.LINE_STRIP, Marker.SPHERE_LIST, Marker.TEXT_VIEW_FACING)
+        kinds = (
+            Marker.LINE_STRIP,
+            Marker.LINE_STRIP,
+            Marker.TRIANGLE_LIST,
+            Marker.TEXT_VIEW_FACING,
+        )
         observed, future, tube, text = (
             self._marker(time_ns, frame, number, kind) for number, kind in enumerate(kinds)
         )
@@ -94,11 +101,10 @@ class MarkerBuilder:
         observed.scale.x, observed.color = LINE_WIDTH_M, OBSERVED
         future.points = [to_point(position) for position in predicted]
         future.scale.x, future.color = LINE_WIDTH_M, PREDICTED
-        tube.type, tube.ns = Marker.SPHERE_LIST, "tube"
-        tube.points = future.points
-        # One size for all spheres of a list: the root mean square over the rest of the path.
-        tube.scale = Vector3(**dict(zip("xyz", (4.0 * rms(std)).tolist(), strict=True)))
-        tube.color = TUBE
+        tube.ns, tube.color = "tube", TUBE
+        corners = tube_rings(predicted, std).reshape(-1, 3)[TUBE_FACES]
+        tube.points = [to_point(corner) for corner in corners]
+        tube.scale = Vector3(x=1.0, y=1.0, z=1.0)
         text.text, text.scale.z, text.color = label, TEXT_HEIGHT_M, PREDICTED
         text.pose.position = to_point(predicted[-1] + np.array([0.0, 0.0, 0.1]))
         return MarkerArray(markers=[observed, future, tube, text])
@@ -110,8 +116,3 @@ class MarkerBuilder:
         marker.header.frame_id = frame
         marker.pose.orientation.w = 1.0
         return marker
-
-
-def rms(std: np.ndarray) -> np.ndarray:
-    """Root mean square over the first axis."""
-    return np.sqrt(np.mean(std**2, axis=0))

@@ -11,7 +11,7 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.runtime import parameter, run
 from intent_recognition.nodes.topic_recorder import TopicRecorder, answer
@@ -27,12 +27,14 @@ class TaskTeacher(TopicRecorder):
     """A recorder whose recordings become tasks.
 
     `~/start` begins a recording of the task named by the parameter `task`; `~/stop` ends it, adds
-    it to the model in the folder `library` and asks the estimator to load that; `~/discard` ends
-    it and keeps it aside; `~/undo` takes the last one back. What happened is on `teach/status`,
-    a sentence each, the last one latched.
+    it to the model in the folder `library` and asks the estimator to load that, unless the
+    parameter `learn_at_stop` is false: then recordings wait for `~/learn`. `~/discard` ends a
+    recording and keeps it aside; `~/undo` takes the last one back. What happened is on
+    `teach/status`, a sentence each, the last one latched.
 
     Attributes:
         folder: the library of tasks.
+        waiting: recordings that are not learned yet.
         said: the last sentence of `teach/status`.
         handing_over: a model is on its way to the estimator.
     """
@@ -40,6 +42,8 @@ class TaskTeacher(TopicRecorder):
     def __init__(self, **kwargs):
         super().__init__("task_teacher", **kwargs)
         parameter(self, "task", "", "label of the demonstration")
+        parameter(self, "learn_at_stop", True, "learn each recording at once, not at ~/learn")
+        self.waiting: list[Path] = []
         self.said = ""
         self.handing_over = False
         self.folder = self._open_folder()
@@ -47,6 +51,7 @@ class TaskTeacher(TopicRecorder):
         for name, action in (
             ("start", self.start),
             ("stop", self.stop),
+            ("learn", self.learn),
             ("discard", self.discard),
             ("undo", self.undo),
         ):
@@ -71,19 +76,39 @@ class TaskTeacher(TopicRecorder):
         return str(path)
 
     def stop(self) -> str:
-        """End the recording, learn it and let the estimator use it; returns what changed.
+        """End the recording, and learn it if `learn_at_stop`; returns what changed.
 
         Raises:
             BagError: nothing is being recorded, or the recording cannot be read.
             TrainingError: it cannot be learned from; it is kept in the folder's `undone`.
         """
         bag = self.close_bag().path
-        try:
-            change = self.folder.learn(bag)
-        except IntentError as error:
-            self._say(WARN, f"not learned: {error}")
-            raise
-        return self._changed(change, f"learned {bag.name}")
+        self.waiting.append(bag)
+        if self.get_parameter("learn_at_stop").value:
+            return self.learn()
+        text = f"recorded {bag.name}; {len(self.waiting)} wait to be learned"
+        self._say(OK, text)
+        return text
+
+    def learn(self) -> str:
+        """Learn what waits and let the estimator use it; returns what changed.
+
+        Raises:
+            BagError: nothing waits, or a recording cannot be read.
+            TrainingError: one cannot be learned from; it is kept in the folder's `undone`.
+        """
+        if not self.waiting:
+            raise BagError(describe("~/learn", "recordings", "none", "Record one first."))
+        learned = []
+        while self.waiting:
+            bag = self.waiting.pop(0)
+            try:
+                change = self.folder.learn(bag)
+            except IntentError as error:
+                self._say(WARN, f"not learned: {error}")
+                raise
+            learned.append(bag.name)
+        return self._changed(change, f"learned {', '.join(learned)}")
 
     def discard(self) -> str:
         """End the recording without learning it; it is kept in the folder's `undone`.

@@ -92,6 +92,16 @@ def test_rhythm_is_the_recorded_one(harness, bag, monkeypatch):
     assert np.min(late_s) > -0.005
 
 
+def test_begins_where_asked_and_plays_the_topics_asked_for(harness, bag):
+    seen = harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    node = harness.add(player(bag, rate=0.0, start_offset=0.2, topics=["/mocap/wrist/pose"]))
+    harness.spin_until(node.finished.is_set)
+    harness.spin_until(lambda: len(seen) == node.published)
+    assert node.published == 10
+    assert node.position_s == pytest.approx(node.duration_s)
+    assert [p.topic_name for p in node.publishers if "robot" in p.topic_name] == []
+
+
 def test_paused_start_sends_nothing_before_resume(harness, bag):
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
     node = harness.add(player(bag, start_paused=True, wait_for_subscribers=0.0, rate=10.0))

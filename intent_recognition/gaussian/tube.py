@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The region of some standard deviations about a path, as triangles to draw."""
+
+import numpy as np
+
+N_RINGS = 16
+N_SIDES = 10
+
+
+def tube_rings(
+    path: np.ndarray,
+    std: np.ndarray,
+    n_std: float = 2.0,
+    *,
+    n_rings: int = N_RINGS,
+    n_sides: int = N_SIDES,
+) -> np.ndarray:
+    """Rings about a path, each on the ellipsoid of `n_std` standard deviations of its point.
+
+    Args:
+        path: (T, 3) [m], T >= 1.
+        std: standard deviations along the axes (T, 3) [m].
+        n_std: how many.
+        n_rings: rings, spread evenly over the path.
+        n_sides: points of a ring.
+
+    Returns:
+        Vertices (n_rings, n_sides, 3) [m].
+    """
+    at = np.linspace(0.0, len(path) - 1.0, n_rings)
+    index = np.arange(len(path))
+    centre = np.column_stack([np.interp(at, index, column) for column in path.T])
+    radius = np.column_stack([np.interp(at, index, column) for column in std.T])
+    first, second = _across(centre)
+    angle = 2.0 * np.pi * np.arange(n_sides) / n_sides
+    circle = (
+        np.cos(angle)[None, :, None] * first[:, None]
+        + np.sin(angle)[None, :, None] * second[:, None]
+    )
+    return centre[:, None] + n_std * radius[:, None] * circle
+
+
+def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> np.ndarray:
+    """Triangles of the rings' flattened vertices, seen from outside counter-clockwise.
+
+    Returns:
+        Indices (2 (n_rings - 1) n_sides, 3).
+    """
+    ring = np.arange(n_rings - 1)[:, None] * n_sides
+    side = np.arange(n_sides)[None]
+    a, b = ring + side, ring + (side + 1) % n_sides
+    c, d = a + n_sides, b + n_sides
+    return np.stack((a, b, d, a, d, c), axis=-1).reshape(-1, 3)
+
+
+def _across(centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors across the path at each of its points, turning as little as possible."""
+    along = np.gradient(centre, axis=0) if len(centre) > 1 else np.zeros_like(centre)
+    spread = centre - centre.mean(axis=0)
+    flattest = np.linalg.svd(spread, full_matrices=True)[2][-1]
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    along = np.where(length > 1e-9, along / np.maximum(length, 1e-9), np.eye(3)[_other(flattest)])
+    first = np.cross(along, flattest)
+    degenerate = np.linalg.norm(first, axis=1) < 1e-6
+    first[degenerate] = np.cross(along[degenerate], np.eye(3)[_other(flattest)])
+    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-9)
+    return first, np.cross(along, first)
+
+
+def _other(axis: np.ndarray) -> int:
+    """The coordinate axis least along a vector."""
+    return int(np.argmin(np.abs(axis)))
