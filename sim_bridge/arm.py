@@ -33,6 +33,10 @@ GRAVITY_M_S2 = 9.81
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
 
 
+AccelerationLaw = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
+"""From time [s], joint angles and velocities (7,) to the joint accelerations wanted (7,)."""
+
+
 @dataclass
 class _Push:
     link: int
@@ -94,6 +98,7 @@ class LwrArm:
         self._payload_mass_kg = 0.0
         self._payload_com_m = (0.0, 0.0, 0.0)
         self._gravity_compensation = False
+        self._law: AccelerationLaw | None = None
         self.reset(initial_position)
 
     @property
@@ -171,6 +176,13 @@ class LwrArm:
         qdd = np.zeros(N_JOINTS) if qdd is None else _joint_array(qdd, "qdd")
         self._reference = Reference(q, qd, qdd)
 
+    def set_acceleration_law(self, law: AccelerationLaw | None) -> None:
+        """Do the accelerations a law asks for, by inverse dynamics alone; None: low gains again.
+
+        The law replaces the reference and its stiffness, as a `FeedbackPolicy.acceleration` does.
+        """
+        self._law = law
+
     def set_gravity_compensation(self, enabled: bool) -> None:
         """Let go of the reference, or take hold again of the position where the arm is now."""
         if self._gravity_compensation and not enabled:
@@ -238,12 +250,12 @@ class LwrArm:
         guided = self._gravity_compensation
         # Guided: gravity only (no velocity, no acceleration terms), the arm's inertia is felt.
         velocity = [0.0] * N_JOINTS if guided else qd.tolist()
-        acceleration = [0.0] * N_JOINTS if guided else self._reference.qdd.tolist()
+        acceleration = [0.0] * N_JOINTS if guided else self._wanted_acceleration().tolist()
         model = self.client.calculateInverseDynamics(self.body, q.tolist(), velocity, acceleration)
         torque = np.array(model) + limit_torque(self.gains, self.limits, q, qd)
         if guided:
             torque += guiding_torque(self.gains, qd)
-        else:
+        elif self._law is None:
             ref = self._reference
             torque += impedance_torque(self.gains, q, qd, ref.q, ref.qd)
         if self._payload_mass_kg > 0.0:
@@ -258,6 +270,11 @@ class LwrArm:
             pybullet.TORQUE_CONTROL,
             forces=self._torque.tolist(),
         )
+
+    def _wanted_acceleration(self) -> np.ndarray:
+        if self._law is None:
+            return self._reference.qdd
+        return self._law(self.time_s, self._q, self._qd)
 
     def _payload_torque(self) -> np.ndarray:
         zeros = [0.0] * N_JOINTS

@@ -70,3 +70,13 @@ class NormalizedRBFBasis:
         gradient = values * (slope - np.sum(values * slope, axis=-1, keepdims=True))
         inside = (phase >= 0.0) & (phase <= 1.0)
         return gradient * inside[..., None]
+
+    def second_derivative_matrix(self, phase: np.ndarray) -> np.ndarray:
+        """d^2 basis / d phase^2 at phases (...,): (..., N); zero outside [0, 1]."""
+        values = self.design_matrix(phase)
+        phase = np.asarray(phase, dtype=np.float64)
+        slope = -(np.clip(phase, 0.0, 1.0)[..., None] - self.centers) / self.scale**2
+        slope -= np.sum(values * slope, axis=-1, keepdims=True)
+        spread = np.sum(values * slope**2, axis=-1, keepdims=True)
+        inside = (phase >= 0.0) & (phase <= 1.0)
+        return values * (slope**2 - spread) * inside[..., None]
