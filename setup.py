@@ -90,6 +90,10 @@ setup(
         "dask": [
             "distributed>=2024.1",
         ],
+        # What `intent experiments alignment` compares with; it runs without.
+        "dtw": [
+            "dtaidistance>=2.3",
+        ],
         "test": ["pytest", "hypothesis"],
     },
     zip_safe=True,

@@ -8,9 +8,10 @@ import numpy as np
 from dtaidistance import dtw_ndim
 
 from benchmarks.measure import Result, seconds_of_both
-from benchmarks.timed import Timed, demonstrations
 from intent_recognition.alignment.align import AlignmentSettings, align
 from intent_recognition.alignment.warp import Warp
+from intent_recognition.experiments.time_warping import dtw_maps
+from intent_recognition.experiments.timed import Timed, demonstrations
 
 N_DEMONSTRATIONS = 40
 N_SAMPLES = 200
@@ -61,7 +62,7 @@ def _accuracy(rng: np.random.Generator) -> tuple[Result, list[Warp]]:
         timed = _demonstrations(rng, **made)
         found = _smooth(timed.trajectories)
         ours = _median_error(timed, [warp.apply(PHASE) for warp in found])
-        theirs = _median_error(timed, _dtw(timed.trajectories))
+        theirs = _median_error(timed, list(dtw_maps(timed.trajectories, 0)))
         warps += found
         ratios.append(ours / theirs)
         remarks.append(f"{kind} {1e3 * ours:.2g} and {1e3 * theirs:.2g}")
@@ -84,16 +85,6 @@ def _dtw_paths(trajectories: np.ndarray) -> list[list[tuple[int, int]]]:
     """Paths of all to the first, by the library's fastest way to get them, in C."""
     reference = trajectories[0]
     return [dtw_ndim.warping_path(reference, values, use_c=True) for values in trajectories]
-
-
-def _dtw(trajectories: np.ndarray) -> list[np.ndarray]:
-    """Recorded phases at `PHASE` of the first: the mean of those a sample is matched with."""
-    recorded = []
-    for path in map(np.array, _dtw_paths(trajectories)):
-        count = np.bincount(path[:, 0], minlength=N_SAMPLES)
-        total = np.bincount(path[:, 0], weights=path[:, 1], minlength=N_SAMPLES)
-        recorded.append(total / count / (N_SAMPLES - 1))
-    return recorded
 
 
 def _median_error(timed: Timed, recorded: list[np.ndarray]) -> float:

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from benchmarks.timed import demonstrations
 from intent_recognition.alignment.align import AlignmentSettings, align, align_to
 from intent_recognition.alignment.reference import even_trajectory, resample
 from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.experiments.timed import demonstrations
 from intent_recognition.promp.signals import Signal
 
 PHASE = np.linspace(0.0, 1.0, 101)

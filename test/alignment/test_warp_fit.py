@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.timed import demonstrations
 from intent_recognition.alignment.warp import slope_basis
 from intent_recognition.alignment.warp_fit import (
     Curves,
@@ -17,6 +16,7 @@ from intent_recognition.alignment.warp_fit import (
     total_cost,
 )
 from intent_recognition.alignment.warp_search import search
+from intent_recognition.experiments.timed import demonstrations
 
 seeds = st.integers(0, 2**32 - 1)
 K, GRID = 7, 41

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Demonstrations of one movement with known timing."""
+"""Demonstrations of one movement whose timing is known."""
 
 from typing import NamedTuple
 
