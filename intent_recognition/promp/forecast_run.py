@@ -2,7 +2,6 @@
 """One task's trajectories, from a movement under way."""
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.normal import Gaussian
@@ -142,11 +141,9 @@ class ForecastRun:
         along = grid.predict(self.observed_weights(), 1.0, start)
         times_s = np.linspace(1.0, 0.0, n_points)[::-1] * duration_s
         phase, phase_variance, rate = self._path(times_s)
-        curve = CubicHermiteSpline(along.times_s, along.positions, along.velocities)
-        slope = curve(phase, 1)
-        spread = [np.interp(phase, along.times_s, column) for column in along.std.T]
-        variance = np.stack(spread, axis=1) ** 2 + slope**2 * phase_variance[:, None]
-        return Trajectory(times_s, curve(phase), slope * rate[:, None], np.sqrt(variance))
+        positions, slope, std = _between(along, phase)
+        variance = std**2 + slope**2 * phase_variance[:, None]
+        return Trajectory(times_s, positions, slope * rate[:, None], np.sqrt(variance))
 
     def observed(self, n_points: int) -> Trajectory:
         """The rest of the observed agent's movement; its end alone when that is due, or for T = 1.
@@ -193,6 +190,25 @@ class ForecastRun:
 def control_grid(forecast: Forecast, task: int) -> ControlGrid:
     """The controlled agent over reference phase, for `ForecastRun.controlled`."""
     return ControlGrid(forecast, task, N_TABULATED)
+
+
+def _between(along: Trajectory, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, slopes and standard deviations at phases (T,), each (T, Q).
+
+    Cubic Hermite polynomials between evenly spaced phases; the deviation is linear there.
+    """
+    last = len(along.times_s) - 1
+    place = phase * last
+    cell = np.clip(place.astype(np.int64), 0, last - 1)
+    share = (place - cell)[:, None]
+    start, end = along.positions[cell], along.positions[cell + 1]
+    first, second = along.velocities[cell] / last, along.velocities[cell + 1] / last
+    step = end - start
+    square, cube = 3.0 * step - 2.0 * first - second, first + second - 2.0 * step
+    positions = start + share * (first + share * (square + share * cube))
+    slope = (first + share * (2.0 * square + 3.0 * share * cube)) * last
+    low = along.std[cell]
+    return positions, slope, low + share * (along.std[cell + 1] - low)
 
 
 class Forecasts:
