@@ -67,7 +67,7 @@ class LeadFilter:
         weights = self.mean.reshape(n, -1, n_basis)[:, dofs]
         expected = np.matmul(design, np.swapaxes(weights, 1, 2))  # (S, E, m)
         half = np.matmul(design[:, None], blocks).reshape(n, m, phase.shape[1], -1, n_basis)
-        spread = np.einsum("spern,sen->sepr", half[:, :, :, dofs], design, optimize=True)
+        spread = np.einsum("spern,sen->sepr", half[:, :, :, dofs], design)
         factor = cholesky(symmetrize(spread + noise), name="innovation covariance")
         innovation = np.asarray(values)[..., None, :] - expected
         whitened = solve_lower(factor, innovation[..., None])[..., 0]
