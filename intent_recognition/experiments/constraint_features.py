@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the classifiers of the task constraints see of each trial, by method.
+
+The trials know where containers and balls truly were. A method knows what it made of a scan:
+reference values, the lip and the centre of the opening; the standard features know none of these,
+only the objects' centres.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import trimesh
+
+from intent_recognition.warping.constraints import (
+    NO_REFERENCES,
+    FillingConstraint,
+    FillingState,
+    PouringConstraint,
+    PouringState,
+    References,
+    references,
+)
+from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
+from intent_recognition.warping.parameters import pouring_parameters
+from intent_recognition.warping.warp import WarpSource, prepare_source, warp
+from sim_bridge.balls.table import Trials
+from sim_bridge.balls.tilting import level_axes
+from sim_bridge.balls.trials import FILLING, FILLING_TILT_RAD, POURING, SECOND, container
+from sim_bridge.containers import CONTAINER_NAMES
+from sim_bridge.containers.scan import scan
+
+LABEL, POINT, STANDARD = METHODS = ("label mapping", "point mapping", "standard features")
+SOURCE = "mug"
+SOURCE_POINTS = 4000
+OTHER_AHEAD_M = 0.2
+"""Where the other container is, from this one's opening, when the lip is chosen."""
+
+
+class Known(NamedTuple):
+    """What a method knows of one container.
+
+    Attributes:
+        references: what its variables are divided by.
+        lip_m: the point of it that moves over the second container (3,), in its own frame.
+        centre_m: the point of it that distances are measured from (3,), in its own frame.
+    """
+
+    references: References
+    lip_m: np.ndarray
+    centre_m: np.ndarray
+
+
+class Samples(NamedTuple):
+    """Trials as a classifier sees them.
+
+    Attributes:
+        features: (N, d).
+        labels: (N,), 0 or 1.
+        objects: (N,) index of the pouring container.
+    """
+
+    features: np.ndarray
+    labels: np.ndarray
+    objects: np.ndarray
+
+
+def annotated_source(rng: np.random.Generator) -> WarpSource:
+    """The one object whose parts are annotated."""
+    cup = container(CONTAINER_NAMES.index(SOURCE))
+    sampled = trimesh.sample.sample_surface(cup.mesh, SOURCE_POINTS, seed=rng)
+    points, normals = np.asarray(sampled[0]), cup.mesh.face_normals[sampled[1]]
+    return prepare_source(AnnotatedObject(points, normals, cup.labels(points), SOURCE))
+
+
+def know_all(
+    source: WarpSource, rng: np.random.Generator, indices: Sequence[int]
+) -> dict[str, dict[int, Known]]:
+    """Scan containers and learn of them what each method can, by method and object index."""
+    known: dict[str, dict[int, Known]] = {method: {} for method in METHODS}
+    for index in indices:
+        cup = container(index)
+        seen = scan(cup.mesh, rng)
+        cloud = ObjectCloud(seen.points, seen.normals)
+        for method, mapping in ((LABEL, "label"), (POINT, "point")):
+            warped = warp(source, cloud, mapping)
+            ahead = cup.opening_centre + np.array([OTHER_AHEAD_M, 0.0, 0.0])
+            found = pouring_parameters(warped, toward=ahead)
+            known[method][index] = Known(references(found), found.lip_point, found.opening_centre)
+        middle = cup.mesh.bounds.mean(axis=0)
+        known[STANDARD][index] = Known(NO_REFERENCES, middle, middle)
+    return known
+
+
+def pouring_samples(
+    trials: Trials, known: dict[int, Known], *, difference: bool = False
+) -> Samples:
+    """Features of the pouring trials.
+
+    Args:
+        trials: all of them.
+        known: what the method knows, by object index.
+        difference: take the tilt less its reference instead of their ratio.
+    """
+    table = trials.tables[POURING]
+    objects = table["object"].astype(int)
+    features = np.empty((len(objects), 2))
+    for index in np.unique(objects):
+        rows, cup = objects == index, known[index].references
+        state = PouringState(table["fluid_m3"][rows], table["tilt_rad"][rows])
+        features[rows] = PouringConstraint.features(state, cup)
+        if difference:
+            features[rows, 0] = state.tilt_rad - cup.tilt_rad
+    return Samples(features, (table["poured"] > 0.0).astype(float), objects)
+
+
+def filling_samples(trials: Trials, known: dict[int, Known], *, upright: bool = False) -> Samples:
+    """Features of the filling trials.
+
+    Args:
+        trials: all of them.
+        known: what the method knows, by object index.
+        upright: measure to the pouring container as if it stood upright.
+    """
+    table = trials.tables[FILLING]
+    objects = table["object"].astype(int)
+    second_index = CONTAINER_NAMES.index(SECOND)
+    second, true_second = known[second_index], container(second_index)
+    features = np.empty((len(objects), 8))
+    for index in np.unique(objects):
+        rows, cup = objects == index, known[index]
+        lip = np.column_stack([table[f"lip_{axis}_m"][rows] for axis in "xyz"])
+        turned = np.eye(3) if upright else level_axes(FILLING_TILT_RAD)
+        first = lip + turned @ (cup.lip_m - container(index).lip_point)
+        offset = first - (second.centre_m - true_second.opening_centre)
+        state = FillingState(
+            table["fluid_m3"][rows], table["second_fluid_m3"][rows], FILLING_TILT_RAD, offset
+        )
+        features[rows] = FillingConstraint.features(state, cup.references, second.references)
+    return Samples(features, table["success"], objects)

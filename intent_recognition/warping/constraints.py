@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Will it pour, and will it all end up in the second container? (Brandl et al. III-A)
+
+Both are logistic regressions on what is the same for cups of every size: variables divided by
+reference values of the containers at hand. What was learned with one pair holds for the next.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import ShapeError, describe
+from intent_recognition.warping.logistic import LogisticModel, fit_logistic
+from intent_recognition.warping.parameters import PouringParameters
+
+RIDGE = 0.1
+"""Penalty on weights per standard deviation of a feature: 50 samples may be separable."""
+
+
+class References(NamedTuple):
+    """What the variables of one container are divided by.
+
+    Attributes:
+        opening_radius_m: for horizontal distances from its opening.
+        volume_m3: for amounts in it.
+        height_m: for vertical distances.
+        tilt_rad: for its tilt.
+    """
+
+    opening_radius_m: float
+    volume_m3: float
+    height_m: float
+    tilt_rad: float
+
+
+NO_REFERENCES = References(1.0, 1.0, 1.0, 1.0)
+"""Standard features, which know nothing of the container: metres, cubic metres, radians."""
+
+
+class PouringState(NamedTuple):
+    """n states of a container that may pour.
+
+    Attributes:
+        fluid_m3: what is in it (n,) or a number.
+        tilt_rad: its tilt about the lip, (n,) or a number.
+    """
+
+    fluid_m3: np.ndarray | float
+    tilt_rad: np.ndarray | float
+
+
+class FillingState(NamedTuple):
+    """n states of a container that pours into a second one.
+
+    Attributes:
+        fluid_m3: what is in the first, (n,) or a number.
+        second_fluid_m3: what is in the second, (n,) or a number.
+        tilt_rad: tilt of the first, (n,) or a number.
+        offset_m: lip of the first from the centre of the second's opening (n, 3): in the
+            direction of pouring, across it, up.
+    """
+
+    fluid_m3: np.ndarray | float
+    second_fluid_m3: np.ndarray | float
+    tilt_rad: np.ndarray | float
+    offset_m: np.ndarray
+
+
+@dataclass(frozen=True)
+class PouringConstraint:
+    """Probability that a container pours; `learn` makes one."""
+
+    model: LogisticModel
+
+    @staticmethod
+    def features(state: PouringState, cup: References) -> np.ndarray:
+        """Tilt and amount in parts of the container's own (n, 2)."""
+        columns = (
+            np.asarray(state.tilt_rad, dtype=float) / cup.tilt_rad,
+            np.asarray(state.fluid_m3, dtype=float) / cup.volume_m3,
+        )
+        return _stack(columns)
+
+    @classmethod
+    def learn(cls, features: np.ndarray, poured: np.ndarray) -> "PouringConstraint":
+        """Learn from features (n, 2) of any containers and labels (n,), 1 where some poured.
+
+        Raises:
+            TrainingError: only one label is present.
+        """
+        return cls(fit_logistic(features, poured, ridge=RIDGE))
+
+    def probability(self, state: PouringState, cup: References) -> np.ndarray:
+        """Probability (n,) that the container pours."""
+        return self.model.probability(self.features(state, cup))
+
+
+@dataclass(frozen=True)
+class FillingConstraint:
+    """Probability that nothing ends up beside the second container; `learn` makes one."""
+
+    model: LogisticModel
+
+    @staticmethod
+    def features(state: FillingState, cup: References, second: References) -> np.ndarray:
+        """Features (n, 8): offsets and their squares, and amounts and tilt, all as ratios.
+
+        Horizontal distances are divided by the second's radius, the vertical one by the first's
+        height. A linear function of distances alone has no middle: squares of the horizontal
+        ones are features as well.
+        """
+        offset = np.asarray(state.offset_m, dtype=float)
+        if offset.ndim != 2 or offset.shape[1] != 3:
+            cure = "One row per state: along, across, up."
+            raise ShapeError(describe("offset_m", "shape (n, 3)", offset.shape, cure))
+        along, across = (offset[:, :2] / second.opening_radius_m).T
+        columns = (
+            along,
+            along**2,
+            across,
+            across**2,
+            offset[:, 2] / cup.height_m,
+            np.asarray(state.second_fluid_m3, dtype=float) / second.volume_m3,
+            np.asarray(state.fluid_m3, dtype=float) / cup.volume_m3,
+            np.asarray(state.tilt_rad, dtype=float) / cup.tilt_rad,
+        )
+        return _stack(columns)
+
+    @classmethod
+    def learn(cls, features: np.ndarray, filled: np.ndarray) -> "FillingConstraint":
+        """Learn from features (n, 8) and labels (n,), 1 where nothing fell beside.
+
+        Raises:
+            TrainingError: only one label is present.
+        """
+        return cls(fit_logistic(features, filled, ridge=RIDGE))
+
+    def probability(self, state: FillingState, cup: References, second: References) -> np.ndarray:
+        """Probability (n,) that all that is poured ends up in the second container."""
+        return self.model.probability(self.features(state, cup, second))
+
+
+def references(parameters: PouringParameters) -> References:
+    """Reference values of a warped container."""
+    return References(
+        parameters.opening_radius_m,
+        parameters.volume_m3,
+        parameters.height_m,
+        parameters.tilt_reference_rad,
+    )
+
+
+def _stack(columns: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Columns (n,) or single numbers as (n, d)."""
+    return np.stack(np.broadcast_arrays(*(np.atleast_1d(c) for c in columns)), axis=1)

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What balls collide with: a hollow as convex pieces of wall, written as one OBJ file.
+
+Bullet makes one convex hull of every `o` group of an OBJ file. A triangle mesh of a cup lets balls
+through, and `createCollisionShapeArray` silently keeps sixteen shapes.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from sim_bridge.balls.hollow import Hollow, offset
+
+WALL_M = 0.006
+HULL_MARGIN_M = 0.001
+"""Bullet's hulls reach this much farther than their corners; the wall is drawn back by it."""
+
+
+def wall_pieces(hollow: Hollow, thickness_m: float = WALL_M) -> list[np.ndarray]:
+    """Corners (V, 3) of the convex pieces: one per edge and pair of rings, and the floor.
+
+    The inner faces of the pieces, Bullet's margin included, are the inner wall of `hollow`; the
+    pieces grow outward only.
+    """
+    inner = hollow.grown(HULL_MARGIN_M)
+    heights = inner.heights_m.copy()
+    heights[-1] -= HULL_MARGIN_M
+    outer = offset(inner.rings_m, thickness_m)
+    near, far = _at(inner.rings_m, heights), _at(outer, heights)
+    pieces = []
+    n_rings, n_corners = near.shape[:2]
+    for low in range(n_rings - 1):
+        for k in range(n_corners):
+            after = (k + 1) % n_corners
+            corners = [ring[i, j] for ring in (near, far) for i in (low, low + 1)
+                       for j in (k, after)]  # fmt: skip
+            pieces.append(np.array(corners))
+    below = far[0] - np.array([0.0, 0.0, thickness_m])
+    pieces.append(np.concatenate([far[0], below]))
+    return pieces
+
+
+def write_obj(pieces: list[np.ndarray], path: Path) -> None:
+    """Write each piece as an `o` group with the triangles of its hull, facing outward."""
+    lines, used = [], 0
+    for index, corners in enumerate(pieces):
+        hull = ConvexHull(corners)
+        lines.append(f"o piece_{index}")
+        lines += [f"v {x:.7f} {y:.7f} {z:.7f}" for x, y, z in corners]
+        for triangle, plane in zip(hull.simplices, hull.equations, strict=True):
+            a, b, c = corners[triangle]
+            turned = np.dot(np.cross(b - a, c - a), plane[:3]) < 0.0
+            order = triangle[::-1] if turned else triangle
+            lines.append("f " + " ".join(str(used + i + 1) for i in order))
+        used += len(corners)
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _at(rings_m: np.ndarray, heights_m: np.ndarray) -> np.ndarray:
+    n_rings, n_corners = rings_m.shape[:2]
+    z = np.broadcast_to(heights_m[:, None, None], (n_rings, n_corners, 1))
+    return np.concatenate([rings_m, z], axis=-1)

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The inside of a container as rings of points, and which balls are in it.
+
+Frame of a container: origin at the centre of the inner floor, z toward the opening. Metres.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from intent_recognition.errors import ShapeError, describe
+
+
+@dataclass(frozen=True)
+class Hollow:
+    """The inner wall of a container.
+
+    Every ring is a convex polygon at one height, counter-clockwise seen from above, and the same
+    index is the same direction on all rings.
+
+    Attributes:
+        rings_m: (S, K, 2) corners of the inner wall, from the floor up.
+        heights_m: (S,) ascending; the first is the inner floor, the last the rim.
+    """
+
+    rings_m: np.ndarray
+    heights_m: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check shapes, order and orientation once.
+
+        Raises:
+            ShapeError: no such rings.
+        """
+        rings, heights = self.rings_m, self.heights_m
+        good = rings.ndim == 3 and rings.shape[1] >= 3 and rings.shape[2] == 2
+        if not good or heights.shape != rings.shape[:1] or len(heights) < 2:
+            raise ShapeError(
+                describe(
+                    "rings_m, heights_m",
+                    "shapes (S, K, 2) and (S,), S >= 2, K >= 3",
+                    (rings.shape, heights.shape),
+                    "Give one ring of corners per height.",
+                )
+            )
+        if np.any(np.diff(heights) <= 0.0) or not np.all(_areas(rings) > 0.0):
+            raise ShapeError(
+                describe(
+                    "rings_m, heights_m",
+                    "ascending heights and counter-clockwise rings",
+                    (heights.tolist(), _areas(rings).tolist()),
+                    "Order the rings from the floor up.",
+                )
+            )
+
+    @property
+    def rim_height_m(self) -> float:
+        """Height of the rim above the inner floor's frame."""
+        return float(self.heights_m[-1])
+
+    @property
+    def volume_m3(self) -> float:
+        """Volume below the rim: areas of the rings, integrated by the prismoidal rule."""
+        middle = _areas(0.5 * (self.rings_m[1:] + self.rings_m[:-1]))
+        areas = _areas(self.rings_m)
+        mean = (areas[1:] + 4.0 * middle + areas[:-1]) / 6.0
+        return float(np.sum(mean * np.diff(self.heights_m)))
+
+    def lip_m(self, direction: np.ndarray) -> np.ndarray:
+        """The point of the rim that is farthest in a horizontal direction (2,): (3,)."""
+        rim = self.rings_m[-1]
+        return np.append(rim[np.argmax(rim @ np.asarray(direction))], self.rim_height_m)
+
+    def clearance_m(self, points_m: np.ndarray) -> np.ndarray:
+        """Horizontal distance of points (N, 3) from the inner wall, negative beyond it: (N,).
+
+        Above the rim the last ring counts, below the floor the first.
+        """
+        heights = self.heights_m
+        z = np.clip(points_m[:, 2], heights[0], heights[-1])
+        low = np.clip(np.searchsorted(heights, z, side="right") - 1, 0, len(heights) - 2)
+        share = (z - heights[low]) / (heights[low + 1] - heights[low])
+        corners = self.rings_m[low] + share[:, None, None] * (
+            self.rings_m[low + 1] - self.rings_m[low]
+        )
+        edges = np.roll(corners, -1, axis=1) - corners
+        inward = np.stack([-edges[..., 1], edges[..., 0]], axis=-1)
+        inward /= np.linalg.norm(inward, axis=-1, keepdims=True)
+        return np.min(np.sum(inward * (points_m[:, None, :2] - corners), axis=-1), axis=1)
+
+    def holds(self, points_m: np.ndarray) -> np.ndarray:
+        """Which points (N, 3) are inside, between floor and rim: (N,) of bool."""
+        z = points_m[:, 2]
+        between = (z >= self.heights_m[0]) & (z < self.rim_height_m)
+        return between & (self.clearance_m(points_m) >= 0.0)
+
+    def grown(self, by_m: float) -> "Hollow":
+        """The same hollow with walls and floor farther out by `by_m`; the rim keeps its height."""
+        heights = self.heights_m.copy()
+        heights[0] -= by_m
+        return replace(self, rings_m=offset(self.rings_m, by_m), heights_m=heights)
+
+
+def offset(rings_m: np.ndarray, by_m: float) -> np.ndarray:
+    """Rings (..., K, 2) with every edge moved outward by `by_m`, corners where edges meet."""
+    edges = np.roll(rings_m, -1, axis=-2) - rings_m
+    outward = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
+    outward /= np.linalg.norm(outward, axis=-1, keepdims=True)
+    before = np.roll(outward, 1, axis=-2)
+    corner = before + outward
+    return rings_m + 2.0 * by_m * corner / np.sum(corner**2, axis=-1, keepdims=True)
+
+
+def _areas(rings_m: np.ndarray) -> np.ndarray:
+    """Signed areas of polygons (..., K, 2), positive counter-clockwise: (...,)."""
+    after = np.roll(rings_m, -1, axis=-2)
+    cross = rings_m[..., 0] * after[..., 1] - rings_m[..., 1] * after[..., 0]
+    return 0.5 * np.sum(cross, axis=-1)

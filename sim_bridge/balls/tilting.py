@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tilting a container with balls about its lip, and what leaves it.
+
+Gravity turns and the container stands still: a container that is moved at 240 Hz lets balls
+through its wall, one that stands still does not. At these speeds the two differ by the inertial
+forces of the turn, 0.1 % of gravity.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_bridge.balls.hollow import Hollow
+from sim_bridge.balls.world import STEP_S, BallWorld
+
+TURN_RAD_S = 2.0
+CALM_S = 0.05
+HOLD_S = 0.3
+_STEPS_PER_LOOK = 4
+
+
+@dataclass(frozen=True)
+class Tilted:
+    """What came of tilting a container.
+
+    Attributes:
+        left: (N,) which balls left over the rim.
+        exit_time_s: (N,) when, from the start of the turn; NaN for those that stayed.
+        exit_position_m: (N, 3) where, relative to the lip, in axes that do not turn: x in the
+            direction of pouring, z up; NaN for those that stayed.
+        exit_velocity_m_s: (N, 3) how fast, in the same axes; NaN for those that stayed.
+        through_wall: how many balls were seen in or beyond the wall without leaving over the rim.
+    """
+
+    left: np.ndarray
+    exit_time_s: np.ndarray
+    exit_position_m: np.ndarray
+    exit_velocity_m_s: np.ndarray
+    through_wall: int
+
+
+def gravity_at(tilt_rad: float) -> np.ndarray:
+    """Where a container that is tilted toward its own +x sees gravity point (3,)."""
+    return np.array([np.sin(tilt_rad), 0.0, -np.cos(tilt_rad)])
+
+
+def level_axes(tilt_rad: float) -> np.ndarray:
+    """Rotation (3, 3) from the container's axes into axes with z up and x toward the pour."""
+    c, s = np.cos(tilt_rad), np.sin(tilt_rad)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def tilt(
+    world: BallWorld, balls_m: np.ndarray, tilt_rad: float, *, hold_s: float = HOLD_S
+) -> Tilted:
+    """Fill a container, tilt it toward +x about its lip and wait, or until it is empty.
+
+    Args:
+        world: its balls are replaced.
+        balls_m: settled centres (N, 3).
+        tilt_rad: angle to turn to.
+        hold_s: time to wait there.
+    """
+    world.fill(balls_m)
+    world.step(round(CALM_S / STEP_S))
+    watch = _Watch(world)
+    turning = round(abs(tilt_rad) / TURN_RAD_S / STEP_S)
+    for k in range(turning + round(hold_s / STEP_S)):
+        angle = tilt_rad * min((k + 1) / turning, 1.0) if turning else tilt_rad
+        world.set_gravity(gravity_at(angle))
+        world.step()
+        if (k + 1) % _STEPS_PER_LOOK == 0:
+            watch.look((k + 1) * STEP_S, angle)
+            if watch.empty:
+                break
+    return watch.result()
+
+
+class WallGuard:
+    """Counts balls that got into or through a wall, from how they were seen one after another.
+
+    A ball leaves through the opening, where its centre is above the rim less its radius. One
+    whose centre is beyond wall or floor, and was inside and below that height when last seen,
+    went through.
+    """
+
+    def __init__(self, hollow: Hollow, radius_m: float, positions_m: np.ndarray) -> None:
+        self._hollow = hollow
+        self._opening_m = hollow.rim_height_m - radius_m
+        self._below = self._deep(positions_m)
+        self._clearance = hollow.clearance_m(positions_m)
+        self.count = 0
+
+    def look(self, positions_m: np.ndarray) -> np.ndarray:
+        """Take note of centres (N, 3); return which of them are inside, below the rim (N,)."""
+        hollow, z = self._hollow, positions_m[:, 2]
+        clearance = hollow.clearance_m(positions_m)
+        beyond = (z < self._opening_m) & ((clearance < 0.0) | (z < hollow.heights_m[0]))
+        self.count += int(np.sum(self._below & beyond))
+        self._below = self._deep(positions_m) & (clearance >= 0.0)
+        return (z >= hollow.heights_m[0]) & (z < hollow.rim_height_m) & (clearance >= 0.0)
+
+    def add(self, n_balls: int) -> None:
+        """Watch further balls, which come in from outside."""
+        self._below = np.append(self._below, np.zeros(n_balls, dtype=bool))
+
+    def _deep(self, positions_m: np.ndarray) -> np.ndarray:
+        z = positions_m[:, 2]
+        return (z < self._opening_m) & (z >= self._hollow.heights_m[0])
+
+
+class _Watch:
+    """Notes when each ball is below the lip and outside for the first time."""
+
+    def __init__(self, world: BallWorld) -> None:
+        self._world = world
+        self._lip_m = world.hollow.lip_m(np.array([1.0, 0.0]))
+        positions = world.positions_m()
+        self._guard = WallGuard(world.hollow, world.ball_radius_m, positions)
+        count = len(positions)
+        self._time = np.full(count, np.nan)
+        self._position = np.full((count, 3), np.nan)
+        self._velocity = np.full((count, 3), np.nan)
+
+    @property
+    def empty(self) -> bool:
+        return bool(np.all(np.isfinite(self._time)))
+
+    def look(self, time_s: float, tilt_rad: float) -> None:
+        positions = self._world.positions_m()
+        inside = self._guard.look(positions)
+        axes = level_axes(tilt_rad)
+        from_lip = (positions - self._lip_m) @ axes.T
+        fell = ~inside & (from_lip[:, 2] < -self._world.ball_radius_m) & np.isnan(self._time)
+        if not fell.any():
+            return
+        self._time[fell] = time_s
+        self._position[fell] = from_lip[fell]
+        self._velocity[fell] = (self._world.velocities_m_s() @ axes.T)[fell]
+
+    def result(self) -> Tilted:
+        return Tilted(
+            np.isfinite(self._time), self._time, self._position, self._velocity, self._guard.count
+        )

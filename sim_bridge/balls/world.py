@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A PyBullet world with one fixed container and balls; gravity may point anywhere."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pybullet
+from pybullet_utils.bullet_client import BulletClient
+
+from sim_bridge.balls.collision import wall_pieces, write_obj
+from sim_bridge.balls.hollow import Hollow
+
+STEP_S = 1.0 / 240.0
+GRAVITY_M_S2 = 9.81
+DENSITY_KG_M3 = 1000.0
+FRICTION = 0.0
+CONTACT_BREAKING_M = 0.001
+SOLVER_ITERATIONS = 10
+
+
+class BallWorld:
+    """One container, fixed at the origin in its own frame, and balls of one size.
+
+    Balls in maximal coordinates and a small contact threshold make it three times faster than
+    Bullet's defaults. Use as a context: leaving it ends the world.
+
+    Args:
+        hollow: the inside of the container.
+        ball_radius_m: of every ball.
+    """
+
+    def __init__(self, hollow: Hollow, ball_radius_m: float) -> None:
+        self.hollow = hollow
+        self.ball_radius_m = ball_radius_m
+        self._folder = TemporaryDirectory(prefix="balls_")
+        self._walls = Path(self._folder.name) / "walls.obj"
+        write_obj(wall_pieces(hollow), self._walls)
+        self.client = BulletClient(pybullet.DIRECT)
+        self._balls: list[int] = []
+        self.fill(np.zeros((0, 3)))
+
+    @property
+    def n_balls(self) -> int:
+        """How many balls there are."""
+        return len(self._balls)
+
+    def fill(self, positions_m: np.ndarray, velocities_m_s: np.ndarray | None = None) -> None:
+        """Begin a fresh world with balls at (N, 3), at rest or moving (N, 3).
+
+        Starting afresh makes a trial depend on its own input alone: `restoreState` is not exact.
+        """
+        client = self.client
+        client.resetSimulation()
+        client.setTimeStep(STEP_S)
+        client.setPhysicsEngineParameter(
+            contactBreakingThreshold=CONTACT_BREAKING_M, numSolverIterations=SOLVER_ITERATIONS
+        )
+        shape = client.createCollisionShape(pybullet.GEOM_MESH, fileName=str(self._walls))
+        walls = client.createMultiBody(0.0, shape)
+        client.changeDynamics(walls, -1, lateralFriction=FRICTION, restitution=0.0)
+        self._sphere = client.createCollisionShape(pybullet.GEOM_SPHERE, radius=self.ball_radius_m)
+        self._balls = []
+        self.set_gravity(np.array([0.0, 0.0, -1.0]))
+        self.add(positions_m, velocities_m_s)
+
+    def add(self, positions_m: np.ndarray, velocities_m_s: np.ndarray | None = None) -> None:
+        """Add balls at (N, 3), at rest or moving (N, 3)."""
+        mass = DENSITY_KG_M3 * 4.0 / 3.0 * np.pi * self.ball_radius_m**3
+        for k, position in enumerate(positions_m.tolist()):
+            ball = self.client.createMultiBody(
+                mass, self._sphere, basePosition=position, useMaximalCoordinates=1
+            )
+            self.client.changeDynamics(
+                ball,
+                -1,
+                lateralFriction=FRICTION,
+                restitution=0.0,
+                linearDamping=0.0,
+                angularDamping=0.0,
+            )
+            if velocities_m_s is not None:
+                self.client.resetBaseVelocity(ball, velocities_m_s[k].tolist(), [0.0] * 3)
+            self._balls.append(ball)
+
+    def set_gravity(self, direction: np.ndarray) -> None:
+        """Let everything fall along a unit vector (3,) of the container's frame."""
+        x, y, z = (GRAVITY_M_S2 * direction).tolist()
+        self.client.setGravity(x, y, z)
+
+    def step(self, n_steps: int = 1) -> None:
+        """Advance by n_steps of 1/240 s."""
+        for _ in range(n_steps):
+            self.client.stepSimulation()
+
+    def positions_m(self) -> np.ndarray:
+        """Centres of the balls (N, 3) in the container's frame."""
+        pose = self.client.getBasePositionAndOrientation
+        return np.array([pose(ball)[0] for ball in self._balls]).reshape(-1, 3)
+
+    def velocities_m_s(self) -> np.ndarray:
+        """Velocities of the balls (N, 3) in the container's frame."""
+        twist = self.client.getBaseVelocity
+        return np.array([twist(ball)[0] for ball in self._balls]).reshape(-1, 3)
+
+    def close(self) -> None:
+        """End the world."""
+        if self.client.isConnected():
+            self.client.disconnect()
+        self._folder.cleanup()
+
+    def __enter__(self) -> "BallWorld":
+        """Return the world."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the world."""
+        self.close()

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Features of the task constraints are the same for containers of every size."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from intent_recognition.errors import ShapeError, TrainingError
+from intent_recognition.warping.constraints import (
+    NO_REFERENCES,
+    FillingConstraint,
+    FillingState,
+    PouringConstraint,
+    PouringState,
+    References,
+)
+
+CUP = References(0.04, 4e-4, 0.1, 0.8)
+SECOND = References(0.06, 5e-4, 0.06, 0.4)
+SIZES = st.floats(0.2, 5.0)
+
+
+def pouring_states(count=200, seed=0):
+    rng = np.random.default_rng(seed)
+    return PouringState(4e-4 * rng.random(count), 1.6 * rng.random(count))
+
+
+def filling_states(count=200, seed=0):
+    rng = np.random.default_rng(seed)
+    offset = rng.uniform((-0.1, -0.1, 0.0), (0.1, 0.1, 0.1), (count, 3))
+    return FillingState(3e-5, 4e-4 * rng.random(count), 2.1, offset)
+
+
+def scaled(references, size):
+    return References(
+        size * references.opening_radius_m,
+        size**3 * references.volume_m3,
+        size * references.height_m,
+        references.tilt_rad,
+    )
+
+
+@given(SIZES)
+def test_a_larger_scene_has_the_same_features(size):
+    state = pouring_states()
+    larger = PouringState(size**3 * state.fluid_m3, state.tilt_rad)
+    np.testing.assert_allclose(
+        PouringConstraint.features(larger, scaled(CUP, size)),
+        PouringConstraint.features(state, CUP),
+    )
+    fill = filling_states()
+    larger = FillingState(
+        size**3 * fill.fluid_m3,
+        size**3 * fill.second_fluid_m3,
+        fill.tilt_rad,
+        size * fill.offset_m,
+    )
+    np.testing.assert_allclose(
+        FillingConstraint.features(larger, scaled(CUP, size), scaled(SECOND, size)),
+        FillingConstraint.features(fill, CUP, SECOND),
+    )
+
+
+def test_no_references_leave_the_variables_as_they_are():
+    state = pouring_states()
+    found = PouringConstraint.features(state, NO_REFERENCES)
+    np.testing.assert_array_equal(found, np.column_stack([state.tilt_rad, state.fluid_m3]))
+    fill = filling_states()
+    found = FillingConstraint.features(fill, NO_REFERENCES, NO_REFERENCES)
+    np.testing.assert_array_equal(found[:, [0, 2, 4]], fill.offset_m)
+
+
+def test_single_numbers_are_repeated():
+    found = PouringConstraint.features(PouringState(2e-4, np.array([0.4, 0.8])), CUP)
+    np.testing.assert_allclose(found, [[0.5, 0.5], [1.0, 0.5]])
+
+
+def test_what_one_cup_taught_holds_for_another():
+    def pours(state, cup):
+        share = state.fluid_m3 / cup.volume_m3
+        return (state.tilt_rad / cup.tilt_rad > 1.6 - share).astype(float)
+
+    seen, other = pouring_states(), pouring_states(seed=1)
+    learned = PouringConstraint.learn(PouringConstraint.features(seen, CUP), pours(seen, CUP))
+    bowl = References(0.08, 3e-4, 0.05, 0.3)
+    found = learned.probability(other, bowl) > 0.5
+    assert np.mean(found == pours(other, bowl).astype(bool)) > 0.95
+
+
+def test_filling_is_likely_over_the_middle_and_not_beside():
+    states = filling_states(400)
+    inside = np.linalg.norm(states.offset_m[:, :2], axis=1) < SECOND.opening_radius_m
+    features = FillingConstraint.features(states, CUP, SECOND)
+    learned = FillingConstraint.learn(features, inside.astype(float))
+    places = np.array([[0.0, 0.0, 0.05], [0.12, 0.0, 0.05], [0.0, -0.12, 0.05]])
+    found = learned.probability(FillingState(3e-5, 1e-4, 2.1, places), CUP, SECOND)
+    assert found[0] > 0.9
+    assert np.all(found[1:] < 0.1)
+
+
+def test_refuses_what_cannot_be_learned_from():
+    with pytest.raises(ShapeError, match="offset_m"):
+        FillingConstraint.features(FillingState(1.0, 1.0, 1.0, np.zeros(3)), CUP, SECOND)
+    features = PouringConstraint.features(pouring_states(), CUP)
+    with pytest.raises(TrainingError):
+        PouringConstraint.learn(features, np.ones(len(features)))
