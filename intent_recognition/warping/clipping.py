@@ -38,21 +38,8 @@ def volume_below(
     Returns:
         The volume in cubic metres.
     """
-    relative = vertices - point
-    heights = relative @ normal
-    triangles, heights = relative[faces], heights[faces]
-    n_below = (heights < 0.0).sum(1)
-    total = _signed_volumes(triangles[n_below == 3]).sum()
-    one = n_below == 1
-    if one.any():
-        corner, left, right, towards_left, towards_right = _cut(triangles[one], heights[one], True)
-        total += _signed_volumes(np.stack([corner, towards_left, towards_right], 1)).sum()
-    two = n_below == 2
-    if two.any():
-        corner, left, right, towards_left, towards_right = _cut(triangles[two], heights[two], False)
-        total += _signed_volumes(np.stack([towards_left, left, right], 1)).sum()
-        total += _signed_volumes(np.stack([towards_left, right, towards_right], 1)).sum()
-    return float(total)
+    triangles = (vertices - point)[faces]
+    return _below(triangles, _signed_volumes(triangles), normal)
 
 
 def half_volume_angle(
@@ -73,11 +60,13 @@ def half_volume_angle(
     Raises:
         ArgumentError: the surface encloses nothing, or no tilt leaves half of it.
     """
-    half = 0.5 * surface_volume(vertices, faces)
+    triangles = (vertices - lip)[faces]
+    volumes = _signed_volumes(triangles)
+    half = 0.5 * float(volumes.sum())
 
     def surplus(angle: float) -> float:
         normal = np.cos(angle) * up - np.sin(angle) * outward
-        return volume_below(vertices, faces, lip, normal) - half
+        return _below(triangles, volumes, normal) - half
 
     if not half > 0.0 or surplus(0.0) <= 0.0 or surplus(np.pi) >= 0.0:
         raise ArgumentError(
@@ -92,9 +81,27 @@ def half_volume_angle(
     return float(brentq(surplus, 0.0, np.pi, xtol=1e-6))
 
 
+def _below(triangles: np.ndarray, volumes: np.ndarray, normal: np.ndarray) -> float:
+    """Volume below the plane through the origin, whose tetrahedra have these volumes (m,)."""
+    heights = triangles @ normal
+    n_below = (heights < 0.0).sum(1)
+    total = volumes[n_below == 3].sum()
+    one = n_below == 1
+    if one.any():
+        corner, left, right, towards_left, towards_right = _cut(triangles[one], heights[one], True)
+        total += _signed_volumes(np.stack([corner, towards_left, towards_right], 1)).sum()
+    two = n_below == 2
+    if two.any():
+        corner, left, right, towards_left, towards_right = _cut(triangles[two], heights[two], False)
+        total += _signed_volumes(np.stack([towards_left, left, right], 1)).sum()
+        total += _signed_volumes(np.stack([towards_left, right, towards_right], 1)).sum()
+    return float(total)
+
+
 def _signed_volumes(triangles: np.ndarray) -> np.ndarray:
     """Volume (m,) of the tetrahedra between triangles (m, 3, 3) and the origin."""
-    return np.einsum("ij,ij->i", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6.0
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = triangles.transpose(1, 2, 0)
+    return (ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)) / 6.0
 
 
 def _cut(triangles: np.ndarray, heights: np.ndarray, below: bool) -> tuple[np.ndarray, ...]:

@@ -6,7 +6,8 @@ from scipy.spatial import cKDTree
 
 from intent_recognition.errors import ArgumentError, describe
 
-FIRST_LOOK = 6
+FIRST_LOOK = 8
+CHUNK = 256
 
 
 def agreeing_neighbours(
@@ -35,23 +36,14 @@ def agreeing_neighbours(
     m = len(candidates)
     if not 1 <= k <= m:
         raise ArgumentError(describe("k", f"1 to {m}", k, "Use 1, as in the paper."))
-    found = np.empty((len(points), k), dtype=int)
-    tree = cKDTree(candidates)
-    missing, look = np.arange(len(points)), FIRST_LOOK + k
-    while len(missing):
-        look = min(look, m)
-        _, near = tree.query(points[missing], k=look)
-        near = near.reshape(len(missing), look)
-        agree = (candidate_normals[near] @ normals[missing][:, :, None])[:, :, 0] > 0.0
-        enough = agree.sum(1) >= k
-        order = np.argsort(~agree, axis=1, kind="stable")[:, :k]
-        done = np.take_along_axis(near, order, 1)
-        found[missing[enough]] = done[enough]
-        if look == m:
-            short = missing[~enough]
-            found[short] = _repeated(done[~enough], agree[~enough].sum(1))
-            break
-        missing, look = missing[~enough], look * 8
+    look = min(FIRST_LOOK + k, m)
+    _, near = cKDTree(candidates).query(points, k=look)
+    near = near.reshape(len(points), look)
+    agree = (candidate_normals[near] @ normals[:, :, None])[:, :, 0] > 0.0
+    order = np.argsort(~agree, axis=1, kind="stable")[:, :k]
+    found = np.take_along_axis(near, order, 1)
+    for rows in _chunks(np.flatnonzero(agree.sum(1) < k)):
+        found[rows] = _among_all(points[rows], normals[rows], candidates, candidate_normals, k)
     return found
 
 
@@ -64,7 +56,27 @@ def majority(labels: np.ndarray, n_labels: int) -> np.ndarray:
     return votes.argmax(1)
 
 
-def _repeated(near: np.ndarray, n_agreeing: np.ndarray) -> np.ndarray:
-    """Fill the columns behind those that agree with copies of these."""
-    columns = np.arange(near.shape[1]) % np.maximum(n_agreeing, 1)[:, None]
+def _chunks(rows: np.ndarray) -> list[np.ndarray]:
+    """Rows in pieces that keep the tables of distances small."""
+    return [rows[start : start + CHUNK] for start in range(0, len(rows), CHUNK)]
+
+
+def _among_all(
+    points: np.ndarray,
+    normals: np.ndarray,
+    candidates: np.ndarray,
+    candidate_normals: np.ndarray,
+    k: int,
+) -> np.ndarray:
+    """The same where the agreeing ones are far away: all candidates are looked at."""
+    distance = (candidates * candidates).sum(1) - 2.0 * (points @ candidates.T)
+    disagree = normals @ candidate_normals.T <= 0.0
+    n_agreeing = (~disagree).sum(1)
+    nearest = np.argmin(distance, axis=1)
+    distance[disagree] = np.inf
+    near = np.argpartition(distance, k - 1, axis=1)[:, :k]
+    order = np.argsort(np.take_along_axis(distance, near, 1), axis=1, kind="stable")
+    near = np.take_along_axis(near, order, 1)
+    near[n_agreeing == 0] = nearest[n_agreeing == 0, None]
+    columns = np.arange(k) % np.maximum(n_agreeing, 1)[:, None]
     return np.take_along_axis(near, columns, 1)

@@ -1,21 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a container opens: the plane that its rim lies in and that bears on all of it."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
 N_HYPOTHESES = 500
-N_VERIFIED = 8
+N_VERIFIED = 6
+N_SECTORS = 24
 BAND = 0.03
 """Half thickness of the plane, in root mean square distances of the points from their mean."""
 MIN_RIM_POINTS = 8
 LIKELY_SHARE = 0.15
 MIN_SCORE = 0.3
+SURE_SCORE = 0.9
 MAX_RING_SPREAD = 0.25
 
 
-class OpeningPlane(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class OpeningPlane:
     """A circle with its axis: centre (3,) [m], unit axis (3,) outward, radius [m]."""
 
     centre: np.ndarray
@@ -51,16 +54,18 @@ def find_opening(
     above = distance > 2.0 * tolerance
     support = rim_probability @ near - 0.5 * above.sum(0)
     likely = planes[np.argsort(-support)[:N_VERIFIED]]
-    best, best_score = None, MIN_SCORE
-    for plane in np.concatenate([likely, _ends(points, likely[:2, :3], middle)]):
-        opening = _refine(points, rim_probability, plane, tolerance)
-        if opening is None:
-            continue
-        score = _looks_into(points, normals, opening, tolerance)
-        score += _ring_share(points, rim_probability, opening, tolerance)
-        if score > best_score:
-            best, best_score = opening, score
-    return best
+
+    def score(opening: OpeningPlane) -> float:
+        looks_into = _looks_into(points, normals, opening, tolerance)
+        return looks_into + _ring_share(points, rim_probability, opening, tolerance)
+
+    by_rim = [_refine(points, rim_probability, plane, tolerance) for plane in likely]
+    score_of = {opening: score(opening) for opening in by_rim if opening is not None}
+    if max(score_of.values(), default=0.0) < SURE_SCORE:
+        by_shape = [_bearing(points, up) for up in _directions(normals, likely[:2, :3])]
+        score_of |= {opening: score(opening) for opening in by_shape if opening is not None}
+    best = max(score_of, key=score_of.__getitem__, default=None)
+    return best if best is not None and score_of[best] > MIN_SCORE else None
 
 
 def fit_circle(plane_points: np.ndarray) -> tuple[np.ndarray, float]:
@@ -81,11 +86,13 @@ def fit_plane(points: np.ndarray, up: np.ndarray) -> np.ndarray:
 
 def across(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Two unit vectors that make a right-handed frame with `up` as the third axis."""
-    helper = np.zeros(3)
-    helper[np.argmin(np.abs(up))] = 1.0
-    first = np.cross(helper, up)
-    first /= np.linalg.norm(first)
-    return first, np.cross(up, first)
+    # The axis that is least along `up` is turned square to it; products by hand, they are small.
+    x, y, z = up
+    least = int(np.argmin(np.abs(up)))
+    first = np.array([(0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)][least])
+    first /= np.sqrt(first @ first)
+    a, b, c = first
+    return first, np.array([y * c - z * b, z * a - x * c, x * b - y * a])
 
 
 def _hypotheses(points: np.ndarray, probability: np.ndarray, middle: np.ndarray) -> np.ndarray:
@@ -104,12 +111,43 @@ def _hypotheses(points: np.ndarray, probability: np.ndarray, middle: np.ndarray)
     return np.column_stack([normals * sign[:, None], offsets * sign])
 
 
-def _ends(points: np.ndarray, directions: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Planes (m, 4) that bear on the points, across given directions and principal axes."""
-    offsets = points - middle
-    _, axes = np.linalg.eigh(offsets.T @ offsets)
-    normals = np.concatenate([-directions, axes.T, -axes.T])
-    return np.column_stack([normals, np.quantile(points @ normals.T, 0.985, axis=0)])
+def _directions(normals: np.ndarray, likely: np.ndarray) -> np.ndarray:
+    """Where an opening may point (m, 3): along principal axes of the normals, or back.
+
+    Walls face across the axis of a container and its floor along it.
+    """
+    _, axes = np.linalg.eigh(normals.T @ normals)
+    return np.concatenate([axes.T, -axes.T, -likely])
+
+
+def _bearing(points: np.ndarray, up: np.ndarray) -> OpeningPlane | None:
+    """The plane that bears on the highest points all around, and the circle through these."""
+    middle = points.mean(0)
+    for _ in range(4):
+        first, second = across(up)
+        flat = (points - middle) @ np.stack([first, second], 1)
+        level = (points - middle) @ up
+        angle = np.arctan2(flat[:, 1], flat[:, 0])
+        sector = ((angle / (2.0 * np.pi) + 0.5) * N_SECTORS).astype(int) % N_SECTORS
+        order = np.lexsort((-level, sector))
+        first_of = np.searchsorted(sector[order], np.unique(sector))
+        crest = order[first_of]
+        if len(crest) < MIN_RIM_POINTS:
+            return None
+        up = fit_plane(points[crest], up)
+        middle = points[crest].mean(0)
+    return _circle(points[crest], up)
+
+
+def _circle(rim: np.ndarray, up: np.ndarray) -> OpeningPlane | None:
+    """The circle through rim points (n, 3); None if they make none."""
+    first, second = across(up)
+    flat = rim @ np.stack([first, second], 1)
+    centre, radius = fit_circle(flat)
+    if np.std(np.linalg.norm(flat - centre, axis=1)) > MAX_RING_SPREAD * radius:
+        return None
+    height = rim.mean(0) @ up
+    return OpeningPlane(centre[0] * first + centre[1] * second + height * up, up, radius)
 
 
 def _refine(
@@ -124,12 +162,7 @@ def _refine(
         rim = points[near]
         up = fit_plane(rim, up)
         offset = rim.mean(0) @ up
-    first, second = across(up)
-    flat = rim @ np.stack([first, second], 1)
-    centre, radius = fit_circle(flat)
-    if np.std(np.linalg.norm(flat - centre, axis=1)) > MAX_RING_SPREAD * radius:
-        return None
-    return OpeningPlane(centre[0] * first + centre[1] * second + offset * up, up, radius)
+    return _circle(rim, up)
 
 
 def _ring_share(
@@ -148,7 +181,7 @@ def _looks_into(
     points: np.ndarray, normals: np.ndarray, opening: OpeningPlane, tolerance: float
 ) -> float:
     """How much surface below the ring faces its centre, less what lies in the ring or above."""
-    centre, up, radius = opening
+    centre, up, radius = opening.centre, opening.up, opening.radius_m
     offsets = points - centre
     depth = -(offsets @ up)
     aside = np.linalg.norm(offsets + depth[:, None] * up, axis=1)
