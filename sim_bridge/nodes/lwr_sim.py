@@ -17,7 +17,12 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.errors import ResourceBusyError, describe
+from intent_recognition.errors import (
+    ArgumentError,
+    ResourceBusyError,
+    TrajectoryError,
+    describe,
+)
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
@@ -26,6 +31,7 @@ from sim_bridge.controllers import ControllerGains
 from sim_bridge.gripper import make_gripper
 from sim_bridge.pacing import Pacer
 from sim_bridge.scene import HOME
+from sim_bridge.spread_control import SpreadControl
 from sim_bridge.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 from sim_bridge.trajectory_follower import TrajectoryFollower
 
@@ -36,6 +42,7 @@ GRIPPER_STEPS = 5  # physics steps between two looks of the gripper
 BURST = 8  # joint states sent at once when catching up, below the depth of their queue
 LARGEST_PUSH_N = 500.0
 WORLD_FRAME = "world"
+CONTROLLERS = ("low_gain", "stochastic_feedback")
 
 
 class LwrSim(Node):
@@ -43,7 +50,8 @@ class LwrSim(Node):
 
     In: `joint_trajectory`; `~/push` (a force at the hand in world axes, held for 0.1 s after
     each message; torques are ignored); `~/gravity_compensation`; `intent/active_task`, for the
-    objects of the `scene`, which the hand takes and gives. Out: `joint_states`,
+    objects of the `scene`, which the hand takes and gives; `intent/robot_trajectory`, whose spread
+    sets the stiffness if `controller` is "stochastic_feedback". Out: `joint_states`,
     `robot_description`, `/clock` if `publish_clock`, `/diagnostics`.
 
     Stamps are simulated time (from zero at start) if `publish_clock`, else ROS time. With
@@ -55,6 +63,7 @@ class LwrSim(Node):
         self._declare()
         self.arm = self._make_arm()
         self.gripper = make_gripper(self.arm, self._scene)
+        self.spread = self._make_spread()
         self.follower = TrajectoryFollower(self.arm.reference.q, self.arm.limits)
         self.arm.before_step.append(self._control)
         self.diagnostics = Diagnostics(self)
@@ -102,6 +111,7 @@ class LwrSim(Node):
         self._noisy = get("sensor_noise", False, "Add noise to the measured joint state.")
         self._scene = get("scene", "toolbox", "Objects the hand can take: 'toolbox' or 'none'.")
         self._seed = get("seed", 0, "Seed of the sensor noise.", 0)
+        self._controller = get("controller", CONTROLLERS[0], f"One of {', '.join(CONTROLLERS)}.")
 
     def _make_arm(self) -> LwrArm:
         if not self._headless and not os.environ.get("DISPLAY"):
@@ -116,6 +126,14 @@ class LwrSim(Node):
             headless=self._headless,
         )
 
+    def _make_spread(self) -> SpreadControl | None:
+        if self._controller not in CONTROLLERS:
+            expected = f"one of {', '.join(CONTROLLERS)}"
+            raise ArgumentError(
+                describe("controller", expected, self._controller, "Choose one of them.")
+            )
+        return SpreadControl() if self._controller == CONTROLLERS[1] else None
+
     def _make_topics(self) -> None:
         self._states = self.create_publisher(JointState, "joint_states", STATE)
         description = self.create_publisher(String, "robot_description", LATCHED)
@@ -126,6 +144,9 @@ class LwrSim(Node):
         self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND)
         if self.gripper is not None:
             self.create_subscription(String, "intent/active_task", self._on_task, LATCHED)
+        if self.spread is not None:
+            topic = "intent/robot_trajectory"
+            self.create_subscription(JointTrajectory, topic, self._on_prediction, COMMAND)
         self.create_subscription(WrenchStamped, "~/push", self._on_push, SENSOR)
         self.create_service(SetBool, "~/gravity_compensation", self._on_gravity_compensation)
 
@@ -141,6 +162,8 @@ class LwrSim(Node):
         if not arm.gravity_compensation:
             reference = self.follower.sample(arm.time_s)
             arm.set_reference(*reference)
+        if self.spread is not None:
+            self.spread.control(arm)
         if arm.n_steps < self._push_until:
             arm.apply_force(self._push_n)
         if self.gripper is not None and arm.n_steps % GRIPPER_STEPS == 0:
@@ -216,6 +239,17 @@ class LwrSim(Node):
             return
         self.follower.accept(command, self.arm.time_s)
 
+    def _on_prediction(self, message: JointTrajectory) -> None:
+        start_s = self._start_s(Time.from_msg(message.header.stamp).nanoseconds)
+        points = message.points
+        times = [p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in points]
+        spread = [p.effort for p in points]
+        start_s = self.arm.time_s if start_s is None else start_s
+        try:
+            self.spread.take(start_s, message.joint_names, times, spread)
+        except TrajectoryError as error:
+            self.diagnostics.reject("bad_prediction", str(error))
+
     def _command(self, message: JointTrajectory) -> TrajectoryCommand:
         points = message.points
         return TrajectoryCommand.validated(
@@ -278,6 +312,7 @@ class LwrSim(Node):
         if self.gripper is not None:
             values("held object", self.gripper.held or "none")
         values("gravity compensation", self.arm.gravity_compensation)
+        values("controller", self._controller)
         self._tracking_error_rad = 0.0
         if self._publishes_clock and self.count_publishers("/clock") > 1:
             self.diagnostics.status(2, "another node publishes /clock: allow only one")
