@@ -91,7 +91,7 @@ class _Person:
         hesitant: bool = True,
         not_before_s: float = 0.0,
     ) -> None:
-        """Reach for a goal, at a tempo near the pair's, or slower so as not to be there too soon."""
+        """Reach for a goal at a tempo near the pair's, or slower to be there not too soon."""
         rng = self._rng
         nominal_s *= self._tempo * float(np.exp(PERSONAL_LOG_STD * rng.standard_normal()))
         nominal_s = max(nominal_s, not_before_s - self.now_s)

@@ -61,7 +61,7 @@ GOALS = {
     FASTENING: _place((0.79, 0.00, 0.34), (0.05, 0.08, 0.04)),
     PLATE_INSERTION: _place((0.84, -0.06, 0.28), (0.05, 0.08, 0.04)),
 }
-"""Where the worker's wrist stops: hand stretched out, screwdriver on the screw, plate at the box."""
+"""Where the worker's wrist stops: hand stretched out, screwdriver on screw, plate at the box."""
 
 SCREWDRIVER = _place((0.98, 0.28, 0.22), (0.03, 0.05, 0.02))
 PLATE = _place((0.98, -0.28, 0.20), (0.03, 0.05, 0.02))
@@ -72,7 +72,7 @@ GIVE_M = _frozen(-0.15, -0.02, 0.02)
 HOLD_M = _frozen(-0.20, -0.10, -0.09)
 TAKE_BOX_M = _frozen(-0.25, 0.14, -0.02)
 FLIPPED_M = _frozen(-0.28, 0.02, 0.05)
-"""From the worker's goal to the assistant's wrist: screw given, box held, box taken, box flipped."""
+"""From the worker's goal to the assistant's wrist: screw given, box held, taken, flipped."""
 
 PERSONAL_STD_M = 0.012
 """How far a person's wrist is from what the place of the other would make it, per axis."""
