@@ -46,7 +46,9 @@ class Scores(NamedTuple):
     acceleration: np.ndarray
 
 
-def one_data_set(rng: np.random.Generator, counts: Sequence[int]) -> Scores:
+def one_data_set(
+    rng: np.random.Generator, counts: Sequence[int], choices: Sequence[SplineChoice]
+) -> Scores:
     """Learn from one set of sketches, and score others."""
     train, test = sketch_pairs(rng, N_TRAIN), sketch_pairs(rng, N_TEST)
     promp, dmp = learn_promp(train), learn_dmp(train)
@@ -56,7 +58,7 @@ def one_data_set(rng: np.random.Generator, counts: Sequence[int]) -> Scores:
     inside, acceleration = np.empty((len(counts), 2)), np.empty((len(counts), 2))
     rmse[NOTHING][:] = _rms(test[..., 1] - mean)
     for k, count in enumerate(counts):
-        through, best = choose_splines(rng, train, count)
+        through, best = choose_splines(rng, train, count, choices)
         errors = {m: [] for m in METHODS[:3]}
         hits, differences = [], []
         for pair in test:

@@ -58,7 +58,7 @@ def dtw_maps(
     A sample of the reference that is matched with several gets their mean.
 
     Args:
-        trajectories: (n, T, D), DOFs of one scale.
+        trajectories: (n, T, D), two DOFs or more, of one scale.
         reference: number of the one the others are brought onto.
         window: farthest that matched samples may be apart.
         penalty: cost of each step that is not diagonal.

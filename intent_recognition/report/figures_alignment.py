@@ -33,7 +33,8 @@ def warp_figure(
                 values,
                 color=INK if truth else PALETTE[number - 1],
                 linestyle=DASHED if truth else "-",
-                linewidth=1.8 if number < 2 else 1.2,
+                linewidth=(1.8, 1.8, 2.4, 1.0)[number],
+                alpha=0.55 if number == 2 else 1.0,
                 zorder=(5.0, 4.0, 2.5, 3.0)[number],
                 label=name,
             )

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The experiment on alignment: its measures on maps made by hand, and that it runs."""
+
+import json
+
+import numpy as np
+import pytest
+
+from intent_recognition.experiments import alignment, time_warping
+from intent_recognition.experiments.alignment_scores import DTW, LOCAL, TRUE
+from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.time_warping import (
+    dtw_maps,
+    smooth_maps,
+    speed_ratio,
+    steps,
+    variance_removed,
+    warped,
+)
+from intent_recognition.experiments.timed import demonstrations
+
+PHASE = np.linspace(0.0, 1.0, 101)
+IDENTITY = np.tile(PHASE, (3, 1))
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def test_the_identity_goes_forward_evenly():
+    found = steps(IDENTITY)
+    np.testing.assert_allclose(found, (1.0, 0.0, 0.0, 0.0), atol=1e-9)
+
+
+def test_jumps_and_stands_are_seen():
+    stairs = PHASE.copy()
+    stairs[40:50] = stairs[40]
+    found = steps(stairs[None])
+    np.testing.assert_allclose(found.largest, 10.0)
+    np.testing.assert_allclose(found.flat, 9 / 100)
+    np.testing.assert_allclose(found.longest_flat, 9 / 100)
+
+
+def test_the_identity_changes_nothing(rng):
+    values = rng.normal(size=(3, 101, 2))
+    np.testing.assert_allclose(warped(values, IDENTITY), values, atol=1e-9)
+    np.testing.assert_allclose(variance_removed(values, IDENTITY), 0.0, atol=1e-9)
+    np.testing.assert_allclose(speed_ratio(values, IDENTITY), 1.0)
+
+
+def test_reading_twice_as_fast_doubles_the_speed():
+    values = np.sin(2.0 * PHASE)[None, :, None]
+    np.testing.assert_allclose(
+        speed_ratio(values, np.minimum(2.0 * PHASE, 1.0)[None]), 2.0, rtol=0.01
+    )
+
+
+@pytest.mark.parametrize("method", [smooth_maps, dtw_maps])
+def test_methods_map_a_trajectory_onto_itself(method):
+    pytest.importorskip("dtaidistance")
+    values = demonstrations(np.random.default_rng(3), n=1, n_samples=101).trajectories
+    maps = method(np.concatenate([values, values]), 0)
+    np.testing.assert_allclose(maps, IDENTITY[:2], atol=5e-3)
+
+
+def test_free_ends_go_on_one_by_one():
+    pytest.importorskip("dtaidistance")
+    time = 6.0 * np.linspace(0.0, 1.2, 121)
+    curve = np.stack([np.sin(time), np.cos(time)], axis=1)
+    both = np.stack([curve[:101], curve[20:]])
+    found = dtw_maps(both, 0, free_ends=25)[1]
+    np.testing.assert_allclose(np.diff(found)[:15], 0.01, atol=1e-9)
+    np.testing.assert_allclose(found[30:80], PHASE[30:80] - 0.2, atol=0.011)
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    return alignment.run(Settings(quick=True))
+
+
+def test_outcome_is_complete(outcome):
+    json.dumps(dict(outcome.numbers))
+    assert set(outcome.numbers["toolbox"]) == {
+        "hold_screwdriver",
+        "plate_handover",
+        "screw_handover",
+    }
+    assert len(outcome.blocks) == 4
+
+
+def test_local_optimisation_neither_stands_nor_jumps(outcome):
+    pytest.importorskip("dtaidistance")
+    known = outcome.numbers["known_timing"]
+    assert known[LOCAL]["flat"] == 0.0
+    assert known[LOCAL]["largest"] < known[DTW]["largest"]
+    assert known[LOCAL]["velocity"] < 0.6 * known[DTW]["velocity"]
+    assert known[TRUE]["median"] == 0.0
+    assert all(finding.holds for finding in outcome.findings)
+
+
+def test_without_the_library_dtw_is_left_out(monkeypatch):
+    monkeypatch.setattr(alignment, "dtw_available", lambda: False)
+    found = alignment.run(Settings(quick=True))
+    assert set(found.numbers["known_timing"]) == {TRUE, LOCAL}
+    assert [finding.holds for finding in found.findings] == [None]
+
+
+def test_whether_the_library_is_there_is_found_out(monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "dtaidistance", None)
+    assert not time_warping.dtw_available()

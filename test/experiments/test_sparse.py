@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The experiments on sparse and noisy observations: their parts, and that they run and repeat."""
+
+import json
+
+import numpy as np
+import pytest
+
+from intent_recognition.experiments import noise, sparse
+from intent_recognition.experiments.noise_scores import DMP, PROMP
+from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.sketch_models import (
+    Candidate,
+    folds,
+    learn_dmp,
+    learn_promp,
+    observation,
+    prior,
+    squared_errors,
+)
+from intent_recognition.experiments.sketches import N_SAMPLES, PHASE, PIXEL, sketch_pairs
+from intent_recognition.experiments.sparse_conditioning import (
+    CLOSEST,
+    SplineChoice,
+    curves_of,
+    promp_curves,
+    sparse_phases,
+    spline_predictor,
+)
+from intent_recognition.promp.differentiation import SavitzkyGolay
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    return sketch_pairs(np.random.default_rng(6), 40)
+
+
+@pytest.fixture(scope="module")
+def sparse_outcome():
+    return sparse.run(Settings(quick=True))
+
+
+@pytest.fixture(scope="module")
+def noise_outcome():
+    return noise.run(Settings(quick=True))
+
+
+def test_sketches_are_whole_pixels_and_smooth(pairs):
+    assert pairs.shape == (40, N_SAMPLES, 2)
+    np.testing.assert_allclose(pairs / PIXEL, np.round(pairs / PIXEL), atol=1e-6)
+    assert np.abs(np.diff(pairs, axis=1)).max() < 0.2
+
+
+def test_models_reproduce_their_demonstrations(pairs):
+    for learned in (learn_promp(pairs), learn_dmp(pairs)):
+        curves = (learned.parameters @ learned.both.T).reshape(40, 2, -1)
+        assert np.abs(curves - np.swapaxes(pairs, 1, 2)).max() < 0.03
+        assert np.all(np.sqrt(learned.curve_variance) < 0.005)
+
+
+def test_folds_part_the_demonstrations():
+    found = list(folds(11, 4))
+    assert sorted(np.concatenate([out for _, out in found])) == list(range(11))
+    assert all(not set(kept) & set(out) for kept, out in found)
+
+
+def test_white_noise_keeps_the_variances_of_the_derivatives(pairs):
+    smoother = SavitzkyGolay(0.2)
+    learned = learn_dmp(pairs, smoother)
+    _, white, _ = observation(learned, Candidate(0.1, 0.01, smoother), 30)
+    _, carried, _ = observation(learned, Candidate(0.1, 0.01, smoother, white=False), 30)
+    np.testing.assert_allclose(np.diag(white), np.diag(carried))
+    assert np.count_nonzero(white - np.diag(np.diag(white))) == 0
+
+
+def test_noise_carried_through_an_invertible_filter_loses_nothing(pairs, rng):
+    """Any invertible linear map of the observations leaves the posterior as it is."""
+    learned = learn_promp(pairs)
+    distribution = prior(learned.parameters, 0.1)
+    rows, noise_covariance, _ = observation(learned, Candidate(0.1, 0.01), 30)
+    seen = rows @ distribution.mean + 0.1 * rng.normal(size=30)
+    mixed = rng.normal(size=(30, 30)) + 5.0 * np.eye(30)
+    from intent_recognition.experiments.sketch_models import predictor
+
+    matrix, offset = predictor(distribution, rows, noise_covariance, learned.controlled)
+    other, shift = predictor(
+        distribution, mixed @ rows, mixed @ noise_covariance @ mixed.T, learned.controlled
+    )
+    np.testing.assert_allclose(other @ mixed @ seen + shift, matrix @ seen + offset, atol=1e-6)
+
+
+def test_errors_are_those_of_single_predictions(pairs):
+    candidate = Candidate(0.03, 0.01)
+    learned = learn_promp(pairs[:30])
+    held = pairs[30:]
+    found = squared_errors(pairs[:30], held[..., 1], held[None, ..., 0], [candidate], [40])
+    squares = [np.mean((_curves(learned, pair, 40)[1] - pair[:, 1]) ** 2) for pair in held]
+    np.testing.assert_allclose(found[0, 0, 0], np.mean(squares), rtol=1e-6)
+
+
+def _curves(learned, pair, n_seen):
+    curves, _ = promp_curves(learned, 0.03, PHASE[:n_seen], pair[:n_seen, 0], 0.01)
+    return curves
+
+
+def test_sparse_phases_keep_apart(rng):
+    for count in (3, 10):
+        phases = sparse_phases(rng, count)
+        assert len(phases) == count
+        assert np.all(np.diff(phases) >= CLOSEST - 1e-12)
+        assert phases[0] >= 0.0
+        assert phases[-1] <= 1.0
+
+
+def test_observing_never_widens_a_band(pairs):
+    learned = learn_promp(pairs)
+    _, before = curves_of(learned, prior(learned.parameters, 0.1))
+    at = np.array([0.2, 0.45, 0.7])
+    _, after = promp_curves(learned, 0.1, at, np.array([0.7, 1.5, 0.8]))
+    assert np.all(after <= before + 1e-9)
+
+
+def test_a_distrusted_spline_leaves_the_prior_mean(pairs):
+    learned = learn_dmp(pairs)
+    at = np.array([0.1, 0.4, 0.6, 0.9])
+    matrix, offset = spline_predictor(learned, SplineChoice(0.0, 1e14, 0.1), at)
+    mean = learned.controlled @ learned.parameters.mean(axis=0)
+    np.testing.assert_allclose(matrix @ np.full(4, 3.0) + offset, mean, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["sparse_outcome", "noise_outcome"])
+def test_outcomes_are_complete(name, request):
+    outcome = request.getfixturevalue(name)
+    json.dumps(dict(outcome.numbers))
+    assert outcome.findings
+    assert outcome.conditions
+    assert len(outcome.blocks) >= 3
+
+
+def test_bands_hold_about_what_they_should(sparse_outcome):
+    inside = np.array(sparse_outcome.numbers["inside_two_sigma"])
+    assert np.all((inside > 0.85) & (inside < 1.0))
+
+
+def test_positions_say_more_than_splines(sparse_outcome):
+    rmse = sparse_outcome.numbers["rmse"]
+    assert rmse["ProMP"][0] < rmse["DMP, best smoothing spline"][0] < rmse["no observation"][0]
+
+
+def test_the_dmp_is_no_straw_man(noise_outcome):
+    rmse = {method: np.array(values) for method, values in noise_outcome.numbers["rmse"].items()}
+    assert rmse[DMP][0, -1] < 1.25 * rmse[PROMP][0, -1]
+    assert np.all(rmse[PROMP][1] <= 1.02 * rmse[DMP][1])
+    assert rmse["DMP without a filter"][1, -1] > 2.0 * rmse[DMP][1, -1]
+
+
+def test_the_same_seed_gives_the_same_numbers(noise_outcome):
+    assert noise.run(Settings(quick=True)).numbers == noise_outcome.numbers
