@@ -206,7 +206,7 @@ _CONDITIONS = (
 
 def _findings(errors: np.ndarray, nearest: np.ndarray, tested: list[Tested]) -> tuple[Finding, ...]:
     largest = float(errors.max())
-    holds = round(largest, 3) <= PAPER_LARGEST_M
+    holds = bool(round(largest, 3) <= PAPER_LARGEST_M)
     why = "" if holds else "The simulated marker and posture noise alone amount to this much."
     inside = sum(one.inside for one in tested)
     return (
