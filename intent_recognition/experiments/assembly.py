@@ -98,9 +98,8 @@ def _numbers(found: Study) -> dict[str, object]:
         numbers[f"{way}_median_to_certainty"] = float(np.median(reached)) if reached else None
         numbers[f"{way}_within_five"] = sum(n <= PAPER_OBSERVATIONS for n in reached)
         numbers[f"{way}_right_at_end"] = sum(final)
-        numbers[f"{way}_fastening_certain"] = sum(
-            getattr(s, way).probabilities[-LAST:, own].min() >= CERTAIN for s in ambiguous
-        )
+        late = np.array([getattr(s, way).probabilities[-LAST:, own].min() for s in ambiguous])
+        numbers[f"{way}_fastening_certain"] = int(np.sum(late >= CERTAIN))
         numbers[f"{way}_coverage"] = float(
             np.mean([getattr(s, way).inside[-1] for s in found.scored])
         )
@@ -460,7 +459,9 @@ def _arm_figures(found: Study, labels: Sequence[str]) -> tuple[Figure, ...]:
     for task in labels:
         shown = next(e for e in found.executed if e.task == task)
         run = shown.run
-        examples[task] = Hand(run.times_s, shown.wrist_m, run.hand_m, run.began_s)
+        some = slice(None, None, 4)
+        paths = (run.times_s[some], shown.wrist_m[some], run.hand_m[some])
+        examples[task] = Hand(*paths, run.began_s)
     of = {task: [e for e in found.executed if e.task == task] for task in labels}
     end = {task: np.array([100.0 * e.end_m for e in of[task]]) for task in labels}
     late = {task: np.array([e.late_s for e in of[task]]) for task in labels}

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 FOLDS = 5
 NONE_PRIOR = 0.01
 """The paper has no `none`: here every movement is one of the tasks."""
-QUICK_FOLDS, QUICK_SESSION = 4, "session_00"
+QUICK_SESSION, QUICK_PER_TASK = "session_00", 8
+"""A quick run has so many demonstrations of each task, and leaves out one of each."""
 ARRIVED_M = 0.03
 """A wrist or hand has arrived when it stays this near to where it ends."""
 AFTER_ARRIVAL_S = 0.2
@@ -94,7 +95,9 @@ def study(settings: Settings) -> Study:
         BagError: there is nothing to read.
     """
     demonstrations = read(settings)
-    numbers = fold_numbers(demonstrations, QUICK_FOLDS if settings.quick else FOLDS)
+    if settings.quick:
+        demonstrations = _few(demonstrations)
+    numbers = fold_numbers(demonstrations, QUICK_PER_TASK if settings.quick else FOLDS)
     turns = [0] if settings.quick else range(FOLDS)
     first, scored = None, []
     for turn in turns:
@@ -106,10 +109,9 @@ def study(settings: Settings) -> Study:
             settings.progress(0.6 * done, left_out.name)
             scored.append(score(fold.library, fold.training, left_out))
     alignments, unaligned = _align(first.training)
-    shown = _one_of_each(first.as_recorded) if settings.quick else first.as_recorded
-    executed = []
-    for k, recording in enumerate(shown):
-        settings.progress(0.6 + 0.4 * k / len(shown), f"the arm in {recording.name}")
+    executed, n = [], len(first.as_recorded)
+    for k, recording in enumerate(first.as_recorded):
+        settings.progress(0.6 + 0.4 * k / n, f"the arm in {recording.name}")
         (cut,) = (d for d in first.left_out if d.name == recording.name)
         executed.append(execute(first.library, recording, cut))
     return Study(first, tuple(scored), tuple(executed), alignments, unaligned)
@@ -196,9 +198,10 @@ def _end(path_m: np.ndarray) -> np.ndarray:
     return path_m[-round(100 * AFTER_ARRIVAL_S) :].mean(axis=0)
 
 
-def _one_of_each(recordings: Sequence[Demonstration]) -> list[Demonstration]:
-    """The first recording of each task."""
-    return list({d.task: d for d in reversed(recordings)}.values())
+def _few(recordings: Sequence[Demonstration]) -> list[Demonstration]:
+    """The first few recordings of each task."""
+    per_task = fold_numbers(recordings, len(recordings))
+    return [d for d, k in zip(recordings, per_task, strict=True) if k < QUICK_PER_TASK]
 
 
 def _align(training: Sequence[Demonstration]) -> tuple[dict[str, Alignment], dict[str, np.ndarray]]:

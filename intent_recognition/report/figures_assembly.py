@@ -11,6 +11,8 @@ from intent_recognition.report.drawing import INK, SOFT, new_figure, readable, s
 WORKER_COLOUR, ASSISTANT_COLOUR = "#0072b2", "#d55e00"
 VIEWS = (((0, 1), "from above"), ((0, 2), "from the side"))
 N_ELLIPSES = 9
+MOST_LINES = 20
+"""Single demonstrations drawn in a panel; the ellipses are of all."""
 TWO_SIGMA = "\N{PLUS-MINUS SIGN} 2\N{GREEK SMALL LETTER SIGMA}"
 
 
@@ -35,7 +37,8 @@ def workspace_figure(paths: Mapping[str, np.ndarray]):
             axes = grid[row, column]
             for first, colour in ((0, WORKER_COLOUR), (3, ASSISTANT_COLOUR)):
                 wrist = values[:, :, first : first + 3]
-                axes.plot(wrist[:, :, i].T, wrist[:, :, j].T, color=colour, alpha=0.35, lw=0.6)
+                some = wrist[:MOST_LINES, ::2]
+                axes.plot(some[:, :, i].T, some[:, :, j].T, color=colour, alpha=0.35, lw=0.6)
                 _ellipses(axes, _tube(wrist), (i, j), colour)
             axes.set_aspect("equal", adjustable="datalim")
             axes.set_title(f"{readable(task)} ({len(values)})" if row == 0 else "")

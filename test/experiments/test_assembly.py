@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The box assembly: folds, certainty, single observations, and the whole of it, quickly."""
+
+import json
+
+import numpy as np
+import pytest
+
+from intent_recognition.experiments import assembly
+from intent_recognition.experiments.assembly_scores import (
+    N_OBSERVATIONS,
+    TRUTH_PHASES,
+    at_phase,
+    observations_to_certainty,
+    phases_of,
+    predicted_after,
+    single_evidence,
+    spread_observations,
+    watch,
+)
+from intent_recognition.experiments.assembly_study import (
+    arrival_s,
+    fold_numbers,
+    study,
+)
+from intent_recognition.experiments.outcome import Settings
+from intent_recognition.gaussian.normal import log_density
+from intent_recognition.promp.bank import fixed_hypotheses
+from sim_bridge.assembly.styles import TASKS
+
+
+@pytest.fixture(scope="module")
+def found():
+    """A quick study, once."""
+    return study(Settings(quick=True))
+
+
+def test_folds_leave_out_each_task_alike(found):
+    together = [*found.first.training, *found.first.left_out]
+    numbers = fold_numbers(together, 4)
+    for task in TASKS:
+        mine = [part for d, part in zip(together, numbers, strict=True) if d.task == task]
+        assert np.ptp(np.bincount(mine, minlength=4)) <= 1
+    assert sorted(d.task for d in found.first.left_out) == sorted(TASKS)
+
+
+def test_nothing_left_out_was_learned_from(found):
+    learned = {d.name for d in found.first.training}
+    assert learned.isdisjoint(d.name for d in found.first.left_out)
+    assert set(found.first.library.provenance.get("bags", ())).isdisjoint(
+        d.name for d in found.first.left_out
+    )
+
+
+def test_observations_are_spread_over_the_whole_movement(found):
+    recorded = found.first.left_out[0]
+    observations = spread_observations(recorded)
+    even = (np.arange(N_OBSERVATIONS) + 0.5) / N_OBSERVATIONS
+    np.testing.assert_allclose(phases_of(recorded, observations), even, atol=0.04)
+
+
+def test_probabilities_sum_to_one(found):
+    for scored in found.scored:
+        for way in (scored.known, scored.unknown):
+            np.testing.assert_allclose(way.probabilities.sum(axis=1), 1.0, atol=1e-9)
+        np.testing.assert_allclose(scored.single.sum(axis=1), 1.0, atol=1e-9)
+        np.testing.assert_allclose(scored.forgetting.sum(axis=1), 1.0, atol=1e-9)
+
+
+def test_first_observation_by_itself_is_the_first_of_all(found):
+    library, recorded = found.first.library, found.first.left_out[0]
+    observations = spread_observations(recorded)
+    duration_s = (recorded.end_ns - recorded.start_ns) * 1e-9
+    _, evidence = watch(library, fixed_hypotheses(library, duration_s), recorded, observations[:1])
+    single = single_evidence(library, recorded, observations[:1])[0]
+    np.testing.assert_allclose(evidence[1] - evidence[0], single, atol=1e-8)
+    (phase,) = phases_of(recorded, observations[:1])
+    assert single[0] == pytest.approx(
+        log_density(at_phase(library, 0, phase), observations[0].values)
+    )
+
+
+def test_prediction_after_some_observations_is_what_was_scored(found):
+    library, recorded = found.first.library, found.first.left_out[0]
+    (scored,) = (s for s in found.scored if s.name == recorded.name)
+    _, truth, mean, std = predicted_after(library, recorded, 7)
+    distance = np.linalg.norm(mean - truth, axis=1)
+    assert distance[-1] == pytest.approx(scored.known.end_m[7])
+    assert np.sqrt(np.mean(distance**2)) == pytest.approx(scored.known.path_m[7])
+    assert mean.shape == std.shape == (len(TRUTH_PHASES), 3)
+
+
+def test_certain_means_from_then_on():
+    sure, doubt = [0.995, 0.005], [0.6, 0.4]
+    assert observations_to_certainty(np.array([doubt, doubt, sure, sure]), 0) == 2
+    assert observations_to_certainty(np.array([doubt, sure, doubt, sure]), 0) == 3
+    assert observations_to_certainty(np.array([doubt, sure, doubt]), 0) is None
+    assert observations_to_certainty(np.array([sure, sure]), 0) == 0
+
+
+def test_arrival_is_when_a_path_stays_near_its_end():
+    times = np.arange(200) * 0.01
+    path = np.zeros((200, 3))
+    path[:, 0] = np.where(times < 0.995, 0.0, 0.5)
+    assert arrival_s(times, path) == pytest.approx(1.0)
+    assert arrival_s(times, np.zeros((200, 3))) == 0.0
+
+
+def test_arm_follows_its_commands_and_takes_part_in_each_task(found):
+    assert [e.task for e in found.executed] == list(dict.fromkeys(e.task for e in found.executed))
+    assert {e.task for e in found.executed} == set(TASKS)
+    for executed in found.executed:
+        assert executed.run.tasks[-1:] == (executed.task,)
+        assert executed.followed_m < 0.02
+        assert executed.run.largest_torque < 1.0
+        assert executed.end_m < 0.1
+
+
+def test_outcome_says_why_and_can_be_written(found, monkeypatch):
+    monkeypatch.setattr(assembly, "study", lambda settings: found)
+    outcome = assembly.run(Settings(quick=True))
+    json.dumps(outcome.numbers)
+    assert all(finding.remark or finding.holds for finding in outcome.findings)
+    assert len(outcome.blocks) >= 10
+    assert outcome.numbers["demonstrations"] == len(found.scored)
+    assert outcome.numbers["known_right_at_end"] == len(found.scored)
