@@ -18,6 +18,8 @@ from sim_bridge.pole.geometry import (
 
 LOOK_M = 0.5
 STEPS_PER_SAMPLE = 10
+WATCH_M = 0.05
+"""Farther away than this, no touch within the next sample is possible: that were 5 m/s."""
 
 
 class Pole:
@@ -107,9 +109,10 @@ def execute(positions_rad: np.ndarray, times_s: np.ndarray, rest_s: float = 0.5)
 
         arm.before_step.append(follow)
         for _ in range(round((end_s + rest_s) * 100.0)):
+            near = not distance or distance[-1] < WATCH_M
             for _ in range(STEPS_PER_SAMPLE):
                 arm.step()
-                touched = touched or pole.touched()
+                touched = touched or (near and pole.touched())
             q = arm.state().q
             reached.append(q)
             distance.append(pole.clearance(q))

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mixtures of interaction primitives, each demonstration left out: what both their experiments do.
+
+The mixture is that of `promp.mixture`, fitted in the coordinates of all demonstrations. The one
+left out is predicted as the paper does it: the component that the observation makes most probable,
+conditioned on the observation (Ewerton et al. 2015, Eq. 11-13, Algorithm 2).
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from intent_recognition.gaussian.mixture import (
+    Components,
+    CovariancePrior,
+    log_joint,
+    maximisation,
+)
+from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.components import (
+    Tried,
+    predict_left_out,
+    score,
+    smallest_within_one_error,
+)
+from intent_recognition.promp.examples import Recorded, cut_to_movement, make_examples
+from intent_recognition.promp.mixture import (
+    BASIS,
+    MIN_MEMBERS,
+    RIDGE,
+    SAMPLED_PHASES,
+    Clustering,
+    Features,
+    cluster,
+    condition_mixture,
+    mixture_features,
+)
+from intent_recognition.report.baselines import sample
+
+PHASES = np.linspace(0.0, 1.0, SAMPLED_PHASES)
+"""Phases of all trajectories here, (S,)."""
+FINAL = np.array([SAMPLED_PHASES - 1])
+"""Which of them is the end."""
+WHOLE = np.arange(SAMPLED_PHASES)
+"""All of them."""
+END_NOISE_STD_M = 0.003
+"""Of the final position: marker and sway."""
+PATH_NOISE_STD_M = 0.01
+"""Of each of the phases of a whole path, whose errors are not independent."""
+PREDICTION_STRENGTH = 1.0
+"""Demonstrations that the diagonal target is worth to predict with.
+
+To tell patterns apart a covariance needs much help (`promp.mixture.STRENGTH`); that much would take
+most of the correlation between the agents away, which is what predicts.
+"""
+
+
+class Pairs(NamedTuple):
+    """n demonstrations of both agents at the same phases.
+
+    Attributes:
+        names: of the recordings.
+        observed: the human as measured, (n, S, P).
+        controlled: the robot as measured, (n, S, Q).
+        duration_s: (n,).
+        features: what the mixture is fitted to.
+        to_observed: coordinates to deviations of `observed`, flattened, (r, S P).
+        to_controlled: the same of `controlled`, (r, S Q).
+        mean: of both, flattened, (S P,) and (S Q,).
+    """
+
+    names: tuple[str, ...]
+    observed: np.ndarray
+    controlled: np.ndarray
+    duration_s: np.ndarray
+    features: Features
+    to_observed: np.ndarray
+    to_controlled: np.ndarray
+    mean: tuple[np.ndarray, np.ndarray]
+
+
+class Predicted(NamedTuple):
+    """Each demonstration predicted by the mixture that was fitted without it.
+
+    Attributes:
+        component: the one that predicts, (n,).
+        probability: of each component given the observation, (n, K).
+        mean: of the robot under that one, (n, S, Q).
+        std: of the same, (n, S, Q).
+    """
+
+    component: np.ndarray
+    probability: np.ndarray
+    mean: np.ndarray
+    std: np.ndarray
+
+
+def pairs_of(demonstrations: Sequence[Recorded]) -> Pairs:
+    """Both agents of each demonstration, cut to the interaction, their labels not looked at.
+
+    Raises:
+        TrainingError: one of them cannot be used.
+    """
+    cut = cut_to_movement(demonstrations)
+    examples = make_examples(cut, BASIS, RIDGE)
+    for example in examples:
+        if isinstance(example, Exception):
+            raise example
+    weights = np.array([example.weights for example in examples])
+    n_observed = sum(len(signal.names) for signal in cut[0].observed)
+    features = mixture_features(weights, n_observed, BASIS)
+    smooth = np.swapaxes(weights @ BASIS.design_matrix(PHASES).T, 1, 2)  # (n, S, D)
+    duration = np.array([(d.end_ns - d.start_ns) * 1e-9 for d in cut])
+    observed, controlled = (
+        np.array(
+            [
+                sample(getattr(d, agent), d.start_ns, PHASES * seconds)
+                for d, seconds in zip(cut, duration, strict=True)
+            ]
+        )
+        for agent in ("observed", "controlled")
+    )
+    parts = smooth[..., :n_observed], smooth[..., n_observed:]
+    flat = [part.reshape(len(part), -1) for part in parts]
+    return Pairs(
+        tuple(d.name for d in cut),
+        observed,
+        controlled,
+        duration,
+        features,
+        *_maps(features, flat),
+        (flat[0].mean(axis=0), flat[1].mean(axis=0)),
+    )
+
+
+def _maps(features: Features, flat: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """From all coordinates to the deviations of each agent; each agent has its own coordinates."""
+    points, split = features.coordinates, features.n_observed
+    maps = []
+    for part, columns in zip(flat, (slice(None, split), slice(split, None)), strict=True):
+        own = points[:, columns]
+        solved = np.linalg.lstsq(own, part - part.mean(axis=0), rcond=None)[0]
+        whole = np.zeros((points.shape[1], part.shape[1]))
+        whole[columns] = solved
+        maps.append(whole)
+    return maps[0], maps[1]
+
+
+def try_numbers(
+    pairs: Pairs,
+    numbers: Sequence[int],
+    rng: Callable[[int], np.random.Generator],
+    progress: Callable[[int], None] = lambda done: None,
+) -> dict[int, tuple[Clustering, Tried]]:
+    """Fit each number of components, and score its left-out predictions as training does.
+
+    Args:
+        pairs: the demonstrations.
+        numbers: how many components.
+        rng: a generator of its own for each number.
+        progress: called with each number when it is done.
+    """
+    found = {}
+    for number in numbers:
+        fit = cluster(pairs.features, number, rng(number))
+        prediction = predict_left_out(pairs.features, fit.left_out, pairs.features.prior)
+        nll, rmse = score(prediction, pairs.features.controlled)
+        found[number] = fit, Tried(number, fit.labels, nll, rmse)
+        progress(number)
+    return found
+
+
+def chosen_number(tried: dict[int, tuple[Clustering, Tried]], n: int) -> int:
+    """The number that `intent train --unlabelled` takes: smallest within one error of the best.
+
+    Args:
+        tried: from 1 on, without a gap.
+        n: demonstrations; components of fewer than `MIN_MEMBERS` are not asked for.
+    """
+    largest = max(1, n // MIN_MEMBERS)
+    numbers = [number for number in sorted(tried) if number <= largest]
+    scores = np.array([tried[number][1].nll for number in numbers])
+    return numbers[smallest_within_one_error(scores)]
+
+
+def to_predict_with(pairs: Pairs, clustering: Clustering) -> Components:
+    """The mixtures without each demonstration, with covariances that keep the agents' correlation.
+
+    Their components are in the order of the clustering's labels.
+
+    Args:
+        pairs: the demonstrations.
+        clustering: of all of them.
+    """
+    points, usual = pairs.features.coordinates, pairs.features.prior
+    joint = log_joint(points, clustering.left_out)
+    share = np.exp(joint - np.logaddexp.reduce(joint, axis=2)[..., None])
+    share = share[..., _order(share, clustering.labels)]
+    share[np.arange(len(points)), np.arange(len(points))] = 0.0
+    return maximisation(
+        points, share, CovariancePrior(usual.floor, PREDICTION_STRENGTH, usual.shared)
+    )
+
+
+def _order(share: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Which component of the mixtures is label 0, 1 and so on, (K,), from shares (n, n, K)."""
+    together = share.sum(axis=0).T @ (labels[:, None] == np.arange(share.shape[2]))
+    components, found = linear_sum_assignment(together, maximize=True)
+    return components[np.argsort(found)]
+
+
+def predict(
+    pairs: Pairs, left_out: Components, seen: np.ndarray, given: np.ndarray | None = None
+) -> Predicted:
+    """Predict each robot from what is seen of its human, by the mixture fitted without both.
+
+    Args:
+        pairs: the demonstrations.
+        left_out: of `to_predict_with`.
+        seen: `WHOLE`, or `FINAL` for the human's last position alone.
+        given: component of each demonstration (n,) where it is known from elsewhere; else the
+            most probable one given what is seen.
+    """
+    noise_std = END_NOISE_STD_M if len(seen) == 1 else PATH_NOISE_STD_M
+    n, _, n_observed = pairs.observed.shape
+    rows = (seen[:, None] * n_observed + np.arange(n_observed)).ravel()
+    observation_matrix = pairs.to_observed[:, rows].T
+    noise = noise_std**2 * np.eye(len(rows))
+    covariance = left_out.covariance(pairs.features.coordinates)
+    shape = pairs.controlled.shape
+    probability = np.empty(left_out.log_weight.shape)
+    component = np.empty(n, dtype=np.int64)
+    mean, std = np.empty(shape), np.empty(shape)
+    for i in range(n):
+        seen_values = pairs.observed[i].ravel()[rows] - pairs.mean[0][rows]
+        parts = [Gaussian(m, c) for m, c in zip(left_out.mean[i], covariance[i], strict=True)]
+        posterior = condition_mixture(
+            np.exp(left_out.log_weight[i]), parts, observation_matrix, seen_values, noise
+        )
+        probability[i] = posterior.probabilities
+        component[i] = posterior.probabilities.argmax() if given is None else given[i]
+        best = posterior.components[component[i]]
+        mean[i] = (pairs.mean[1] + best.mean @ pairs.to_controlled).reshape(shape[1:])
+        variance = np.einsum(
+            "rs,rt,ts->s", pairs.to_controlled, best.covariance, pairs.to_controlled, optimize=True
+        )
+        std[i] = np.sqrt(np.maximum(variance, 0.0)).reshape(shape[1:])
+    return Predicted(component, probability, mean, std)
+
+
+def rms(errors: np.ndarray) -> np.ndarray:
+    """Root mean square (n,) of what each of n demonstrations has of errors (n, ...)."""
+    return np.sqrt(np.mean(errors.reshape(len(errors), -1) ** 2, axis=1))
+
+
+def majority_names(names: np.ndarray, labels: np.ndarray) -> dict[int, str]:
+    """The name that most members (n,) of each component have."""
+    found = {}
+    for label in np.unique(labels):
+        own, counts = np.unique(names[labels == label], return_counts=True)
+        found[int(label)] = str(own[counts.argmax()])
+    return found

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Predictions of left-out demonstrations against independent answers."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.experiments.left_out import (
+    FINAL,
+    WHOLE,
+    chosen_number,
+    majority_names,
+    pairs_of,
+    predict,
+    rms,
+    to_predict_with,
+    try_numbers,
+)
+from intent_recognition.promp.signals import Signal
+from intent_recognition.storage import Demonstration
+
+
+def demonstration(name: str, goal: np.ndarray, response: np.ndarray) -> Demonstration:
+    """Both agents rest, move with a smooth ramp to where they go, and rest."""
+    times = np.arange(250) * 0.01
+    progress = np.clip((times - 0.5) / 1.5, 0.0, 1.0)
+    progress = (progress**2 * (3 - 2 * progress))[:, None]
+    stamps = 1_000_000_000 + np.round(times * 1e9).astype(np.int64)
+    observed = Signal(("x", "y", "z"), stamps, progress * goal, "m")
+    controlled = Signal(("a", "b"), stamps, progress * response, "rad")
+    return Demonstration(
+        name, "", None, (observed,), (controlled,), int(stamps[0]), int(stamps[-1])
+    )
+
+
+@pytest.fixture(scope="module")
+def two_rules():
+    """Twelve demonstrations of each of two linear rules from the human's goal to the robot's."""
+    rng = np.random.default_rng(0)
+    demonstrations, kinds = [], []
+    for kind in (0, 1):
+        for number in range(12):
+            goal = np.array([-0.3, 0.0, 0.3 * (2 * kind - 1)]) + 0.05 * rng.standard_normal(3)
+            response = (1 if kind else -1) * np.array([goal[0] + 2 * goal[1], 1.0 + goal[1]])
+            demonstrations.append(demonstration(f"{kind}_{number}", goal, response))
+            kinds.append(kind)
+    pairs = pairs_of(demonstrations)
+    return pairs, np.array(kinds), try_numbers(pairs, (1, 2), lambda k: np.random.default_rng(k))
+
+
+def test_the_measured_and_the_smoothed_trajectories_agree(two_rules):
+    pairs, _, _ = two_rules
+    smooth = pairs.mean[1] + pairs.features.coordinates @ pairs.to_controlled
+    np.testing.assert_allclose(smooth.reshape(pairs.controlled.shape), pairs.controlled, atol=0.02)
+
+
+def test_two_rules_are_told_apart_and_predicted(two_rules):
+    pairs, kinds, fits = two_rules
+    assert chosen_number(fits, len(kinds)) == 2
+    labels = fits[2][0].labels
+    assert len(set(zip(labels.tolist(), kinds.tolist(), strict=True))) == 2
+    mixtures = to_predict_with(pairs, fits[2][0])
+    for seen in (WHOLE, FINAL):
+        predicted = predict(pairs, mixtures, seen)
+        np.testing.assert_array_equal(predicted.component, labels)  # in the labels' order
+        np.testing.assert_allclose(predicted.probability.sum(axis=1), 1.0)
+        single = predict(pairs, to_predict_with(pairs, fits[1][0]), seen)
+        error, worse = (rms(p.mean - pairs.controlled).mean() for p in (predicted, single))
+        assert error < 0.05 and error < 0.5 * worse
+
+
+def test_the_left_out_one_has_no_say(two_rules):
+    pairs, _, fits = two_rules
+    mixtures = to_predict_with(pairs, fits[2][0])
+    for i in range(len(pairs.names)):
+        used = mixtures.rows[i][mixtures.row_weight[i] > 0]
+        assert i not in used
+
+
+def test_a_component_that_is_given_is_the_one_that_predicts(two_rules):
+    pairs, _, fits = two_rules
+    mixtures = to_predict_with(pairs, fits[2][0])
+    other = 1 - fits[2][0].labels
+    predicted = predict(pairs, mixtures, FINAL, other)
+    np.testing.assert_array_equal(predicted.component, other)
+    assert rms(predicted.mean - pairs.controlled).min() > 0.5
+
+
+def test_majority_names_and_rms():
+    names, labels = np.array(["a", "b", "b", "c"]), np.array([0, 0, 0, 1])
+    assert majority_names(names, labels) == {0: "b", 1: "c"}
+    np.testing.assert_allclose(rms(np.array([[3.0, 4.0], [0.0, 0.0]])), [np.sqrt(12.5), 0.0])

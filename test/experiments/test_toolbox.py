@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The toolbox without labels, on a subset."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.experiments import toolbox, toolbox_study
+from intent_recognition.experiments.outcome import Settings
+from intent_recognition.report.html import Page, Section, render
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    return toolbox.run(Settings(quick=True))
+
+
+def test_the_three_interactions_are_found(outcome):
+    assert outcome.numbers["chosen"] == 3
+    assert outcome.numbers["purity"] == 1.0
+    assert outcome.numbers["recognised_from_movement"] == 48
+
+
+def test_the_hand_is_as_exact_as_in_the_paper(outcome):
+    errors, tasks = np.array(outcome.numbers["hand_error_m"]), np.array(outcome.numbers["tasks"])
+    assert errors[tasks == "plate_handover"].mean() < 0.032
+    assert errors[tasks == "hold_screwdriver"].mean() < 0.021
+    assert 0.9 < outcome.numbers["inside_2_sigma"] < 0.99
+
+
+def test_every_execution_of_the_subset_is_recognised(outcome):
+    executions = outcome.numbers["executions"]
+    assert len(executions) == toolbox_study.QUICK_EXECUTIONS == outcome.numbers["executions_right"]
+    assert all(0.0 < e["decided_share"] < 1.0 for e in executions)
+
+
+def test_the_outcome_is_a_report(outcome):
+    assert all(finding.holds is not False for finding in outcome.findings)
+    render(Page(outcome.title, outcome.source, (Section("x", outcome.blocks),)))
