@@ -87,6 +87,7 @@ setup(
             "ros-common-interfaces==5.3.6",
             "ros-rmw-fastrtps-cpp==8.4.3",
         ],
+        "dashboard": ["viser>=1.0", "yourdfpy>=0.0.56"],
         "dask": [
             "distributed>=2024.1",
         ],
@@ -100,6 +101,7 @@ setup(
     entry_points={
         "console_scripts": [
             "intent = intent_recognition.cli.main:main",
+            f"dashboard = {PACKAGE}.dashboard.start:main",
             *(f"{name} = {room}.nodes.{name}:main" for name, room in NODES.items()),
         ]
     },

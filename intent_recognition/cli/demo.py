@@ -18,7 +18,8 @@ from intent_recognition.storage.model import load_model, save_model
 
 SCENARIOS = ("toolbox",)
 DEFAULT_INTERACTIONS = 40
-DEFAULT_RATE = 1.5
+DEFAULT_RATE, DASHBOARD_RATE = 1.5, 1.0
+DEFAULT_PORT = 8080
 
 
 def add_parser(subparsers) -> None:
@@ -52,13 +53,21 @@ def add_parser(subparsers) -> None:
         action="store_true",
         help="expect every task alike: no transition prior, no pre-trigger",
     )
+    parser.add_argument(
+        "--dashboard",
+        action="store_true",
+        help="serve a page that shows the cell and teaches tasks; it stays until Ctrl-C",
+    )
+    parser.add_argument(
+        "--port", type=int, default=DEFAULT_PORT, help="of the page (default: %(default)s)"
+    )
     parser.add_argument("--headless", action="store_true", help="no window of the physics")
     parser.add_argument(
         "--rate",
         type=float,
-        default=DEFAULT_RATE,
         metavar="X",
-        help="simulated time per real time, through /clock (default: %(default)s)",
+        help="simulated time per real time, through /clock (default: "
+        f"{DEFAULT_RATE}, with --dashboard {DASHBOARD_RATE})",
     )
     parser.add_argument("--model", type=Path, metavar="M.npz", help="use this model, do not train")
     parser.add_argument(
@@ -84,6 +93,8 @@ def run(args: argparse.Namespace) -> int:
         ) from error
     for number in END_SIGNALS:
         signal.signal(number, interrupt)
+    if args.rate is None:
+        args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE
     args.output.mkdir(parents=True, exist_ok=True)
     if args.model is not None:
         load_model(args.model)

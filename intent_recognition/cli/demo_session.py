@@ -26,6 +26,8 @@ NODES = {
     "primitive_activation": "intent_recognition.nodes.primitive_activation",
     "coworker_sim": "sim_bridge.nodes.coworker_sim",
     "bag_recorder": "intent_recognition.nodes.bag_recorder",
+    "task_teacher": "intent_recognition.nodes.task_teacher",
+    "dashboard": "intent_recognition.dashboard.start",
 }
 RECORDED = (
     "mocap/wrist/pose",
@@ -140,12 +142,16 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
         console.print(
             f"the nodes found one another; {len(tasks)} interactions begin", highlight=False
         )
+        if args.dashboard:
+            console.print(f"the page is at http://127.0.0.1:{args.port}", highlight=False)
         longest = 120.0 + 150.0 * len(tasks)
         with progress:
             spin_until(session_over, longest, "the session's end")
             end = time.monotonic() + LAST_MOTION_S / args.rate
             spin_until(lambda: time.monotonic() > end, 2 * LAST_MOTION_S / args.rate, "the end")
         processes.check(may_end=("coworker_sim",))
+        if args.dashboard:
+            _leave_open(args, console, executor, interrupted, processes)
         if pace.slowest < args.rate:
             console.print(
                 f"the machine was busy: simulated time ran down to {pace.slowest:.2f} x real time",
@@ -156,6 +162,19 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
     finally:
         executor.shutdown()
         observer.destroy_node()
+
+
+def _leave_open(args, console: Console, executor, interrupted: list[int], processes) -> None:
+    """Let the page and the graph go on until a signal comes."""
+    console.print(
+        f"the session is over; the page stays open at http://127.0.0.1:{args.port}:"
+        " teach a task there, or end with Ctrl-C",
+        highlight=False,
+    )
+    while not interrupted:
+        processes.check(may_end=("coworker_sim",))
+        executor.spin_once(timeout_sec=SLICE_S)
+    interrupted.clear()
 
 
 def _start_nodes(args: argparse.Namespace, model: Path, processes) -> None:
@@ -189,6 +208,10 @@ def _start_nodes(args: argparse.Namespace, model: Path, processes) -> None:
             "output": args.record.resolve(),
             "topics": list(RECORDED),
         }
+    if args.dashboard:
+        tasks = {"model": model.resolve(), "library": (args.output / "tasks").resolve()}
+        parameters["task_teacher"] = sim | tasks
+        parameters["dashboard"] = sim | {"port": args.port, "models": args.output.resolve()}
     for name, values in parameters.items():
         processes.start(name, NODES[name], values)
 

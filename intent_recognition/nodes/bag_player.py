@@ -168,7 +168,7 @@ class BagPlayer(Node):
                 if not self._wait_while_paused():
                     return
                 origin_ns, offset_s = message.log_time_ns, time.monotonic()
-                wall_ns = time.time_ns()
+                wall_ns = self._now_ns()
             if self._rate > 0.0:
                 due_s = offset_s + (message.log_time_ns - origin_ns) * 1e-9 / self._rate
                 if not self._sleep_until(due_s, message.log_time_ns):
@@ -177,7 +177,7 @@ class BagPlayer(Node):
                     if not self._wait_while_paused():
                         return
                     origin_ns, offset_s = message.log_time_ns, time.monotonic()
-                    wall_ns, due_s = time.time_ns(), offset_s
+                    wall_ns, due_s = self._now_ns(), offset_s
                 latest_s = max(latest_s, time.monotonic() - due_s)
             elif self._stopping.is_set():
                 return
@@ -212,6 +212,9 @@ class BagPlayer(Node):
         """Wait for ~/resume; False when the node is to end."""
         self._running.wait()
         return not self._stopping.is_set()
+
+    def _now_ns(self) -> int:
+        return self.get_clock().now().nanoseconds
 
     def _publish_clock(self, now_ns: int) -> None:
         seconds, nanoseconds = divmod(max(now_ns, 0), 1_000_000_000)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page knows of the cell: the newest of every topic, and a bounded past. No ROS, no page.
+
+Times are seconds of a monotonic clock at arrival, so that silence can be told whatever the clock
+of the graph does.
+"""
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+HISTORY_S = 20.0
+HISTORY_STEP_S = 0.05
+WRIST_S = 3.0
+SILENT_AFTER_S = 3.0
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """The newest of `intent/tasks`: names (`none` last), probabilities and phases."""
+
+    labels: tuple[str, ...]
+    probabilities: np.ndarray
+    phase: np.ndarray
+
+    @property
+    def best(self) -> str:
+        """The most probable task."""
+        return self.labels[int(np.argmax(self.probabilities))]
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Predicted joint motion of the robot: task, joint names, positions (T, d) [rad]."""
+
+    task: str
+    joints: tuple[str, ...]
+    positions: np.ndarray
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The newest of `intent/markers`, as arrays.
+
+    Attributes:
+        observed: path so far (A, 3) [m].
+        predicted: rest of the path (B, 3) [m].
+        tube: corners of the +-2 sigma tube's triangles (C, 3) [m].
+    """
+
+    observed: np.ndarray
+    predicted: np.ndarray
+    tube: np.ndarray
+
+
+@dataclass(frozen=True)
+class NodeHealth:
+    """The newest report of one node: level 0 to 3, message, values, when it came."""
+
+    level: int
+    message: str
+    values: Mapping[str, str]
+    at_s: float
+
+    def silent_s(self, now_s: float) -> float:
+        """For how long it has been silent; zero while reports are due."""
+        waited = now_s - self.at_s
+        return waited if waited > SILENT_AFTER_S else 0.0
+
+
+@dataclass
+class CellState:
+    """Everything heard. One thread writes and reads.
+
+    Attributes:
+        joints: position by joint name [rad].
+        wrist: newest wrist position (3,) [m], None before the first.
+        posterior, predicted, drawn: newest, None before the first.
+        active, ahead: task being executed; task the arm went ahead for.
+        truth: what the simulated coworker really does, empty where nobody tells.
+        nodes: health by node name.
+        teaching: last sentence of `teach/status`.
+    """
+
+    joints: dict[str, float] = field(default_factory=dict)
+    joints_at_s: float = -np.inf
+    wrist: np.ndarray | None = None
+    wrist_at_s: float = -np.inf
+    posterior: Posterior | None = None
+    tasks_at_s: float = -np.inf
+    predicted: Predicted | None = None
+    predicted_at_s: float = -np.inf
+    drawn: Drawn | None = None
+    drawn_at_s: float = -np.inf
+    active: str = ""
+    truth: str = ""
+    description: str = ""
+    teaching: str = ""
+    nodes: dict[str, NodeHealth] = field(default_factory=dict)
+    _wrist_past: deque = field(default_factory=lambda: deque(maxlen=int(WRIST_S * 100)))
+    _past: deque = field(default_factory=lambda: deque(maxlen=int(HISTORY_S / HISTORY_STEP_S)))
+
+    def take_joints(self, names: Sequence[str], positions: Sequence[float], now_s: float) -> None:
+        """A joint state, of all joints or some."""
+        self.joints.update(zip(names, positions, strict=False))
+        self.joints_at_s = now_s
+
+    def take_wrist(self, position: np.ndarray, now_s: float) -> None:
+        """A position of the wrist (3,) [m]."""
+        self.wrist, self.wrist_at_s = position, now_s
+        self._wrist_past.append((now_s, position))
+
+    def take_posterior(self, posterior: Posterior, now_s: float) -> None:
+        """A task posterior; the past keeps one every `HISTORY_STEP_S`."""
+        self.posterior, self.tasks_at_s = posterior, now_s
+        if not self._past or now_s - self._past[-1][0] >= HISTORY_STEP_S:
+            self._past.append((now_s, posterior.labels, posterior.probabilities))
+
+    def wrist_path(self, now_s: float) -> np.ndarray:
+        """The wrist's path of the last seconds (T, 3)."""
+        recent = [position for at, position in self._wrist_past if now_s - at <= WRIST_S]
+        return np.array(recent).reshape(-1, 3)
+
+    def posterior_past(self, now_s: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """The last seconds: times (T,) [s], zero is now, and probabilities (T,) of each task.
+
+        Tasks that were unknown at a time have NaN there.
+        """
+        past = [row for row in self._past if now_s - row[0] <= HISTORY_S]
+        times = np.array([at - now_s for at, _, _ in past])
+        labels = self.posterior.labels if self.posterior is not None else ()
+        columns = {
+            label: np.array(
+                [p[names.index(label)] if label in names else np.nan for _, names, p in past]
+            )
+            for label in labels
+        }
+        return times, columns
+
+    def fresh(self, at_s: float, now_s: float, within_s: float = 1.0) -> bool:
+        """Whether something of this time is still news."""
+        return now_s - at_s <= within_s

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page can ask of the other nodes; answers come later and are told in one sentence."""
+
+from collections.abc import Callable
+from functools import partial
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+from std_srvs.srv import SetBool, Trigger
+
+Tell = Callable[[bool, str], None]
+ESTIMATOR, ACTIVATION, ARM, TEACHER = (
+    "intent_estimator",
+    "primitive_activation",
+    "lwr_sim",
+    "task_teacher",
+)
+
+
+class Commands:
+    """Service calls that never wait.
+
+    Args:
+        node: owner of the clients.
+        tell: called with (whether it went well, what happened) when an answer has come.
+    """
+
+    def __init__(self, node: Node, tell: Tell):
+        self._node, self._tell = node, tell
+        self._clients: dict[str, Client] = {}
+
+    def offers(self, service: str, kind: type = Trigger) -> bool:
+        """Whether somebody offers a service, such as `task_teacher/start`."""
+        return self._client(service, kind).service_is_ready()
+
+    def can_switch_help(self) -> bool:
+        """Whether there is an activation to switch on and off."""
+        return self.offers(f"{ACTIVATION}/change_state", ChangeState)
+
+    def can_guide(self) -> bool:
+        """Whether there is an arm that can be guided by hand."""
+        return self.offers(f"{ARM}/gravity_compensation", SetBool)
+
+    def trigger(self, service: str, done: Tell | None = None) -> None:
+        """Call a Trigger."""
+        self._call(service, Trigger, Trigger.Request(), done)
+
+    def gravity_compensation(self, enabled: bool) -> None:
+        """Let the arm be guided, or hold it."""
+        request = SetBool.Request(data=enabled)
+        self._call(f"{ARM}/gravity_compensation", SetBool, request, None)
+
+    def robot_helps(self, enabled: bool, done: Tell | None = None) -> None:
+        """Activate or deactivate `primitive_activation` through its lifecycle."""
+        wanted = Transition.TRANSITION_ACTIVATE if enabled else Transition.TRANSITION_DEACTIVATE
+        request = ChangeState.Request(transition=Transition(id=wanted))
+        self._call(f"{ACTIVATION}/change_state", ChangeState, request, done)
+
+    def set_parameter(self, node: str, name: str, value: object, done: Tell | None = None) -> None:
+        """Set a parameter of another node."""
+        request = SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg()]
+        )
+        self._call(f"{node}/set_parameters", SetParameters, request, done)
+
+    def _client(self, service: str, kind: type) -> Client:
+        if service not in self._clients:
+            self._clients[service] = self._node.create_client(kind, service)
+        return self._clients[service]
+
+    def _call(self, service: str, kind: type, request: object, done: Tell | None) -> None:
+        client = self._client(service, kind)
+        tell = done or self._tell
+        if not client.service_is_ready():
+            tell(False, f"nobody offers {service}")
+            return
+        client.call_async(request).add_done_callback(partial(self._answered, service, tell))
+
+    def _answered(self, service: str, tell: Tell, future: Future) -> None:
+        answer = future.result()
+        if isinstance(answer, SetParameters.Response):
+            results = answer.results
+            tell(all(r.successful for r in results), "; ".join(r.reason for r in results))
+            return
+        message = getattr(answer, "message", "") or service
+        tell(bool(answer.success), message)

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two models side by side on one recording: what each would have thought, and when."""
+
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import viser
+
+from intent_recognition.cli.replay import replay
+from intent_recognition.dashboard import markup
+from intent_recognition.dashboard.replay_tab import names_of
+from intent_recognition.dashboard.watch_tab import probability_plot, set_content
+from intent_recognition.errors import IntentError
+from intent_recognition.report.drawing import task_colours
+from intent_recognition.storage.bag_reader import BagReader
+from intent_recognition.storage.model import load_model
+
+PLOTTED = 400
+NO_MODELS = (
+    "There is no model to compare. Train one with `intent train BAG... --output M.npz` and start"
+    " the page where it lies, or with `-p models:=FOLDER`.",
+)
+
+
+class CompareTab:
+    """The fourth tab; the models run in a thread of their own, not on the live topics.
+
+    Args:
+        server: the page.
+        bags: recordings to choose from.
+        models: model files to choose from, asked for anew each time.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        bags: Sequence[Path],
+        models: Callable[[], Sequence[Path]],
+    ):
+        self._gui = server.gui
+        self._bags, self._find = names_of(bags), models
+        self._models = names_of(models())
+        self._hint = self._gui.add_html("" if self._models else markup.steps(NO_MODELS))
+        names = tuple(self._models) or ("-",)
+        self._bag = self._gui.add_dropdown("Recording", tuple(self._bags) or ("-",))
+        self._chosen = [
+            self._gui.add_dropdown("Model A", names),
+            self._gui.add_dropdown("Model B", names, initial_value=names[-1]),
+        ]
+        self._button = self._gui.add_button("Compare", icon="arrows-left-right")
+        self._result = self._gui.add_html("")
+        self._plots: list[viser.GuiUplotHandle] = []
+        self._place = self._gui.add_folder("Probability over time", visible=False)
+        self._button.on_click(lambda _: self._start())
+
+    def refresh(self) -> None:
+        """Look for models again; new ones are offered."""
+        found = names_of(self._find())
+        if found.keys() != self._models.keys() and found:
+            self._models = found
+            set_content(self._hint, "")
+            for field in self._chosen:
+                field.options = tuple(found)
+
+    def _start(self) -> None:
+        if not self._bags or not self._models:
+            return
+        self._button.disabled = True
+        threading.Thread(target=self._run, name="compare", daemon=True).start()
+
+    def _run(self) -> None:
+        """Run both models over the recording and show what came out."""
+        bag = self._bags[self._bag.value]
+        models = [self._models[field.value] for field in self._chosen]
+        try:
+            found = [posterior_over(bag, model) for model in models]
+        except IntentError as error:
+            set_content(self._result, markup.banner(str(error), markup.WARNING))
+            return
+        finally:
+            self._button.disabled = False
+        labels = sorted({label for _, columns, _ in found for label in columns})
+        colours = task_colours(labels)
+        while self._plots:
+            self._plots.pop().remove()
+        with self._place:
+            for name, (times, columns, _) in zip("AB", found, strict=True):
+                data = (times, *columns.values())
+                names = tuple(columns)
+                last = float(times[-1])
+                self._plots.append(
+                    probability_plot(self._gui, data, names, colours, 0.0, last, f"model {name}")
+                )
+        self._place.visible = True
+        rows = [(n, *summary) for n, (_, _, summary) in zip("AB", found, strict=True)]
+        head = ("model", "acts on", "after", "at the end")
+        set_content(self._result, markup.table(head, rows))
+
+
+def posterior_over(
+    bag: Path, model: Path
+) -> tuple[np.ndarray, dict[str, np.ndarray], tuple[str, str, str]]:
+    """What a model thinks of a recording: times (T,) [s], probabilities (T,) per task, summary.
+
+    Raises:
+        IntentError: bag or model cannot be used, or do not fit one another.
+    """
+    rows = list(replay(BagReader(bag, tolerant=True), load_model(model)))
+    if not rows:
+        raise IntentError(f"{bag.name} has none of the topics of {model.name}")
+    stamps = np.array([row["stamp"] for row in rows])
+    times = (stamps - stamps[0]) * 1e-9
+    labels = tuple(rows[0]["probabilities"])
+    every = max(1, len(rows) // PLOTTED)
+    columns = {
+        label: np.array([row["probabilities"][label] for row in rows[::every]]) for label in labels
+    }
+    acted = next((k for k, row in enumerate(rows) if row["active_task"]), None)
+    last = rows[-1]["probabilities"]
+    best = max(last, key=last.get)
+    summary = (
+        "nothing" if acted is None else rows[acted]["active_task"],
+        "-" if acted is None else f"{times[acted]:.2f} s",
+        f"{best} {last[best]:.0%}",
+    )
+    return times[::every], columns, summary

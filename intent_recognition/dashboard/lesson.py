@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One lesson after the other: what has to happen, in which order, to show, record and learn."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from intent_recognition.dashboard.commands import TEACHER, Commands
+from intent_recognition.dashboard.performance import Performance, draw_performance
+from intent_recognition.dashboard.puppet import RETURN_S, Puppet
+from intent_recognition.errors import KinematicsError
+
+Say = Callable[[bool, str], None]
+
+
+class Lesson:
+    """Shows demonstrations and has them recorded; everything runs in the graph's thread.
+
+    Args:
+        puppet: moves the wrist and the arm.
+        commands: reaches the other nodes.
+        say: told how it goes.
+        rng: source of the variation between demonstrations.
+    """
+
+    def __init__(self, puppet: Puppet, commands: Commands, say: Say, rng: np.random.Generator):
+        self._puppet, self._commands, self._say, self._rng = puppet, commands, say, rng
+        self.busy = False
+        self.recording = False
+        self.recorded = 0
+
+    def show(
+        self, task: str, wrist_goal: np.ndarray, hand_goal: np.ndarray, length_s: float, vary: float
+    ) -> None:
+        """Record one demonstration of a task: wrist to its goal, hand of the arm to its own.
+
+        Args:
+            task: label.
+            wrist_goal: (3,) [m], world.
+            hand_goal: (3,) [m], world.
+            length_s: usual duration of the movement.
+            vary: standard deviation of the goals between demonstrations [m].
+        """
+        start = self._puppet.position
+        performance, shift = draw_performance(self._rng, start, wrist_goal, length_s, vary)
+        try:
+            home = self._puppet.measured()
+            posture = self._puppet.posture_at(hand_goal + shift)
+        except (KinematicsError, KeyError) as error:
+            self._say(False, f"the arm cannot go there: {error}")
+            return
+
+        def shown() -> None:
+            self._finish(lambda: self._go_back(start, home))
+
+        self._begin(task, lambda: self._puppet.show(performance, posture, shown))
+
+    def start_by_hand(self, task: str) -> None:
+        """Begin to record what is dragged."""
+        self._begin(task, lambda: self._say(True, "recording: drag the wrist, then the hand"))
+
+    def stop_by_hand(self) -> None:
+        """End that recording."""
+        self._finish(self._rest)
+
+    def learn(self) -> None:
+        """Learn what was recorded; the robot helps again afterwards."""
+        self._commands.trigger(f"{TEACHER}/learn", self._learned)
+
+    def undo(self) -> None:
+        """Take the last demonstration back."""
+        self._commands.trigger(f"{TEACHER}/undo")
+
+    def reach(self, goal: np.ndarray, length_s: float) -> None:
+        """Move the wrist alone: what will the robot do?"""
+        start = self._puppet.position
+        performance, _ = draw_performance(self._rng, start, goal, length_s, 0.0)
+        self.busy = True
+        self._puppet.show(performance, None, lambda: self._go_back(start, None))
+
+    def _begin(self, task: str, then: Callable[[], None]) -> None:
+        """Switch the help off, name the task, start the recorder: one after the other."""
+        self.busy = True
+        calls = self._commands
+
+        def started(ok: bool, text: str) -> None:
+            if not ok:
+                self._fail(text)
+                return
+            self.recording = True
+            self._say(True, f"recording {task}")
+            then()
+
+        def named(ok: bool, text: str) -> None:
+            if ok:
+                calls.trigger(f"{TEACHER}/start", started)
+            else:
+                self._fail(text)
+
+        def quiet(_ok: bool, _text: str) -> None:
+            calls.set_parameter(TEACHER, "task", task, named)
+
+        def waits(_ok: bool, _text: str) -> None:
+            calls.robot_helps(False, quiet)
+
+        calls.set_parameter(TEACHER, "learn_at_stop", False, waits)
+
+    def _finish(self, then: Callable[[], None]) -> None:
+        def stopped(ok: bool, text: str) -> None:
+            self.recording = False
+            self.recorded += ok
+            self._say(ok, text)
+            then()
+
+        self._commands.trigger(f"{TEACHER}/stop", stopped)
+
+    def _go_back(self, start: np.ndarray, home: np.ndarray | None) -> None:
+        """Wrist and arm return to where they were; nothing of it is recorded."""
+        way = Performance(self._puppet.position, start, np.zeros(3), RETURN_S, 0.3)
+        self._puppet.show(way, home, self._rest)
+
+    def _rest(self) -> None:
+        self.busy = False
+
+    def _fail(self, text: str) -> None:
+        self.busy = self.recording = False
+        self._say(False, text)
+
+    def _learned(self, ok: bool, text: str) -> None:
+        self._say(ok, text)
+        if ok:
+            self.recorded = 0
+            self._commands.robot_helps(True, lambda _ok, _text: None)

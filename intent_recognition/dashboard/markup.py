@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pieces of the page as HTML text: bars, a table of nodes, remarks."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+
+from intent_recognition.dashboard.cell import CellState, NodeHealth
+
+INK, SOFT, RULE = "#1d2733", "#5a6777", "#e3e8ee"
+GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", "#8792a0"
+LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
+FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
+LARGEST_RATES = 4
+
+
+def readable(label: str) -> str:
+    """A label as words."""
+    return escape(label.replace("_", " "))
+
+
+def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
+    """The task posterior as bars, with the phase of each task; grey where it is old."""
+    posterior = state.posterior
+    if posterior is None:
+        return ""
+    rows = []
+    for label, chance, phase in zip(
+        posterior.labels, posterior.probabilities, posterior.phase, strict=True
+    ):
+        colour = colours.get(label, STALE) if fresh else STALE
+        strong = "600" if label == posterior.best and fresh else "400"
+        running = " &#9679;" if label == state.active and label else ""
+        progress = "" if label == "none" else f"{max(float(phase), 0.0):.2f}"
+        rows.append(
+            f'<div style="display:grid;grid-template-columns:9.2em 1fr 3.2em 3em;gap:.5em;'
+            f'align-items:center;margin:.3em 0;font-weight:{strong}">'
+            f'<span style="overflow:hidden;text-overflow:ellipsis;white-space:nowrap">'
+            f"{readable(label)}<span style='color:{colour}'>{running}</span></span>"
+            f'<span style="background:{RULE};border-radius:3px;height:.95em">'
+            f'<span style="display:block;height:100%;border-radius:3px;background:{colour};'
+            f'width:{100 * float(chance):.1f}%"></span></span>'
+            f'<span style="text-align:right">{float(chance):.0%}</span>'
+            f'<span style="text-align:right;color:{SOFT}">{progress}</span></div>'
+        )
+    head = (
+        f'<div style="display:grid;grid-template-columns:9.2em 1fr 3.2em 3em;gap:.5em;'
+        f'color:{SOFT};font-size:.82em"><span>task</span><span>probability</span><span></span>'
+        f'<span style="text-align:right">phase</span></div>'
+    )
+    return _block(head + "".join(rows))
+
+
+def now_line(state: CellState, colours: Mapping[str, str]) -> str:
+    """What the robot does, and what the simulated coworker does where that is told."""
+    parts = [f"robot: {_chip(state.active, colours) if state.active else 'waits'}"]
+    if state.truth:
+        parts.append(f"coworker: {_chip(state.truth, colours)}")
+    return _block(" &nbsp; ".join(parts))
+
+
+def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
+    """Every node that ever reported: state, message, rates, latency; silent ones stand out."""
+    if not nodes:
+        return remark("No node has reported yet.")
+    return _block("".join(_node(name, nodes[name], now_s) for name in sorted(nodes)))
+
+
+def silent_nodes(nodes: Mapping[str, NodeHealth], now_s: float) -> list[str]:
+    """Names of nodes that reported once and are silent now."""
+    return sorted(name for name, health in nodes.items() if health.silent_s(now_s) > 0.0)
+
+
+def remark(text: str) -> str:
+    """A quiet sentence."""
+    return _block(f'<span style="color:{SOFT}">{escape(text)}</span>')
+
+
+def banner(text: str, colour: str = BAD) -> str:
+    """A sentence that must be seen."""
+    return _block(
+        f'<div style="background:{colour};color:white;border-radius:5px;padding:.5em .75em;'
+        f'font-weight:600">{escape(text)}</div>'
+    )
+
+
+def steps(lines: Sequence[str]) -> str:
+    """What to do next, numbered; commands between backquotes."""
+    items = "".join(f"<li style='margin:.35em 0'>{_with_code(line)}</li>" for line in lines)
+    return _block(f'<ol style="margin:.2em 0 .2em 1.2em;padding:0">{items}</ol>')
+
+
+def table(head: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
+    """A small table of texts."""
+    cells = "".join(
+        f'<th style="text-align:left;color:{SOFT};font-weight:500;padding:.2em .6em .2em 0">'
+        f"{escape(title)}</th>"
+        for title in head
+    )
+    body = "".join(
+        "<tr>"
+        + "".join(f'<td style="padding:.2em .6em .2em 0">{escape(cell)}</td>' for cell in row)
+        + "</tr>"
+        for row in rows
+    )
+    return _block(f'<table style="border-collapse:collapse"><tr>{cells}</tr>{body}</table>')
+
+
+def _node(name: str, health: NodeHealth, now_s: float) -> str:
+    silent = health.silent_s(now_s)
+    colour = BAD if silent else LEVELS.get(health.level, STALE)
+    message = f"silent for {silent:.0f} s" if silent else escape(health.message)
+    details = "" if silent else _details(health.values)
+    return (
+        f'<div style="border-left:4px solid {colour};padding:.15em 0 .15em .6em;margin:.45em 0">'
+        f'<b>{escape(name)}</b> <span style="color:{colour if silent else SOFT}">{message}</span>'
+        f'<div style="color:{SOFT};font-size:.84em">{details}</div></div>'
+    )
+
+
+def _details(values: Mapping[str, str]) -> str:
+    rates = [
+        f"{escape(key[5:-5])} {float(value):.0f} Hz"
+        for key, value in values.items()
+        if key.startswith("rate ")
+    ][:LARGEST_RATES]
+    slow = values.get("latency p99 [ms]")
+    latency = [f"p99 {float(slow):.1f} ms"] if slow else []
+    rejected = [
+        f'<span style="color:{WARNING}">{escape(key)} {escape(value)}</span>'
+        for key, value in values.items()
+        if key.startswith("rejected ") and value != "0"
+    ]
+    return " &middot; ".join(rates + latency + rejected)
+
+
+def _chip(label: str, colours: Mapping[str, str]) -> str:
+    return (
+        f'<span style="background:{colours.get(label, STALE)};color:white;border-radius:9px;'
+        f'padding:.08em .6em;font-weight:600">{readable(label)}</span>'
+    )
+
+
+def _with_code(text: str) -> str:
+    parts = escape(text).split("`")
+    style = f"background:{RULE};border-radius:3px;padding:0 .3em"
+    return "".join(
+        f'<code style="{style}">{part}</code>' if k % 2 else part for k, part in enumerate(parts)
+    )
+
+
+def _block(content: str) -> str:
+    return (
+        f'<div style="{FONT};color:{INK};font-size:.92em;line-height:1.4;padding:.15em .75em">'
+        f"{content}</div>"
+    )

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node: a web page that shows the cell, replays recordings, and teaches tasks."""
+
+import gc
+import time
+from pathlib import Path
+
+import numpy as np
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.commands import Commands
+from intent_recognition.dashboard.lesson import Lesson
+from intent_recognition.dashboard.listener import Listener
+from intent_recognition.dashboard.page import Page
+from intent_recognition.dashboard.puppet import Puppet
+from intent_recognition.errors import BagError, IntentError, describe
+from intent_recognition.nodes.bag_player import BagPlayer
+from intent_recognition.nodes.runtime import Diagnostics, parameter
+from intent_recognition.share import share_path
+from intent_recognition.storage.bag_reader import BagReader
+from intent_recognition.storage.demonstrations import find_bags
+
+MOST_BAGS = 500
+MOST_MODELS = 50
+MODEL_DEPTH = ("*.npz", "*/*.npz", "*/*/*.npz")
+NEVER_PLAYED = ("joint_trajectory", "clock", "diagnostics", "rosout")
+"""A replay shows; it must not move a robot that is there."""
+
+
+class Dashboard(Node):
+    """Serves the page and keeps it up to date.
+
+    Attributes:
+        page: what is served.
+        state: what it shows.
+    """
+
+    def __init__(self, **kwargs):
+        super().__init__("dashboard", **kwargs)
+
+        def fixed(name: str, default: object, text: str, low=None, high=None) -> object:
+            return parameter(self, name, default, text, minimum=low, maximum=high, read_only=True)
+
+        host = fixed("host", "127.0.0.1", "address to serve on; 0.0.0.0 lets other machines in")
+        port = fixed("port", 8080, "port to serve on", 1, 65535)
+        rate_hz = fixed("rate", 25.0, "updates of the page per second", 1.0, 60.0)
+        bags = fixed("bags", "", "folder of recordings to replay; empty takes the shipped ones")
+        self._models = fixed("models", ".", "folder below which models to compare lie")
+        body = fixed("body", "wrist", "tracked body that is drawn, and moved from the page")
+        seed = fixed("seed", 0, "of the variation between shown demonstrations", 0)
+        self._diagnostics = Diagnostics(self)
+        self.state = CellState()
+        self._listener = Listener(self, self.state, body)
+        self._commands = Commands(self, lambda ok, text: self.page.tell(ok, text))
+        puppet = Puppet(self, self.state, body)
+        lesson = Lesson(
+            puppet,
+            self._commands,
+            lambda ok, text: self.page.tell(ok, text),
+            np.random.default_rng(seed),
+        )
+        self.page = Page(
+            host,
+            port,
+            self.state,
+            self._commands,
+            puppet,
+            lesson,
+            bags=find_bags(Path(bags) if bags else share_path("bags"))[:MOST_BAGS],
+            models=self._find_models,
+            play=self._play,
+            stop=self._stop,
+        )
+        self.get_logger().info(f"the page is at http://{host}:{port}")
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(1.0 / rate_hz, self._update, clock=steady)
+        gc.freeze()
+
+    def destroy_node(self) -> None:
+        """Stop serving, then close the node."""
+        self.page.close()
+        super().destroy_node()
+
+    def _update(self) -> None:
+        started = time.perf_counter()
+        try:
+            self.page.update()
+        except IntentError as error:
+            self.page.tell(False, " ".join(str(error).split()))
+        self._diagnostics.tick("page")
+        self._diagnostics.latency(time.perf_counter() - started)
+
+    def _find_models(self) -> list[Path]:
+        folder = Path(self._models)
+        found = [path for depth in MODEL_DEPTH for path in sorted(folder.glob(depth))]
+        return [path.absolute() for path in found][:MOST_MODELS]
+
+    def _play(self, bag: Path, offset_s: float, rate: float) -> BagPlayer:
+        """Play what nobody else publishes, from a point on, stamped with the present.
+
+        Raises:
+            BagError: nothing is left to be played.
+        """
+        stored = [topic.lstrip("/") for topic in BagReader(bag, tolerant=True).topics]
+        free = [t for t in stored if t not in NEVER_PLAYED and not self.count_publishers(t)]
+        if not free:
+            cure = "Stop the nodes that publish its topics, or the page's own wrist."
+            taken = ", ".join(stored)
+            raise BagError(describe("recording", "a topic that is free", f"only {taken}", cure))
+        values = {
+            "bag": str(bag),
+            "start_offset": offset_s,
+            "rate": rate,
+            "topics": free,
+            "restamp": True,
+            "exit_at_end": False,
+            "wait_for_subscribers": 0.5,
+            "use_sim_time": self.get_parameter("use_sim_time").value,
+        }
+        player = BagPlayer(
+            namespace=self.get_namespace(),
+            parameter_overrides=[Parameter(name, value=value) for name, value in values.items()],
+        )
+        self.executor.add_node(player)
+        return player
+
+    def _stop(self, player: BagPlayer) -> None:
+        self.executor.remove_node(player)
+        player.destroy_node()

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page: one server, one scene, five tabs."""
+
+import queue
+import socket
+import time
+from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+
+import viser
+
+from intent_recognition.dashboard import markup
+from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.commands import Commands
+from intent_recognition.dashboard.compare_tab import CompareTab
+from intent_recognition.dashboard.lesson import Lesson
+from intent_recognition.dashboard.puppet import Puppet
+from intent_recognition.dashboard.replay_tab import Play, ReplayTab
+from intent_recognition.dashboard.scene import Scene
+from intent_recognition.dashboard.teach_tab import TeachTab
+from intent_recognition.dashboard.watch_tab import WatchTab, set_content
+from intent_recognition.errors import ResourceBusyError, describe
+from intent_recognition.report.drawing import task_colours
+
+TITLE = "intent recognition"
+BRAND = (0, 114, 178)
+PANEL_PERIOD_S = 0.1
+SLOW_PERIOD_S = 1.0
+TOLD_S = 6.0
+
+
+class Page:
+    """Shows a cell and passes on what is pressed; call `update` at the rate of the page.
+
+    Callbacks of the page run in its threads; what they ask for is done in `update`, which the
+    graph's thread calls.
+
+    Args:
+        host: address to serve on.
+        port: port to serve on.
+        state: the cell.
+        commands: reaches the other nodes.
+        puppet: moves the wrist and the arm.
+        lesson: shows, records and learns.
+        bags: recordings to choose from.
+        models: model files to choose from.
+        play: starts a player.
+        stop: ends one.
+
+    Raises:
+        ResourceBusyError: the port is taken.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        state: CellState,
+        commands: Commands,
+        puppet: Puppet,
+        lesson: Lesson,
+        *,
+        bags: Sequence[Path],
+        models: Callable[[], Sequence[Path]],
+        play: Play,
+        stop: Callable,
+    ):
+        self._state = state
+        self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._told_until_s = -1.0
+        self._panel_at_s = self._slow_at_s = -1.0
+        self._colours: dict[str, str] = {}
+        self._labels: frozenset[str] = frozenset()
+        self._server = _serve(host, port)
+        self._scene = Scene(self._server)
+        gui = self._server.gui
+        gui.configure_theme(
+            control_layout="fixed",
+            control_width="large",
+            show_logo=False,
+            show_share_button=False,
+            brand_color=BRAND,
+        )
+        gui.set_panel_label(TITLE)
+        self._banner = gui.add_html("", visible=False)
+        tabs = gui.add_tab_group()
+        do = self._asked.put
+        with tabs.add_tab("Watch"):
+            self._watch = WatchTab(self._server, commands, do)
+        with tabs.add_tab("Teach"):
+            self._teach = TeachTab(self._server, puppet, lesson, commands, do)
+        with tabs.add_tab("Replay"):
+            self._replay = ReplayTab(self._server, bags, play, stop, do, self.tell)
+        with tabs.add_tab("Compare"):
+            self._compare = CompareTab(self._server, bags, models)
+        with tabs.add_tab("Nodes"):
+            self._nodes = gui.add_html("")
+
+    @property
+    def port(self) -> int:
+        """Where it is served."""
+        return self._server.get_port()
+
+    def tell(self, ok: bool, text: str) -> None:
+        """Say what happened, for a few seconds; what went wrong stands out."""
+        if not text:
+            return
+        colour = markup.INK if ok else markup.WARNING
+        set_content(self._banner, markup.banner(text, colour))
+        self._banner.visible = True
+        self._told_until_s = time.monotonic() + TOLD_S
+
+    def update(self) -> None:
+        """Do what was asked for, and show the newest."""
+        while not self._asked.empty():
+            self._asked.get()()
+        now_s = time.monotonic()
+        state = self._state
+        self._choose_colours()
+        problem = self._scene.update(state, self._colours, now_s)
+        if now_s - self._panel_at_s >= PANEL_PERIOD_S:
+            self._panel_at_s = now_s
+            self._watch.update(state, self._colours, now_s)
+            self._teach.update(state)
+            self._replay.update()
+        if now_s - self._slow_at_s >= SLOW_PERIOD_S:
+            self._slow_at_s = now_s
+            self._update_slowly(now_s, problem)
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._replay.close()
+        self._server.stop()
+
+    def _choose_colours(self) -> None:
+        """One colour per task, the same as in the reports."""
+        labels = self._state.posterior.labels if self._state.posterior is not None else ()
+        seen = frozenset({*labels, self._state.truth, self._state.active}) - {""}
+        if seen != self._labels:
+            self._labels = seen
+            self._colours = task_colours(seen)
+
+    def _update_slowly(self, now_s: float, problem: str) -> None:
+        self._watch.update_controls()
+        self._compare.refresh()
+        set_content(self._nodes, markup.nodes_table(self._state.nodes, now_s))
+        if now_s < self._told_until_s:
+            return
+        silent = markup.silent_nodes(self._state.nodes, now_s)
+        wrong = [f"silent: {', '.join(silent)}"] if silent else []
+        wrong += [problem] if problem else []
+        self._banner.visible = bool(wrong)
+        if wrong:
+            set_content(self._banner, markup.banner("; ".join(wrong)))
+
+
+def _serve(host: str, port: int) -> viser.ViserServer:
+    """A server on exactly this port: viser by itself would take the next free one.
+
+    Raises:
+        ResourceBusyError: the port is taken, or the address is not this machine's.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            cure = "Choose another port or host."
+            raise ResourceBusyError(
+                describe("host, port", "an address that is free", f"{host}:{port}, {error}", cure)
+            ) from error
+    with redirect_stdout(StringIO()):
+        return viser.ViserServer(host=host, port=port, label=TITLE, verbose=False)

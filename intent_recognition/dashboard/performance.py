@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One shown demonstration: the wrist reaches its goal while the arm goes to its own.
+
+Minimum jerk (Flash and Hogan 1985) for both; the arm sets out a little later and arrives a little
+later, as a helper does.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.kinematics.blending import Offset
+
+REST_S = 0.9
+"""Both rest so long before and after: the onset is found from rest."""
+REACTION_SHARE = 0.15
+LAG_S = 0.3
+BOW_SHARE = 0.08
+ARM_STEP_S = 0.05
+
+
+@dataclass(frozen=True)
+class Performance:
+    """A demonstration to be shown, in seconds since it begins.
+
+    Attributes:
+        start_m, goal_m: of the wrist (3,).
+        bow_m: how far the path bows out in its middle (3,).
+        duration_s: of the wrist's movement.
+        rest_s: both rest before it, and after the arm has arrived.
+    """
+
+    start_m: np.ndarray
+    goal_m: np.ndarray
+    bow_m: np.ndarray
+    duration_s: float
+    rest_s: float = REST_S
+
+    @property
+    def arm_start_s(self) -> float:
+        """When the arm sets out."""
+        return self.rest_s + REACTION_SHARE * self.duration_s
+
+    @property
+    def arm_duration_s(self) -> float:
+        """How long the arm moves."""
+        return (1.0 - REACTION_SHARE) * self.duration_s + LAG_S
+
+    @property
+    def length_s(self) -> float:
+        """From the first rest to the end of the last."""
+        return self.arm_start_s + self.arm_duration_s + self.rest_s
+
+    def wrist(self, time_s: float) -> np.ndarray:
+        """Where the wrist is (3,) [m]."""
+        share = progress(np.array([(time_s - self.rest_s) / self.duration_s]))[0]
+        straight = self.start_m + share * (self.goal_m - self.start_m)
+        return straight + 4.0 * share * (1.0 - share) * self.bow_m
+
+
+def progress(share: np.ndarray) -> np.ndarray:
+    """Minimum-jerk progress (T,) after shares (T,) of the time; 0 before and 1 after."""
+    way = Offset(np.array([-1.0]), np.zeros(1), np.zeros(1), 1.0)
+    inside = np.clip(share, 0.0, 1.0)
+    return 1.0 + way.sample(inside)[0][:, 0]
+
+
+def draw_performance(
+    rng: np.random.Generator,
+    start_m: np.ndarray,
+    goal_m: np.ndarray,
+    duration_s: float,
+    variation_m: float,
+) -> tuple[Performance, np.ndarray]:
+    """A demonstration toward about this goal, and the shift (3,) [m] the arm's goal makes with it.
+
+    Args:
+        rng: source of the variation.
+        start_m: where the wrist rests (3,).
+        goal_m: where it goes (3,).
+        duration_s: usual duration; it varies by a tenth.
+        variation_m: standard deviation of the goal along each axis.
+    """
+    shift = variation_m * rng.standard_normal(3)
+    way = goal_m + shift - start_m
+    bow = BOW_SHARE * np.linalg.norm(way) * rng.standard_normal(3)
+    along = way / max(np.linalg.norm(way), 1e-9)
+    bow -= along * (bow @ along)
+    duration = duration_s * float(np.clip(1.0 + 0.1 * rng.standard_normal(), 0.7, 1.3))
+    return Performance(start_m, goal_m + shift, bow, duration), shift
+
+
+def arm_motion(
+    start_rad: np.ndarray, goal_rad: np.ndarray, duration_s: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times (T,) [s], positions and velocities (T, d) of a motion from rest to rest."""
+    times = np.linspace(0.0, duration_s, max(int(np.ceil(duration_s / ARM_STEP_S)), 2) + 1)
+    still = np.zeros_like(start_rad)
+    positions, velocities = Offset(start_rad - goal_rad, still, still, duration_s).sample(times)
+    velocities[-1] = 0.0
+    return times, goal_rad + positions, velocities

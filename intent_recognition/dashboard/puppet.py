@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The wrist and the arm moved from the page: poses of a tracker, commands to the arm."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.performance import Performance, arm_motion
+from intent_recognition.errors import KinematicsError
+from intent_recognition.kinematics.inverse import reach_position
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import build_joint_trajectory, to_pose, to_stamp
+
+RATE_HZ = 100.0
+STIFFNESS = 12.0
+"""Natural frequency with which the wrist follows the pointer [rad/s]: smooth, not sluggish."""
+ARM_PERIOD_S = 0.15
+ARM_SPEED_RAD_S = 0.9
+SHORTEST_ARM_S = 0.4
+STILL_M = 0.002
+RETURN_S = 1.5
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+class Puppet:
+    """Publishes `mocap/<body>/pose` while it holds the wrist, and `joint_trajectory` when asked.
+
+    Args:
+        node: owner of publishers and timer.
+        state: where the arm and the wrist are.
+        body: the tracked body it moves.
+        frame: frame of its poses.
+    """
+
+    def __init__(self, node: Node, state: CellState, body: str = "wrist", frame: str = "world"):
+        self._node, self._state, self._body, self._frame = node, state, body, frame
+        self._pose = None
+        self._arm = node.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = None
+        self._position = np.zeros(3)
+        self._velocity = np.zeros(3)
+        self._target = np.zeros(3)
+        self._show: Performance | None = None
+        self._began_s = 0.0
+        self._arm_goal: np.ndarray | None = None
+        self._done: Callable[[], None] = _nothing
+        self._last_ns = 0
+        self._arm_sent_s = -np.inf
+        self._hand: np.ndarray | None = None
+
+    @property
+    def holds_wrist(self) -> bool:
+        """Whether the wrist is moved from here."""
+        return self._timer is not None
+
+    @property
+    def showing(self) -> bool:
+        """Whether a demonstration is being shown."""
+        return self._show is not None
+
+    @property
+    def position(self) -> np.ndarray:
+        """Where the wrist is (3,) [m]."""
+        return self._position.copy()
+
+    def others_move_wrist(self) -> bool:
+        """Whether another node publishes the wrist's poses."""
+        publishers = self._node.count_publishers(f"mocap/{self._body}/pose")
+        return publishers - (self._pose is not None) > 0
+
+    def take_wrist(self, position: np.ndarray) -> None:
+        """Begin to publish the wrist, at rest at a position (3,) [m]."""
+        self._position, self._target = np.array(position, float), np.array(position, float)
+        self._velocity = np.zeros(3)
+        self._pose = self._node.create_publisher(
+            PoseStamped, f"mocap/{self._body}/pose", qos.SENSOR
+        )
+        self._timer = self._node.create_timer(1.0 / RATE_HZ, self._step, clock=self._steady)
+
+    def release_wrist(self) -> None:
+        """Stop publishing the wrist."""
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+            self._node.destroy_publisher(self._pose)
+            self._timer = self._pose = self._show = None
+
+    def lead_wrist(self, target: np.ndarray) -> None:
+        """Let the wrist follow a target (3,) [m]."""
+        self._target = np.array(target, dtype=float)
+
+    def can_move_arm(self) -> bool:
+        """Whether the arm is one whose inverse kinematics are known, and listens."""
+        known = all(name in self._state.joints for name in JOINT_NAMES)
+        return known and self._arm.get_subscription_count() > 0
+
+    def lead_hand(self, position: np.ndarray) -> None:
+        """Let the arm bring its hand to a position (3,) [m], soon."""
+        self._hand = np.array(position, dtype=float)
+        if self._timer is None:
+            self.step_arm()
+
+    def measured(self) -> np.ndarray:
+        """The arm's joint angles (7,) [rad].
+
+        Raises:
+            KeyError: they were not heard yet.
+        """
+        return np.array([self._state.joints[name] for name in JOINT_NAMES])
+
+    def posture_at(self, position: np.ndarray) -> np.ndarray:
+        """Joint angles (7,) [rad] near the present ones that have the hand there.
+
+        Raises:
+            KinematicsError: out of reach.
+        """
+        return reach_position(np.asarray(position, dtype=float), self.measured())
+
+    def send_arm(self, goal: np.ndarray, duration_s: float) -> None:
+        """Send the arm to a posture (7,) [rad], from rest to rest."""
+        times, positions, velocities = arm_motion(self.measured(), goal, duration_s)
+        self._arm.publish(build_joint_trajectory(JOINT_NAMES, times, positions, velocities))
+
+    def show(
+        self, performance: Performance, arm_goal: np.ndarray | None, done: Callable[[], None]
+    ) -> None:
+        """Show a demonstration; the arm goes along if it has a goal (7,) [rad]."""
+        self._show, self._arm_goal, self._done = performance, arm_goal, done
+        self._began_s = time.monotonic()
+
+    def step_arm(self) -> None:
+        """Send the arm after the hand's target, if that has moved."""
+        now_s = time.monotonic()
+        if self._hand is None or now_s - self._arm_sent_s < ARM_PERIOD_S:
+            return
+        target, self._hand, self._arm_sent_s = self._hand, None, now_s
+        try:
+            goal = self.posture_at(target)
+        except KinematicsError:
+            return
+        distance = float(np.max(np.abs(goal - self.measured())))
+        self.send_arm(goal, max(SHORTEST_ARM_S, distance / ARM_SPEED_RAD_S))
+
+    def _step(self) -> None:
+        if self._show is not None:
+            self._perform(self._show)
+        else:
+            self._follow()
+        self.step_arm()
+        self._publish()
+
+    def _perform(self, show: Performance) -> None:
+        elapsed_s = time.monotonic() - self._began_s
+        self._position = show.wrist(elapsed_s)
+        if self._arm_goal is not None and elapsed_s >= show.arm_start_s:
+            self.send_arm(self._arm_goal, show.arm_duration_s)
+            self._arm_goal = None
+        if elapsed_s >= show.length_s:
+            self._target, self._velocity = self._position.copy(), np.zeros(3)
+            self._show = None
+            self._done()
+
+    def _follow(self) -> None:
+        """A critically damped spring, solved exactly over one step."""
+        step_s, w = 1.0 / RATE_HZ, STIFFNESS
+        away = self._position - self._target
+        carried = self._velocity + w * away
+        decay = np.exp(-w * step_s)
+        self._position = self._target + (away + carried * step_s) * decay
+        self._velocity = (self._velocity - w * carried * step_s) * decay
+
+    def _publish(self) -> None:
+        stamp_ns = self._node.get_clock().now().nanoseconds
+        if stamp_ns <= self._last_ns:
+            return
+        self._last_ns = stamp_ns
+        message = PoseStamped(pose=to_pose(self._position, UPRIGHT))
+        message.header.stamp = to_stamp(stamp_ns)
+        message.header.frame_id = self._frame
+        self._pose.publish(message)
+
+
+def _nothing() -> None:
+    """Do nothing."""

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm on the page, from the URDF on `robot_description`."""
+
+import io
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import viser
+import yourdfpy
+from viser.extras import ViserUrdf
+
+ROOT = "/robot"
+LARGEST_PATH = 16
+"""Points of a drawn hand path."""
+
+
+class RobotView:
+    """The robot of one URDF.
+
+    Args:
+        server: the page.
+        description: text of the URDF; it must use only what yourdfpy knows (no capsules).
+    """
+
+    def __init__(self, server: viser.ViserServer, description: str):
+        self._urdf = yourdfpy.URDF.load(io.StringIO(description))
+        self._view = ViserUrdf(server, self._urdf, root_node_name=ROOT)
+        self._other = yourdfpy.URDF.load(io.StringIO(description), load_meshes=False)
+        self._joints = tuple(self._view.get_actuated_joint_names())
+        self._tip = _tip(self._urdf)
+        self._shown: np.ndarray | None = None
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the moving joints."""
+        return self._joints
+
+    def update(self, positions: Mapping[str, float]) -> None:
+        """Move the arm; joints that are not in `positions` [rad] stay at zero."""
+        q = np.array([positions.get(name, 0.0) for name in self._joints])
+        if self._shown is None or np.max(np.abs(q - self._shown)) > 1e-4:
+            self._view.update_cfg(q)
+            self._shown = q
+
+    def hand_path(self, joints: Sequence[str], positions: np.ndarray) -> np.ndarray:
+        """Positions of the last link (T', 3) [m] along a joint trajectory (T, d) [rad]."""
+        chosen = np.unique(np.linspace(0, len(positions) - 1, LARGEST_PATH).round().astype(int))
+        path = []
+        for row in positions[chosen]:
+            values = dict(zip(joints, row, strict=True))
+            self._other.update_cfg(np.array([values.get(name, 0.0) for name in self._joints]))
+            path.append(self._other.get_transform(self._tip)[:3, 3].copy())
+        return np.array(path)
+
+
+def _tip(urdf: yourdfpy.URDF) -> str:
+    """The link at the end of the longest chain of joints."""
+    parents = {joint.child: joint.parent for joint in urdf.joint_map.values()}
+
+    def depth(link: str) -> int:
+        return 1 + depth(parents[link]) if link in parents else 0
+
+    return max(urdf.link_map, key=depth)

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The cell in three dimensions: arm, wrist, what was seen of it, and what is expected."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import viser
+import yourdfpy
+
+from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.robot_view import RobotView
+
+INK = (29, 39, 51)
+SOFT = (135, 146, 160)
+WRIST_RADIUS_M = 0.022
+TUBE_OPACITY = 0.28
+STALE_S = 1.5
+PATH_WIDTH_M = 0.006
+HAND_PATH_PERIOD_S = 0.2
+CAMERA_M = (1.75, -1.2, 0.95)
+LOOK_AT_M = (0.5, 0.0, 0.3)
+
+Colour = tuple[int, int, int]
+
+
+def rgb(colour: str) -> Colour:
+    """#rrggbb as three numbers."""
+    return tuple(int(colour[k : k + 2], 16) for k in (1, 3, 5))
+
+
+class Scene:
+    """Draws a `CellState`; `update` is cheap where nothing has changed.
+
+    Args:
+        server: the page.
+    """
+
+    def __init__(self, server: viser.ViserServer):
+        self._server = server
+        self._robot: RobotView | None = None
+        self._description = ""
+        self._hand_path_at_s = -np.inf
+        self._prepare()
+
+    @property
+    def robot(self) -> RobotView | None:
+        """The arm, once its description was heard and could be read."""
+        return self._robot
+
+    def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> str:
+        """Draw the newest; returns what is wrong with the robot's description, empty if nothing."""
+        problem = self._update_robot(state)
+        self._update_wrist(state, now_s)
+        self._update_prediction(state, colours, now_s)
+        return problem
+
+    def _prepare(self) -> None:
+        scene = self._server.scene
+        scene.set_up_direction("+z")
+        scene.configure_default_lights(cast_shadow=True)
+        scene.add_grid(
+            "/floor",
+            width=4.0,
+            height=4.0,
+            cell_size=0.1,
+            section_size=0.5,
+            cell_color=(238, 241, 245),
+            section_color=(222, 227, 233),
+            plane_color=(250, 251, 252),
+            plane_opacity=1.0,
+            shadow_opacity=0.2,
+        )
+        self._server.initial_camera.position = CAMERA_M
+        self._server.initial_camera.look_at = LOOK_AT_M
+        self._wrist = scene.add_icosphere("/wrist", WRIST_RADIUS_M, INK, visible=False)
+        self._lines: dict[str, viser.LineSegmentsHandle] = {}
+        self._tube: viser.MeshHandle | None = None
+        self._label = scene.add_label("/task", "", visible=False, anchor="bottom-center")
+
+    def _update_robot(self, state: CellState) -> str:
+        if state.description and state.description != self._description:
+            self._description = state.description
+            self._server.scene.remove_by_name("/robot")
+            self._robot, self._problem = None, ""
+            try:
+                self._robot = RobotView(self._server, state.description)
+            except (ValueError, KeyError, AttributeError, TypeError, yourdfpy.ValidationError) as e:
+                self._problem = f"robot_description cannot be drawn: {e}"
+        if self._robot is not None and state.joints:
+            self._robot.update(state.joints)
+        return getattr(self, "_problem", "")
+
+    def _update_wrist(self, state: CellState, now_s: float) -> None:
+        if state.wrist is None:
+            return
+        fresh = state.fresh(state.wrist_at_s, now_s)
+        self._wrist.visible = True
+        self._wrist.position = state.wrist
+        self._wrist.color = INK if fresh else SOFT
+        self._line("wrist_path", state.wrist_path(now_s), SOFT, PATH_WIDTH_M / 2)
+
+    def _update_prediction(
+        self, state: CellState, colours: Mapping[str, str], now_s: float
+    ) -> None:
+        best = state.posterior.best if state.posterior is not None else ""
+        colour = rgb(colours.get(best, "#8792a0"))
+        shown = state.drawn if state.fresh(state.drawn_at_s, now_s, STALE_S) else None
+        none = np.zeros((0, 3))
+        self._line("predicted", none if shown is None else shown.predicted, colour, PATH_WIDTH_M)
+        self._draw_tube(none if shown is None else shown.tube, colour)
+        self._label.visible = shown is not None and len(shown.predicted) > 0
+        if self._label.visible:
+            self._label.position = shown.predicted[-1] + np.array([0.0, 0.0, 0.08])
+            chance = float(np.max(state.posterior.probabilities)) if state.posterior else 0.0
+            self._label.text = f"{best.replace('_', ' ')} {chance:.0%}"
+        self._update_hand_path(state, colours, now_s)
+
+    def _update_hand_path(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
+        predicted = state.predicted
+        if predicted is None or not state.fresh(state.predicted_at_s, now_s, STALE_S):
+            self._line("hand_path", np.zeros((0, 3)), INK, PATH_WIDTH_M)
+            return
+        due = now_s - self._hand_path_at_s >= HAND_PATH_PERIOD_S
+        if self._robot is None or not due or len(predicted.positions) < 2:
+            return
+        self._hand_path_at_s = now_s
+        path = self._robot.hand_path(predicted.joints, predicted.positions)
+        colour = rgb(colours.get(predicted.task, "#8792a0"))
+        self._line("hand_path", path, colour, PATH_WIDTH_M)
+
+    def _line(self, name: str, path: np.ndarray, colour: Colour, width_m: float) -> None:
+        """Draw a path (T, 3), or hide it where it has fewer than two points."""
+        handle = self._lines.get(name)
+        if len(path) < 2:
+            if handle is not None and handle.visible:
+                handle.visible = False
+            return
+        pairs = np.stack((path[:-1], path[1:]), axis=1).astype(np.float32)
+        tints = np.broadcast_to(np.array(colour, dtype=np.uint8), pairs.shape)
+        if handle is None:
+            self._lines[name] = self._server.scene.add_line_segments(
+                f"/{name}", pairs, tints, thickness=width_m
+            )
+            return
+        handle.points, handle.colors = pairs, tints
+        handle.visible = True
+
+    def _draw_tube(self, corners: np.ndarray, colour: Colour) -> None:
+        if len(corners) < 3:
+            if self._tube is not None and self._tube.visible:
+                self._tube.visible = False
+            return
+        vertices = corners.astype(np.float32)
+        if self._tube is None or len(self._tube.vertices) != len(vertices):
+            self._tube = self._server.scene.add_mesh_simple(
+                "/tube",
+                vertices,
+                np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3),
+                color=colour,
+                opacity=TUBE_OPACITY,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            return
+        self._tube.vertices = vertices
+        self._tube.color = colour
+        self._tube.visible = True

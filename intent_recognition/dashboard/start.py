@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts the page, or says what is missing for it."""
+
+import sys
+from collections.abc import Sequence
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the page; 1 with one line on stderr where its libraries are not installed."""
+    try:
+        from intent_recognition.dashboard.node import Dashboard
+    except ImportError as error:
+        if error.name not in ("viser", "yourdfpy"):
+            raise
+        sys.stderr.write(
+            f"dashboard: {error.name}: expected an installed library, got none."
+            " Install it with `pip install viser yourdfpy`.\n"
+        )
+        return 1
+    from intent_recognition.nodes.runtime import run
+
+    return run(Dashboard, args)

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the graph thinks: task posterior, its past, phase; and the everyday controls."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import viser
+from viser import uplot
+
+from intent_recognition.dashboard import markup
+from intent_recognition.dashboard.cell import HISTORY_S, CellState
+from intent_recognition.dashboard.commands import ACTIVATION, ESTIMATOR, Commands
+
+PLOT_PERIOD_S = 0.2
+PLOT_HEIGHT = 190
+NEXT_STEPS = (
+    "Nothing is heard of a cell yet. With a simulated one: `intent demo --dashboard`",
+    "With your own: start the tracker, the arm and"
+    " `ros2 launch intent_recognition intent.launch.py model:=M.npz`",
+    "Or play a recording in the tab Replay.",
+)
+
+
+class WatchTab:
+    """The first tab.
+
+    Args:
+        server: the page.
+        commands: what the buttons do.
+        do: runs a function in the thread of the graph.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, commands: Commands, do: Callable[[Callable], None]
+    ):
+        gui = server.gui
+        self._gui = gui
+        self._empty = gui.add_html(markup.steps(NEXT_STEPS))
+        self._now = gui.add_html("")
+        self._bars = gui.add_html("")
+        self._plot: viser.GuiUplotHandle | None = None
+        self._plotted: tuple[str, ...] = ()
+        self._plotted_at_s = -np.inf
+        self._place = gui.add_folder("Probability over time", visible=False)
+        with gui.add_folder("Controls"):
+            self._reset = gui.add_button("Forget the movement", icon="refresh")
+            self._helps = gui.add_checkbox("Robot helps", True, hint="activation is active")
+            self._guide = gui.add_checkbox(
+                "Guide the arm by hand", False, hint="gravity compensation"
+            )
+        self._commands = commands
+        self._reset.on_click(lambda _: do(self._forget))
+        self._helps.on_update(lambda e: e.client and do(self._set_help))
+        self._guide.on_update(lambda e: e.client and do(self._set_guide))
+
+    def show_help(self, helps: bool) -> None:
+        """Show whether the activation is active."""
+        self._helps.value = helps
+
+    def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
+        """Show the newest."""
+        heard = state.posterior is not None
+        self._empty.visible = not heard and not state.joints
+        self._now.visible = bool(state.joints) or heard
+        set_content(self._now, markup.now_line(state, colours))
+        fresh = heard and state.fresh(state.tasks_at_s, now_s)
+        set_content(self._bars, markup.bars(state, colours, fresh))
+        self._place.visible = heard
+        if heard and now_s - self._plotted_at_s >= PLOT_PERIOD_S:
+            self._plotted_at_s = now_s
+            self._draw(state, colours, now_s)
+
+    def update_controls(self) -> None:
+        """Disable what nobody offers."""
+        offers = self._commands.offers
+        self._reset.disabled = not offers(f"{ESTIMATOR}/reset")
+        self._helps.disabled = not self._commands.can_switch_help()
+        self._guide.disabled = not self._commands.can_guide()
+
+    def _draw(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
+        times, columns = state.posterior_past(now_s)
+        labels = tuple(columns)
+        if len(times) < 2:
+            return
+        data = (times, *columns.values())
+        if self._plot is not None and labels == self._plotted:
+            self._plot.data = data
+            return
+        if self._plot is not None:
+            self._plot.remove()
+        self._plotted = labels
+        with self._place:
+            self._plot = probability_plot(self._gui, data, labels, colours)
+
+    def _forget(self) -> None:
+        for node in (ESTIMATOR, ACTIVATION):
+            if self._commands.offers(f"{node}/reset"):
+                self._commands.trigger(f"{node}/reset")
+
+    def _set_help(self) -> None:
+        self._commands.robot_helps(self._helps.value)
+
+    def _set_guide(self) -> None:
+        self._commands.gravity_compensation(self._guide.value)
+
+
+def probability_plot(
+    gui: viser.GuiApi,
+    data: tuple[np.ndarray, ...],
+    labels: tuple[str, ...],
+    colours: Mapping[str, str],
+    first_s: float = -HISTORY_S,
+    last_s: float = 0.0,
+    title: str | None = None,
+) -> viser.GuiUplotHandle:
+    """Probabilities of tasks over time [s]."""
+    series = [uplot.Series(label="time [s]")]
+    for label in labels:
+        width = 1.5 if label == "none" else 2.5
+        name = label.replace("_", " ")
+        series.append(
+            uplot.Series(label=name, stroke=colours.get(label, markup.STALE), width=width)
+        )
+    axis = {"stroke": markup.SOFT, "grid": {"stroke": markup.RULE}, "font": "12px sans-serif"}
+    return gui.add_uplot(
+        data=data,
+        series=tuple(series),
+        title=title,
+        scales={
+            "x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)),
+            "y": uplot.Scale(auto=False, range=(-0.02, 1.06)),
+        },
+        axes=(uplot.Axis(label="time [s]", **axis), uplot.Axis(**axis)),
+        legend=uplot.Legend(show=False),
+        height=PLOT_HEIGHT,
+    )
+
+
+def set_content(handle: viser.GuiHtmlHandle, content: str) -> None:
+    """Change a piece of the page only where it is another one."""
+    if handle.content != content:
+        handle.content = content

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pieces of the page say what is known, and nothing of a label becomes markup."""
+
+import numpy as np
+
+from intent_recognition.dashboard import markup
+from intent_recognition.dashboard.cell import CellState, NodeHealth, Posterior
+
+EVIL = "<script>alert(1)</script>"
+
+
+def state_with(label):
+    state = CellState(active=label, truth=label)
+    chances = np.array([0.93, 0.07])
+    state.take_posterior(Posterior((label, "none"), chances, np.array([0.4, 0.0])), 1.0)
+    return state
+
+
+def test_bars_show_probability_and_phase():
+    text = markup.bars(state_with("give_cup"), {"give_cup": "#0072b2"}, True)
+    assert "give cup" in text
+    assert "93%" in text
+    assert "0.40" in text
+    assert "#0072b2" in text
+
+
+def test_old_probabilities_lose_their_colour():
+    assert "#0072b2" not in markup.bars(state_with("a"), {"a": "#0072b2"}, False)
+
+
+def test_labels_and_messages_are_escaped():
+    state = state_with(EVIL)
+    nodes = {EVIL: NodeHealth(2, EVIL, {f"rejected {EVIL}": "3"}, 0.0)}
+    for text in (
+        markup.bars(state, {}, True),
+        markup.now_line(state, {}),
+        markup.nodes_table(nodes, 1.0),
+        markup.banner(EVIL),
+        markup.remark(EVIL),
+        markup.steps([EVIL]),
+        markup.table([EVIL], [[EVIL]]),
+    ):
+        assert "<script" not in text
+
+
+def test_a_silent_node_stands_out():
+    nodes = {"arm": NodeHealth(0, "running", {}, 0.0), "ear": NodeHealth(0, "running", {}, 9.0)}
+    assert markup.silent_nodes(nodes, 10.0) == ["arm"]
+    assert "silent for 10 s" in markup.nodes_table(nodes, 10.0)
+
+
+def test_details_have_rates_latency_and_what_was_rejected():
+    values = {"rate human/wrist [Hz]": "99.7", "latency p99 [ms]": "1.92", "rejected jump": "4"}
+    text = markup.nodes_table({"n": NodeHealth(0, "moving", values, 0.0)}, 1.0)
+    assert "human/wrist 100 Hz" in text
+    assert "p99 1.9 ms" in text
+    assert "rejected jump 4" in text
+
+
+def test_empty_state_says_what_to_do():
+    assert markup.bars(CellState(), {}, False) == ""
+    assert "No node" in markup.nodes_table({}, 0.0)
