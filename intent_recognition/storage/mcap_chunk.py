@@ -5,7 +5,6 @@ import mmap
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from io import BytesIO
 from typing import NamedTuple
 
@@ -31,8 +30,7 @@ PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, Runtim
 CHECKSUM = "checksum of the chunk does not match"
 
 
-@dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """One chunk, or one message outside of chunks.
 
     Attributes:

@@ -26,6 +26,8 @@ from intent_recognition.storage.mcap_records import RECORD_HEADER
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER = struct.Struct("<QQI")
+INDEX_HEADER = struct.Struct("<HI")  # channel, bytes of the index that follows
+CHUNK, MESSAGE_INDEX = int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
 LONGEST_COMPRESSION = 16
 CHUNK_START = re.compile(
     rb"(?=\x06.{36}(?:\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4|\x00\x00\x00\x00))", re.DOTALL
@@ -96,6 +98,10 @@ def _walk(view: mmap.mmap, scan: Scan) -> None:
     if view[: len(MAGIC)] != MAGIC:
         scan.damage.append(Damage(0, "the file does not begin as an MCAP file"))
     while position < len(view):
+        after, previous = _pass_chunks(view, position, previous, scan)
+        if after != position:
+            position = after
+            continue
         end = _read_record(view, position, scan)
         if end is None:
             found = _resynchronise(view, min(previous, position + 1), position)
@@ -112,6 +118,33 @@ def _walk(view: mmap.mmap, scan: Scan) -> None:
         # What a chunk's length spans is known to be right; of others only what follows shows it.
         previous = end if view[position] == Opcode.CHUNK else position + 1
         position = end
+
+
+def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: Scan) -> tuple[int, int]:
+    """Take in sound chunks and message indices from `position` on, most of a file, quickly.
+
+    Returns:
+        Where the first other record begins, and where to look for a chunk if it is none.
+    """
+    size, head = len(view), RECORD_HEADER.size
+    while position + head + INDEX_HEADER.size <= size:
+        opcode, length = RECORD_HEADER.unpack_from(view, position)
+        end = position + head + length
+        if end > size:
+            break
+        if opcode == MESSAGE_INDEX:
+            if length < INDEX_HEADER.size or (
+                INDEX_HEADER.unpack_from(view, position + head)[1] != length - INDEX_HEADER.size
+            ):
+                break
+            previous = position + 1
+        elif opcode == CHUNK and (block := _chunk_block(view, position, length)):
+            scan.blocks.append(block)
+            previous = end
+        else:
+            break
+        position = end
+    return position, previous
 
 
 def _note_damage(view: mmap.mmap, position: int, found: int | None, scan: Scan) -> None:
