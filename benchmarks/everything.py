@@ -20,7 +20,7 @@ from intent_recognition.share import share_path
 from intent_recognition.storage import load_dofs, read_demonstrations
 
 TRAINING = "bags/toolbox/train"
-HELD_OUT = "bags/toolbox/test/plate_handover_00"
+HELD_OUT = "bags/toolbox/test"
 
 
 def everything(minutes: float) -> Iterator[str | Result]:
@@ -30,11 +30,12 @@ def everything(minutes: float) -> Iterator[str | Result]:
     """
     end_s = time.monotonic() + 60.0 * minutes
     in_parts, library, demonstrations = bags_to_model(share_path(TRAINING))
-    (recorded,), _ = read_demonstrations(share_path(HELD_OUT), load_dofs())
+    held_out, _ = read_demonstrations(share_path(HELD_OUT), load_dofs())
+    recorded = held_out[0]
     yield "One observation: time of the filter bank"
     yield from bank()
     yield "Nodes, from a pose to a trajectory of 50 points and 7 joints"
-    yield from node(library, [recorded])
+    yield from node(library, held_out)
     yield "Learning from aligned demonstrations"
     yield from training(demonstrations)
     yield "Alignment in time"

@@ -3,7 +3,8 @@
 
 All nodes share one process and one executor, as the relay they are compared with: two bare rclpy
 nodes that answer every pose with an odometry message and that with a trajectory of the same size.
-Poses go through both in turn, one at a time, the next when the last is answered.
+Poses go through both in turn, one at a time, the next when the last is answered; who comes first
+changes from pose to pose, so that neither finds the processor's caches as the other left them.
 """
 
 import os
@@ -32,7 +33,7 @@ from intent_recognition.nodes.conversions import (
 )
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
-from intent_recognition.nodes.runtime import make_executor
+from intent_recognition.nodes.runtime import make_executor, settle
 from intent_recognition.nodes.wire import OdometryWire
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.storage import Demonstration, load_dofs
@@ -180,18 +181,21 @@ def _latency(model: Path, recordings: list[Demonstration]) -> Iterator[Result]:
         graph.spin_until(lambda: ours.publisher.get_subscription_count() > 0, 5.0)
         graph.spin_until(lambda: bare.publisher.get_subscription_count() > 0, 5.0)
         graph.spin_until(lambda: False, 0.5)
+        settle()
         times: tuple[list[float], list[float]] = ([], [])
-        unanswered = 0
+        unanswered = asked = 0
         first_ns = 1_000_000_000
         for recorded in recordings:
             moving = False
             for pose in _poses(recorded, first_ns):
                 if moving:
-                    took_s = ours.ask(graph, pose), bare.ask(graph, pose)
+                    asked += 1
+                    chains = (ours, bare) if asked % 2 else (bare, ours)
+                    took_s = [chain.ask(graph, pose) for chain in chains]
                     if None in took_s:
                         unanswered += 1
                     else:
-                        for kept, one in zip(times, took_s, strict=True):
+                        for kept, one in zip(times, took_s[:: 1 if asked % 2 else -1], strict=True):
                             kept.append(one)
                 else:
                     before = len(ours.arrivals)
