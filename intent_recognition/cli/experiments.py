@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition import __version__
@@ -144,5 +145,6 @@ def _print_outcome(console: Console, name: str, outcome: Outcome, seconds: float
     for title in ("", "paper", "ours", "met", ""):
         table.add_column(title, overflow="fold")
     for f in outcome.findings:
-        table.add_row(f.quantity, f.paper or "-", f.ours, MARKS[f.holds], f"[dim]{f.remark}[/]")
+        cells = (escape(f.quantity), f.paper or "-", f.ours, MARKS[f.holds])
+        table.add_row(*cells, f"[dim]{escape(f.remark)}[/]")
     console.print(table)
