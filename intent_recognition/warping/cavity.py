@@ -20,6 +20,7 @@ MIN_ON_FLOOR = 6
 N_LEVELS = 12
 FLOOR_TO_WALL = 1.7
 MIN_DEPTH = 0.08
+MAX_LID_SHARE = 0.008
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,12 @@ def fit_cavity(points: np.ndarray, normals: np.ndarray, rim: Rim) -> Cavity:
     inside = ~outside & (depth > 0.02 * rim.depth_m) & (radius < 1.5 * rim.radius_m)
     below = outside & (facing[:, 0] < -0.8) & (depth > 0.8 * rim.depth_m)
     outer = _levels(depth, radius, outside & (outward > 0.5), rim.depth_m)
+    lid = (facing[:, 0] > 0.5) & (radius < 0.6 * rim.radius_m)
+    lid &= np.abs(depth) < MIN_DEPTH * rim.depth_m
+    if lid.mean() > MAX_LID_SHARE:
+        cure = "Open it in a mesh editor, or scan it without its lid."
+        got = f"{100.0 * lid.mean():.1f} % of the points inside the rim, in its plane"
+        raise ArgumentError(describe("points", "a container with an open top", got, cure))
     if inside.sum() < MIN_IN_BIN * 5:
         cure = "Scan the object from above, so that its inside is seen."
         raise ArgumentError(describe("points", "some inside", int(inside.sum()), cure))

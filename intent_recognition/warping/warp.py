@@ -18,9 +18,11 @@ from intent_recognition.warping.opening import find_opening
 from intent_recognition.warping.part_labels import PartClassifiers, fit_part_classifiers
 from intent_recognition.warping.parts import Part
 from intent_recognition.warping.rim import Rim, fit_rim
+from intent_recognition.warping.scan_checks import check_scan
 
 Mapping = Literal["label", "point"]
 N_CLASSIFIED = 700
+MAX_ASIDE = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +112,13 @@ def warp(
     if mapping not in ("label", "point"):
         cure = "See docs/warping.md."
         raise ArgumentError(describe("mapping", "'label' or 'point'", repr(mapping), cure))
+    check_scan(target.points)
     frame = _frame(target, source.classifiers)
+    aside = float(np.linalg.norm(frame.to_local(target.points)[:, 1:].mean(0)))
+    if aside > MAX_ASIDE * frame.radius_m:
+        cure = "Cut the cloud into objects and warp one at a time."
+        got = f"points that lie {aside / frame.radius_m:.1f} radii beside the opening"
+        raise ArgumentError(describe("points", "one container", got, cure))
     points, normals, labels = _aligned_source(source, frame)
     seen, seen_normals = frame.to_local(target.points), target.normals @ frame.axes.T
     if mapping == "label":

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What can be said of a cloud before anything is known of the object."""
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from intent_recognition.errors import ArgumentError, describe
+
+SMALLEST_M = 0.01
+LARGEST_M = 1.5
+FLATTEST = 0.03
+N_LOOKED_AT = 500
+GAP = 5.0
+"""Two pieces are apart by more than so many usual distances between neighbours."""
+OTHER_PIECE = 0.25
+SUSPECT_PIECE = 0.08
+
+
+def check_scan(points: np.ndarray) -> None:
+    """Refuse a cloud that cannot be one cup or bowl in metres.
+
+    Args:
+        points: (n, 3), finite.
+
+    Raises:
+        ArgumentError: wrong unit, flat, or more than one object.
+    """
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if not SMALLEST_M < extent < LARGEST_M:
+        cure = "Give points in metres; millimetres are scaled by 0.001."
+        expected = f"a cup or bowl of {SMALLEST_M} to {LARGEST_M} m"
+        raise ArgumentError(describe("points", expected, f"{extent:.3g} m across", cure))
+    offsets = points - points.mean(0)
+    spread = np.sqrt(np.maximum(np.linalg.eigvalsh(offsets.T @ offsets / len(points)), 0.0))
+    if spread[0] < FLATTEST * spread[2]:
+        cure = "Cut out the object, not the table, and scan it from more sides."
+        got = f"one of {1e3 * spread[0]:.2g} by {1e3 * spread[2]:.2g} mm (standard deviations)"
+        raise ArgumentError(describe("points", "a body with a depth", got, cure))
+    sizes = _pieces(points)
+    if len(sizes) > 1 and sizes[1] > OTHER_PIECE * sizes[0]:
+        cure = "Cut the cloud into objects and warp one at a time."
+        got = f"{np.count_nonzero(sizes > SUSPECT_PIECE * sizes[0])} pieces apart from one another"
+        raise ArgumentError(describe("points", "one object", got, cure))
+
+
+def _pieces(points: np.ndarray) -> np.ndarray:
+    """Sizes of the pieces of a cloud, largest first."""
+    looked_at = points[:: max(1, len(points) // N_LOOKED_AT)]
+    tree = cKDTree(looked_at)
+    nearest, _ = tree.query(looked_at, k=2)
+    pairs = tree.query_pairs(GAP * float(np.median(nearest[:, 1])), output_type="ndarray")
+    n = len(looked_at)
+    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    _, piece = connected_components(links, directed=False)
+    return np.sort(np.bincount(piece))[::-1]
