@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a real browser: it shows, it replays, and a task is taught by its own controls."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dashboard.browser import chromium, free_port, visitor
+from ros_harness import NodeProcess
+
+from intent_recognition.storage.model import load_model
+from intent_recognition.storage.task_folder import LEARN, TaskFolder
+
+NODES = {
+    "sim_bridge.nodes.lwr_sim": {},
+    "intent_recognition.nodes.mocap_ingest": {},
+    "intent_recognition.nodes.intent_estimator": {"model": "{model}"},
+    "intent_recognition.nodes.primitive_activation": {"model": "{model}"},
+    "intent_recognition.nodes.task_teacher": {"model": "{model}", "library": "{library}"},
+    "intent_recognition.dashboard.start": {"port": "{port}", "rate": "10.0", "bags": "{bags}"},
+}
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory, repository) -> Path:
+    """A model of two of the shipped tasks."""
+    path = tmp_path_factory.mktemp("model") / "m.npz"
+    train = repository / "bags/toolbox/train"
+    bags = [str(p) for p in sorted(train.iterdir()) if "hold" not in p.name]
+    command = [sys.executable, "-m", "intent_recognition.cli.main", "train", *bags]
+    subprocess.run([*command, "--output", str(path)], check=True, capture_output=True)
+    return path
+
+
+@pytest.fixture
+def cell(tmp_path, model, repository):
+    """The whole graph in processes of their own, and the page's port."""
+    chromium()
+    values = {
+        "model": model,
+        "library": tmp_path / "tasks",
+        "port": free_port(),
+        "bags": repository / "bags/toolbox/test",
+    }
+    processes = []
+    try:
+        for module, parameters in NODES.items():
+            arguments = ["--ros-args"]
+            for name, value in parameters.items():
+                arguments += ["-p", f"{name}:={value.format(**values)}"]
+            processes.append(NodeProcess(module, *arguments))
+        yield values
+    finally:
+        for process in processes:
+            process.stop()
+
+
+def test_page_shows_replays_and_teaches(cell, tmp_path):
+    with visitor() as person:
+        person.open(cell["port"])
+        person.wait_for("robot: waits")
+        watch_a_replay(person)
+        teach_a_task(person)
+        outside = {url for url in person.requests if url.startswith("http")}
+        assert {url.split("/")[2] for url in outside} == {f"127.0.0.1:{cell['port']}"}
+        if os.environ.get("SCREENSHOTS"):
+            person.page.screenshot(path=f"{os.environ['SCREENSHOTS']}/page.png")
+    folder = TaskFolder(tmp_path / "tasks", load_model(cell["model"]).dofs)
+    taught = [change for change in folder.history() if change.action == LEARN]
+    assert [change.task for change in taught] == ["wave"] * 3
+
+
+def watch_a_replay(person):
+    """The arm moves and the posterior changes while a recording is played."""
+    before = person.scene()
+    person.tab("Replay")
+    person.press("Play")
+    person.tab("Watch")
+    person.wait_for("plate handover")
+    person.wait_until(lambda: np.mean(np.abs(person.scene() - before)) > 0.2, "a changed scene")
+    person.tab("Replay")
+    person.wait_until(lambda: person.page.get_by_role("button", name="Play").is_visible(), "end")
+
+
+def teach_a_task(person):
+    """Take the wrist, record three demonstrations, learn, and see the task recognised."""
+    person.tab("Teach")
+    person.page.get_by_label("Take the wrist").check()
+    person.page.get_by_label("Task").fill("wave")
+    for count in (1, 2, 3):
+        person.press("Record a demonstration")
+        person.wait_for(f"Learn ({count})")
+    person.press("Learn (3)")
+    person.wait_for("in use")
+    person.press("Reach to the wrist goal")
+    person.tab("Watch")
+    person.wait_until(lambda: "robot: wave" in " ".join(person.text().split()), "wave is active")
