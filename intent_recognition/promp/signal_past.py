@@ -56,7 +56,7 @@ class History:
         first, end = self._first, len(self._kept)
         if last_s is not None:
             oldest_ns = ceil(self.last_ns - last_s * 1e9 - 1.0)
-            first += int(np.searchsorted(self._stamps_ns[first:end], oldest_ns))
+            first += int(np.searchsorted(self._stamps_ns[first : end - 1], oldest_ns))
         stamps_ns = self._stamps_ns[first:end]
         return (stamps_ns - stamps_ns[0]) * 1e-9, self._values[first:end]
 
