@@ -186,13 +186,14 @@ def _explanation(summary: Mapping[str, tuple[np.ndarray, np.ndarray]], plan: Pla
 
     half = _half(plan)
     return (
-        "Differentiating takes no information away. It makes the noise of neighbouring samples"
-        " depend on each other, and conditioning sample by sample (Eq. 6) takes them for"
-        " independent. Told the covariance that the derivatives have, the DMP errs"
-        f" {share(DMP_CARRIED, half)} instead of {share(DMP, half)} times as much as the ProMP with"
-        f" {plan.counts[half]} samples, {share(DMP_CARRIED, -1)} instead of {share(DMP, -1)} times"
-        f" with all (variance {plan.levels[-1]:g}). But then it has been conditioned on positions"
-        " in disguise."
+        "Differentiating twice loses no more than position and velocity at the start, which the DMP"
+        " is told beside. But it makes the noise of neighbouring samples depend on each other, and"
+        " conditioning sample by sample (Eq. 6) takes them for independent. Told the covariance"
+        f" that the derivatives have, the DMP errs {share(DMP_CARRIED, half)} instead of"
+        f" {share(DMP, half)} times as much as the ProMP with {plan.counts[half]} samples,"
+        f" {share(DMP_CARRIED, -1)} instead of {share(DMP, -1)} times with all (variance"
+        f" {plan.levels[-1]:g}). So it is not the forcing function that is sensitive to noise, but"
+        " what is made of its observation."
     )
 
 
@@ -232,8 +233,8 @@ def _conditions(plan: Plan) -> tuple[str, ...]:
         " choice of the noise variance; in addition a Savitzky-Golay or zero-phase Butterworth"
         f" filter of {len(SMOOTHERS)} widths. All is chosen by {N_FOLDS}-fold cross validation on"
         f" {N_TRAIN} demonstrations, separately for each number of samples.",
-        "The DMP's goal and start are learned with its weights and predicted with them, as in the"
-        " original interaction primitives.",
+        "The DMP's goal and start are learned and predicted with its weights (the original"
+        " interaction primitives do so with the goal), and it observes the filtered start as well.",
         f"Scores are of {N_TEST} pairs of {plan.repeats} data sets each that nothing was chosen"
         " on.",
     )

@@ -21,9 +21,11 @@ from intent_recognition.promp.differentiation import (
     Butterworth,
     SavitzkyGolay,
     Smoother,
+    derivative_operators,
 )
 from intent_recognition.promp.interaction_dmp import (
     DmpModel,
+    Motion,
     differentiated,
     fit_demonstrations,
 )
@@ -34,11 +36,13 @@ DMP = DmpModel(BASIS)
 STEP = float(PHASE[1])
 CLEAN = SavitzkyGolay(0.1)
 """Filter of demonstrations, which hold no noise but their pixels'."""
+START_VARIANCE = 1e-5
+"""Of what a filter makes of a start, beside the noise."""
 FLOOR = 1e-6
 """Smallest variance of a parameter, in parts of the mean over its DOF."""
 
 SHRINKAGES = (0.003, 0.03, 0.1)
-VARIANCES = (1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 1.0)
+VARIANCES = (1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 1.0)
 SMOOTHERS: tuple[Smoother, ...] = (
     *(SavitzkyGolay(width) for width in (0.1, 0.16, 0.25, 0.4, 0.6, 0.9)),
     *(Butterworth(cutoff) for cutoff in (1.5, 2.5, 4.0, 6.5, 10.0)),
@@ -164,23 +168,27 @@ def observation(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows, noise, and operator from positions to what is observed, of the first samples.
 
+    A ProMP observes the m positions; a DMP the m drives, and position and velocity at the start.
+
     Args:
         learned: through the candidate's filter.
         candidate: what to assume.
         n_seen: samples of the observed agent, m.
 
     Returns:
-        Rows (m, 2 p), noise (m, m) and operator (m, m).
+        Rows (o, 2 p), noise (o, o) and operator (o, m), with o = m or m + 2.
     """
     operator, rows = np.eye(n_seen), learned.positions[:n_seen]
+    residual = np.full(n_seen, learned.residual_variance)
     if candidate.smoother is not None:
-        operator = DMP.drive_operator(candidate.smoother, n_seen, STEP)
-        rows = DMP.observation_matrix(PHASE[:n_seen])
+        filtered = derivative_operators(candidate.smoother, n_seen, STEP)
+        operator = np.vstack([DMP.drive(Motion(*filtered)), filtered[:2, 0]])
+        rows = np.vstack([DMP.observation_matrix(PHASE[:n_seen]), DMP.start_matrix()])
+        residual = np.append(residual, [START_VARIANCE] * 2)
     noise = candidate.variance * (operator @ operator.T)
     if candidate.white:
         noise = np.diag(np.diag(noise))
-    noise = noise + learned.residual_variance * np.eye(n_seen)
-    return learned.observed(rows), noise, operator
+    return learned.observed(rows), noise + np.diag(residual), operator
 
 
 def squared_errors(

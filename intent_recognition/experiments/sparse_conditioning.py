@@ -29,20 +29,29 @@ CLOSEST = 0.03
 """Least phase between two observations."""
 N_SPLINE = 41
 """Even phases at which a spline is differentiated."""
-N_PHASE_SETS = 6
+N_PHASE_SETS = 4
 """Sets of phases on which each fold of cross validation tries a spline."""
-ROUGHNESSES = (0.0, 1e-6, 1e-5, 1e-4, 1e-3)
-MISFITS = (1.0, 10.0, 1e2, 1e3, 1e4, 1e5)
-"""Variances taken for what a spline's drive is wrong by, beside the noise."""
+ROUGHNESSES = (0.0, 1e-5, 1e-4, 1e-3)
+MISFITS = (10.0, 1e2, 1e3, 1e4, 1e5)
+START_MISFITS = (0.01, 1e4)
+"""The second one says that nothing is known of the start."""
 WIDE = SavitzkyGolay(0.16)
 """Filter of what stands for the true acceleration: wide enough for the pixels not to show."""
 
 
 class SplineChoice(NamedTuple):
-    """How sparse samples become accelerations, and what is thought of these."""
+    """How sparse samples become accelerations, and what is thought of these.
+
+    Attributes:
+        roughness: of the smoothing spline.
+        misfit: variance taken for what its drive is wrong by, beside the noise.
+        start_misfit: likewise for the start, to which the spline is drawn out as a straight line.
+        shrinkage: share of the diagonal in the covariance.
+    """
 
     roughness: float
     misfit: float
+    start_misfit: float
     shrinkage: float
 
 
@@ -86,11 +95,16 @@ def spline_predictor(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Matrix and offset from sparse positions to the controlled curve of a DMP."""
     dense = np.linspace(at[0], at[-1], N_SPLINE)
-    operator = DMP.drive(Motion(*spline_operators(at, dense, choice.roughness)))
-    noise = NOISE_VARIANCE * np.sum(operator**2, axis=1) + choice.misfit
-    rows = learned.observed(DMP.observation_matrix(dense))
+    motion = Motion(*spline_operators(at, dense, choice.roughness))
+    start = motion.position[0] - at[0] * motion.velocity[0]
+    operator = np.vstack([DMP.drive(motion), start])
+    misfit = np.append(np.full(N_SPLINE, choice.misfit), choice.start_misfit)
+    noise = NOISE_VARIANCE * np.sum(operator**2, axis=1) + misfit
+    rows = np.vstack([DMP.observation_matrix(dense), DMP.start_matrix()[:1]])
     distribution = prior(learned.parameters, choice.shrinkage)
-    matrix, offset = predictor(distribution, rows, np.diag(noise), learned.controlled)
+    matrix, offset = predictor(
+        distribution, learned.observed(rows), np.diag(noise), learned.controlled
+    )
     return matrix @ operator, offset
 
 
@@ -112,9 +126,10 @@ def choose_shrinkage(rng: np.random.Generator, train: np.ndarray, counts: Sequen
 def spline_choices(quick: bool) -> list[SplineChoice]:
     """What cross validation tries; some of it lays the spline through the samples."""
     return [
-        SplineChoice(roughness, misfit, shrinkage)
+        SplineChoice(roughness, misfit, start_misfit, shrinkage)
         for roughness in (ROUGHNESSES[::2] if quick else ROUGHNESSES)
         for misfit in (MISFITS[1::2] if quick else MISFITS)
+        for start_misfit in START_MISFITS
         for shrinkage in SHRINKAGES[: 1 if quick else 2]
     ]
 

@@ -99,6 +99,13 @@ class DmpModel:
         rows[:, -N_ENDS] = self.spring.stiffness
         return rows
 
+    def start_matrix(self) -> np.ndarray:
+        """Rows that take one DOF's parameters to its position and velocity at phase 0, (2, N + 3).
+
+        A drive tells nothing of them: differentiating twice loses a straight line.
+        """
+        return np.eye(2, self.n_parameters, k=self.n_parameters - 2)
+
     def rollout_matrix(self, phase: np.ndarray) -> np.ndarray:
         """Rows that take one DOF's parameters to its positions at phases in [0, 1], (T, N + 3).
 
@@ -173,7 +180,7 @@ def _responses(model: DmpModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     step = grid[1]
     drive = model.observation_matrix(grid)
     state = np.zeros((ROLLOUT_STEPS + 1, 2, model.n_parameters))
-    state[0] = np.eye(2, model.n_parameters, k=model.n_parameters - 2)
+    state[0] = model.start_matrix()
     # The drive at the left end of a step and its slope, as two more states.
     system = np.zeros((4, 4))
     system[0, 1] = system[2, 3] = 1.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.experiments import noise, sparse
-from intent_recognition.experiments.noise_scores import DMP, PROMP
+from intent_recognition.experiments.noise_scores import DMP, DMP_CARRIED, PROMP
 from intent_recognition.experiments.outcome import Settings
 from intent_recognition.experiments.sketch_models import (
     Candidate,
@@ -76,6 +76,7 @@ def test_white_noise_keeps_the_variances_of_the_derivatives(pairs):
     _, carried, _ = observation(learned, Candidate(0.1, 0.01, smoother, white=False), 30)
     np.testing.assert_allclose(np.diag(white), np.diag(carried))
     assert np.count_nonzero(white - np.diag(np.diag(white))) == 0
+    assert np.count_nonzero(carried) > 30 * 30
 
 
 def test_noise_carried_through_an_invertible_filter_loses_nothing(pairs, rng):
@@ -128,7 +129,7 @@ def test_observing_never_widens_a_band(pairs):
 def test_a_distrusted_spline_leaves_the_prior_mean(pairs):
     learned = learn_dmp(pairs)
     at = np.array([0.1, 0.4, 0.6, 0.9])
-    matrix, offset = spline_predictor(learned, SplineChoice(0.0, 1e14, 0.1), at)
+    matrix, offset = spline_predictor(learned, SplineChoice(0.0, 1e14, 1e14, 0.1), at)
     mean = learned.controlled @ learned.parameters.mean(axis=0)
     np.testing.assert_allclose(matrix @ np.full(4, 3.0) + offset, mean, atol=1e-3)
 
@@ -156,6 +157,7 @@ def test_the_dmp_is_no_straw_man(noise_outcome):
     rmse = {method: np.array(values) for method, values in noise_outcome.numbers["rmse"].items()}
     assert rmse[DMP][0, -1] < 1.25 * rmse[PROMP][0, -1]
     assert np.all(rmse[PROMP][1] <= 1.02 * rmse[DMP][1])
+    assert np.all(rmse[DMP_CARRIED] < 1.1 * rmse[PROMP])
     assert rmse["DMP without a filter"][1, -1] > 2.0 * rmse[DMP][1, -1]
 
 

@@ -131,3 +131,17 @@ def test_bad_input_is_named():
         MODEL.fit(PHASE, Motion(*np.zeros((3, 100, 2))))
     with pytest.raises(ArgumentError):
         fit_demonstrations(MODEL, [np.zeros((4, 2))], SavitzkyGolay(0.1))
+
+
+def test_drives_and_start_tell_as_much_as_positions(rng):
+    """Rows of drive and start span those of the positions: what one determines, so does the other.
+
+    The drive of a rollout by exact derivatives, at as many phases as there are weights.
+    """
+    phase = np.linspace(0.0, 1.0, 60)
+    drives = np.vstack([MODEL.observation_matrix(phase), MODEL.start_matrix()])
+    positions = MODEL.rollout_matrix(np.linspace(0.0, 1.0, 400))
+    without_start = np.linalg.lstsq(drives[:60].T, positions.T, rcond=None)[0]
+    with_start = np.linalg.lstsq(drives.T, positions.T, rcond=None)[0]
+    np.testing.assert_allclose(drives.T @ with_start, positions.T, atol=1e-6)
+    assert np.abs(drives[:60].T @ without_start - positions.T).max() > 0.5
