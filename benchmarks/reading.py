@@ -13,6 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from benchmarks.measure import Result, seconds_of_both
 from intent_recognition.share import share_path
 from intent_recognition.storage import BagReader, BagWriter, load_dofs, read_demonstrations
+from intent_recognition.storage.bag_writer import FLUSH_PERIOD_S
 from intent_recognition.storage.columns import PoseColumns
 from intent_recognition.storage.demonstrations import find_bags
 
@@ -24,12 +25,13 @@ REPEATS, FEW_REPEATS = 7, 3
 
 
 def reading() -> Iterator[Result]:
-    """One long bag, many short ones, and what training makes of these."""
+    """One long bag, one as recorded live, many short ones, and what training makes of these."""
     with tempfile.TemporaryDirectory() as temporary:
-        long_bag = Path(temporary) / "long"
-        _prolong(share_path(RECORDING), long_bag)
-        for kind, topic in TOPICS.items():
-            yield _decoding(f"{kind}, one long bag", [long_bag], topic, REPEATS)
+        for name, live in (("one long bag", False), ("a chunk every 0.5 s", True)):
+            bag = Path(temporary) / f"live_{live}"
+            _prolong(share_path(RECORDING), bag, live)
+            for kind, topic in TOPICS.items():
+                yield _decoding(f"{kind}, {name}", [bag], topic, REPEATS)
     bags = find_bags(share_path(FOLDER))
     for kind, topic in TOPICS.items():
         yield _decoding(f"{kind}, {len(bags)} short bags", bags, topic, FEW_REPEATS)
@@ -67,15 +69,21 @@ def _demonstrations(bags: Sequence[Path]) -> Result:
     )
 
 
-def _prolong(recording: Path, output: Path) -> None:
-    """A bag of `LONG_MESSAGES` messages on each topic: the recording's, again and again."""
+def _prolong(recording: Path, output: Path, live: bool) -> None:
+    """A bag of `LONG_MESSAGES` messages on each topic: the recording's, again and again.
+
+    `live` writes chunks as the recorder does when messages come at 100 Hz, else they are large.
+    """
+    now_ns = 0
     by_topic = {topic: [] for topic in TOPICS.values()}
     for message in BagReader(recording).raw_messages(by_topic):
         by_topic[message.topic].append(message)
-    with BagWriter(output, {}) as writer:
+    period_s = FLUSH_PERIOD_S if live else None
+    with BagWriter(output, {}, flush_period_s=period_s, clock=lambda: now_ns * 1e-9) as writer:
         for k in range(LONG_MESSAGES):
+            now_ns = k * 10_000_000
             for topic, messages in by_topic.items():
-                message, now_ns = messages[k % len(messages)], k * 10_000_000
+                message = messages[k % len(messages)]
                 writer.write(topic, message.type, message.data, now_ns, now_ns)
 
 
