@@ -5,6 +5,7 @@ Frame of a container: origin at the centre of the inner floor, z toward the open
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -79,14 +80,19 @@ class Hollow:
         heights = self.heights_m
         z = np.clip(points_m[:, 2], heights[0], heights[-1])
         low = np.clip(np.searchsorted(heights, z, side="right") - 1, 0, len(heights) - 2)
-        share = (z - heights[low]) / (heights[low + 1] - heights[low])
-        corners = self.rings_m[low] + share[:, None, None] * (
-            self.rings_m[low + 1] - self.rings_m[low]
+        share = ((z - heights[low]) / (heights[low + 1] - heights[low]))[:, None]
+        x, y, along_x, along_y = (
+            table[low] + share * (table[low + 1] - table[low]) for table in self._tables
         )
-        edges = np.roll(corners, -1, axis=1) - corners
-        inward = np.stack([-edges[..., 1], edges[..., 0]], axis=-1)
-        inward /= np.linalg.norm(inward, axis=-1, keepdims=True)
-        return np.min(np.sum(inward * (points_m[:, None, :2] - corners), axis=-1), axis=1)
+        across = along_x * (points_m[:, 1:2] - y) - along_y * (points_m[:, :1] - x)
+        return np.min(across / np.sqrt(along_x**2 + along_y**2), axis=1)
+
+    @cached_property
+    def _tables(self) -> tuple[np.ndarray, ...]:
+        """Corners' x and y, and the edges that begin there, (S, K) each."""
+        edges = np.roll(self.rings_m, -1, axis=1) - self.rings_m
+        both = np.concatenate([self.rings_m, edges], axis=-1)
+        return tuple(np.ascontiguousarray(both[..., column]) for column in range(4))
 
     def holds(self, points_m: np.ndarray) -> np.ndarray:
         """Which points (N, 3) are inside, between floor and rim: (N,) of bool."""

@@ -87,8 +87,7 @@ class WallGuard:
     def __init__(self, hollow: Hollow, radius_m: float, positions_m: np.ndarray) -> None:
         self._hollow = hollow
         self._opening_m = hollow.rim_height_m - radius_m
-        self._below = self._deep(positions_m)
-        self._clearance = hollow.clearance_m(positions_m)
+        self._below = self._deep(positions_m) & (hollow.clearance_m(positions_m) >= 0.0)
         self.count = 0
 
     def look(self, positions_m: np.ndarray) -> np.ndarray:

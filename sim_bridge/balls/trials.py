@@ -69,15 +69,15 @@ class Block:
 
 
 def blocks(seed: int, trials_per_object: int = TRIALS_PER_OBJECT) -> list[Block]:
-    """All blocks of both experiments, in turn over the objects."""
+    """All blocks, in turn over experiments and objects: what is there early is balanced."""
     numbers = range(-(-trials_per_object // TRIALS_PER_BLOCK))
     return [
         Block(
             seed, experiment, k, index,
             min(TRIALS_PER_BLOCK, trials_per_object - index * TRIALS_PER_BLOCK),
         )
-        for experiment in (POURING, FILLING)
         for index in numbers
+        for experiment in (POURING, FILLING)
         for k in range(len(CONTAINER_NAMES))
     ]  # fmt: skip
 
