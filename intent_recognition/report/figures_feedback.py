@@ -115,7 +115,7 @@ def push_figure(start_s: np.ndarray, spread_m: np.ndarray, deflection_m: np.ndar
 
     Args:
         start_s: of each push (n,).
-        spread_m: std of the hand along the push in the primitive (n,).
+        spread_m: std of the hand along the push in the primitive meanwhile (n,).
         deflection_m: by the stochastic feedback and the low-gain controller (n, 2).
     """
     figure = new_figure(7.0, 4.4)
@@ -130,7 +130,7 @@ def push_figure(start_s: np.ndarray, spread_m: np.ndarray, deflection_m: np.ndar
     lower.plot(
         start_s, 100 * spread_m, color=PRIMITIVE, marker="D", markersize=5, label="primitive"
     )
-    lower.set_ylabel("std of the hand\nalong the push [cm]")
+    lower.set_ylabel("std of the hand\nalong it [cm]")
     lower.set_ylim(0.0, None)
     lower.set_xlabel("start of the push [s]")
     upper.legend(loc="upper left")
