@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Starting and ending nodes, their parameters, diagnostics and lifecycle."""
 
+import gc
 import signal
 
 import pytest
@@ -13,7 +14,7 @@ from ros_harness import NodeProcess
 
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.nodes.lifecycle import ManagedNode
-from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.runtime import Diagnostics, parameter, run, settle
 
 
 class Quitter(Node):
@@ -252,3 +253,12 @@ def test_managed_node_survives_a_failing_transition(harness, error):
     assert change(harness, Transition.TRANSITION_CONFIGURE)
     assert change(harness, Transition.TRANSITION_ACTIVATE)
     assert node.active
+
+
+def test_what_stays_is_passed_over_by_the_collector():
+    before = gc.get_freeze_count()
+    try:
+        settle()
+        assert gc.get_freeze_count() > before + 1000
+    finally:
+        gc.unfreeze()
