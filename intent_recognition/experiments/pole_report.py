@@ -215,14 +215,15 @@ def _row(study: Study, tried: Tried) -> tuple[str, ...]:
 
 def _clearance(study: Study) -> Figure:
     shown = np.array([float(d.metadata["clearance_m"]) for d in study.demonstrations])
-    kinds = {"demonstrated": shown}
+    kinds = {"demonstrated": (shown, np.zeros(len(shown), dtype=bool))}
     for carried in study.carried:
-        kinds[carried.label] = carried.clearance_m
+        kinds[carried.label] = carried.clearance_m, carried.hits
     return Figure(
         to_svg(clearance_figure(kinds)),
         "Least distance of the arm and its finger from the pole, in physics: demonstrated, and"
-        " executed from predictions of each demonstration left out. An arm that is held up by the"
-        " pole presses against it: its distance is about zero, however deep it was told to go.",
+        " executed from predictions of each demonstration left out; red: it touched. An arm that"
+        " the pole holds up presses against it, at a distance of about zero, however deep it was"
+        " told to go.",
     )
 
 

@@ -154,30 +154,30 @@ def components_figure(
 
 
 @styled
-def clearance_figure(clearance_m: Mapping[str, np.ndarray]):
+def clearance_figure(motions: Mapping[str, tuple[np.ndarray, np.ndarray]]):
     """Least distance from the pole of every motion, one row of dots per kind of motion.
 
     Args:
-        clearance_m: per kind, the least distance of each motion (n,); negative inside the pole.
+        motions: per kind, the least distance of each motion [m] (n,), negative inside the pole,
+            and whether it touched the pole (n,).
     """
-    figure = new_figure(8.2, 0.9 + 0.55 * len(clearance_m))
+    figure = new_figure(8.2, 0.9 + 0.55 * len(motions))
     axes = figure.subplots()
-    lowest = min(100.0 * float(np.min(values)) for values in clearance_m.values())
+    lowest = min(100.0 * float(np.min(values)) for values, _ in motions.values())
     left = min(lowest - 1.0, -1.5)
     axes.axvspan(left, 0.0, color=HIT_COLOUR, alpha=0.08, lw=0)
     axes.axvline(0.0, color=HIT_COLOUR, linewidth=1.3)
     rng = np.random.default_rng(0)
-    for row, values in enumerate(clearance_m.values()):
-        values = 100.0 * np.asarray(values)
-        inside = values <= 0.0
+    for row, (values, touched) in enumerate(motions.values()):
+        values, touched = 100.0 * np.asarray(values), np.asarray(touched, dtype=bool)
         jitter = row + rng.uniform(-0.16, 0.16, len(values))
-        for chosen, colour in ((~inside, PALETTE[2]), (inside, HIT_COLOUR)):
+        for chosen, colour in ((~touched, PALETTE[2]), (touched, HIT_COLOUR)):
             axes.scatter(
                 values[chosen], jitter[chosen], s=20, color=colour, alpha=0.7, linewidths=0
             )
         axes.plot([np.median(values)] * 2, [row - 0.27, row + 0.27], color=INK, linewidth=1.6)
-    axes.set_yticks(range(len(clearance_m)), list(clearance_m))
-    axes.set_ylim(len(clearance_m) - 0.5, -0.5)
+    axes.set_yticks(range(len(motions)), list(motions))
+    axes.set_ylim(len(motions) - 0.5, -0.5)
     axes.set_xlim(left=left)
     axes.grid(visible=False, axis="y")
     axes.text(left, -0.42, " in the pole", color=HIT_COLOUR, fontsize=9, va="top")
