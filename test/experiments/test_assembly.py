@@ -26,6 +26,9 @@ from intent_recognition.experiments.assembly_study import (
 from intent_recognition.experiments.outcome import Settings
 from intent_recognition.gaussian.normal import log_density
 from intent_recognition.promp.bank import fixed_hypotheses
+from intent_recognition.share import share_path
+from intent_recognition.storage import load_dofs
+from intent_recognition.storage.model import Model, load_model, save_model
 from sim_bridge.assembly.styles import TASKS
 
 
@@ -88,6 +91,17 @@ def test_prediction_after_some_observations_is_what_was_scored(found):
     assert distance[-1] == pytest.approx(scored.known.end_m[7])
     assert np.sqrt(np.mean(distance**2)) == pytest.approx(scored.known.path_m[7])
     assert mean.shape == std.shape == (len(TRUTH_PHASES), 3)
+
+
+def test_model_of_two_humans_comes_back_from_its_file(found, tmp_path):
+    dofs = load_dofs(share_path("config/dofs_two_humans.yaml"))
+    save_model(tmp_path / "two.npz", Model(found.first.library, dofs))
+    loaded = load_model(tmp_path / "two.npz")
+    assert loaded.dofs == dofs
+    assert loaded.library.controlled_units == ("m", "m", "m")
+    np.testing.assert_array_equal(
+        loaded.library.weight_covariance, found.first.library.weight_covariance
+    )
 
 
 def test_certain_means_from_then_on():
