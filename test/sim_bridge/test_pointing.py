@@ -30,6 +30,7 @@ from sim_bridge.pointing.scene import (
     pointing_pose,
     spot,
 )
+from sim_bridge.recording import POSITION_STEP_M, to_counts
 from sim_bridge.scene import ARM_BRANCH
 
 record_once = cache(record)
@@ -108,6 +109,14 @@ def test_a_finger_that_comes_down_on_the_table_is_noticed():
         bodies = PointingBodies(arm)
         arm.step(3)
         assert bodies.touches()
+
+
+def test_what_is_shipped_is_what_the_generator_makes(repository):
+    bag = repository / "bags" / "pointing" / "test" / "pointing_00"
+    (shipped,), _ = read_demonstrations([bag], load_dofs())
+    samples = record_once(Order(1, "test", 0)).person.samples
+    made = to_counts(samples.positions_m[samples.visible], POSITION_STEP_M)
+    np.testing.assert_array_equal(shipped.observed[0].values, made)
 
 
 def test_nine_and_nine_are_shipped_as_listed(repository):
