@@ -104,6 +104,7 @@ def _findings(
         return Finding(quantity, paper, text, bool(better), remark)
 
     tasks = list(recorded.values())
+    left_out = [100 * max(t[m].left_out for t in tasks) for m in (LOCAL, DTW, DTW_TUNED)]
     return (
         beside(
             "longest step of any warp, known timing (DTW as it is, DTW tuned) [mean steps]",
@@ -143,6 +144,14 @@ def _findings(
             "toolbox: largest speed of a warped wrist [times that recorded]",
             "",
             *(max(t[m].speed for t in tasks) for m in (LOCAL, DTW, DTW_TUNED)),
+        ),
+        Finding(
+            "toolbox: part of a recording that a warp leaves out at the ends [%]",
+            "",
+            f"{left_out[0]:.0f}; DTW {left_out[1]:.0f}, {left_out[2]:.0f}",
+            None,
+            "A warp with free ends reads a recording that is slower than the reference only in"
+            " part; DTW must match all of both, and loses it where its ends are free too.",
         ),
     )
 
@@ -241,6 +250,7 @@ def _recorded_table(recorded: Mapping[str, Mapping[str, Recordings]]) -> Table:
         Column("largest wrist speed", "x recorded"),
         Column("variance removed, wrist", "%"),
         Column("... arm", "%"),
+        Column("left out at the ends", "%"),
     )
     rows = tuple(
         (
@@ -250,13 +260,15 @@ def _recorded_table(recorded: Mapping[str, Mapping[str, Recordings]]) -> Table:
             f"{result.speed:.2f}",
             f"{100 * result.observed:.0f}",
             f"{100 * result.controlled:.0f}",
+            f"{100 * result.left_out:.1f}",
         )
         for task, results in recorded.items()
         for name, result in results.items()
     )
     caption = (
         "Toolbox recordings, wrist and arm aligned together. People reach for different places, so"
-        " timing explains little of how their wrists differ."
+        " timing explains little of how their wrists differ; and part of the variance that goes is"
+        " that of ends which a warp leaves out."
     )
     return Table(columns, rows, caption)
 

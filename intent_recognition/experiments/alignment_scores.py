@@ -11,6 +11,7 @@ from intent_recognition.experiments.outcome import Settings
 from intent_recognition.experiments.time_warping import (
     Steps,
     dtw_maps,
+    left_out,
     smooth_maps,
     speed_ratio,
     steps,
@@ -71,12 +72,14 @@ class Recordings(NamedTuple):
         speed: largest speed of the warped wrist in parts of the largest as recorded.
         observed: share of the wrist's variance about the mean that is removed.
         controlled: likewise, of the arm's.
+        left_out: mean share of a recording that its map leaves out at both ends.
     """
 
     steps: Steps
     speed: float
     observed: float
     controlled: float
+    left_out: float
 
 
 def known_timing(
@@ -140,6 +143,7 @@ def on_recordings(
             speed_ratio(values[..., :3], maps),
             variance_removed(values[..., :3], maps),
             variance_removed(values[..., 3:], maps),
+            left_out(np.delete(maps, reference, axis=0)),
         )
     return results
 

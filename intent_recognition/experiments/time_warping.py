@@ -129,6 +129,11 @@ def _mean_match(path: np.ndarray, n_samples: int) -> np.ndarray:
     return np.interp(numbers, there, total[there] / count[there]) + before + after
 
 
+def left_out(maps: np.ndarray) -> float:
+    """Mean share of a recording that lies before the reference begins or after it ends."""
+    return float(np.mean(np.maximum(maps[:, 0], 0.0) + np.maximum(1.0 - maps[:, -1], 0.0)))
+
+
 def _variance(trajectories: np.ndarray) -> float:
     return float(np.sum((trajectories - trajectories.mean(axis=0)) ** 2))
 

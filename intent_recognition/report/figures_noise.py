@@ -10,6 +10,7 @@ from intent_recognition.report.drawing import PALETTE, SOFT, new_figure, styled
 BAND = 2.0
 """Standard errors on both sides of a mean."""
 DASHED = (0, (4, 2))
+TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 
 
 @styled
@@ -69,6 +70,8 @@ def growth_figure(
     """
     figure = new_figure(4.6 * len(panels), 4.4)
     grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
+    means = np.array([mean for lines in panels.values() for mean, _ in lines.values()])
+    lowest, highest = means.min(), means.max()
     for axes, (title, lines) in zip(grid, panels.items(), strict=True):
         for name, (mean, error) in lines.items():
             number, dashed, marker = styles[name]
@@ -88,7 +91,9 @@ def growth_figure(
         axes.set_xticks(levels, [f"{level:g}" for level in levels])
         axes.set_xlabel("noise variance [sketch units²]")
         axes.set_yscale("log")
-        axes.yaxis.set_major_formatter("{x:g}")
+        axes.set_yticks(TICKS, [f"{tick:g}" for tick in TICKS])
+        axes.minorticks_off()
+        axes.set_ylim(0.8 * lowest, 1.2 * highest)
     grid[0].set_ylabel("RMSE of the predicted agent [sketch units]")
     handles, labels = grid[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, handlelength=3.0)
