@@ -223,7 +223,7 @@ def _findings(n: dict) -> tuple[Finding, ...]:
             f"{arm['right']}/{arm['interactions']}, {arm_end.mean():.1f} (largest"
             f" {arm_end.max():.1f})",
             None,
-            f"The paper shows it without figures; {arm['right_at_once']} were right at once, and the"
+            f"The paper shows it without figures; {arm['right_at_once']} were right at once, the"
             f" arm arrives {np.median(late):+.2f} s after the wrist (median).",
         ),
     )
