@@ -68,6 +68,7 @@ setup(
     ],
     # ROS itself comes from the distribution or, without one, from the extra `ros`.
     install_requires=[
+        "embreex; platform_machine == 'x86_64'",
         "matplotlib",
         "lz4",
         "mcap>=1.1",
@@ -77,6 +78,7 @@ setup(
         "PyYAML",
         "rich",
         "rosbags>=0.10",
+        "rtree; platform_machine != 'x86_64'",
         "scipy>=1.11",
         "trimesh>=4",
         "zstandard",

@@ -71,7 +71,7 @@ def fit_cavity(points: np.ndarray, normals: np.ndarray, rim: Rim) -> Cavity:
     lid = (facing[:, 0] > 0.5) & (radius < 0.6 * rim.radius_m)
     lid &= np.abs(depth) < MIN_DEPTH * rim.depth_m
     if lid.mean() > MAX_LID_SHARE:
-        cure = "Open it in a mesh editor, or scan it without its lid."
+        cure = "It is closed on top: open it in a mesh editor, or scan it without its lid."
         got = f"{100.0 * lid.mean():.1f} % of the points inside the rim, in its plane"
         raise ArgumentError(describe("points", "a container with an open top", got, cure))
     if inside.sum() < MIN_IN_BIN * 5:

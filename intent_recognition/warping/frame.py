@@ -9,7 +9,7 @@ from intent_recognition.warping.opening import OpeningPlane, across
 
 N_LEVELS = 12
 PROTRUSION = 1.25
-MIN_HANDLE_SHARE = 0.01
+MIN_HANDLE_SHARE = 0.006
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,11 +123,14 @@ def _directions(normals: np.ndarray, likely: np.ndarray) -> np.ndarray:
 def _bearing(points: np.ndarray, up: np.ndarray) -> OpeningPlane | None:
     """The plane that bears on the highest points all around, and the circle through these."""
     middle = points.mean(0)
+    farthest = np.argmax(((points - middle) ** 2).sum(1))
     for _ in range(4):
         first, second = across(up)
         flat = (points - middle) @ np.stack([first, second], 1)
         level = (points - middle) @ up
+        # Sectors are counted from a point of the object: they turn with it.
         angle = np.arctan2(flat[:, 1], flat[:, 0])
+        angle = (angle - angle[farthest] + np.pi) % (2.0 * np.pi) - np.pi
         sector = ((angle / (2.0 * np.pi) + 0.5) * N_SECTORS).astype(int) % N_SECTORS
         order = np.lexsort((-level, sector))
         first_of = np.searchsorted(sector[order], np.unique(sector))

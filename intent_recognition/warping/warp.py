@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
-from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.errors import ArgumentError, TrainingError, describe
 from intent_recognition.warping.cavity import Cavity, fit_cavity
 from intent_recognition.warping.features import local_features
 from intent_recognition.warping.frame import ObjectFrame, coarse_frame
@@ -82,9 +82,12 @@ def prepare_source(annotated: AnnotatedObject) -> WarpSource:
         TrainingError: no rim is annotated.
         ArgumentError: the object has no opening.
     """
-    container, rim = (
-        annotated.points[annotated.labels == part].mean(0) for part in (Part.CONTAINER, Part.RIM)
-    )
+    parts = (Part.CONTAINER, Part.RIM)
+    if missing := [part.name for part in parts if not (annotated.labels == part).any()]:
+        cure = "Annotate the rim around the opening as RIM and the wall as CONTAINER."
+        got = f"no {' and no '.join(missing)}"
+        raise TrainingError(describe("labels", "points of CONTAINER and RIM", got, cure))
+    container, rim = (annotated.points[annotated.labels == part].mean(0) for part in parts)
     up = (rim - container) / np.linalg.norm(rim - container)
     classifiers = fit_part_classifiers(annotated, up)
     frame = _frame(annotated, classifiers)

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pour in the warped space, as a probabilistic movement primitive (Brandl et al. III-B).
+
+The warped space has four numbers: the lip's distance from the centre of the second opening along
+and across the pour, divided by the second's radius; its height above it, divided by the held
+container's height; and the tilt, divided by the held container's tilt reference angle. A primitive
+learned with one pair of containers is rescaled by those of the next.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ShapeError, TrainingError, describe
+from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.weights import fit_weights
+from intent_recognition.warping.constraints import References
+
+WARPED_NAMES = ("along", "across", "up", "tilt")
+N_WARPED = len(WARPED_NAMES)
+
+
+def warped_scale(cup: References, second: References) -> np.ndarray:
+    """What along [m], across [m], up [m] and tilt [rad] are divided by (4,)."""
+    radius = second.opening_radius_m
+    return np.array([radius, radius, cup.height_m, cup.tilt_rad])
+
+
+def to_warped(
+    offset_m: np.ndarray, tilt_rad: np.ndarray, cup: References, second: References
+) -> np.ndarray:
+    """A path of the lip as ratios (T, 4).
+
+    Args:
+        offset_m: lip from the centre of the second opening (T, 3): along, across, up.
+        tilt_rad: of the held container (T,).
+        cup: the held container.
+        second: the other one.
+    """
+    return np.column_stack([offset_m, tilt_rad]) / warped_scale(cup, second)
+
+
+def from_warped(
+    path: np.ndarray, cup: References, second: References
+) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets (T, 3) [m] and tilts (T,) [rad] of ratios (T, 4): the inverse of `to_warped`."""
+    scaled = path * warped_scale(cup, second)
+    return scaled[:, :3], scaled[:, 3]
+
+
+@dataclass(frozen=True)
+class WarpedPrimitive:
+    """Distribution over pours in the warped space; `learn` makes one.
+
+    Attributes:
+        basis: N basis functions of the phase.
+        mean: of the weights (4 N,), grouped by DOF.
+        spread: (4 N, r), whose product with its transpose is the weights' covariance: as many
+            columns as there were demonstrations.
+        duration_s: mean duration of the demonstrations.
+    """
+
+    basis: NormalizedRBFBasis
+    mean: np.ndarray
+    spread: np.ndarray
+    duration_s: float
+
+    @classmethod
+    def learn(
+        cls,
+        paths: Sequence[np.ndarray],
+        durations_s: Sequence[float],
+        basis: NormalizedRBFBasis | None = None,
+    ) -> "WarpedPrimitive":
+        """Learn from demonstrations that begin and end together.
+
+        Args:
+            paths: of each demonstration (T_i, 4), evenly spaced in time.
+            durations_s: of each.
+            basis: 20 basis functions where left out.
+
+        Raises:
+            TrainingError: fewer than two demonstrations.
+            ShapeError: a path has no four columns.
+        """
+        basis = basis or NormalizedRBFBasis(20)
+        if len(paths) < 2 or len(paths) != len(durations_s):
+            got = (len(paths), len(durations_s))
+            cure = "Record at least two."
+            raise TrainingError(describe("paths, durations_s", "two or more, paired", got, cure))
+        weights = []
+        for path in paths:
+            if path.ndim != 2 or path.shape[1] != N_WARPED:
+                cure = "Use `to_warped`."
+                raise ShapeError(describe("paths", f"shape (T, {N_WARPED})", path.shape, cure))
+            phase = np.linspace(0.0, 1.0, len(path))
+            weights.append(fit_weights(basis, phase, path).weights.ravel())
+        mean = np.mean(weights, axis=0)
+        spread = (np.array(weights) - mean).T / np.sqrt(len(weights) - 1.0)
+        return cls(basis, mean, spread, float(np.mean(durations_s)))
+
+    def mean_path(self, phase: np.ndarray) -> np.ndarray:
+        """Mean at phases (T,): (T, 4)."""
+        return self._roll_out(self.mean, phase)
+
+    def std_path(self, phase: np.ndarray) -> np.ndarray:
+        """Standard deviation at phases (T,): (T, 4)."""
+        design = self.basis.design_matrix(phase)
+        parts = self.spread.reshape(N_WARPED, self.basis.n_basis, -1)
+        return np.sqrt(np.sum(np.einsum("tn,dnr->tdr", design, parts) ** 2, axis=-1))
+
+    def sample(self, phase: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """One pour drawn from the distribution, at phases (T,): (T, 4)."""
+        drawn = self.mean + self.spread @ rng.standard_normal(self.spread.shape[1])
+        return self._roll_out(drawn, phase)
+
+    def _roll_out(self, weights: np.ndarray, phase: np.ndarray) -> np.ndarray:
+        return self.basis.design_matrix(phase) @ weights.reshape(N_WARPED, -1).T

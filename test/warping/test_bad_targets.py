@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clouds and meshes that cannot be warped onto are refused with the reason."""
+
+import numpy as np
+import pytest
+import trimesh
+from scan_builder import scanned
+
+from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
+from intent_recognition.storage.targets import load_target, mesh_target
+from intent_recognition.warping.normals import with_estimated_normals
+from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
+from intent_recognition.warping.parameters import pouring_parameters
+from intent_recognition.warping.wall_checks import check_wall
+from intent_recognition.warping.warp import prepare_source, warp
+from sim_bridge.containers import make_container
+from sim_bridge.containers.scan import scan
+
+
+def mug_mesh() -> trimesh.Trimesh:
+    """A mug's mesh."""
+    return make_container("mug", 3).mesh.copy()
+
+
+@pytest.mark.parametrize(
+    ("points", "normals", "error", "reason"),
+    [
+        (np.zeros((0, 3)), np.zeros((0, 3)), ArgumentError, "at least 100, got 0"),
+        (np.zeros((200, 2)), np.zeros((200, 2)), ShapeError, "shape"),
+        (np.full((200, 3), np.nan), np.ones((200, 3)), ArgumentError, "200 of 200 with NaN"),
+        (np.zeros((200, 3)), np.zeros((199, 3)), ShapeError, "normals"),
+        (np.zeros((200, 3)), np.zeros((200, 3)), ArgumentError, "normals: expected finite"),
+    ],
+)
+def test_bad_arrays(points, normals, error, reason):
+    """Refused when the cloud is made."""
+    with pytest.raises(error, match=reason):
+        ObjectCloud(points, normals)
+
+
+def test_clouds_that_are_no_container(mug):
+    """Wrong unit, flat, two objects, none."""
+    cloud = scanned("tumbler")
+    rng = np.random.default_rng(0)
+    flat = ObjectCloud(rng.uniform(0, 0.1, (500, 3)) * [1, 1, 0], np.tile([0, 0, 1.0], (500, 1)))
+    ball = rng.normal(size=(1000, 3))
+    ball /= np.linalg.norm(ball, axis=1)[:, None]
+    two = ObjectCloud(
+        np.concatenate([cloud.points, cloud.points + [0.2, 0, 0]]), np.tile(cloud.normals, (2, 1))
+    )
+    for bad, reason in (
+        (ObjectCloud(1000.0 * cloud.points, cloud.normals), "millimetres are scaled by 0.001"),
+        (flat, "a body with a depth"),
+        (two, "2 pieces"),
+        (ObjectCloud(0.05 * ball, ball), "open rim"),
+    ):
+        with pytest.raises(ArgumentError, match=reason):
+            warp(mug, bad)
+
+
+def test_meshes_that_hold_nothing(mug):
+    """Closed, lidded, with holes, in millimetres, empty, with NaN."""
+    mesh = mug_mesh()
+    centres, middle = mesh.triangles_center, 0.5 * mesh.bounds[1, 2]
+    window = (centres[:, 0] > 0) & (np.abs(centres[:, 1]) < 0.012)
+    broken = mug_mesh()
+    broken.update_faces(~(window & (np.abs(centres[:, 2] - middle) < 0.012)))
+    glass = make_container("tall_glass", 3).mesh.copy()
+    glass.update_faces(np.linalg.norm(glass.triangles_center[:, :2], axis=1) > 0.02)
+    lid = trimesh.creation.cylinder(radius=0.041, height=0.004)
+    lid.apply_translation([0.0, 0.0, mesh.bounds[1, 2]])
+    lidded = trimesh.util.concatenate([mesh, lid])
+    large = mug_mesh()
+    large.apply_scale(1000.0)
+    nan = trimesh.Trimesh(np.full((3, 3), np.nan), [[0, 1, 2]], process=False)
+    for bad, reason in (
+        (trimesh.creation.box((0.1, 0.1, 0.1)), "closed on top"),
+        (lidded, "closed on top"),
+        (broken, "a hole about"),
+        (glass, "a hole in the floor"),
+        (large, "millimetres"),
+        (trimesh.Trimesh(), "triangles"),
+        (nan, "NaN"),
+    ):
+        with pytest.raises(ArgumentError, match=reason):
+            target = mesh_target(bad)
+            check_wall(warp(mug, target.cloud), target.surface)
+
+
+def test_a_mesh_turned_inside_out_is_turned_back(mug):
+    """Winding of a closed mesh can be told from its volume."""
+    mesh = make_container("tumbler", 3).mesh.copy()
+    straight = pouring_parameters(warp(mug, mesh_target(mesh).cloud))
+    mesh.invert()
+    turned = pouring_parameters(warp(mug, mesh_target(mesh).cloud))
+    assert turned.volume_m3 == pytest.approx(straight.volume_m3, rel=0.02)
+
+
+def test_files(mug, tmp_path):
+    """What trimesh can write is read; what it cannot read, or is not there, is named."""
+    mesh = make_container("tea_cup", 2)
+    for ending in ("obj", "ply", "stl"):
+        path = tmp_path / f"cup.{ending}"
+        mesh.mesh.export(path)
+        target = load_target(path)
+        check_wall(warp(mug, target.cloud), target.surface)
+        found = pouring_parameters(warp(mug, target.cloud))
+        assert found.volume_m3 == pytest.approx(mesh.inner_volume_m3, rel=0.03)
+    (tmp_path / "bad.stl").write_bytes(b"solid nonsense")
+    (tmp_path / "bad.xyzzy").write_bytes(b"?")
+    for name in ("bad.stl", "bad.xyzzy", "none.ply"):
+        with pytest.raises(ArgumentError, match=name):
+            load_target(tmp_path / name)
+
+
+def test_a_cloud_without_normals_needs_the_camera(mug, tmp_path):
+    """With the place of the camera the normals are estimated; without, it is refused."""
+    container = make_container("tumbler", 1)
+    seen = scan(container.mesh, np.random.default_rng(0), 1)
+    path = tmp_path / "seen.ply"
+    trimesh.PointCloud(seen.points).export(path)
+    with pytest.raises(ArgumentError, match="where the camera was"):
+        load_target(path)
+    found = pouring_parameters(warp(mug, load_target(path, viewpoint=seen.viewpoints[0]).cloud))
+    assert found.opening_radius_m == pytest.approx(container.opening_radius_m, rel=0.04)
+    assert found.volume_m3 == pytest.approx(container.inner_volume_m3, rel=0.15)
+
+
+def test_estimated_normals_point_out_of_the_surface():
+    """Against those of the mesh, in several views."""
+    seen = scan(make_container("round_bowl").mesh, np.random.default_rng(0), 3)
+    cloud = with_estimated_normals(seen.points, seen.viewpoints)
+    agreement = (cloud.normals * seen.normals).sum(1)
+    assert np.median(agreement) > 0.95
+    assert (agreement > 0.0).mean() > 0.97
+    with pytest.raises(ShapeError, match="viewpoints"):
+        with_estimated_normals(seen.points, seen.viewpoints[:5])
+
+
+def test_annotations_are_checked(mug):
+    """Labels must be parts, and one of them the rim."""
+    own = mug.annotated
+    with pytest.raises(ArgumentError, match="values of Part"):
+        AnnotatedObject(own.points, own.normals, np.full(len(own.points), 7))
+    with pytest.raises(ShapeError, match="labels"):
+        AnnotatedObject(own.points, own.normals, own.labels[:-1])
+    with pytest.raises(TrainingError, match="RIM"):
+        prepare_source(AnnotatedObject(own.points, own.normals, np.zeros(len(own.points))))

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Identities of warping, and its accuracy on containers whose truth is known."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scan_builder import scanned
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.warping.object_model import ObjectCloud
+from intent_recognition.warping.parameters import (
+    lip_point,
+    pouring_parameters,
+    tilt_reference,
+)
+from intent_recognition.warping.parts import Part
+from intent_recognition.warping.warp import warp
+from sim_bridge.containers import CONTAINER_NAMES, make_container
+
+names = st.sampled_from(CONTAINER_NAMES)
+seeds = st.integers(0, 3)
+random_examples = settings(
+    max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+
+
+def numbers(parameters) -> np.ndarray:
+    """Radius, cube root of the volume, height and tilt."""
+    return np.array(
+        [
+            parameters.opening_radius_m,
+            parameters.volume_m3 ** (1.0 / 3.0),
+            parameters.height_m,
+            parameters.tilt_reference_rad,
+        ]
+    )
+
+
+@pytest.mark.parametrize("mapping", ["label", "point"])
+@pytest.mark.parametrize("k", [1, 3])
+def test_warping_an_object_onto_itself_changes_nothing(mug, mapping, k):
+    """With one neighbour neither points nor labels change; with more hardly a label does."""
+    own = mug.annotated
+    warped = warp(mug, ObjectCloud(own.points, own.normals), mapping, k)
+    if k == 1:
+        np.testing.assert_array_equal(warped.points, own.points)
+        np.testing.assert_allclose(warped.normals, own.normals, atol=1e-14)
+        np.testing.assert_array_equal(warped.labels, own.labels)
+    assert (warped.labels == own.labels).mean() > 0.93
+    assert np.abs(warped.points - own.points).max() < 0.02
+
+
+def test_mappings_agree_on_identical_sampling(mug):
+    """Where every source point has its target point both mappings give the same object."""
+    own = mug.annotated
+    turn = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()
+    moved = ObjectCloud(2.0 * own.points @ turn.T + 0.4, own.normals @ turn.T)
+    by_label, by_point = (warp(mug, moved, mapping) for mapping in ("label", "point"))
+    np.testing.assert_array_equal(by_label.points, by_point.points)
+    np.testing.assert_array_equal(by_label.labels, by_point.labels)
+    np.testing.assert_array_equal(by_label.labels, own.labels)
+
+
+@random_examples
+@given(name=names, seed=seeds, scale=st.floats(0.4, 4.0))
+def test_lengths_scale_and_angles_do_not(mug, name, seed, scale):
+    """Length x s, volume x s^3, angle x 1."""
+    cloud = scanned(name, seed)
+    larger = ObjectCloud(scale * cloud.points, cloud.normals)
+    first, second = (pouring_parameters(warp(mug, one)) for one in (cloud, larger))
+    expected = numbers(first) * [scale, scale, scale, 1.0]
+    np.testing.assert_allclose(numbers(second), expected, rtol=1e-6)
+    np.testing.assert_allclose(second.opening_centre, scale * first.opening_centre, atol=1e-7)
+    np.testing.assert_allclose(second.lip_point, scale * first.lip_point, atol=1e-7)
+
+
+@random_examples
+@given(
+    name=names,
+    seed=seeds,
+    turn=st.tuples(*[st.floats(-3.0, 3.0)] * 3),
+    shift=st.tuples(*[st.floats(-2.0, 2.0)] * 3),
+    mapping=st.sampled_from(["label", "point"]),
+)
+def test_rigid_motion_changes_no_parameter(mug, name, seed, turn, shift, mapping):
+    """Numbers stay, points move along."""
+    cloud = scanned(name, seed)
+    rotation = Rotation.from_rotvec(turn).as_matrix()
+    moved = ObjectCloud(cloud.points @ rotation.T + shift, cloud.normals @ rotation.T)
+    first, second = (pouring_parameters(warp(mug, one, mapping)) for one in (cloud, moved))
+    np.testing.assert_allclose(numbers(second), numbers(first), rtol=1e-6)
+    for before, after in (
+        (first.opening_centre, second.opening_centre),
+        (first.lip_point, second.lip_point),
+    ):
+        np.testing.assert_allclose(after, rotation @ before + shift, atol=1e-7)
+
+
+@random_examples
+@given(name=names, seed=st.integers(4, 30), n_views=st.integers(1, 3))
+def test_parameters_are_near_the_truth(mug, name, seed, n_views):
+    """Random containers, one to three views: the bounds that hold for every one."""
+    container = make_container(name, seed)
+    other = np.array([0.4, 0.1, 0.0])
+    found = pouring_parameters(warp(mug, scanned(name, seed, n_views)), other)
+    assert found.opening_radius_m == pytest.approx(container.opening_radius_m, rel=0.03)
+    assert found.volume_m3 == pytest.approx(container.inner_volume_m3, rel=0.12)
+    assert found.height_m == pytest.approx(container.height_m, rel=0.10)
+    truth = container.tilt_reference_about(container.lip_toward(other))
+    assert found.tilt_reference_rad == pytest.approx(truth, abs=np.radians(4.0))
+    assert np.linalg.norm(found.opening_centre - container.opening_centre) < 0.004
+
+
+def test_labels_are_those_of_the_parts(mug):
+    """Mapped labels agree with the truth, and a handle is only where there is one."""
+    for name in ("tall_mug", "tea_cup", "tumbler", "square_bowl"):
+        container, cloud = make_container(name, 1), scanned(name)
+        warped = warp(mug, cloud)
+        truth = container.labels(cloud.points)
+        assert (warped.labels == truth).mean() > 0.88
+        assert (len(warped.part(Part.HANDLE)) > 0) == (container.handle is not None)
+
+
+def test_lip_follows_the_other_container_the_slope_or_the_handle(mug):
+    """Closest to the other one; else the lowest; else opposite to the handle."""
+    warped = warp(mug, scanned("tall_mug"))
+    centre, radius = warped.rim.centre, warped.rim.radius_m
+    near = lip_point(warped, toward=centre + [0.0, 0.5, -0.1])
+    assert near == pytest.approx(centre + [0.0, radius, 0.0], abs=0.004)
+    tilted = np.array([-np.sin(0.5), 0.0, np.cos(0.5)])
+    assert lip_point(warped, vertical=tilted)[0] > centre[0] + 0.9 * radius
+    level = lip_point(warped, vertical=np.array([0.0, 0.0, 1.0]))
+    np.testing.assert_array_equal(level, lip_point(warped))
+    assert level[0] > centre[0] + 0.9 * radius
+    assert tilt_reference(warped, near) == pytest.approx(tilt_reference(warped, level), abs=0.02)
+
+
+def test_unknown_mapping_and_k_are_refused(mug):
+    """Arguments are checked."""
+    with pytest.raises(ArgumentError, match="mapping"):
+        warp(mug, scanned("tumbler"), "both")
+    with pytest.raises(ArgumentError, match="k"):
+        warp(mug, scanned("tumbler"), k=0)
