@@ -43,9 +43,9 @@ def test_a_value_of_one_is_the_reference():
 def test_moments_are_those_of_the_demonstrations():
     shown = paths()
     primitive = WarpedPrimitive.learn(shown, np.linspace(5.0, 7.0, 10))
-    np.testing.assert_allclose(primitive.mean_path(PHASE), np.mean(shown, axis=0), atol=5e-3)
+    np.testing.assert_allclose(primitive.mean_path(PHASE), np.mean(shown, axis=0), atol=1e-2)
     std = np.std(shown, axis=0, ddof=1)
-    np.testing.assert_allclose(primitive.std_path(PHASE), std, atol=5e-3)
+    np.testing.assert_allclose(primitive.std_path(PHASE), std, atol=1e-2)
     assert primitive.duration_s == pytest.approx(6.0)
 
 
