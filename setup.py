@@ -89,7 +89,10 @@ setup(
             "ros-common-interfaces==5.3.6",
             "ros-rmw-fastrtps-cpp==8.4.3",
         ],
-        "dashboard": ["viser>=1.0", "yourdfpy>=0.0.56"],
+        "dashboard": [
+            "viser>=1.0",
+            "yourdfpy>=0.0.56",
+        ],
         "dask": [
             "distributed>=2024.1",
         ],
