@@ -227,7 +227,7 @@ def _conditions(plan: Plan) -> tuple[str, ...]:
     return (
         "The paper's sketches are not published; ours are drawn by a generator: smooth curves"
         " through six heights that three causes move together.",
-        "A curve spans 2 units and pairs differ by 0.25 (standard deviation), so that noise of"
+        "A curve spans 2 units and pairs differ by 0.23 (standard deviation), so that noise of"
         " variance 0.04 is about as large as what is to be told.",
         "The DMP has the ProMP's 20 basis functions, its shrinkage of the covariance and its free"
         " choice of the noise variance; in addition a Savitzky-Golay or zero-phase Butterworth"

@@ -76,7 +76,7 @@ def run(settings: Settings) -> Outcome:
         conditions=(
             "The paper's sketches are not published; ours are drawn by a generator.",
             "The noise of the sparse observations, which the paper does not report, has a standard"
-            " deviation of 0.1 on curves that span 2 units and differ by 0.25.",
+            " deviation of 0.1 on curves that span 2 units and differ by 0.23.",
             "The paper says that the experiment cannot be done with a DMP; ours is given a"
             " smoothing spline, drawn out to the start, whose roughness, trust and shrinkage cross"
             " validation chooses for each number of observations.",
