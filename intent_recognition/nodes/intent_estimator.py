@@ -1,25 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: recognises the human's task and predicts both agents from `human/<body>`."""
 
-import importlib
 import time
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
-from nav_msgs.msg import Odometry, Path
+from nav_msgs.msg import Path
 from rclpy.clock import Clock, ClockType
-from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from intent_recognition.errors import ArgumentError, DofError, IntentError, MessageError, describe
+from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
-from intent_recognition.nodes.backlog import Backlog
-from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import (
     MarkerBuilder,
@@ -28,54 +23,20 @@ from intent_recognition.nodes.markers import (
     position_of,
     to_path,
 )
+from intent_recognition.nodes.observation_input import ObservationInput, human_topic, message_class
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
 from intent_recognition.nodes.wire import NamedVectorWire, TrajectoryWire
-from intent_recognition.nodes.wire_reading import read_odometry
 from intent_recognition.promp.library import NONE
 from intent_recognition.promp.observations import Observation, group_dofs
 from intent_recognition.promp.online import Estimate, IntentEstimator, Prediction
 from intent_recognition.promp.transitions import FORGET_AFTER_S
-from intent_recognition.storage.dofs import DofEntry, DofSpec, load_dofs
-from intent_recognition.storage.measuring import Instrument, observed_instruments
+from intent_recognition.storage.dofs import DofSpec, load_dofs
 from intent_recognition.storage.model import Model, check_dofs, load_model
-from intent_recognition.storage.signals import is_raw_pose
 
 STREAM_TIMEOUT_S = 0.5
 CHECK_PERIOD_S = 0.1
 CHECKS_PER_TYPE_CHECK = 10
-INPUT = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST,
-    depth=1000,
-    reliability=QoSReliabilityPolicy.BEST_EFFORT,
-)
-"""As sensor data, but nothing is lost while a movement is filtered anew (onset, new model)."""
 _OK, _WARN = 0, 1
-
-
-def human_topic(entry: DofEntry) -> str:
-    """Topic on which mocap_ingest republishes a raw pose topic: human/<body>."""
-    *prefix, _, body, _ = entry.topic.split("/")
-    return "/".join([*prefix, "human", body])
-
-
-def message_class(type_name: str) -> type:
-    """Message class of "package/msg/Name".
-
-    Raises:
-        DofError: the package or the message is not installed.
-    """
-    package, _, name = type_name.split("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError) as error:
-        raise DofError(
-            describe(
-                f"type {type_name}",
-                "an installed message type",
-                error,
-                "Install its package, or correct the DOF file.",
-            )
-        ) from error
 
 
 class IntentEstimatorNode(ManagedNode):
@@ -136,7 +97,7 @@ class IntentEstimatorNode(ManagedNode):
         self._markers = self.create_publisher(MarkerArray, "intent/markers", qos.COMMAND)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/reload_model", self._on_reload)
-        self._inputs = Backlog(partial(self._diagnostics.count, "dropped_behind"))
+        self._inputs = ObservationInput(self, self._diagnostics, self._use)
         self._wrong_types: set[tuple[str, str, str]] = set()
         self._checks = 0
         self._watchdog = self.create_timer(
@@ -147,8 +108,7 @@ class IntentEstimatorNode(ManagedNode):
     def configure(self) -> None:
         """Load the model and check it against the DOF file."""
         self._model = self._load()
-        self._kinds = {e.type: message_class(e.type) for e in self._dofs.observed}
-        self._kinds |= {e.type: message_class(e.type) for e in self._dofs.velocities}
+        self._inputs.configure(self._own_dofs or self._model.dofs)
         self._estimator = IntentEstimator(
             self._model.library,
             transitions=self._transitions,
@@ -165,21 +125,11 @@ class IntentEstimatorNode(ManagedNode):
         self._last_robot: tuple[Prediction, bytes] | None = None
         self._last_arrival_s = 0.0
         self._last_publication_ns = 0
-        self._frame = "world"
         self.get_logger().info(f"tasks: {', '.join(self._model.labels)}")
 
     def activate(self) -> None:
         """Subscribe to the observed agent."""
-        by_topic: dict[str, list[Instrument]] = {}
-        for instrument in observed_instruments(self._dofs):
-            by_topic.setdefault(instrument.entry.topic, []).append(instrument)
-        for topic, instruments in by_topic.items():
-            entry = instruments[0].entry
-            raw = is_raw_pose(topic, entry.type)
-            kind = Odometry if raw else self._kinds[entry.type]
-            use = partial(self._on_odometry if raw else self._on_message, instruments)
-            name = human_topic(entry) if raw else topic
-            self._inputs.subscribe(self, kind, name, use, INPUT, raw=raw)
+        self._inputs.open()
         if self._start_posture:
             controlled = self._model.dofs.controlled
             self._postures.open(self._estimator, controlled, message_class, human_topic)
@@ -188,7 +138,7 @@ class IntentEstimatorNode(ManagedNode):
 
     def deactivate(self) -> None:
         """Let go of the observed agent and forget the movement under way."""
-        self._inputs.close(self)
+        self._inputs.close()
         self._postures.close()
         self._forget()
         self._diagnostics.status(_OK, "not active")
@@ -199,11 +149,6 @@ class IntentEstimatorNode(ManagedNode):
         self._marker_builder = MarkerBuilder()
         self._moving = self._silent = False
         self._last_publication_ns = 0
-
-    @property
-    def _dofs(self) -> DofSpec:
-        """The node's own DOF file, which may add measured velocities; else the model's."""
-        return self._own_dofs or self._model.dofs
 
     def _load(self) -> Model:
         path = self.get_parameter("model").value
@@ -222,47 +167,15 @@ class IntentEstimatorNode(ManagedNode):
             check_dofs(model, self._own_dofs, self._dofs_path)
         return model
 
-    def _on_odometry(self, instruments: list[Instrument], data: bytes) -> None:
-        """Take a tracked pose; its twist is differentiated from poses, so it is no evidence."""
-        start_s = time.perf_counter()
-        try:
-            tracked = read_odometry(data)
-        except MessageError as error:
-            self._diagnostics.reject("malformed", str(error))
-            return
-        self._frame = tracked.frame_id or self._frame
-        stamp, pose, covariance = tracked.stamp_ns, tracked.pose, tracked.covariance
-        self._take(instruments, stamp, lambda i: i.observe_pose(stamp, pose, covariance), start_s)
-
-    def _on_message(self, instruments: list[Instrument], message: object) -> None:
-        start_s = time.perf_counter()
-        stamp = stamp_ns(message) if hasattr(message, "header") else self._now_ns()
-        self._take(instruments, stamp, lambda i: i.observe(stamp, message), start_s)
-
-    def _take(
-        self,
-        instruments: list[Instrument],
-        stamp: int,
-        read: Callable[[Instrument], Observation],
-        start_s: float,
-    ) -> None:
-        topic = instruments[0].entry.topic
-        self._diagnostics.tick(topic)
-        for instrument in instruments:
-            try:
-                observation = read(instrument)
-            except MessageError as error:
-                self._diagnostics.reject("missing_dof", str(error))
-                continue
-            reason = self._estimator.reason_to_reject(observation)
-            if reason is not None:
-                self._diagnostics.reject(reason, f"{topic} at {stamp} ns")
-                continue
-            if len(observation.values) < len(instrument.entry.names):
-                self._diagnostics.tick(f"{topic}, in part")
-            self._last_arrival_s = time.monotonic()
-            self._publish(self._estimator.observe(observation), observation)
-        self._diagnostics.latency(time.perf_counter() - start_s)
+    def _use(self, observation: Observation, topic: str) -> bool:
+        """Take an observation; False if it cannot be used."""
+        reason = self._estimator.reason_to_reject(observation)
+        if reason is not None:
+            self._diagnostics.reject(reason, f"{topic} at {observation.stamp_ns} ns")
+            return False
+        self._last_arrival_s = time.monotonic()
+        self._publish(self._estimator.observe(observation), observation)
+        return True
 
     def _publish(self, estimate: Estimate, observation: Observation) -> None:
         if estimate.moving:
@@ -309,20 +222,17 @@ class IntentEstimatorNode(ManagedNode):
         entry = self._model.dofs.observed[self._shown]
         columns = group_dofs(self._model.library, self._shown)[position_columns(entry)]
         positions = human.trajectory.positions[:, columns]
-        self._path.publish(to_path(estimate.stamp_ns, self._frame, human, positions))
+        self._path.publish(to_path(estimate.stamp_ns, self._inputs.frame, human, positions))
         if self._markers.get_subscription_count():
             self._markers.publish(
                 self._marker_builder.build(
                     estimate.stamp_ns,
-                    self._frame,
+                    self._inputs.frame,
                     f"{human.task} {np.max(estimate.probabilities):.0%}",
                     positions,
                     human.trajectory.std[:, columns],
                 )
             )
-
-    def _now_ns(self) -> int:
-        return self.get_clock().now().nanoseconds
 
     def _check_stream(self) -> None:
         if not self.active:

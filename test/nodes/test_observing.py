@@ -72,6 +72,7 @@ class Nodes:
         )
         self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
         inner = [p for p in self.ingest._outputs.values() if p.topic_name[1:] in self.heard()]
+        self.inner = {publisher.topic_name[1:] for publisher in inner}
         harness.connect(self.estimator._tasks, *inner)
 
     def heard(self):
@@ -81,15 +82,19 @@ class Nodes:
         types = {e.topic: message_class(e.type) for e in self.dofs.observed}
         inputs = {topic: self.harness.publisher(kind, topic, 10) for topic, kind in types.items()}
         self.harness.connect(*inputs.values())
+        heard = [*self.estimator._inputs.subscriptions, *self.ingest._inputs]
+        heard = [one for one in heard if one.topic_name[1:] in {*inputs, *self.inner}]
+        self.harness.spin_until(
+            lambda: all(one.get_publisher_count() for one in heard), what="publishers found"
+        )
         for raw in BagReader(bag).raw_messages(inputs):
             topic, before = raw.topic.lstrip("/"), self.handled()
             inputs[topic].publish(deserialize_message(raw.data, types[topic]))
             self.harness.spin_until(lambda b=before: self.handled() > b, what="its effect")
 
     def handled(self):
-        """How often the estimator was done with a message, or a message was refused."""
-        done = len(self.estimator._diagnostics._latencies_s)
-        return done + self.ingest._diagnostics._counts.total()
+        """How often the estimator answered a message, or a message was refused."""
+        return len(self.estimator._diagnostics._latencies_s) + self.rejected().total()
 
     def rejected(self):
         return self.ingest._diagnostics._counts + self.estimator._diagnostics._counts

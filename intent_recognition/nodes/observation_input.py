@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the estimator node hears of the observed agent: messages of any topics to observations."""
+
+import importlib
+import time
+from collections.abc import Callable
+from functools import partial
+
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from intent_recognition.errors import DofError, MessageError, describe
+from intent_recognition.nodes.backlog import Backlog
+from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.wire_reading import read_odometry
+from intent_recognition.promp.observations import Observation
+from intent_recognition.storage.dofs import DofEntry, DofSpec
+from intent_recognition.storage.measuring import Instrument, observed_instruments
+from intent_recognition.storage.signals import is_raw_pose
+
+INPUT = QoSProfile(
+    history=QoSHistoryPolicy.KEEP_LAST,
+    depth=1000,
+    reliability=QoSReliabilityPolicy.BEST_EFFORT,
+)
+"""As sensor data, but nothing is lost while a movement is filtered anew (onset, new model)."""
+
+
+def human_topic(entry: DofEntry) -> str:
+    """Topic on which mocap_ingest republishes a raw pose topic: human/<body>."""
+    *prefix, _, body, _ = entry.topic.split("/")
+    return "/".join([*prefix, "human", body])
+
+
+def message_class(type_name: str) -> type:
+    """Message class of "package/msg/Name".
+
+    Raises:
+        DofError: the package or the message is not installed.
+    """
+    package, _, name = type_name.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError) as error:
+        raise DofError(
+            describe(
+                f"type {type_name}",
+                "an installed message type",
+                error,
+                "Install its package, or correct the DOF file.",
+            )
+        ) from error
+
+
+class ObservationInput:
+    """One subscription for each observed topic, its messages read by all entries that name it.
+
+    Args:
+        node: subscribes.
+        diagnostics: counts what cannot be read, under `missing_dof` or `malformed`.
+        use: takes an observation and the name of its topic; False if it was refused.
+
+    Attributes:
+        frame: of the last tracked pose.
+    """
+
+    def __init__(
+        self, node: Node, diagnostics: Diagnostics, use: Callable[[Observation, str], bool]
+    ):
+        self.frame = "world"
+        self._node, self._diagnostics, self._use = node, diagnostics, use
+        self._backlog = Backlog(partial(diagnostics.count, "dropped_behind"))
+        self._kinds: dict[str, type] = {}
+
+    def configure(self, dofs: DofSpec) -> None:
+        """Find the message types.
+
+        Raises:
+            DofError: one of them is not installed.
+        """
+        self._dofs = dofs
+        entries = (*dofs.observed, *dofs.velocities)
+        self._kinds = {entry.type: message_class(entry.type) for entry in entries}
+
+    def open(self) -> None:
+        """Subscribe."""
+        by_topic: dict[str, list[Instrument]] = {}
+        for instrument in observed_instruments(self._dofs):
+            by_topic.setdefault(instrument.entry.topic, []).append(instrument)
+        for topic, instruments in by_topic.items():
+            entry = instruments[0].entry
+            raw = is_raw_pose(topic, entry.type)
+            kind = Odometry if raw else self._kinds[entry.type]
+            use = partial(self._on_odometry if raw else self._on_message, instruments)
+            name = human_topic(entry) if raw else topic
+            self._backlog.subscribe(self._node, kind, name, use, INPUT, raw=raw)
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        self._backlog.close(self._node)
+
+    @property
+    def subscriptions(self) -> list[Subscription]:
+        """Those there are."""
+        return self._backlog.subscriptions
+
+    def _on_odometry(self, instruments: list[Instrument], data: bytes) -> None:
+        """Take a tracked pose; its twist is differentiated from poses, so it is no evidence."""
+        start_s = time.perf_counter()
+        try:
+            stamp, frame_id, pose, covariance = read_odometry(data)
+        except MessageError as error:
+            self._diagnostics.reject("malformed", str(error))
+            return
+        self.frame = frame_id or self.frame
+        self._take(instruments, lambda i: i.observe_pose(stamp, pose, covariance), start_s)
+
+    def _on_message(self, instruments: list[Instrument], message: object) -> None:
+        start_s = time.perf_counter()
+        stamped = hasattr(message, "header")
+        stamp = stamp_ns(message) if stamped else self._node.get_clock().now().nanoseconds
+        self._take(instruments, lambda i: i.observe(stamp, message), start_s)
+
+    def _take(
+        self,
+        instruments: list[Instrument],
+        read: Callable[[Instrument], Observation],
+        start_s: float,
+    ) -> None:
+        topic = instruments[0].entry.topic
+        self._diagnostics.tick(topic)
+        used = False
+        for instrument in instruments:
+            try:
+                observation = read(instrument)
+            except MessageError as error:
+                self._diagnostics.reject("missing_dof", str(error))
+                continue
+            if self._use(observation, topic):
+                used = True
+                if len(observation.values) < len(instrument.entry.names):
+                    self._diagnostics.tick(f"{topic}, in part")
+        if used:
+            self._diagnostics.latency(time.perf_counter() - start_s)
