@@ -90,8 +90,7 @@ def _findings(
     table: Mapping[str, np.ndarray], growth: Mapping[str, Growth], plan: Plan
 ) -> tuple[Finding, ...]:
     mean = {method: errors.mean(axis=0) for method, errors in table.items()}
-    noisy = np.array(table[DMP])[:, 1:] - np.array(table[PROMP])[:, 1:]
-    better = int(np.sum(noisy.mean(axis=0) > 0.0))
+    better = mean[PROMP] < mean[DMP]
     middle = _half(plan)
     clean = mean[DMP][0, -1] / mean[PROMP][0, -1]
     part = mean[DMP][-1, middle] / mean[PROMP][-1, middle]
@@ -123,17 +122,18 @@ def _findings(
         Finding(
             f"the DMP's error over the ProMP's at variance {plan.levels[-1]:g},"
             f" {plan.counts[middle]} samples seen",
-            "above 1",
+            "",
             f"{part:.2f}",
-            bool(part > 1.0),
-            "" if part > 1.0 else "The DMP does as well here.",
+            None,
+            "The paper draws bars and gives no figure here.",
         ),
         Finding(
-            "cells of the bar chart (noise by samples) in which the ProMP errs less",
-            "all",
-            f"{better} of {noisy[0].size}",
-            bool(better == noisy[0].size),
-            "" if better == noisy[0].size else "The rest are equal within the standard error.",
+            "cells of the bar chart with noise in which the ProMP errs less",
+            "",
+            f"{better[1:].sum()} of {better[1:].size}; without noise {better[0].sum()} of"
+            f" {better[0].size}",
+            None,
+            "The paper gives no count; without noise a DMP loses nothing by its derivatives.",
         ),
     )
 
