@@ -22,6 +22,8 @@ EXECUTABLES = {
     "primitive_activation",
     "bag_recorder",
     "bag_player",
+    "task_teacher",
+    "dashboard",
     "lwr_sim",
     "coworker_sim",
 }
@@ -100,7 +102,7 @@ def test_every_requirement_of_setup_is_pinned():
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
     ]
     (required,) = [k.value for k in call.keywords if k.arg == "install_requires"]
-    names = {re.split(r"[<>=]", entry)[0].lower() for entry in ast.literal_eval(required)}
+    names = {re.split(r"[<>=; ]", entry)[0].lower() for entry in ast.literal_eval(required)}
     assert names <= pinned
 
 

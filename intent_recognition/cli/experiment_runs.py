@@ -3,7 +3,7 @@
 
 import time
 from collections.abc import Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures import TimeoutError as NotYet
 from dataclasses import dataclass, replace
 from functools import partial
@@ -43,19 +43,25 @@ def run_all(
     with (
         context.Manager() as manager,
         Progress(*columns, console=console) as bars,
-        ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=1) as pool,
+        ThreadPoolExecutor(jobs) as pool,
     ):
         news = manager.Queue()
         rows = {
             entry.name: bars.add_task("waiting", total=1.0, name=entry.name, start=False)
             for entry in entries
         }
-        futures = {entry.name: pool.submit(_run, entry, settings, news) for entry in entries}
-        for name, future in futures.items():
-            _watch(future, news, rows, bars)
-            done = "broke off" if future.exception() else "done"
-            bars.update(rows[name], completed=1.0, description=done)
-            bars.stop_task(rows[name])
+        futures = {
+            entry.name: pool.submit(_alone, context, entry, settings, news) for entry in entries
+        }
+        try:
+            for name, future in futures.items():
+                _watch(future, news, rows, bars)
+                done = "broke off" if future.exception() else "done"
+                bars.update(rows[name], completed=1.0, description=done)
+                bars.stop_task(rows[name])
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
         return {name: _result(future) for name, future in futures.items()}
 
 
@@ -88,8 +94,14 @@ def _show(news, rows: dict, bars: Progress) -> None:
         bars.update(rows[name], completed=share, description=what)
 
 
+def _alone(context, entry: Entry, settings: Settings, news) -> Run:
+    """One experiment in a process of its own; what ends that ends no other."""
+    with ProcessPoolExecutor(1, mp_context=context) as process:
+        return process.submit(_run, entry, settings, news).result()
+
+
 def _run(entry: Entry, settings: Settings, news) -> Run:
-    """One experiment, in a worker process."""
+    """One experiment, in its process."""
     started = time.monotonic()
     news.put((entry.name, 0.0, "starting"))
     watched = replace(settings, progress=partial(_tell, news, entry.name))

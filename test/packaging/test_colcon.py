@@ -18,6 +18,8 @@ EXECUTABLES = {
     "primitive_activation",
     "bag_recorder",
     "bag_player",
+    "task_teacher",
+    "dashboard",
     "lwr_sim",
     "coworker_sim",
 }
