@@ -20,6 +20,7 @@ from intent_recognition.promp.prior import (
 )
 from intent_recognition.promp.selection import Candidate
 from intent_recognition.promp.statistics import TaskStatistics, pooled_moments
+from intent_recognition.promp.tempo import timing_covariance
 
 DURATION_WORTH = 4.0
 """Demonstrations' worth of the assumption that all tasks' durations spread alike."""
@@ -70,9 +71,8 @@ def learned_from(
     statistics = list(tasks.values())
     _, noise = scales(tasks)
     covariances = _covariances(tasks, chosen.strength)
-    size = sum(len(signal.names) for signal in reference.observed) * reference.basis.n_basis
     timing = _timing(statistics)
-    covariance = recognition(tasks, size, chosen.recognition_strength)
+    covariance = recognition(tasks, reference, chosen.recognition_strength)
     return {
         "weight_mean": np.array([task.mean.ravel() for task in statistics]),
         "weight_covariance": covariances,
@@ -111,13 +111,19 @@ def aligned_forecast(
     )
 
 
-def recognition(tasks: Mapping[str, TaskStatistics], size: int, strength: float) -> np.ndarray:
+def recognition(
+    tasks: Mapping[str, TaskStatistics], reference: Reference, strength: float
+) -> np.ndarray:
     """Covariances of the observed weights that tasks are told apart by, (K, P N, P N)."""
     floor, _ = scales(tasks)
-    n_dofs = size // next(iter(tasks.values())).mean.shape[1]
+    basis = reference.basis
+    n_dofs = sum(len(signal.names) for signal in reference.observed)
+    size = n_dofs * basis.n_basis
     pooled = observed_block(pooled_moments(tasks.values()), size)
     own = [observed_block(task.moments, size) for task in tasks.values()]
-    return recognition_covariances(own, pooled, floor[:n_dofs], strength)
+    means = [task.mean[:n_dofs].ravel() for task in tasks.values()]
+    timing = [timing_covariance(basis, mean, reference.timing.progress) for mean in means]
+    return recognition_covariances(own, pooled, floor[:n_dofs], strength) + timing
 
 
 def _covariances(tasks: Mapping[str, TaskStatistics], strength: float) -> np.ndarray:

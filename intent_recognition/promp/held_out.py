@@ -11,7 +11,10 @@ from intent_recognition.gaussian.linalg import LOG_2_PI, cholesky
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.bank import N_SCALES, SCALE_SPAN
 from intent_recognition.promp.examples import sample_phases
+from intent_recognition.promp.fitting import scales
+from intent_recognition.promp.gathering import Reference
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.none import none_primitive, none_timing
 from intent_recognition.promp.prior import (
     Scatter,
     leave_one_out_scatter,
@@ -19,6 +22,7 @@ from intent_recognition.promp.prior import (
     recognition_covariances,
 )
 from intent_recognition.promp.statistics import TaskStatistics, pooled_moments
+from intent_recognition.promp.tempo import timing_covariance
 
 NEAREST = 8
 """Other tasks that a demonstration is compared with, at most."""
@@ -45,8 +49,8 @@ class HeldOut(NamedTuple):
 def held_out(
     library: TaskLibrary,
     tasks: Mapping[str, TaskStatistics],
+    reference: Reference,
     strength: float,
-    floor: np.ndarray,
     most: int,
 ) -> Iterator[HeldOut]:
     """Demonstrations, evenly drawn from all tasks, each with its task learned without it.
@@ -54,12 +58,13 @@ def held_out(
     Args:
         library: the learned tasks.
         tasks: their statistics.
+        reference: how their examples were made.
         strength: of the targets of the covariances that tasks are told apart by.
-        floor: variance floor per DOF, (D,).
         most: how many.
     """
     size, n_dofs = library.n_observed_weights, library.n_observed
     pooled = observed_block(pooled_moments(tasks.values()), size)
+    floor, _ = scales(tasks)
     every = [(k, task, e) for k, task in enumerate(tasks.values()) for e in task.examples]
     for number, task, example in _evenly(every, most):
         own = None
@@ -71,7 +76,9 @@ def held_out(
                 rest = Scatter(pooled.matrix - (mine.matrix - part), pooled.freedom - 1)
                 mine = Scatter(part, mine.freedom - 1)
             (covariance,) = recognition_covariances([mine], rest, floor[:n_dofs], strength)
-            own = Gaussian((task.mean[:n_dofs] - deviation / (task.n - 1)).ravel(), covariance)
+            mean = (task.mean[:n_dofs] - deviation / (task.n - 1)).ravel()
+            timing = timing_covariance(library.basis, mean, reference.timing.progress)
+            own = Gaussian(mean, covariance + timing)
         times_s = sample_phases() * example.duration_s
         yield HeldOut(number, times_s, example.observed, own)
 
@@ -154,6 +161,39 @@ def _noise(library: TaskLibrary, times_s: np.ndarray, n_dofs: int) -> np.ndarray
     dofs = np.arange(n_dofs)
     intervals = np.r_[np.inf, np.diff(times_s)]
     return np.concatenate([np.diag(library.noise_covariance(dofs, dt)) for dt in intervals])
+
+
+def evidence_of_none(
+    library: TaskLibrary,
+    one: HeldOut,
+    tasks: np.ndarray,
+    own: Gaussian | None,
+    departed: np.ndarray,
+) -> np.ndarray:
+    """Log evidence of none as a library of these tasks would have it, (m,).
+
+    Args:
+        library: the learned tasks.
+        one: the movement.
+        tasks: numbers of the tasks that none is drawn from, (k,).
+        own: in place of the library's model of its own task, where that is among them.
+        departed: see `none.departure`.
+    """
+    n_basis = library.basis.n_basis
+    means = library.observed_mean[tasks].reshape(len(tasks), -1, n_basis)
+    covariances = library.observed_covariance[tasks]
+    if own is not None:
+        place = int(np.flatnonzero(tasks == one.task)[0])
+        means[place] = own.mean.reshape(-1, n_basis)
+        covariances[place] = own.covariance
+    timing = none_timing(library.log_duration_mean[tasks], library.log_duration_std[tasks])
+    none = none_primitive(means, covariances, departed)
+    return prefix_log_evidence(library, none, timing, one.times_s, one.values)
+
+
+def total_evidence(evidence: Sequence[np.ndarray], n_tasks: int) -> np.ndarray:
+    """Log evidence of all tasks under equal priors, (m,); those left out are too far to count."""
+    return np.logaddexp.reduce(np.array(evidence), axis=0) - np.log(n_tasks)
 
 
 def _nearest(library: TaskLibrary, one: HeldOut, others: np.ndarray) -> np.ndarray:

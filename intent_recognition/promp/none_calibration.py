@@ -8,18 +8,19 @@ unknown movement reaches on its way counts, and the lowest one of a known moveme
 between them decides nothing. Where there is only one task, unknown movements are drawn from none.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.examples import sample_phases
+from intent_recognition.promp.gathering import Reference
 from intent_recognition.promp.held_out import (
     HeldOut,
+    evidence_of_none,
     held_out,
     others_evidence,
     own_evidence,
-    prefix_log_evidence,
+    total_evidence,
 )
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.none import departure, none_primitive, none_timing
@@ -27,8 +28,10 @@ from intent_recognition.promp.statistics import TaskStatistics
 
 SPREADS = 2.0
 """Standard deviations beyond the mean extreme at which a factor begins to count."""
-RARE = 0.02
-"""Share of known movements that may speak for none; their worst factors have a long tail."""
+RARE = 0.005
+"""Share of known movements that may speak for none."""
+TAIL = 0.1
+"""Share of them that tells how their worst factors go on: exponentially, a long tail."""
 TAIL_RATE = 2.373
 """Rate at which a normal distribution's tail falls there, d(-log(1 - Phi(z)))/dz at z = 2."""
 MAX_CALIBRATED = 120
@@ -59,35 +62,41 @@ def calibrate(known: np.ndarray, unknown: np.ndarray) -> np.ndarray:
         worst = np.min(known, axis=1)
         spread = max(float(worst.std(ddof=1)), 1e-9)
         lower_slope = min(1.0, TAIL_RATE / spread)
+        begin = np.quantile(worst, TAIL)
+        excess = max(float(np.mean(begin - worst[worst <= begin])), 1e-9)
+        lower_slope = min(lower_slope, 1.0 / excess)
         usual = float(worst.mean()) - SPREADS * spread
-        lower = min(usual, float(np.quantile(worst, RARE)), 0.0)
+        lower = min(usual, float(begin) - excess * np.log(TAIL / RARE), 0.0)
     return np.array([upper_slope, upper, lower_slope, lower])
 
 
 def calibrate_none(
-    library: TaskLibrary, tasks: Mapping[str, TaskStatistics], strength: float, floor: np.ndarray
+    library: TaskLibrary,
+    tasks: Mapping[str, TaskStatistics],
+    reference: Reference,
+    strength: float,
 ) -> np.ndarray:
     """The calibration of a library's none, from `MAX_CALIBRATED` of its demonstrations, (4,).
 
     Args:
         library: the learned tasks; its own none is not looked at.
         tasks: their statistics.
+        reference: how their examples were made.
         strength: of the targets of the covariances that tasks are told apart by.
-        floor: variance floor per DOF, (D,).
     """
     departed = departure(list(tasks.values()), library.n_observed)
     known, unknown = [], []
-    for one in held_out(library, tasks, strength, floor, MAX_CALIBRATED):
+    for one in held_out(library, tasks, reference, strength, MAX_CALIBRATED):
         others = np.delete(np.arange(library.n_tasks), one.task)
         evidence = others_evidence(library, one, others)
         if len(others):
-            none = _evidence_of_none(library, one, others, None, departed)
-            unknown.append(_total(evidence, len(others)) - none)
+            none = evidence_of_none(library, one, others, None, departed)
+            unknown.append(total_evidence(evidence, len(others)) - none)
         if one.own is not None:
             own = own_evidence(library, one)
             everyone = np.arange(library.n_tasks)
-            none = _evidence_of_none(library, one, everyone, one.own, departed)
-            known.append(_total([*evidence, own], library.n_tasks) - none)
+            none = evidence_of_none(library, one, everyone, one.own, departed)
+            known.append(total_evidence([*evidence, own], library.n_tasks) - none)
     if library.n_tasks == 1:
         unknown = _imagined(library, departed)
     return calibrate(np.array(known), np.array(unknown))
@@ -109,31 +118,6 @@ def _imagined(library: TaskLibrary, departed: np.ndarray) -> list[np.ndarray]:
         values = design @ one.T + noise_std * rng.normal(size=(len(design), library.n_observed))
         imagined = HeldOut(-1, times_s, values, None)
         evidence = others_evidence(library, imagined, every)
-        none_evidence = _evidence_of_none(library, imagined, every, None, departed)
-        factors.append(_total(evidence, library.n_tasks) - none_evidence)
+        none_evidence = evidence_of_none(library, imagined, every, None, departed)
+        factors.append(total_evidence(evidence, library.n_tasks) - none_evidence)
     return factors
-
-
-def _evidence_of_none(
-    library: TaskLibrary,
-    one: HeldOut,
-    tasks: np.ndarray,
-    own: Gaussian | None,
-    departed: np.ndarray,
-) -> np.ndarray:
-    """Log evidence of none as a library of these tasks would have it, `own` in place of its own."""
-    n_basis = library.basis.n_basis
-    means = library.observed_mean[tasks].reshape(len(tasks), -1, n_basis)
-    covariances = library.observed_covariance[tasks]
-    if own is not None:
-        place = int(np.flatnonzero(tasks == one.task)[0])
-        means[place] = own.mean.reshape(-1, n_basis)
-        covariances[place] = own.covariance
-    timing = none_timing(library.log_duration_mean[tasks], library.log_duration_std[tasks])
-    none = none_primitive(means, covariances, departed)
-    return prefix_log_evidence(library, none, timing, one.times_s, one.values)
-
-
-def _total(evidence: Sequence[np.ndarray], n_tasks: int) -> np.ndarray:
-    """Log evidence of all tasks under equal priors; those left out are too far to count."""
-    return np.logaddexp.reduce(np.array(evidence), axis=0) - np.log(n_tasks)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from intent_recognition.promp.gathering import Reference
 from intent_recognition.promp.held_out import held_out, others_evidence, own_evidence
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.statistics import TaskStatistics
@@ -20,7 +21,10 @@ MAX_RECOGNISED = 60
 
 
 def recognition_losses(
-    library: TaskLibrary, tasks: Mapping[str, TaskStatistics], strength: float, floor: np.ndarray
+    library: TaskLibrary,
+    tasks: Mapping[str, TaskStatistics],
+    reference: Reference,
+    strength: float,
 ) -> np.ndarray:
     """Log loss of left-out demonstrations, mean over all their samples, natural logarithm, (n,).
 
@@ -29,11 +33,11 @@ def recognition_losses(
     Args:
         library: the learned tasks, recognised with this strength.
         tasks: their statistics.
+        reference: how their examples were made.
         strength: of the targets of the covariances that tasks are told apart by.
-        floor: variance floor per DOF, (D,).
     """
     losses = []
-    for one in held_out(library, tasks, strength, floor, MAX_RECOGNISED):
+    for one in held_out(library, tasks, reference, strength, MAX_RECOGNISED):
         others = np.delete(np.arange(library.n_tasks), one.task)
         if one.own is None or not len(others):
             continue

@@ -122,7 +122,7 @@ def learn_gathered(
     _check_enough(gathered)
     chosen, tried = choose(gathered.tasks, gathered.reference)
     library = library_from_statistics(gathered.tasks, gathered.reference, chosen, provenance)
-    library = _calibrated(library, gathered.tasks, chosen)
+    library = _calibrated(library, gathered.tasks, gathered.reference, chosen)
     trained = Trained(library, gathered.reference, gathered.tasks, chosen)
     report = TrainingReport(
         gathered.used,
@@ -153,7 +153,6 @@ def _choose_recognition(
     tasks: Mapping[str, TaskStatistics], reference: Reference, chosen: Candidate
 ) -> Candidate:
     """Hyperparameters of recognition, by the log loss of left-out demonstrations."""
-    floor, _ = scales(tasks)
     candidates = [
         chosen._replace(recognition_strength=strength, recognition_noise_scale=noise_scale)
         for noise_scale in RECOGNITION_NOISE_SCALES
@@ -165,10 +164,10 @@ def _choose_recognition(
         strength = candidate.recognition_strength
         recognising = replace(
             library,
-            recognition_covariance=recognition(tasks, library.n_observed_weights, strength),
+            recognition_covariance=recognition(tasks, reference, strength),
             recognition_noise_scale=candidate.recognition_noise_scale,
         )
-        losses.append(recognition_losses(recognising, tasks, strength, floor))
+        losses.append(recognition_losses(recognising, tasks, reference, strength))
     return candidates[least_noise(np.array(losses))]
 
 
@@ -268,16 +267,19 @@ def choose_again(trained: Trained) -> tuple[Trained, tuple[Candidate, ...]]:
         **learned_from(trained.tasks, trained.reference, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},
     )
-    library = _calibrated(library, trained.tasks, chosen)
+    library = _calibrated(library, trained.tasks, trained.reference, chosen)
     return replace(trained, library=library, chosen=chosen), tried
 
 
 def _calibrated(
-    library: TaskLibrary, tasks: Mapping[str, TaskStatistics], chosen: Candidate
+    library: TaskLibrary,
+    tasks: Mapping[str, TaskStatistics],
+    reference: Reference,
+    chosen: Candidate,
 ) -> TaskLibrary:
     """The library with its evidence against none read as these demonstrations ask for."""
-    floor, _ = scales(tasks)
-    calibration = calibrate_none(library, tasks, chosen.recognition_strength, floor)
+    strength = chosen.recognition_strength
+    calibration = calibrate_none(library, tasks, reference, strength)
     return replace(library, none_calibration=calibration)
 
 

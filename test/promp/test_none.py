@@ -88,6 +88,9 @@ def test_calibration_by_hand():
     assert (a, b) == pytest.approx((1.0, 2.0 + 2.0 * 1.0))
     assert (c, d) == pytest.approx((1.0, -4.0 - 2.0 * 2.0))
     assert calibrate(10.0 * known, unknown)[2] == pytest.approx(2.373 / 20.0)
+    long_tail = np.r_[np.zeros(90), -np.arange(1.0, 11.0)][:, None]
+    lower = calibrate(long_tail, unknown)[3]
+    assert -5.5 * np.log(20.0) - 1.0 < lower < -10.0
     assert tuple(calibrate(np.zeros((0,)), np.zeros((0,)))) == READ_AS_IT_IS
 
 

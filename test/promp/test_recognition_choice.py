@@ -7,7 +7,6 @@ from promp.simulation import make_library, simulate
 
 from intent_recognition.promp.bank import make_hypotheses
 from intent_recognition.promp.examples import sample_phases
-from intent_recognition.promp.fitting import scales
 from intent_recognition.promp.observations import BankRun, Observation
 from intent_recognition.promp.recognition import task_posterior
 from intent_recognition.promp.recognition_choice import least_noise, recognition_losses
@@ -26,9 +25,8 @@ def recordings(n_tasks, n):
 def test_left_out_demonstrations_are_recognised_a_little_less_surely_than_by_the_bank():
     library, report = learn(recordings(3, 30), SETTINGS)
     tasks = report.trained.tasks
-    floor, _ = scales(tasks)
     strength = report.chosen.recognition_strength
-    found = recognition_losses(library, tasks, strength, floor)
+    found = recognition_losses(library, tasks, report.trained.reference, strength)
     hypotheses = make_hypotheses(library)
     expected = []
     for label, task in tasks.items():
@@ -48,8 +46,8 @@ def test_left_out_demonstrations_are_recognised_a_little_less_surely_than_by_the
 
 def test_one_task_has_nothing_to_tell_apart():
     library, report = learn(recordings(1, 6), SETTINGS)
-    floor, _ = scales(report.trained.tasks)
-    assert recognition_losses(library, report.trained.tasks, 1.0, floor).size == 0
+    trained = report.trained
+    assert recognition_losses(library, trained.tasks, trained.reference, 1.0).size == 0
 
 
 @pytest.mark.parametrize(

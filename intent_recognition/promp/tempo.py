@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a movement's place owes to being early or late.
+
+A person who is ahead of steady progress by e, a share of the movement's duration, is where the
+mean will be: mu(u + e) = mu(u) + e mu'(u), to first order. A hesitation can happen anywhere, but a
+few demonstrations show only a few; their covariance takes one at another place for something that
+no one does who is at this task. So the covariance that tasks are told apart by gets what the lead
+of `progress.py` adds to it, its scale learned from the warps of the demonstrations (`timing.py`).
+"""
+
+import numpy as np
+
+from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.progress import Progress
+
+
+def timing_covariance(
+    basis: NormalizedRBFBasis, mean: np.ndarray, progress: Progress
+) -> np.ndarray:
+    """Covariance of the weights that comes from deviations of timing alone, (P N, P N).
+
+    Positive semidefinite, by the Schur product theorem.
+
+    Args:
+        basis: N basis functions.
+        mean: mean weights, grouped by DOF, (P N,).
+        progress: prior of the lead.
+    """
+    at_centers = basis.design_matrix(basis.centers)
+    slope = basis.derivative_matrix(basis.centers) @ mean.reshape(-1, basis.n_basis).T
+    weights, *_ = np.linalg.lstsq(at_centers, slope, rcond=None)
+    even = np.linspace(0.0, 1.0, len(progress.lead_std))
+    deviation = (weights.T * np.interp(basis.centers, even, progress.lead_std)).ravel()
+    apart = np.abs(basis.centers[:, None] - basis.centers)
+    lasting = np.exp(-apart / progress.correlation)
+    n_dofs = len(mean) // basis.n_basis
+    return np.outer(deviation, deviation) * np.tile(lasting, (n_dofs, n_dofs))
