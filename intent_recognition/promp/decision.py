@@ -5,7 +5,8 @@ One pure function, used by the activation node and by a replay of a recording al
 
 - a task activates when its probability has been at or above `threshold` for `n_observations`
   observations on end, with at least `min_evidence` of the movement's own evidence among the
-  tasks, and the standard deviation of its predicted end point is at most `max_end_std_rad`;
+  tasks and no evidence for none, and the standard deviation of its predicted end point is at
+  most `max_end_std_rad`;
 - once active it stays so, also while the human holds still, until the interaction is over (the
   estimator reports idle) or the evidence turns against it;
 - evidence turns against it when its probability has been below `release_below` for
@@ -14,8 +15,9 @@ One pure function, used by the activation node and by a replay of a recording al
   yet clear which) until some task fulfils them.
 
 Both counts make a single odd observation harmless; the gap between `threshold` and
-`release_below` keeps a task from flickering. The share of the evidence keeps a habit from moving
-the arm: a task that is probable because it usually comes next still has to be seen.
+`release_below` keeps a task from flickering. Asking for evidence keeps a habit from moving the
+arm: a task that is probable because it usually comes next still has to be seen, and a movement
+that nobody taught is no less unknown for coming when a known one is expected.
 """
 
 from collections.abc import Sequence
@@ -27,6 +29,8 @@ import numpy as np
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 
 NONE = "none"
+EVEN = 1e-6
+"""Log evidence that counts as none at all: rounding, and what a calibration leaves of nothing."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,7 @@ def decide(
     best = int(np.argmax(p))
     leads = labels[best] != NONE and p[best] >= settings.threshold
     leads = leads and evidence_share(labels, best, log_evidence) >= settings.min_evidence
+    leads = leads and not speaks_for_none(labels, log_evidence)
     candidate = labels[best] if leads else ""
     n_for = (state.n_for + 1 if candidate == state.candidate else 1) if candidate else 0
     certain = np.isinf(settings.max_end_std_rad) or (
@@ -141,6 +146,22 @@ def evidence_share(labels: Sequence[str], task: int, log_evidence: np.ndarray | 
         return 0.0
     share = np.exp(e - np.max(e))
     return float(share[task] / share.sum())
+
+
+def speaks_for_none(labels: Sequence[str], log_evidence: np.ndarray | None) -> bool:
+    """Whether none explains a movement better than the tasks do in the mean; else or unknown, no.
+
+    The estimator's evidence of none is as its calibration reads it, so that the early part of a
+    reach, which looks like many tasks, speaks for neither side.
+    """
+    if log_evidence is None or np.shape(log_evidence) != (len(labels),):
+        return False
+    e = np.asarray(log_evidence, dtype=np.float64)
+    none = list(labels).index(NONE)
+    known = np.delete(e, none)
+    if not known.size or np.any(np.isnan(e)):
+        return False
+    return bool(np.logaddexp.reduce(known) - np.log(known.size) < e[none] - EVEN)
 
 
 def uncertain_end(

@@ -184,7 +184,8 @@ def test_a_habit_alone_activates_nothing():
         ((0.0, 0.0, 0.0), False),  # nothing seen yet
         ((0.0, 0.2, -9.0), False),  # what was seen speaks for another task
         ((0.0, -1.0, -9.0), True),
-        ((0.0, -1.0, 9.0), True),  # none is weighed by its probability
+        ((0.0, -1.0, -0.5), True),
+        ((0.0, -1.0, 9.0), False),  # what was seen speaks for none
         ((-800.0, -900.0, -np.inf), True),
         ((np.nan, 0.0, 0.0), False),
         (None, True),
