@@ -9,8 +9,9 @@ import numpy as np
 from intent_recognition.report.drawing import NONE_COLOUR, PALETTE, new_figure, styled
 from intent_recognition.report.roc import GRID
 
-LINE_STYLES = ("-", (0, (5, 1.5)), (0, (1, 1)))
-COLOURS = (PALETTE[0], PALETTE[2], PALETTE[1])
+LINE_STYLES = (("-", 3.2), ((0, (4, 1.5)), 1.4), ((0, (1, 1)), 1.8))
+"""Dashes and width: the first two often coincide."""
+COLOURS = (PALETTE[5], PALETTE[2], PALETTE[1])
 
 
 class RocBand(NamedTuple):
@@ -48,12 +49,12 @@ def roc_figure(rows: Sequence[Sequence[RocPanel]]):
     grid = figure.subplots(len(rows), count, sharex=True, sharey=True, squeeze=False)
     for axes, panel in zip(grid.ravel(), (p for row in rows for p in row), strict=True):
         axes.plot((0.0, 1.0), (0.0, 1.0), color=NONE_COLOUR, linewidth=0.9)
-        for (name, band), colour, dashes in zip(
+        for (name, band), colour, (dashes, width) in zip(
             panel.bands.items(), COLOURS, LINE_STYLES, strict=False
         ):
             axes.fill_between(GRID, band.low, band.high, color=colour, alpha=0.15, linewidth=0)
             label = f"{name}  {band.area:.3f}"
-            axes.plot(GRID, band.mean, color=colour, linestyle=dashes, label=label)
+            axes.plot(GRID, band.mean, color=colour, linestyle=dashes, linewidth=width, label=label)
         axes.set_title(panel.title)
         axes.legend(loc="lower right", title="mean area", alignment="right")
         axes.set_aspect("equal")

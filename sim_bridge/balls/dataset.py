@@ -10,7 +10,7 @@ import json
 import shutil
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -58,7 +58,7 @@ def generate(
         got = (jobs, seed, trials)
         expected = "jobs >= 1, seed >= 0, trials >= 1"
         raise ArgumentError(describe("jobs, seed, trials", expected, got, "Give such numbers."))
-    origin = {"seed": seed, "trials_per_object": trials, "container_seed": CONTAINER_SEED}
+    origin = _origin(seed, trials)
     parts = _parts_folder(output, origin)
     todo = blocks(seed, trials)
     missing = [block for block in todo if not _part(parts, block).is_file()]
@@ -66,14 +66,61 @@ def generate(
     progress("found", done, len(todo))
     if missing:
         _make_all(missing, parts, jobs, lambda name, k: progress(name, done + k, len(todo)))
+    rows = _write(output, parts, todo, origin)
+    shutil.rmtree(parts)
+    return rows
+
+
+def write_finished(
+    output: Path, seed: int, *, trials: int = TRIALS_PER_OBJECT
+) -> dict[str, np.ndarray]:
+    """Write what an unfinished run has made so far, as many trials of every object.
+
+    The run can go on afterwards, and replaces the file in the end.
+
+    Args:
+        output: the .npz to write.
+        seed: of the run.
+        trials: per object and experiment, of the run.
+
+    Returns:
+        The tables (N, columns) by experiment.
+
+    Raises:
+        ArgumentError: an experiment has no trials of some object yet.
+        ResourceBusyError: the folder beside it holds work with other settings.
+    """
+    origin = _origin(seed, trials)
+    parts = _parts_folder(output, origin)
+    todo = blocks(seed, trials)
+    lacking = {
+        name: min(
+            (b.index for b in todo if b.experiment == name and not _part(parts, b).is_file()),
+            default=len(todo),
+        )
+        for name in COLUMNS
+    }
+    finished = [block for block in todo if block.index < lacking[block.experiment]]
+    if {block.experiment for block in finished} != set(COLUMNS):
+        cure = "Let the run go on for a while."
+        raise ArgumentError(describe(str(parts), "a block of every object", lacking, cure))
+    return _write(output, parts, finished, origin)
+
+
+def _origin(seed: int, trials: int) -> dict[str, int]:
+    return {"seed": seed, "trials_per_object": trials, "container_seed": CONTAINER_SEED}
+
+
+def _write(
+    output: Path, parts: Path, finished: list[Block], origin: Mapping[str, int]
+) -> dict[str, np.ndarray]:
     rows = {
         name: np.concatenate(
-            [np.load(_part(parts, block)) for block in todo if block.experiment == name]
+            [np.load(_part(parts, block)) for block in finished if block.experiment == name]
         )
         for name in COLUMNS
     }
     write_trials(output, rows, {**origin, "generator_version": __version__})
-    shutil.rmtree(parts)
     return rows
 
 
@@ -134,12 +181,13 @@ def _parser() -> argparse.ArgumentParser:
         default=TRIALS_PER_OBJECT,
         help="per object and experiment (default %(default)s)",
     )
+    parser.add_argument(
+        "--as-is", action="store_true", help="only write what an unfinished run has made so far"
+    )
     return parser
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the command; return its exit code."""
-    options = _parser().parse_args(args)
+def _generate_with_bar(options: argparse.Namespace) -> dict[str, np.ndarray]:
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -149,26 +197,29 @@ def main(args: Sequence[str] | None = None) -> int:
         TimeRemainingColumn,
     )
 
-    bar = Progress(
-        TextColumn("{task.description:32}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
+    columns = (TextColumn("{task.description:32}"), BarColumn(), MofNCompleteColumn())
+    left = (TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
+    with Progress(*columns, *left) as bar:
+        task = bar.add_task("blocks", total=None)
+        return generate(
+            options.output,
+            options.seed,
+            trials=options.trials,
+            jobs=options.jobs,
+            progress=lambda name, done, total: bar.update(
+                task, completed=done, total=total, description=name
+            ),
+        )
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    options = _parser().parse_args(args)
     try:
-        with bar:
-            task = bar.add_task("blocks", total=None)
-            rows = generate(
-                options.output,
-                options.seed,
-                trials=options.trials,
-                jobs=options.jobs,
-                progress=lambda name, done, total: bar.update(
-                    task, completed=done, total=total, description=name
-                ),
-            )
+        if options.as_is:
+            rows = write_finished(options.output, options.seed, trials=options.trials)
+        else:
+            rows = _generate_with_bar(options)
     except IntentError as error:
         sys.stderr.write(f"dataset: {error}\n")
         return 1

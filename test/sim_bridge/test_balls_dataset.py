@@ -46,6 +46,19 @@ def test_refuses_to_mix_settings(tmp_path):
         dataset.generate(tmp_path / "trials.npz", 4, trials=1)
 
 
+def test_what_is_finished_can_be_written_before_the_end(tmp_path):
+    output = tmp_path / "trials.npz"
+    parts = unfinished(output, 3, done=19)
+    with pytest.raises(ArgumentError, match="go on"):
+        dataset.write_finished(output, 3, trials=1)
+    last = blocks(3, 1)[-1]
+    np.save(dataset._part(parts, last), np.zeros((1, len(COLUMNS[last.experiment]))))
+    rows = dataset.write_finished(output, 3, trials=1)
+    assert {name: len(table) for name, table in rows.items()} == {"pouring": 10, "filling": 10}
+    assert len(read_trials(output).tables["filling"]["object"]) == 10
+    assert parts.is_dir()
+
+
 @pytest.mark.parametrize("wrong", [{"jobs": 0}, {"trials": 0}, {"seed": -1}])
 def test_refuses_senseless_numbers(tmp_path, wrong):
     with pytest.raises(ArgumentError):

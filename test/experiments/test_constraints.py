@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The task constraints' experiment on the shipped trials."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.experiments.constraint_features import LABEL, STANDARD, Samples
+from intent_recognition.experiments.constraints import NOVEL, SAME, run, score
+from intent_recognition.experiments.outcome import Settings
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    return run(Settings(quick=True))
+
+
+def test_trials_of_every_object_and_that_no_ball_went_through_a_wall(outcome):
+    for count in outcome.numbers["n_trials"].values():
+        assert count >= 1000
+        assert count % 10 == 0
+    assert outcome.numbers["through_wall"] == {"pouring": 0, "filling": 0}
+
+
+def test_warped_features_carry_over(outcome):
+    for areas in outcome.numbers["areas"].values():
+        assert areas[LABEL][NOVEL] > areas[STANDARD][NOVEL] + 0.05
+    assert outcome.numbers["areas"]["pouring"][LABEL][NOVEL] > 0.95
+
+
+def test_every_finding_is_reported(outcome):
+    assert all(finding.ours for finding in outcome.findings)
+    assert outcome.blocks[0].data.startswith(b"<?xml")
+
+
+def samples(shift):
+    """Two objects whose labels turn at zero and at `shift`."""
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-1.0, 1.0, (400, 1))
+    objects = np.repeat([0, 1], 200)
+    return Samples(x, (x[:, 0] > shift * objects).astype(float), objects)
+
+
+def test_scores_of_one_rule_and_of_two():
+    found = score(samples(0.0), 3, np.random.default_rng(1))
+    assert found[NOVEL].area == found[SAME].area == 1.0
+    assert found[NOVEL].curves.shape == (6, 201)
+    assert found[NOVEL].trained_on.tolist() == [0, 0, 0, 1, 1, 1]
+    again = score(samples(0.0), 3, np.random.default_rng(1))
+    np.testing.assert_array_equal(again[SAME].curves, found[SAME].curves)
