@@ -141,6 +141,29 @@ class FillingConstraint:
         return self.model.probability(self.features(state, cup, second))
 
 
+def spill_risk(
+    pouring: PouringConstraint,
+    filling: FillingConstraint,
+    states: FillingState,
+    cup: References,
+    second: References,
+) -> np.ndarray:
+    """Probability (n,) that something is poured and not all of it ends up in the second container.
+
+    What is to be looked at before a path is executed: it must stay low all along, since liquid
+    that leaves the cup on its way is lost.
+
+    Args:
+        pouring: learned constraint.
+        filling: learned constraint.
+        states: n states along the path.
+        cup: the container in the hand.
+        second: the other one.
+    """
+    leaves = pouring.probability(PouringState(states.fluid_m3, states.tilt_rad), cup)
+    return leaves * (1.0 - filling.probability(states, cup, second))
+
+
 def references(parameters: PouringParameters) -> References:
     """Reference values of a warped container."""
     return References(

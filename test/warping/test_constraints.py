@@ -14,6 +14,7 @@ from intent_recognition.warping.constraints import (
     PouringConstraint,
     PouringState,
     References,
+    spill_risk,
 )
 
 CUP = References(0.04, 4e-4, 0.1, 0.8)
@@ -97,6 +98,23 @@ def test_filling_is_likely_over_the_middle_and_not_beside():
     found = learned.probability(FillingState(3e-5, 1e-4, 2.1, places), CUP, SECOND)
     assert found[0] > 0.9
     assert np.all(found[1:] < 0.1)
+
+
+def test_tilting_on_the_way_is_risky_and_over_the_opening_is_not():
+    states = filling_states(400)
+    inside = np.linalg.norm(states.offset_m[:, :2], axis=1) < SECOND.opening_radius_m
+    filling = FillingConstraint.learn(
+        FillingConstraint.features(states, CUP, SECOND), inside.astype(float)
+    )
+    tilted = pouring_states(400)
+    features = PouringConstraint.features(tilted, CUP)
+    pouring = PouringConstraint.learn(features, (features[:, 0] > 1.0).astype(float))
+    places = np.array([[-0.15, 0.0, 0.05], [-0.15, 0.0, 0.05], [0.0, 0.0, 0.05]])
+    path = FillingState(2e-4, 1e-4, np.array([0.3, 1.5, 1.5]), places)
+    risk = spill_risk(pouring, filling, path, CUP, SECOND)
+    assert risk[0] < 0.1
+    assert risk[1] > 0.9
+    assert risk[2] < 0.1
 
 
 def test_refuses_what_cannot_be_learned_from():
