@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from intent_recognition.experiments.assembly_aligned import spread_rows
 from intent_recognition.gaussian.normal import Gaussian, log_density
 from intent_recognition.promp.bank import Hypotheses, fixed_hypotheses, make_hypotheses
 from intent_recognition.promp.examples import Recorded
@@ -49,16 +50,18 @@ class Scored(NamedTuple):
     Attributes:
         name: of the recording.
         task: its label.
-        known: with the progress known, as in the paper.
+        aligned: probabilities with all demonstrations aligned, as in the paper, (n + 1, K).
+        known: with the share of the movement's time known.
         unknown: with onset known and duration not.
-        forgetting: Eq. 11 as printed, each time with the prior anew, progress known, (n, K).
-        single: each observation by itself, progress known, (n, K).
+        forgetting: Eq. 11 as printed, each time with the prior anew, elapsed share known, (n, K).
+        single: each observation by itself, elapsed share known, (n, K).
         mean_of_task: distances of the task's mean, path and end, (2,).
         nearest: the same of the demonstration whose worker moved most alike, (2,).
     """
 
     name: str
     task: str
+    aligned: np.ndarray
     known: Watched
     unknown: Watched
     forgetting: np.ndarray
@@ -70,22 +73,26 @@ class Scored(NamedTuple):
 def spread_observations(recorded: Recorded, n: int = N_OBSERVATIONS) -> list[Observation]:
     """The samples of the first signal that come nearest to n even phases."""
     (signal,) = recorded.observed
-    phases = (np.arange(n) + 0.5) / n
-    wanted = recorded.start_ns + phases * (recorded.end_ns - recorded.start_ns)
-    rows = [int(np.argmin(np.abs(signal.stamps_ns - stamp))) for stamp in wanted]
+    phases = (signal.stamps_ns - recorded.start_ns) / (recorded.end_ns - recorded.start_ns)
     return [
         Observation(int(signal.stamps_ns[row]), 0, signal.values[row])
-        for row in dict.fromkeys(rows)
+        for row in spread_rows(phases, n)
     ]
 
 
-def score(library: TaskLibrary, training: Sequence[Recorded], left_out: Recorded) -> Scored:
+def score(
+    library: TaskLibrary,
+    training: Sequence[Recorded],
+    left_out: Recorded,
+    aligned_evidence: np.ndarray,
+) -> Scored:
     """Recognise and predict one demonstration the library has not seen.
 
     Args:
         library: learned from `training`.
         training: cut to their movements.
         left_out: likewise.
+        aligned_evidence: log evidence of the tasks when it is aligned, (n + 1, K).
     """
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     truth = sample(left_out.controlled, left_out.start_ns, TRUTH_PHASES * duration_s)
@@ -98,6 +105,7 @@ def score(library: TaskLibrary, training: Sequence[Recorded], left_out: Recorded
     return Scored(
         left_out.name,
         str(left_out.task),
+        _normalised(aligned_evidence),
         known,
         unknown,
         _normalised(np.diff(steps, axis=0)),
@@ -170,7 +178,7 @@ def _mixture(run: MovementRun, belief: np.ndarray, times_s: np.ndarray):
 def single_evidence(
     library: TaskLibrary, recorded: Recorded, observations: Sequence[Observation]
 ) -> np.ndarray:
-    """Log density of each observation by itself under each task, progress known, (n, K)."""
+    """Log density of each observation by itself under each task, elapsed share known, (n, K)."""
     return np.array(
         [
             [

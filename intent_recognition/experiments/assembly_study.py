@@ -14,10 +14,14 @@ import numpy as np
 from intent_recognition.alignment.align import Alignment, align
 from intent_recognition.alignment.reference import even_trajectory
 from intent_recognition.errors import BagError, describe
-from intent_recognition.experiments.assembly_scores import Scored, score
+from intent_recognition.experiments.assembly_aligned import aligned_evidence
+from intent_recognition.experiments.assembly_scores import N_OBSERVATIONS, Scored, score
 from intent_recognition.experiments.outcome import Settings
 from intent_recognition.promp.examples import cut_one
+from intent_recognition.promp.fitting import aligned_forecast
+from intent_recognition.promp.forecast import Forecast
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.timing import Timing
 from intent_recognition.promp.training import learn
 from intent_recognition.promp.training_settings import TrainingSettings
 from intent_recognition.report.baselines import sample
@@ -61,9 +65,14 @@ class Executed(NamedTuple):
 
 
 class Fold(NamedTuple):
-    """One part left out: a library of the others, and all cut to their movements."""
+    """One part left out: what was learned of the others, and all cut to their movements.
+
+    `aligned` are the primitives of aligned demonstrations, `timing` what they were aligned with.
+    """
 
     library: TaskLibrary
+    aligned: Forecast
+    timing: Timing
     training: list[Demonstration]
     left_out: list[Demonstration]
     as_recorded: list[Demonstration]
@@ -104,10 +113,12 @@ def study(settings: Settings) -> Study:
         settings.progress(0.6 * turn / len(turns), f"learning without part {turn + 1}")
         fold = leave_out(demonstrations, numbers, turn)
         first = first or fold
-        for k, left_out in enumerate(fold.left_out):
+        warps = fold.timing.warps(fold.left_out)
+        for k, (left_out, warp) in enumerate(zip(fold.left_out, warps, strict=True)):
             done = (turn + 0.4 + 0.6 * k / len(fold.left_out)) / len(turns)
             settings.progress(0.6 * done, left_out.name)
-            scored.append(score(fold.library, fold.training, left_out))
+            evidence = aligned_evidence(fold.aligned, warp, left_out, N_OBSERVATIONS)
+            scored.append(score(fold.library, fold.training, left_out, evidence))
     alignments, unaligned = _align(first.training)
     executed, n = [], len(first.as_recorded)
     for k, recording in enumerate(first.as_recorded):
@@ -152,11 +163,12 @@ def leave_out(demonstrations: Sequence[Demonstration], numbers: Sequence[int], t
     as_recorded = [d for d, part in zip(demonstrations, numbers, strict=True) if part == turn]
     library, report = learn(training, TrainingSettings(none_prior=NONE_PRIOR))
     reference = report.trained.reference
+    aligned = aligned_forecast(report.trained.tasks, reference, report.chosen)
     cut, left_out = (
         [cut_one(d, reference.onset, reference.controlled_onset) for d in part]
         for part in (training, as_recorded)
     )
-    return Fold(library, cut, left_out, as_recorded)
+    return Fold(library, aligned, reference.timing, cut, left_out, as_recorded)
 
 
 def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) -> Executed:

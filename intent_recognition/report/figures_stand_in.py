@@ -50,7 +50,7 @@ def prediction_error_figure(
     """Mean error over the number of observations, per task, beside that of the task's mean.
 
     Args:
-        known_cm: per task (n + 1,), progress known.
+        known_cm: per task (n + 1,), the elapsed share known.
         unknown_cm: the same, duration unknown.
         mean_cm: error of the task's mean.
         quantity: for the axis.

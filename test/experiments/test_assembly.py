@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.experiments import assembly
+from intent_recognition.experiments.assembly_aligned import aligned_evidence, spread_rows
 from intent_recognition.experiments.assembly_scores import (
     N_OBSERVATIONS,
     TRUTH_PHASES,
@@ -24,7 +25,7 @@ from intent_recognition.experiments.assembly_study import (
     study,
 )
 from intent_recognition.experiments.outcome import Settings
-from intent_recognition.gaussian.normal import log_density
+from intent_recognition.gaussian.normal import Gaussian, log_density
 from intent_recognition.promp.bank import fixed_hypotheses
 from intent_recognition.share import share_path
 from intent_recognition.storage import load_dofs
@@ -66,6 +67,7 @@ def test_probabilities_sum_to_one(found):
     for scored in found.scored:
         for way in (scored.known, scored.unknown):
             np.testing.assert_allclose(way.probabilities.sum(axis=1), 1.0, atol=1e-9)
+        np.testing.assert_allclose(scored.aligned.sum(axis=1), 1.0, atol=1e-9)
         np.testing.assert_allclose(scored.single.sum(axis=1), 1.0, atol=1e-9)
         np.testing.assert_allclose(scored.forgetting.sum(axis=1), 1.0, atol=1e-9)
 
@@ -81,6 +83,37 @@ def test_first_observation_by_itself_is_the_first_of_all(found):
     assert single[0] == pytest.approx(
         log_density(at_phase(library, 0, phase), observations[0].values)
     )
+
+
+def test_aligned_evidence_is_the_density_of_all_observations_together(found):
+    fold, recorded = found.first, found.first.left_out[1]
+    (warp,) = fold.timing.warps([recorded])
+    steps = aligned_evidence(fold.aligned, warp, recorded, 6)
+    assert np.all(steps[0] == 0.0)
+    (signal,) = recorded.observed
+    share = (signal.stamps_ns - recorded.start_ns) / (recorded.end_ns - recorded.start_ns)
+    phases = warp.inverse(share)
+    rows = spread_rows(phases, 6)
+    design = np.vstack(
+        [np.kron(np.eye(3), row) for row in fold.aligned.basis.design_matrix(phases[rows])[:, None]]
+    )
+    size = fold.aligned.n_observed_weights
+    for task in range(fold.library.n_tasks):
+        prior = fold.aligned.weight_covariance[task, :size, :size]
+        noise = np.tile(fold.aligned.noise_variance[:3] * fold.aligned.noise_scale, 6)
+        joint = Gaussian(
+            design @ fold.aligned.weight_mean[task, :size],
+            design @ prior @ design.T + np.diag(noise),
+        )
+        assert steps[-1, task] == pytest.approx(log_density(joint, signal.values[rows].ravel()))
+
+
+def test_no_sample_is_taken_twice_across_a_gap():
+    phases = np.r_[np.linspace(0.0, 0.3, 31), np.linspace(0.7, 1.0, 31)]
+    rows = spread_rows(phases, 15)
+    assert np.all(np.diff(rows) > 0)
+    even = np.linspace(0.0, 1.0, 301)
+    np.testing.assert_allclose(even[spread_rows(even, 15)], (np.arange(15) + 0.5) / 15, atol=0.01)
 
 
 def test_prediction_after_some_observations_is_what_was_scored(found):
@@ -137,4 +170,4 @@ def test_outcome_says_why_and_can_be_written(found, monkeypatch):
     assert all(finding.remark or finding.holds for finding in outcome.findings)
     assert len(outcome.blocks) >= 10
     assert outcome.numbers["demonstrations"] == len(found.scored)
-    assert outcome.numbers["known_right_at_end"] == len(found.scored)
+    assert outcome.numbers["aligned_right_at_end"] == len(found.scored)
