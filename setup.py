@@ -16,6 +16,7 @@ NODES = {
     "primitive_activation": PACKAGE,
     "bag_recorder": PACKAGE,
     "bag_player": PACKAGE,
+    "object_warper": PACKAGE,
     "task_teacher": PACKAGE,
     "lwr_sim": "sim_bridge",
     "coworker_sim": "sim_bridge",

@@ -62,7 +62,9 @@ def load_target(
     if not Path(path).is_file():
         raise ArgumentError(describe(place, NEEDED, "no file", "Check the path."))
     try:
-        loaded = trimesh.load(place)
+        # Files leave material values out; trimesh counts with the gaps.
+        with np.errstate(invalid="ignore"):
+            loaded = trimesh.load(place)
     except Exception as error:  # every reader of trimesh has errors of its own
         got = f"{type(error).__name__}: {error}"
         raise ArgumentError(describe(place, NEEDED, got, "Export it again.")) from error
@@ -99,7 +101,8 @@ def mesh_target(
         raise ArgumentError(describe("vertices", "finite ones", got, "Repair the mesh."))
     solid = trimesh.Trimesh(vertices, faces, process=False)
     # Scans repeat vertices along the seams of their texture.
-    solid.merge_vertices(merge_tex=True, merge_norm=True)
+    with np.errstate(invalid="ignore"):
+        solid.merge_vertices(merge_tex=True, merge_norm=True)
     if not solid.area > 0.0:
         raise ArgumentError(describe("mesh", "an area above 0", solid.area, "Export it again."))
     if solid.is_winding_consistent and solid.volume < 0.0:

@@ -9,6 +9,7 @@ from intent_recognition.warping.opening import OpeningPlane, across
 
 N_LEVELS = 12
 PROTRUSION = 1.25
+WALL_LIMITS = (0.3, 3.0)
 MIN_HANDLE_SHARE = 0.006
 
 
@@ -25,6 +26,8 @@ class ObjectFrame:
         radius_m: of the opening.
         height_m: from the base to the opening.
         reach_m: from the axis to the handle's far end, 0 without a handle.
+        wall: distance (N_LEVELS,) of the outer wall from the axis, from the base up, in radii of
+            the opening.
     """
 
     origin: np.ndarray
@@ -32,6 +35,7 @@ class ObjectFrame:
     radius_m: float
     height_m: float
     reach_m: float
+    wall: np.ndarray
 
     @property
     def has_handle(self) -> bool:
@@ -69,7 +73,9 @@ def coarse_frame(
     flat = offsets - level[:, None] * up
     radius = np.linalg.norm(flat, axis=1)
     height = -float(np.quantile(level, 0.003))
-    handle = protruding(level / height, radius, (normals * flat).sum(1) > 0.5 * radius)
+    outward = (normals * flat).sum(1) > 0.5 * radius
+    wall = outer_wall(level / height, radius, outward)
+    handle = protruding(level / height, radius, wall)
     direction, reach = np.zeros(3), 0.0
     if handle.mean() > MIN_HANDLE_SHARE:
         weight = 1.0 if handle_probability is None else 0.1 + handle_probability[handle]
@@ -83,31 +89,39 @@ def coarse_frame(
     direction = direction - (direction @ up) * up
     direction /= np.linalg.norm(direction)
     axes = np.stack([up, direction, np.cross(up, direction)])
-    return ObjectFrame(opening.centre, axes, opening.radius_m, height, reach)
+    wall = np.clip(wall / opening.radius_m, *WALL_LIMITS)
+    return ObjectFrame(opening.centre, axes, opening.radius_m, height, reach, wall)
 
 
-def protruding(share: np.ndarray, radius: np.ndarray, outward: np.ndarray) -> np.ndarray:
-    """Which points (n,) stand out of the wall by far.
+def outer_wall(share: np.ndarray, radius: np.ndarray, outward: np.ndarray) -> np.ndarray:
+    """Distance (N_LEVELS,) of the outer wall from the axis, from the base up.
 
     Args:
         share: height (n,) above the opening in heights of the object, so -1 to 0.
-        radius: distance (n,) from the axis.
+        radius: distance (n,) from the axis [m].
         outward: whether each point's normal (n,) points away from the axis.
-
-    Returns:
-        A mask (n,).
     """
-    row = np.clip(((1.0 + share) * N_LEVELS).astype(int), 0, N_LEVELS - 1)
+    row = _level(share)
     wall = np.full(N_LEVELS, np.nan)
     for level in range(N_LEVELS):
         here = radius[(row == level) & outward]
         if len(here) >= 5:
+            # Below the median: a handle is outside of the wall, and nothing is inside.
             wall[level] = np.quantile(here, 0.35)
     known = np.isfinite(wall)
     if not known.any():
-        return np.zeros(len(radius), dtype=bool)
-    wall = np.interp(np.arange(N_LEVELS), np.flatnonzero(known), wall[known])
-    return radius > PROTRUSION * np.maximum(wall[row], 0.6 * np.median(wall))
+        return np.full(N_LEVELS, np.median(radius))
+    return np.interp(np.arange(N_LEVELS), np.flatnonzero(known), wall[known])
+
+
+def protruding(share: np.ndarray, radius: np.ndarray, wall: np.ndarray) -> np.ndarray:
+    """Which points (n,) stand out of the wall (N_LEVELS,) by far."""
+    return radius > PROTRUSION * np.maximum(wall[_level(share)], 0.6 * np.median(wall))
+
+
+def _level(share: np.ndarray) -> np.ndarray:
+    """Level (n,) of heights -1 to 0."""
+    return np.clip(((1.0 + share) * N_LEVELS).astype(int), 0, N_LEVELS - 1)
 
 
 def _widest(flat: np.ndarray, up: np.ndarray, opening: OpeningPlane) -> np.ndarray:

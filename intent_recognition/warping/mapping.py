@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from intent_recognition.errors import ArgumentError, describe
 
-FIRST_LOOK = 8
+LOOKS = (4, 40)
 CHUNK = 256
 
 
@@ -36,13 +36,18 @@ def agreeing_neighbours(
     m = len(candidates)
     if not 1 <= k <= m:
         raise ArgumentError(describe("k", f"1 to {m}", k, "Use 1, as in the paper."))
-    look = min(FIRST_LOOK + k, m)
-    _, near = cKDTree(candidates).query(points, k=look)
-    near = near.reshape(len(points), look)
-    agree = (candidate_normals[near] @ normals[:, :, None])[:, :, 0] > 0.0
-    order = np.argsort(~agree, axis=1, kind="stable")[:, :k]
-    found = np.take_along_axis(near, order, 1)
-    for rows in _chunks(np.flatnonzero(agree.sum(1) < k)):
+    tree = cKDTree(candidates)
+    found = np.empty((len(points), k), dtype=int)
+    missing = np.arange(len(points))
+    for look in LOOKS:
+        look = min(look + k, m)
+        _, near = tree.query(points[missing], k=look)
+        near = near.reshape(len(missing), look)
+        agree = (candidate_normals[near] @ normals[missing][:, :, None])[:, :, 0] > 0.0
+        order = np.argsort(~agree, axis=1, kind="stable")[:, :k]
+        found[missing] = np.take_along_axis(near, order, 1)
+        missing = missing[agree.sum(1) < k]
+    for rows in _chunks(missing):
         found[rows] = _among_all(points[rows], normals[rows], candidates, candidate_normals, k)
     return found
 
@@ -74,9 +79,12 @@ def _among_all(
     n_agreeing = (~disagree).sum(1)
     nearest = np.argmin(distance, axis=1)
     distance[disagree] = np.inf
-    near = np.argpartition(distance, k - 1, axis=1)[:, :k]
-    order = np.argsort(np.take_along_axis(distance, near, 1), axis=1, kind="stable")
-    near = np.take_along_axis(near, order, 1)
+    if k == 1:
+        near = np.argmin(distance, axis=1)[:, None]
+    else:
+        near = np.argpartition(distance, k - 1, axis=1)[:, :k]
+        order = np.argsort(np.take_along_axis(distance, near, 1), axis=1, kind="stable")
+        near = np.take_along_axis(near, order, 1)
     near[n_agreeing == 0] = nearest[n_agreeing == 0, None]
     columns = np.arange(k) % np.maximum(n_agreeing, 1)[:, None]
     return np.take_along_axis(near, columns, 1)

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from intent_recognition.errors import ArgumentError, TrainingError, describe
 from intent_recognition.warping.cavity import Cavity, fit_cavity
 from intent_recognition.warping.features import local_features
-from intent_recognition.warping.frame import ObjectFrame, coarse_frame
+from intent_recognition.warping.frame import N_LEVELS, ObjectFrame, coarse_frame
 from intent_recognition.warping.mapping import agreeing_neighbours, majority
 from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
 from intent_recognition.warping.opening import find_opening
@@ -21,7 +21,7 @@ from intent_recognition.warping.rim import Rim, fit_rim
 from intent_recognition.warping.scan_checks import check_scan
 
 Mapping = Literal["label", "point"]
-N_CLASSIFIED = 700
+N_CLASSIFIED = 600
 MAX_ASIDE = 0.7
 
 
@@ -155,23 +155,33 @@ def _aligned_source(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points, normals and labels of the source, scaled to the target's size in its axes.
 
-    Height and radius are scaled apart. A handle is stretched to the target's reach, and left out
-    where the target has none.
+    Height and radius are scaled apart, the radius level by level as the walls are wide. A handle
+    is stretched to the target's reach, and left out where the target has none.
     """
     own = source.frame
     points = own.to_local(source.annotated.points)
     normals = source.annotated.normals @ own.axes.T
     labels = source.annotated.labels
-    tall, wide = target.height_m / own.height_m, target.radius_m / own.radius_m
-    scale = np.array([tall, wide, wide])
-    points, normals = points * scale, normals / scale
-    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    tall = target.height_m / own.height_m
+    levels = ((np.arange(N_LEVELS) + 0.5) / N_LEVELS - 1.0) * own.height_m
+    widths = target.wall * target.radius_m / (own.wall * own.radius_m)
+    # At the opening it is the rim that counts.
+    levels, widths = np.append(levels, 0.0), np.append(widths, target.radius_m / own.radius_m)
+    wide = np.interp(points[:, 0], levels, widths)
+    slope = np.interp(points[:, 0], levels, np.gradient(widths, levels))
+    # Normals turn by the inverse transpose of the mapping's derivative.
+    outward = (points[:, 1:] * normals[:, 1:]).sum(1)
+    normals = np.column_stack(
+        [(normals[:, 0] - slope / wide * outward) / tall, normals[:, 1:] / wide[:, None]]
+    )
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points = np.column_stack([tall * points[:, 0], wide[:, None] * points[:, 1:]])
     handle = labels == Part.HANDLE
     if own.has_handle and target.has_handle:
-        far, near = wide * own.reach_m, wide * own.radius_m
-        stretch = (target.reach_m - target.radius_m) / (far - near)
+        scale = target.radius_m / own.radius_m
+        stretch = (target.reach_m - target.radius_m) / (scale * (own.reach_m - own.radius_m))
         radius = np.linalg.norm(points[handle, 1:], axis=1)
-        longer = np.maximum(radius - near, 0.0) * (stretch - 1.0)
+        longer = np.maximum(radius - target.radius_m, 0.0) * (stretch - 1.0)
         points[handle, 1:] *= (1.0 + longer / radius)[:, None]
         return points, normals, labels
     return points[~handle], normals[~handle], labels[~handle]

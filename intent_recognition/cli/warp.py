@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent warp`: what an annotated object tells about another one."""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from intent_recognition.cli.console import make_console
+from intent_recognition.cli.help import examples
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.storage.objects import find_object, load_object
+from intent_recognition.storage.targets import N_POINTS, load_target
+from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
+from intent_recognition.warping.parts import Part
+from intent_recognition.warping.wall_checks import check_wall
+from intent_recognition.warping.warp import WarpedObject, prepare_source, warp
+
+ROWS = (
+    ("opening radius", "opening_radius_m", 1e3, "mm"),
+    ("volume", "volume_m3", 1e6, "ml"),
+    ("height", "height_m", 1e3, "mm"),
+    ("opening centre", "opening_centre", 1e3, "mm"),
+    ("lip point", "lip_point", 1e3, "mm"),
+    ("tilt that leaves half", "tilt_reference_rad", 180.0 / np.pi, "deg"),
+)
+
+
+def add_parser(subparsers) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "warp",
+        help="measure a container with the help of an annotated one",
+        description="Warp an annotated object onto a mesh or a cloud, and print its parameters"
+        " (opening, volume, height, lip, tilt) in the target's own coordinates. The mug that comes"
+        " along is one annotated object; docs/warping.md tells how to annotate others.",
+        **examples(
+            ("a mesh, with the mug that comes along", "intent warp mug bowl.obj"),
+            ("in millimetres, for a script", "intent warp mug cup.stl --scale 0.001 --json"),
+            ("a cloud without normals", "intent warp mug seen.ply --viewpoint 0.5 0 0.6"),
+        ),
+    )
+    parser.add_argument("source", metavar="SOURCE", help="annotated object: a file, or `mug`")
+    parser.add_argument("target", type=Path, metavar="TARGET", help="mesh or cloud")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    parser.add_argument(
+        "--report",
+        nargs="?",
+        type=Path,
+        const=Path("warp.html"),
+        metavar="OUT.html",
+        help="write a page with figures (default: %(const)s)",
+    )
+    parser.add_argument(
+        "--mapping",
+        choices=("label", "point"),
+        default="label",
+        help="label the target's points, or move the source's (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--neighbours", type=int, default=1, metavar="K", help="how many vote (default: 1)"
+    )
+    parser.add_argument(
+        "--points", type=int, default=N_POINTS, help="taken of the target (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--scale", type=float, default=1.0, help="factor to metres; 0.001 for millimetres"
+    )
+    parser.add_argument(
+        "--toward", nargs=3, type=float, metavar=("X", "Y", "Z"), help="the other container [m]"
+    )
+    parser.add_argument(
+        "--viewpoint",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "Z"),
+        help="where the camera was [m], for clouds without normals",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="draws the points of a mesh")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Warp and print.
+
+    Raises:
+        ModelError: the source cannot be used.
+        ArgumentError: the target cannot be used; says why.
+    """
+    if not (np.isfinite(args.scale) and args.scale > 0.0):
+        cure = "Use 0.001 for millimetres."
+        raise ArgumentError(describe("--scale", "a factor above 0", args.scale, cure))
+    source = prepare_source(load_object(find_object(args.source)))
+    viewpoint = None if args.viewpoint is None else np.array(args.viewpoint)
+    target = load_target(args.target, args.points, args.scale, viewpoint, args.seed)
+    start_s = time.perf_counter()
+    try:
+        warped = warp(source, target.cloud, args.mapping, args.neighbours)
+        if target.surface is not None:
+            check_wall(warped, target.surface)
+        toward = None if args.toward is None else np.array(args.toward)
+        parameters = pouring_parameters(warped, toward)
+    except ArgumentError as error:
+        raise ArgumentError(f"{args.target}: {error}") from error
+    taken_s = time.perf_counter() - start_s
+    content = as_json(args, warped, parameters)
+    if args.json:
+        sys.stdout.write(json.dumps(content, indent=2) + "\n")
+    else:
+        make_console().print(_table(args, warped, parameters, taken_s))
+    if args.report:
+        from intent_recognition.report.warp_report import write_warp_report
+
+        path = write_warp_report(args.report, source, warped, parameters, content)
+        if not args.json:
+            make_console().print(f"report: {path}")
+    return 0
+
+
+def as_json(
+    args: argparse.Namespace, warped: WarpedObject, parameters: PouringParameters
+) -> dict[str, object]:
+    """All that was found as plain values: metres, cubic metres, radians."""
+    values = {
+        name: value.tolist() if isinstance(value, np.ndarray) else float(value)
+        for name, value in parameters._asdict().items()
+    }
+    counts = np.bincount(warped.labels, minlength=len(Part))
+    return {
+        "source": str(args.source),
+        "target": str(args.target),
+        "mapping": warped.mapping,
+        **values,
+        "up": warped.rim.up.tolist(),
+        "has_handle": warped.frame.has_handle,
+        "points": {part.name.lower(): int(counts[part]) for part in Part},
+    }
+
+
+def _table(
+    args: argparse.Namespace, warped: WarpedObject, parameters: PouringParameters, taken_s: float
+) -> Table:
+    counts = np.bincount(warped.labels, minlength=len(Part))
+    parts = ", ".join(f"{counts[part]} {part.name.lower()}" for part in Part)
+    table = Table(
+        title=f"{args.source} warped onto {args.target}",
+        caption=f"{len(warped.points)} points: {parts}; {1e3 * taken_s:.0f} ms",
+    )
+    table.add_column("parameter")
+    table.add_column("value", justify="right")
+    table.add_column("unit")
+    for title, name, factor, unit in ROWS:
+        value = np.atleast_1d(getattr(parameters, name)) * factor
+        table.add_row(title, "  ".join(f"{number:.1f}" for number in value), unit)
+    return table

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report of one warp."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.report.drawing import to_png, to_svg
+from intent_recognition.report.figures_warping import cut_figure, parts_figure
+from intent_recognition.report.html import (
+    Column,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Page,
+    Section,
+    Table,
+    write_page,
+)
+from intent_recognition.warping.parameters import PouringParameters
+from intent_recognition.warping.warp import WarpedObject, WarpSource
+
+
+def write_warp_report(
+    path: str | Path,
+    source: WarpSource,
+    warped: WarpedObject,
+    parameters: PouringParameters,
+    content: Mapping[str, object],
+) -> Path:
+    """Write the report of a warp as one HTML file.
+
+    Args:
+        path: of the file.
+        source: the annotated object.
+        warped: what came of it.
+        parameters: of the warped object.
+        content: what the command prints as JSON.
+
+    Returns:
+        The path.
+    """
+    own = source.annotated
+    views = (
+        (f"annotated: {own.name}", source.frame.to_local(own.points), own.labels),
+        ("warped", warped.frame.to_local(warped.points), warped.labels),
+    )
+    parts = to_png(parts_figure(views))
+    cut = to_svg(cut_figure(warped, parameters))
+    degrees = np.degrees(parameters.tilt_reference_rad)
+    numbers = (
+        KeyNumber("opening radius", f"{1e3 * parameters.opening_radius_m:.1f} mm"),
+        KeyNumber("volume", f"{1e6 * parameters.volume_m3:.0f} ml"),
+        KeyNumber("height", f"{1e3 * parameters.height_m:.1f} mm"),
+        KeyNumber("tilt that leaves half", f"{degrees:.1f}\N{DEGREE SIGN}"),
+    )
+    rows = tuple((name, _text(value)) for name, value in content.items())
+    table = Table((Column("name", align="left"), Column("value", align="left")), rows)
+    caption = (
+        "Cut along the lip. The line is the fitted cavity; the dashed one is the level of what is"
+        " left when the container is tilted about its lip until half of its volume is above it."
+    )
+    page = Page(
+        title="Warped object",
+        subtitle=f"{content['source']} onto {content['target']}",
+        sections=(
+            Section("Parameters", (KeyNumbers(numbers),)),
+            Section("Parts", (Figure(parts, "Points by part.", media_type="image/png"),)),
+            Section("Cavity", (Figure(cut, caption),)),
+            Section("As JSON", (table,)),
+        ),
+    )
+    return write_page(path, page)
+
+
+def _text(value: object) -> str:
+    """A JSON value in short."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        return ", ".join(_text(one) for one in value)
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_text(one)}" for key, one in value.items())
+    return str(value)

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node object_warper on its topics."""
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.parameter import Parameter
+from scan_builder import scanned
+from sensor_msgs.msg import JointState, PointCloud2, PointField
+from std_msgs.msg import Header
+
+from intent_recognition.errors import ArgumentError, MessageError, ModelError
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.clouds import LABEL, cloud_arrays, to_labelled_cloud
+from intent_recognition.nodes.conversions import stamp_ns, to_stamp
+from intent_recognition.nodes.object_warper import ObjectWarper
+from intent_recognition.storage.objects import find_object, load_object
+from intent_recognition.warping.object_model import ObjectCloud
+from intent_recognition.warping.parameters import pouring_parameters
+from intent_recognition.warping.warp import prepare_source, warp
+
+T0 = 1_700_000_000_123_456_789
+
+
+def header(index=0):
+    return Header(frame_id="camera", stamp=to_stamp(T0 + index))
+
+
+def message_of(cloud, index=0):
+    """A cloud with points and normals, as a camera's node would publish it."""
+    return to_labelled_cloud(
+        header(index), cloud.points, cloud.normals, np.zeros(len(cloud.points))
+    )
+
+
+def organised(points, height):
+    """An organised cloud of positions only, with padding, big-endian doubles."""
+    message = PointCloud2(header=header(), height=height, width=len(points) // height)
+    message.fields = [
+        PointField(name=n, offset=4 + 8 * i, datatype=PointField.FLOAT64, count=1)
+        for i, n in enumerate("xyz")
+    ]
+    message.is_bigendian, message.point_step = True, 32
+    table = np.zeros((len(points), 32), np.uint8)
+    table[:, 4:28] = points.astype(">f8").view(np.uint8).reshape(-1, 24)
+    rows = table.reshape(height, -1)
+    rows = np.concatenate([rows, np.zeros((height, 7), np.uint8)], 1)
+    message.row_step, message.data = rows.shape[1], rows.tobytes()
+    return message
+
+
+def test_clouds_survive_the_wire():
+    """Positions and normals to 32 bits; other layouts are read as well."""
+    cloud = scanned("tumbler")
+    points, normals = cloud_arrays(message_of(cloud))
+    np.testing.assert_allclose(points, cloud.points, atol=1e-7)
+    np.testing.assert_allclose(normals, cloud.normals, atol=1e-6)
+    points, normals = cloud_arrays(organised(cloud.points, 40))
+    np.testing.assert_array_equal(points, cloud.points)
+    assert normals is None
+
+
+def test_malformed_clouds_are_named():
+    """Missing fields, wrong sizes, unknown types, offsets outside of a point."""
+    for spoil, reason in (
+        (lambda m: m.fields.pop(0), "no x"),
+        (lambda m: setattr(m, "data", b"1234"), "bytes"),
+        (lambda m: setattr(m, "point_step", 40), "bytes"),
+        (lambda m: setattr(m.fields[1], "datatype", 99), "known type"),
+        (lambda m: setattr(m.fields[2], "offset", 27), "offset 27"),
+    ):
+        message = message_of(scanned("tumbler"))
+        spoil(message)
+        with pytest.raises(MessageError, match=reason):
+            cloud_arrays(message)
+
+
+def test_parameters_and_labels_are_those_of_the_library(harness):
+    """One cloud in, the library's numbers out, with the cloud's stamp and frame."""
+    harness.add(ObjectWarper())
+    cloud = scanned("tall_mug")
+    clouds = harness.collect(PointCloud2, "object/labelled_cloud", qos.STATE)
+    vectors = harness.collect(JointState, "object/parameters", qos.STATE)
+    publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
+    harness.connect(publisher)
+    publisher.publish(message_of(cloud))
+    harness.spin_until(lambda: clouds and vectors, what="parameters")
+    source = prepare_source(load_object(find_object("mug")))
+    sent = ObjectCloud(*cloud_arrays(message_of(cloud)))
+    warped = warp(source, sent)
+    expected = pouring_parameters(warped)
+    found = dict(zip(vectors[0].name, vectors[0].position, strict=True))
+    assert found["opening_radius_m"] == pytest.approx(expected.opening_radius_m)
+    assert found["volume_m3"] == pytest.approx(expected.volume_m3)
+    assert found["tilt_reference_rad"] == pytest.approx(expected.tilt_reference_rad)
+    lip = [found[f"lip_point_{axis}"] for axis in "xyz"]
+    np.testing.assert_allclose(lip, expected.lip_point)
+    for message in (clouds[0], vectors[0]):
+        assert stamp_ns(message) == T0
+        assert message.header.frame_id == "camera"
+    labels = np.frombuffer(bytes(clouds[0].data), np.uint8).reshape(-1, 28)[:, 24]
+    assert clouds[0].fields[-1].name == LABEL
+    np.testing.assert_array_equal(labels, warped.labels)
+
+
+def test_bad_clouds_are_counted_and_harm_nothing(harness):
+    """Empty, no container, malformed; then a good one with pixels without depth."""
+    harness.add(ObjectWarper())
+    vectors = harness.collect(JointState, "object/parameters", qos.STATE)
+    reports = harness.collect(DiagnosticArray, "/diagnostics", 10)
+    publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
+    harness.connect(publisher)
+    cloud = scanned("tumbler")
+    malformed = message_of(cloud)
+    malformed.fields.pop()
+    malformed.fields.pop(0)
+    points = np.concatenate([cloud.points, np.full((80, 3), np.nan)])
+    normals = np.concatenate([cloud.normals, np.zeros((80, 3))])
+    good = to_labelled_cloud(header(9), points, normals, np.zeros(len(points)))
+    large = ObjectCloud(1000.0 * cloud.points, cloud.normals)
+    for message in (PointCloud2(header=header()), malformed, message_of(large), good):
+        publisher.publish(message)
+        harness.executor.spin_once(timeout_sec=0.05)
+    harness.spin_until(lambda: vectors, what="parameters of the good cloud")
+    assert stamp_ns(vectors[0]) == T0 + 9
+
+    def rejected():
+        for report in reports:
+            values = {v.key: v.value for s in report.status for v in s.values}
+            if values.get("rejected pixel_without_depth") == "80":
+                return values
+        return None
+
+    values = harness.spin_until(rejected, what="diagnostics")
+    assert values["rejected MessageError"] == "2"
+    assert values["rejected ArgumentError"] == "1"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "error"),
+    [
+        ({"source": "bucket"}, ModelError),
+        ({"mapping": "both"}, ArgumentError),
+        ({"viewpoint": [1.0, 2.0]}, ArgumentError),
+    ],
+)
+def test_wrong_parameters_stop_the_node(harness, overrides, error):
+    """At start-up, with the reason."""
+    parameters = [Parameter(name, value=value) for name, value in overrides.items()]
+    with pytest.raises(error):
+        ObjectWarper(parameter_overrides=parameters)
