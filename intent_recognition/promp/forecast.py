@@ -52,7 +52,11 @@ class Forecast:
 
     @cached_property
     def recovery(self) -> Recovery:
-        """Regression of the controlled weights on the observed ones, one per task."""
+        """Regression of the controlled weights on the observed ones, one `Regression` per task.
+
+        Observations touch only the observed weights, so the controlled ones are recovered when
+        asked for, exactly: N(A w_o + b, C).
+        """
         return Recovery(self.weight_mean, self.weight_covariance, self.n_observed_weights)
 
     def control_noise_variance(self) -> np.ndarray:

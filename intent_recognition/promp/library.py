@@ -12,7 +12,6 @@ from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.forecast import Forecast
 from intent_recognition.promp.progress import STEADY
-from intent_recognition.promp.recovery import Recovery
 
 NONE = "none"
 """Label of the hypothesis that the movement is none of the known tasks."""
@@ -137,15 +136,6 @@ class TaskLibrary:
             self.noise_scale,
             STEADY,
         )
-
-    @cached_property
-    def recovery(self) -> Recovery:
-        """Regression of the controlled weights on the observed ones, one `Regression` per task.
-
-        Observations touch only the observed weights, so the controlled ones are recovered when
-        asked for, exactly: N(A w_o + b, C).
-        """
-        return Recovery(self.weight_mean, self.weight_covariance, self.n_observed_weights)
 
     def noise_covariance(self, dofs: np.ndarray, interval_s: float) -> np.ndarray:
         """Noise of one observation of the observed DOFs `dofs`, (m, m).

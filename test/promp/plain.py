@@ -58,7 +58,7 @@ def mixture_at(
         task = index // n_scales
         weight = weights.ravel()[index]
         observed = Gaussian(bank.mean[index], bank.covariance[index])
-        controlled = controlled_weights(library, task, observed, start)
+        controlled = controlled_weights(library.forecast, task, observed, start)
         phase = np.clip(times_s / hypotheses.duration_s[index], 0.0, 1.0)
         design = library.basis.design_matrix(phase)
         position = design @ controlled.mean.reshape(n_controlled, -1).T

@@ -40,9 +40,9 @@ def test_a_grid_predicts_what_the_weights_do(rng, with_start, prune, n_points):
             plain = observed_weights(run.bank, posterior.scale_weights, task)
             np.testing.assert_allclose(moments.mean, plain.mean, rtol=1e-9, atol=1e-12)
             np.testing.assert_allclose(moments.covariance, plain.covariance, rtol=1e-8, atol=1e-12)
-            weights = controlled_weights(library, task, plain, start)
+            weights = controlled_weights(library.forecast, task, plain, start)
             expected = rollout(library.basis, weights, phase, 1.7, noise)
-            found = ControlGrid(library, task, n_points).predict(moments, 1.7, start)
+            found = ControlGrid(library.forecast, task, n_points).predict(moments, 1.7, start)
             for ours, theirs in zip(found, expected, strict=True):
                 np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-10)
 

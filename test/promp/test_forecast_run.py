@@ -53,7 +53,7 @@ def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng):
     noise = library.control_noise_variance()
     for start in (None, StartPosture(np.array([0.01, 0.02]), np.full(2, 1e-5))):
         observed = Gaussian(bank.mean[1], bank.covariance[1])
-        weights = controlled_weights(library, 1, observed, start)
+        weights = controlled_weights(library.forecast, 1, observed, start)
         times = np.array([0.0, 0.5, 1.0, 2.0])
         expected = rollout(library.basis, weights, times / 2, 2.0, noise)
         mean, square = run.mixture_at(np.r_[times, 5.0], start)
@@ -95,7 +95,7 @@ def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
     drawn = []
     for s, count in enumerate(rng.multinomial(n, run.duration_weights)):
         observed = Gaussian(run.filter.mean[s], run.filter.covariance[s])
-        w = rng.multivariate_normal(*controlled_weights(library, 0, observed), size=count)
+        w = rng.multivariate_normal(*controlled_weights(library.forecast, 0, observed), size=count)
         recorded = times / run.filter.duration_s[s]
         values = np.empty((count, len(times), 2))
         for t, phases in enumerate(reference_phase(LEADING, recorded)):

@@ -11,7 +11,7 @@ from intent_recognition.promp.recovery import N_KEPT
 
 def test_every_task_s_regression_is_there_and_few_stay_in_memory(rng):
     library = make_library(rng, n_tasks=3 * N_KEPT, n_basis=4)
-    recovery = library.recovery
+    recovery = library.forecast.recovery
     assert len(recovery) == library.n_tasks
     for task, found in enumerate(recovery):
         expected = regression(library.primitive(task), library.n_observed_weights)

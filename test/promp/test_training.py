@@ -82,14 +82,14 @@ def test_few_demonstrations_train_with_positive_definite_covariances(truth, rng,
         assert np.linalg.eigvalsh(covariance).min() > 0
     assert np.all(np.isfinite(library.log_duration_std))
     assert np.all(library.log_duration_std >= 0.05)
-    assert library.recovery[0].matrix.shape == (16, 24)
+    assert library.primitive(0).covariance.shape == (40, 40)
 
 
 def test_identical_demonstrations_train(truth, rng):
     one = simulate(truth, 0, rng)
     library, _ = learn([one, replace(one, name="again"), replace(one, name="third")], WHOLE)
     assert np.linalg.eigvalsh(library.weight_covariance[0]).min() > 0
-    assert np.all(np.isfinite(library.recovery[0].matrix))
+    assert np.all(np.isfinite(library.forecast.recovery[0].matrix))
 
 
 def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
