@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: a web page that shows the cell, replays recordings, and teaches tasks."""
 
+import functools
 import gc
 import time
 from pathlib import Path
@@ -22,6 +23,7 @@ from intent_recognition.nodes.runtime import Diagnostics, parameter
 from intent_recognition.share import share_path
 from intent_recognition.storage.bag_reader import BagReader
 from intent_recognition.storage.demonstrations import find_bags
+from intent_recognition.storage.model import load_model
 
 MOST_BAGS = 500
 MOST_MODELS = 50
@@ -95,8 +97,8 @@ class Dashboard(Node):
 
     def _find_models(self) -> list[Path]:
         folder = Path(self._models)
-        found = [path for depth in MODEL_DEPTH for path in sorted(folder.glob(depth))]
-        return [path.absolute() for path in found][:MOST_MODELS]
+        found = [path.absolute() for depth in MODEL_DEPTH for path in sorted(folder.glob(depth))]
+        return [path for path in found if _is_model(path, path.stat().st_mtime_ns)][:MOST_MODELS]
 
     def _play(self, bag: Path, offset_s: float, rate: float) -> BagPlayer:
         """Play what nobody else publishes, from a point on, stamped with the present.
@@ -130,3 +132,13 @@ class Dashboard(Node):
     def _stop(self, player: BagPlayer) -> None:
         self.executor.remove_node(player)
         player.destroy_node()
+
+
+@functools.lru_cache(maxsize=1000)
+def _is_model(path: Path, changed_ns: int) -> bool:
+    """Whether a file is a model, looked at once for each of its versions."""
+    try:
+        load_model(path)
+    except IntentError:
+        return False
+    return True

@@ -5,6 +5,7 @@ import os
 import shutil
 import socket
 import time
+import urllib.request
 from contextlib import contextmanager
 from io import BytesIO
 
@@ -42,9 +43,12 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
+def _served(port: int) -> bool:
+    try:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=DEADLINE_S) as answer:
+            return answer.status == 200
+    except OSError:
+        return False
 
 
 class Visitor:
@@ -57,7 +61,7 @@ class Visitor:
         page.on("request", lambda request: self.requests.append(request.url))
 
     def open(self, port: int) -> None:
-        self.wait_until(lambda: _listens(port), "the page is served")
+        self.wait_until(lambda: _served(port), "the page is served")
         self.page.goto(f"http://127.0.0.1:{port}")
         self.wait_for("Watch")
 

@@ -89,7 +89,7 @@ def teach_a_task(person):
     """Take the wrist, record three demonstrations, learn, and see the task recognised."""
     person.tab("Teach")
     person.page.get_by_label("Take the wrist").check()
-    person.page.get_by_label("Task").fill("wave")
+    person.page.locator("input.mantine-TextInput-input:visible").fill("wave")
     for count in (1, 2, 3):
         person.press("Record a demonstration")
         person.wait_for(f"Learn ({count})")
