@@ -108,12 +108,18 @@ class Scene:
         none = np.zeros((0, 3))
         self._line("predicted", none if shown is None else shown.predicted, colour, PATH_WIDTH_M)
         self._draw_tube(none if shown is None else shown.tube, colour)
-        self._label.visible = shown is not None and len(shown.predicted) > 0
-        if self._label.visible:
-            self._label.position = shown.predicted[-1] + np.array([0.0, 0.0, 0.08])
-            chance = float(np.max(state.posterior.probabilities)) if state.posterior else 0.0
-            self._label.text = f"{best.replace('_', ' ')} {chance:.0%}"
+        self._draw_label(none if shown is None else shown.predicted, best.replace("_", " "))
         self._update_hand_path(state, colours, now_s)
+
+    def _draw_label(self, path: np.ndarray, text: str) -> None:
+        """Name the task above the predicted end; a new text fades in, so the same is not sent."""
+        visible = len(path) > 0
+        if self._label.visible != visible:
+            self._label.visible = visible
+        if visible:
+            self._label.position = path[-1] + np.array([0.0, 0.0, 0.08])
+            if self._label.text != text:
+                self._label.text = text
 
     def _update_hand_path(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         predicted = state.predicted
