@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.recordings import DEFAULTS, gather_all, print_found
+from intent_recognition.cli.recordings import DEFAULTS, all_left_out, busy, gather_all, print_found
 from intent_recognition.errors import ArgumentError, TrainingError, describe
 from intent_recognition.promp.gathering import Gathered
 from intent_recognition.promp.training import (
@@ -61,9 +61,14 @@ def add_to_model(
         raise TrainingError(
             describe("BAG", "a demonstration that can be added", reasons, "Check the labels.")
         )
-    more = add_statistics(trained, gathered.tasks, gathered.used)
-    more, tried = choose_again(more) if args.choose_again else (more, (more.chosen,))
-    return Model(more.library, model.dofs), _report(more, gathered, tried)
+    with busy(console, "adding"):
+        more = add_statistics(trained, gathered.tasks, gathered.used)
+    tried = (more.chosen,)
+    if args.choose_again:
+        with busy(console, "choosing the regularisation"):
+            more, tried = choose_again(more)
+    report = _report(more, gathered, tried)._replace(rejected=all_left_out(found))
+    return Model(more.library, model.dofs), report
 
 
 def _report(more: Trained, gathered: Gathered, tried: tuple) -> TrainingReport:

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.demo_session import END_SIGNALS, interrupt, run_session
+from intent_recognition.cli.help import examples
 from intent_recognition.errors import IntentError, describe
 from intent_recognition.promp.training import TrainingSettings
 from intent_recognition.storage.model import load_model, save_model
@@ -29,6 +30,14 @@ def add_parser(subparsers) -> None:
         help="the whole chain, with a simulated coworker and arm",
         description="Train on the shipped bags, start the nodes as separate processes, and let a"
         " simulated coworker assemble a toolbox with the arm's help. Needs ROS 2.",
+        **examples(
+            ("with a page to watch it, and to teach it tasks", "intent demo --dashboard"),
+            ("a short one without a window", "intent demo --headless --interactions 5 --seed 2"),
+            (
+                "keep the session and its numbers",
+                "intent demo --headless --record out/session --json out/numbers.json",
+            ),
+        ),
     )
     parser.add_argument(
         "--scenario", choices=SCENARIOS, default="toolbox", help="what to do (default: toolbox)"

@@ -8,8 +8,10 @@ from rich.console import Console
 from rich.table import Table
 
 from intent_recognition.cli.console import make_console
+from intent_recognition.cli.help import examples
 from intent_recognition.cli.recordings import (
     add_recording_options,
+    busy,
     check_output,
     print_dropped,
     print_left_out,
@@ -37,6 +39,17 @@ def add_parser(subparsers) -> None:
         "evaluate",
         help="score on recordings left out of training",
         description="Train on a part of the recordings and score on the rest, in turn.",
+        **examples(
+            ("leave one out", "intent evaluate demos --dofs my_dofs.yaml --report evaluation.html"),
+            (
+                "faster, in five parts",
+                "intent evaluate demos --protocol kfold:5 --json numbers.json",
+            ),
+            (
+                "learn from one folder, score on another",
+                "intent evaluate bags/toolbox/train --protocol holdout:bags/toolbox/test",
+            ),
+        ),
     )
     add_recording_options(parser, "recording")
     parser.add_argument(
@@ -110,7 +123,8 @@ def run(args: argparse.Namespace) -> int:
         from intent_recognition.report.evaluation_report import write_evaluation_report
 
         names = ", ".join(path.name for path in args.bags)
-        write_evaluation_report(args.report, result, f"Evaluation on {names}")
+        with busy(console, "writing the report"):
+            write_evaluation_report(args.report, result, f"Evaluation on {names}")
     return 0
 
 

@@ -15,6 +15,7 @@ from rich.table import Table
 from intent_recognition import __version__
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.experiment_runs import Run, run_all
+from intent_recognition.cli.help import examples
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.experiments.catalogue import EXPERIMENTS, chosen
 from intent_recognition.experiments.outcome import Outcome, Settings
@@ -29,6 +30,14 @@ def add_parser(subparsers) -> None:
         help="the papers' results again, beside the papers' own",
         description="Run the experiments of the papers on recordings of the simulation, print what"
         " came out beside the paper's figure, and write one report that opens without network.",
+        **examples(
+            ("what there is", "intent experiments --list"),
+            ("a first look at all of them", "intent experiments --quick"),
+            (
+                "one of them, its numbers for a script",
+                "intent experiments alignment --json numbers.json",
+            ),
+        ),
     )
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help="which (default: all; --list shows them)"

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import track
 
 from intent_recognition.cli.console import make_console
+from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_tables import print_bag, print_folder, print_model
 from intent_recognition.errors import BagError, describe
 from intent_recognition.promp.forecast import Forecast
@@ -28,6 +29,14 @@ def add_parser(subparsers) -> None:
         help="what is in a recording or a model",
         description="Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of"
         " a folder, or in a model (tasks, degrees of freedom, timing, noise, where it came from).",
+        **examples(
+            ("one line per recording", "intent inspect bags/toolbox/test"),
+            (
+                "one recording: topics, rates, gaps, outliers",
+                "intent inspect demos/give_bracket_00",
+            ),
+            ("a model, for a script", "intent inspect bracket.npz --json"),
+        ),
     )
     parser.add_argument("path", type=Path, metavar="BAG|MODEL", help="bag, folder, or model file")
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")

@@ -7,39 +7,35 @@ import sys
 from collections.abc import Sequence
 
 from intent_recognition import __version__
+from intent_recognition.cli.completion import add_completion_option
+from intent_recognition.cli.help import COMMANDS, Formatter
 from intent_recognition.errors import IntentError
 
-COMMANDS = (
-    "demo",
-    "train",
-    "evaluate",
-    "replay",
-    "inspect",
-    "recover",
-    "record",
-    "play",
-    "teach",
-    "undo",
-    "experiments",
-)
 
-
-def make_parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
+    """The parser of all commands, or of some: what is left out need not be imported."""
     parser = argparse.ArgumentParser(
         prog="intent",
-        description="Learn interaction primitives, recognise a coworker's task, move the robot.",
+        description="Learn interaction primitives from recordings, recognise a coworker's task,"
+        " and move the robot in time.",
+        epilog="`intent COMMAND --help` explains a command and shows examples.",
+        formatter_class=Formatter,
     )
     parser.add_argument("--version", action="version", version=f"intent {__version__}")
-    subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in COMMANDS:
+    add_completion_option(parser)
+    subparsers = parser.add_subparsers(
+        title="commands", dest="command", metavar="COMMAND", required=True
+    )
+    for command in commands:
         importlib.import_module(f"intent_recognition.cli.{command}").add_parser(subparsers)
     return parser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; an error of this package is one line on stderr and exit code 1."""
-    args = make_parser().parse_args(argv)
+    words = list(sys.argv[1:] if argv is None else argv)
+    known = words[0] in COMMANDS if words else False
+    args = make_parser(words[:1] if known else COMMANDS).parse_args(words)
     try:
         return int(args.run(args) or 0)
     except IntentError as error:

@@ -5,8 +5,15 @@ import argparse
 import math
 from pathlib import Path
 
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from intent_recognition.cli.help import examples
 from intent_recognition.cli.node_arguments import add_node_options, node_arguments
 from intent_recognition.storage.bag_reader import BagReader
+
+SECONDS = "{task.completed:.1f} of {task.total:.1f} s"
+SHOWN_EVERY_S = 0.2
 
 
 def add_parser(subparsers) -> None:
@@ -16,6 +23,13 @@ def add_parser(subparsers) -> None:
         help="play a bag onto its topics",
         description="Publish a bag's messages on their topics in the recorded rhythm. Playing"
         " begins once somebody listens, or after --wait.",
+        **examples(
+            (
+                "to the nodes, stamped with the present",
+                "intent play demos/give_bracket_00 --restamp",
+            ),
+            ("slowly, again and again", "intent play demos/give_bracket_00 --rate 0.5 --loop"),
+        ),
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="bag directory or .mcap file")
     parser.add_argument(
@@ -49,9 +63,26 @@ def run(args: argparse.Namespace) -> int:
         BagError: there is no recording at this path.
     """
     BagReader(args.bag, tolerant=True)
-    from intent_recognition.nodes.bag_player import main
+    from rclpy.clock import Clock, ClockType
 
-    return main(node_arguments(args, parameters(args)))
+    from intent_recognition.nodes.bag_player import BagPlayer
+    from intent_recognition.nodes.runtime import run as run_node
+
+    stderr = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn(SECONDS))
+    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+        task = bar.add_task("playing", total=None)
+
+        def bag_player() -> BagPlayer:
+            node = BagPlayer()
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            node.create_timer(SHOWN_EVERY_S, lambda: show(node), clock=steady)
+            return node
+
+        def show(node: BagPlayer) -> None:
+            bar.update(task, total=node.duration_s, completed=node.position_s)
+
+        return run_node(bag_player, node_arguments(args, parameters(args)))
 
 
 def parameters(args: argparse.Namespace) -> dict[str, object]:

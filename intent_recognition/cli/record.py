@@ -4,6 +4,7 @@
 import argparse
 from pathlib import Path
 
+from intent_recognition.cli.help import examples
 from intent_recognition.cli.node_arguments import add_node_options, node_arguments
 from intent_recognition.errors import ResourceBusyError, describe
 
@@ -14,6 +15,14 @@ def add_parser(subparsers) -> None:
         "record",
         help="record topics into a bag until Ctrl-C",
         description="Record topics, bit for bit, into a new MCAP bag until Ctrl-C.",
+        **examples(
+            (
+                "a demonstration of a task",
+                "intent record --task give_bracket --output demos/give_bracket_00"
+                " /mocap/wrist/pose /joint_states",
+            ),
+            ("everything there is", "intent record --output session_00"),
+        ),
     )
     parser.add_argument(
         "topics", nargs="*", metavar="TOPIC", help="topics to record (default: all there are)"

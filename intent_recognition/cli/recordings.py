@@ -5,11 +5,19 @@ import argparse
 import json
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from intent_recognition.errors import BagError, ResourceBusyError, describe
 from intent_recognition.promp.gathering import Reference
@@ -56,7 +64,7 @@ def training_settings(args: argparse.Namespace) -> TrainingSettings:
 
 
 def progress_bar(console: Console) -> Progress:
-    """A progress bar that leaves nothing behind."""
+    """A progress bar that leaves nothing behind, and is not there where no terminal is."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -64,7 +72,19 @@ def progress_bar(console: Console) -> Progress:
         TimeRemainingColumn(),
         console=console,
         transient=True,
+        disable=not console.is_terminal,
     )
+
+
+@contextmanager
+def busy(console: Console, what: str) -> Iterator[None]:
+    """A bar that only says that, and for how long, work of unknown length goes on."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        bar.add_task(what, total=None)
+        yield
 
 
 def read_all(
@@ -184,6 +204,12 @@ def print_left_out(
         lines.append(f"left out {n_left_out - len(lines)} more")
     for text in lines:
         console.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
+
+
+def all_left_out(found: FromBags) -> tuple[tuple[str, str], ...]:
+    """(recording, reason) of what could not be read and of what could not be learned from."""
+    unread = [(r.path, f"{r.topic}: {r.reason}" if r.topic else r.reason) for r in found.rejections]
+    return (*unread, *found.gathered.rejected)
 
 
 def print_found(console: Console, found: FromBags) -> None:

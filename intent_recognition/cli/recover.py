@@ -2,10 +2,16 @@
 """`intent recover`: save what can be saved from a truncated or damaged recording."""
 
 import argparse
+import json
 import sys
+from dataclasses import asdict, replace
 from pathlib import Path
 
+from rich.console import Console
+
+from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_tables import damage_line
+from intent_recognition.cli.recordings import busy
 from intent_recognition.storage.recover import RecoveryReport, recover_bag
 
 
@@ -16,11 +22,18 @@ def add_parser(subparsers) -> None:
         help="save what can be saved from a damaged recording",
         description="Write a whole new bag with every message of a truncated or damaged MCAP"
         " recording whose checksum holds. The damaged recording is not changed.",
+        **examples(
+            (
+                "write a whole recording beside the damaged one",
+                "intent recover demos/give_bracket_07 --output demos/give_bracket_07_saved",
+            ),
+        ),
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="bag directory or .mcap file")
     parser.add_argument(
         "--output", type=Path, required=True, metavar="B", help="directory of the new bag"
     )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of lines")
     parser.set_defaults(run=run)
 
 
@@ -31,9 +44,17 @@ def run(args: argparse.Namespace) -> int:
         BagError: there is no MCAP file, or not one message in it can be read.
         ResourceBusyError: the output exists already.
     """
-    report = recover_bag(args.bag, args.output)
-    sys.stdout.write("\n".join(report_lines(report)) + "\n")
+    with busy(Console(stderr=True), "recovering"):
+        report = recover_bag(args.bag, args.output)
+    lines = [json.dumps(report_json(report), indent=2)] if args.json else report_lines(report)
+    sys.stdout.write("\n".join(lines) + "\n")
     return 0
+
+
+def report_json(report: RecoveryReport) -> dict:
+    """What was saved and what was not, as plain values."""
+    counts = dict(report.message_counts)
+    return asdict(replace(report, message_counts=counts)) | {"message_count": report.message_count}
 
 
 def report_lines(report: RecoveryReport) -> list[str]:

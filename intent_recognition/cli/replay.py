@@ -11,7 +11,8 @@ from rich.console import Console
 from rich.table import Table
 
 from intent_recognition.cli.console import make_console
-from intent_recognition.cli.recordings import check_output, write_json
+from intent_recognition.cli.help import examples
+from intent_recognition.cli.recordings import check_output, progress_bar, write_json
 from intent_recognition.errors import BagError, describe
 from intent_recognition.promp.decision import (
     DecisionSettings,
@@ -34,6 +35,16 @@ def add_parser(subparsers) -> None:
         "replay",
         help="run the online estimator over a recording",
         description="Print the task posterior over time, as the nodes would publish it.",
+        **examples(
+            (
+                "the posterior over time, and when the robot would have acted",
+                "intent replay demos/give_bracket_00 --model bracket.npz",
+            ),
+            (
+                "every observation, for a script",
+                "intent replay demos/give_bracket_00 --model bracket.npz --json rows.json",
+            ),
+        ),
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="bag directory or .mcap file")
     parser.add_argument(
@@ -51,7 +62,12 @@ def run(args: argparse.Namespace) -> int:
     reader = BagReader(args.bag)
     rejected: Counter[str] = Counter()
     held_back: dict[str, str] = {}
-    rows = list(replay(reader, model, rejected, held_back=held_back))
+    observed = [entry.topic.lstrip("/") for entry in model.dofs.observed]
+    counts = {name.lstrip("/"): info.message_count for name, info in reader.topics.items()}
+    with progress_bar(console) as bar:
+        total = sum(counts.get(topic, 0) for topic in observed)
+        steps = replay(reader, model, rejected, held_back=held_back)
+        rows = list(bar.track(steps, total=total, description="replaying"))
     dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(rejected.items()))
     if not rows:
         raise BagError(

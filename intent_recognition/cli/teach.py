@@ -13,7 +13,9 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import make_console
+from intent_recognition.cli.help import examples
 from intent_recognition.cli.node_arguments import add_node_options, node_arguments
+from intent_recognition.cli.recordings import busy
 from intent_recognition.errors import BagError, IntentError, describe
 
 HEARD_S = 5.0
@@ -29,6 +31,16 @@ def add_parser(subparsers) -> None:
         help="record a task while the graph runs, learn it, use it",
         description="Record demonstrations of a task while the graph runs. Each is learned as soon"
         " as its recording ends, and a running estimator uses it at once. Needs ROS 2.",
+        **examples(
+            (
+                "Enter begins and ends each demonstration",
+                "intent teach give_bracket --library tasks --model bracket.npz",
+            ),
+            (
+                "one of five seconds, without questions",
+                "intent teach give_bracket --library tasks --seconds 5",
+            ),
+        ),
     )
     parser.add_argument("task", metavar="TASK", help="label of what is shown")
     add_library_options(parser)
@@ -135,7 +147,8 @@ def _lessons(args: argparse.Namespace, teacher, spin: Callable, console: Console
         shown += 1
         teacher.start()
         if lines is None:
-            spin(lambda: False, args.seconds)
+            with busy(console, f"recording {args.task} for {args.seconds:g} s"):
+                spin(lambda: False, args.seconds)
         elif not _asked(lines, spin, console, f"recording; Enter: done, {QUIT}: throw away"):
             console.print(teacher.discard(), highlight=False, soft_wrap=True)
             continue

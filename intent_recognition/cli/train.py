@@ -12,12 +12,16 @@ from rich.table import Table
 from intent_recognition import __version__
 from intent_recognition.cli.adding import add_adding_options, add_to_model
 from intent_recognition.cli.console import make_console
+from intent_recognition.cli.help import examples
 from intent_recognition.cli.recordings import (
     add_recording_options,
+    all_left_out,
+    busy,
     check_output,
     gather_all,
     print_found,
     training_settings,
+    write_json,
 )
 from intent_recognition.cli.transitions import add_sessions_option, with_sessions
 from intent_recognition.cli.unlabelled import (
@@ -37,7 +41,28 @@ from intent_recognition.storage.model import Model, save_model
 def add_parser(subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
-        "train", help="learn from demonstrations", description="Learn from demonstrations."
+        "train",
+        help="learn from demonstrations",
+        description="Learn a library of tasks from labelled demonstrations, and write it to one"
+        " file. What could not be used is named, with the reason.",
+        **examples(
+            (
+                "learn from the shipped recordings",
+                "intent train bags/toolbox/train --output toolbox.npz",
+            ),
+            (
+                "with DOFs of your own",
+                "intent train demos --dofs my_dofs.yaml --output bracket.npz",
+            ),
+            (
+                "add one more demonstration",
+                "intent train --add bracket.npz demos/give_bracket_20 --output bracket2.npz",
+            ),
+            (
+                "find the tasks in recordings without labels",
+                "intent train demos --unlabelled --output tasks.npz",
+            ),
+        ),
     )
     add_recording_options(parser, "movement")
     parser.add_argument(
@@ -47,6 +72,9 @@ def add_parser(subparsers) -> None:
     add_sessions_option(parser)
     add_adding_options(parser)
     add_worker_options(parser)
+    parser.add_argument(
+        "--json", type=Path, metavar="OUT", help="write what was learned and left out as JSON"
+    )
     parser.set_defaults(run=run)
 
 
@@ -54,6 +82,7 @@ def run(args: argparse.Namespace) -> int:
     """Train, write the model, print what was learned and what was left out."""
     console = make_console()
     check_output("--output", args.output)
+    check_output("--json", args.json)
     settings = training_settings(args)
     wanted = n_components(args)
     if args.unlabelled:
@@ -73,8 +102,30 @@ def finish(args: argparse.Namespace, model: Model, report: TrainingReport, conso
     print_library(console, model.library, report)
     model = with_sessions(model, args.sessions, console)
     save_model(args.output, model, report.trained)
+    if args.json:
+        write_json(args.json, report_json(model, report) | {"output": str(args.output)}, indent=2)
     console.print(f"wrote {args.output}", highlight=False)
     return 0
+
+
+def report_json(model: Model, report: TrainingReport) -> dict:
+    """What was learned, from what, and what was left out, as plain values."""
+    library = model.library
+    return {
+        "n_used": report.n_used,
+        "left_out": [{"recording": name, "reason": reason} for name, reason in report.rejected],
+        "tasks": {
+            label: {
+                "n_demonstrations": int(library.n_demonstrations[k]),
+                "median_duration_s": float(library.durations_s[k]),
+            }
+            for k, label in enumerate(library.labels)
+        },
+        "regularisation": {
+            name: None if np.isnan(value) else value
+            for name, value in report.chosen._asdict().items()
+        },
+    }
 
 
 def train(
@@ -103,9 +154,10 @@ def train(
         "created": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "bags": list(found.gathered.used),
     }
-    library, report = learn_gathered(found.gathered, provenance)
+    with busy(console, "learning"):
+        library, report = learn_gathered(found.gathered, provenance)
     print_found(console, found)
-    return Model(library, dofs), report
+    return Model(library, dofs), report._replace(rejected=all_left_out(found))
 
 
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:

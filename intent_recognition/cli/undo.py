@@ -4,6 +4,7 @@
 import argparse
 
 from intent_recognition.cli.console import make_console
+from intent_recognition.cli.help import examples
 from intent_recognition.cli.teach import add_library_options, hand_over, teacher_node
 
 FOUND_S = 2.0
@@ -16,6 +17,9 @@ def add_parser(subparsers) -> None:
         help="take the last demonstration of a library back",
         description="Take the last demonstration that `intent teach` learned back: the model before"
         " it returns, a running estimator loads it, and the recording is kept in `undone`.",
+        **examples(
+            ("take the last demonstration back", "intent undo --library tasks"),
+        ),
     )
     add_library_options(parser)
     parser.set_defaults(run=run)

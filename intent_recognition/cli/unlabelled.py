@@ -12,6 +12,7 @@ from rich.table import Table
 
 from intent_recognition import __version__
 from intent_recognition.cli.recordings import (
+    busy,
     print_dropped,
     print_left_out,
     progress_bar,
@@ -112,7 +113,8 @@ def train_unlabelled(
         "bags": [recorded.name for recorded in found.demonstrations],
         "components": [recorded.task for recorded in found.demonstrations],
     }
-    library, report = with_mixture_weights(learn(found.demonstrations, settings, provenance)[1])
+    with busy(console, "learning"):
+        library, report = with_mixture_weights(learn(found.demonstrations, settings, provenance)[1])
     print_left_out(console, rejections)
     print_left_out(console, [f"{name}: {reason}" for name, reason in report.rejected])
     print_dropped(console, demonstrations)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent recover` saves the rest of a damaged recording and says what is lost."""
 
+import json
+
 import pytest
 from bag_builder import raw, write_bag
 
@@ -30,6 +32,14 @@ def test_a_whole_bag_comes_out_equal(run_command, tmp_path):
     assert "nothing was damaged" in output
     counts = {line.split()[0]: line.split()[1] for line in output.splitlines()[1:3]}
     assert counts == {"/joint_states": "50", "/mocap/wrist/pose": "50"}
+
+
+def test_a_script_gets_json(run_command, tmp_path):
+    bag = write_bag(tmp_path / "whole")
+    _, output = run_command("recover", bag, "--output", tmp_path / "copy", "--json")
+    content = json.loads(output)
+    assert content["message_counts"] == {"/joint_states": 50, "/mocap/wrist/pose": 50}
+    assert content["message_count"] == 100 and content["damage"] == []
 
 
 def test_an_existing_output_is_not_touched(parse, tmp_path):

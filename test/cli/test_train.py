@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent train`: what it learns, what it leaves out and says so."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
@@ -44,6 +47,18 @@ def test_it_learns_writes_and_tells(train, recorded):
     for word in ("task_0", "task_1", "learned from 8 demonstrations", "regularisation", "wrote"):
         assert word in text, text
     assert str(output) in text.replace("\n", "")
+
+
+def test_a_script_gets_what_was_learned_and_left_out(train, recorded, tmp_path):
+    reasons = spoil(tmp_path / "spoiled")
+    numbers = tmp_path / "numbers.json"
+    _, _, output = train(recorded / "bags", tmp_path / "spoiled", "--json", numbers)
+    content = json.loads(numbers.read_text(encoding="utf-8"))
+    assert content["n_used"] == 2 * PER_TASK and content["output"] == str(output)
+    assert content["tasks"]["task_0"]["n_demonstrations"] == PER_TASK
+    assert content["regularisation"]["strength"] > 0
+    left_out = {Path(item["recording"]).name: item["reason"] for item in content["left_out"]}
+    assert all(reason in left_out[name] for name, reason in reasons.items())
 
 
 def test_single_bags_and_folders_may_be_mixed(train, recorded):
