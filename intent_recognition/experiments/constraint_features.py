@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 
+from intent_recognition.storage.objects import find_object, load_object
 from intent_recognition.warping.constraints import (
     NO_REFERENCES,
     FillingConstraint,
@@ -21,7 +21,7 @@ from intent_recognition.warping.constraints import (
     References,
     references,
 )
-from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
+from intent_recognition.warping.object_model import ObjectCloud
 from intent_recognition.warping.parameters import pouring_parameters
 from intent_recognition.warping.warp import WarpSource, prepare_source, warp
 from sim_bridge.balls.table import Trials
@@ -32,7 +32,6 @@ from sim_bridge.containers.scan import scan
 
 LABEL, POINT, STANDARD = METHODS = ("label mapping", "point mapping", "standard features")
 SOURCE = "mug"
-SOURCE_POINTS = 4000
 OTHER_AHEAD_M = 0.2
 """Where the other container is, from this one's opening, when the lip is chosen."""
 
@@ -65,12 +64,9 @@ class Samples(NamedTuple):
     objects: np.ndarray
 
 
-def annotated_source(rng: np.random.Generator) -> WarpSource:
-    """The one object whose parts are annotated."""
-    cup = container(CONTAINER_NAMES.index(SOURCE))
-    sampled = trimesh.sample.sample_surface(cup.mesh, SOURCE_POINTS, seed=rng)
-    points, normals = np.asarray(sampled[0]), cup.mesh.face_normals[sampled[1]]
-    return prepare_source(AnnotatedObject(points, normals, cup.labels(points), SOURCE))
+def annotated_source() -> WarpSource:
+    """The one object whose parts are annotated: the shipped mug, of another size than ours."""
+    return prepare_source(load_object(find_object(SOURCE)))
 
 
 def know_all(
@@ -114,21 +110,24 @@ def pouring_samples(
     return Samples(features, (table["poured"] > 0.0).astype(float), objects)
 
 
-def filling_samples(trials: Trials, known: dict[int, Known], *, upright: bool = False) -> Samples:
+def filling_samples(
+    trials: Trials, known: dict[int, Known], *, upright: bool = False, throw: bool = False
+) -> Samples:
     """Features of the filling trials.
 
     Args:
         trials: all of them.
         known: what the method knows, by object index.
         upright: measure to the pouring container as if it stood upright.
+        throw: tell the classifier how far is thrown, too.
     """
     table = trials.tables[FILLING]
     objects = table["object"].astype(int)
     second_index = CONTAINER_NAMES.index(SECOND)
     second, true_second = known[second_index], container(second_index)
-    features = np.empty((len(objects), 8))
+    features = [np.empty(0)] * len(objects)
     for index in np.unique(objects):
-        rows, cup = objects == index, known[index]
+        rows, cup = np.flatnonzero(objects == index), known[index]
         lip = np.column_stack([table[f"lip_{axis}_m"][rows] for axis in "xyz"])
         turned = np.eye(3) if upright else level_axes(FILLING_TILT_RAD)
         first = lip + turned @ (cup.lip_m - container(index).lip_point)
@@ -136,5 +135,7 @@ def filling_samples(trials: Trials, known: dict[int, Known], *, upright: bool = 
         state = FillingState(
             table["fluid_m3"][rows], table["second_fluid_m3"][rows], FILLING_TILT_RAD, offset
         )
-        features[rows] = FillingConstraint.features(state, cup.references, second.references)
-    return Samples(features, table["success"], objects)
+        found = FillingConstraint.features(state, cup.references, second.references, throw=throw)
+        for row, values in zip(rows, found, strict=True):
+            features[row] = values
+    return Samples(np.array(features), table["success"], objects)

@@ -43,7 +43,8 @@ FEW_FALSE_POSITIVES = 0.01
 GAIN, AREA = 0.05, 0.95
 """By how much warped features are to beat standard ones, and what label mapping is to reach."""
 
-DIFFERENCE, UPRIGHT = "label mapping, tilt less reference", "standard, centres of upright cups"
+DIFFERENCE, THROW = "label mapping, tilt less reference", "label mapping, and the throw"
+UPRIGHT = "standard, centres of upright cups"
 SAME, NOVEL = "same object", "novel objects"
 
 
@@ -77,14 +78,13 @@ def run(settings: Settings) -> Outcome:
     path = share_path(TRIALS_FILE) if settings.bags is None else settings.bags / Path(TRIALS_FILE)
     trials = read_trials(path)
     settings.progress(0.0, "warping the mug onto the other containers")
-    known = know_all(
-        annotated_source(settings.rng(0)), settings.rng(1), range(len(CONTAINER_NAMES))
-    )
+    known = know_all(annotated_source(), settings.rng(1), range(len(CONTAINER_NAMES)))
     sheets = {
         POURING: {method: pouring_samples(trials, known[method]) for method in METHODS},
         FILLING: {method: filling_samples(trials, known[method]) for method in METHODS},
     }
     sheets[POURING][DIFFERENCE] = pouring_samples(trials, known[LABEL], difference=True)
+    sheets[FILLING][THROW] = filling_samples(trials, known[LABEL], throw=True)
     sheets[FILLING][UPRIGHT] = filling_samples(trials, known[STANDARD], upright=True)
     n_sets = 1 if settings.quick else SETS_PER_OBJECT
     scores: dict[str, dict[str, dict[str, Scores]]] = {POURING: {}, FILLING: {}}
@@ -173,7 +173,7 @@ def _findings(trials: Trials, scores: Mapping[str, ScoreTable]) -> tuple[Finding
             "label mapping is better",
             f"{pour[LABEL].area - pour[POINT].area:+.3f}",
             None,
-            "Our point mapping has 4000 annotated points to move, the paper's seems to have few.",
+            "Our annotated mug has as many points as a scan, 2000; the paper's has fewer.",
         ),
     )
 
@@ -219,13 +219,20 @@ def _blocks(scores: Mapping[str, ScoreTable]) -> tuple[Block, ...]:
         ),
         _area_table(scores),
         _object_table(scores),
-        Text(_upright_remark(scores[FILLING])),
+        Text(_filling_remark(scores[FILLING])),
     )
 
 
-def _upright_remark(filling: Mapping[str, Mapping[str, Scores]]) -> str:
-    upright, standard, label = (filling[m][NOVEL].area for m in (UPRIGHT, STANDARD, LABEL))
+def _filling_remark(filling: Mapping[str, Mapping[str, Scores]]) -> str:
+    upright, standard, label, throw = (
+        filling[m][NOVEL].area for m in (UPRIGHT, STANDARD, LABEL, THROW)
+    )
     return (
+        "What leaves a tall cup is faster and flies farther than what leaves a bowl, which ratios"
+        " of single lengths do not say. One more dimensionless number, the throw sqrt(height of"
+        " the cup x height above the opening) / radius of the opening, with its square and its"
+        f" product with the distance along the pour, raises the area on novel objects from"
+        f" {label:.3f} to {throw:.3f}. "
         "What standard features lose in the filling trials hangs on where distances are measured"
         f" from. From the centres of the cups as they are tilted they reach {standard:.3f} on novel"
         f" objects, from the centres of the same cups stood upright at the same lip {upright:.3f},"
@@ -291,8 +298,8 @@ def _conditions(trials: Trials) -> tuple[str, ...]:
         "Gravity turns instead of the container, up to 90 degrees in the pouring trials.",
         "What is poured flies into the second container from where it left the first; the two"
         " containers themselves do not touch.",
-        "Ten made cups and bowls, each scanned from three views with noise; the mug is the one"
-        " annotated object.",
+        "Ten made cups and bowls, each scanned from three views with noise; the one annotated"
+        " object is a mug of another size.",
         "The second container of the filling trials is the tea cup.",
         "Squares of the horizontal distances are features of all methods: what is linear in a"
         " distance has no middle.",

@@ -18,6 +18,9 @@ RIDGE = 0.1
 """Penalty on weights per standard deviation of a feature: 50 samples may be separable."""
 
 
+N_WITH_THROW = 11
+
+
 class References(NamedTuple):
     """What the variables of one container are divided by.
 
@@ -103,12 +106,22 @@ class FillingConstraint:
     model: LogisticModel
 
     @staticmethod
-    def features(state: FillingState, cup: References, second: References) -> np.ndarray:
+    def features(
+        state: FillingState, cup: References, second: References, *, throw: bool = False
+    ) -> np.ndarray:
         """Features (n, 8): offsets and their squares, and amounts and tilt, all as ratios.
 
         Horizontal distances are divided by the second's radius, the vertical one by the first's
         height. A linear function of distances alone has no middle: squares of the horizontal
         ones are features as well.
+
+        Args:
+            state: n states.
+            cup: the first container.
+            second: the other one.
+            throw: three more columns (n, 11), which are ours: how far what runs down the first
+                container's wall and falls is thrown, sqrt(height of the first x height above the
+                second) / radius of the second, its square, and its product with the offset along.
         """
         offset = np.asarray(state.offset_m, dtype=float)
         if offset.ndim != 2 or offset.shape[1] != 3:
@@ -125,11 +138,20 @@ class FillingConstraint:
             np.asarray(state.fluid_m3, dtype=float) / cup.volume_m3,
             np.asarray(state.tilt_rad, dtype=float) / cup.tilt_rad,
         )
+        if throw:
+            fall = cup.height_m * np.maximum(offset[:, 2], 0.0)
+            thrown = np.sqrt(fall) / second.opening_radius_m
+            columns = (*columns, thrown, thrown**2, thrown * along)
         return _stack(columns)
+
+    @property
+    def throw(self) -> bool:
+        """Whether the features it learned from say how far is thrown."""
+        return len(self.model.weights) == N_WITH_THROW
 
     @classmethod
     def learn(cls, features: np.ndarray, filled: np.ndarray) -> "FillingConstraint":
-        """Learn from features (n, 8) and labels (n,), 1 where nothing fell beside.
+        """Learn from features (n, 8) or (n, 11) and labels (n,), 1 where nothing fell beside.
 
         Raises:
             TrainingError: only one label is present.
@@ -138,7 +160,7 @@ class FillingConstraint:
 
     def probability(self, state: FillingState, cup: References, second: References) -> np.ndarray:
         """Probability (n,) that all that is poured ends up in the second container."""
-        return self.model.probability(self.features(state, cup, second))
+        return self.model.probability(self.features(state, cup, second, throw=self.throw))
 
 
 def spill_risk(

@@ -58,8 +58,8 @@ def test_a_larger_scene_has_the_same_features(size):
         size * fill.offset_m,
     )
     np.testing.assert_allclose(
-        FillingConstraint.features(larger, scaled(CUP, size), scaled(SECOND, size)),
-        FillingConstraint.features(fill, CUP, SECOND),
+        FillingConstraint.features(larger, scaled(CUP, size), scaled(SECOND, size), throw=True),
+        FillingConstraint.features(fill, CUP, SECOND, throw=True),
     )
 
 
@@ -98,6 +98,20 @@ def test_filling_is_likely_over_the_middle_and_not_beside():
     found = learned.probability(FillingState(3e-5, 1e-4, 2.1, places), CUP, SECOND)
     assert found[0] > 0.9
     assert np.all(found[1:] < 0.1)
+
+
+def test_the_throw_is_known_where_it_was_learned():
+    states = filling_states(100)
+    plain = FillingConstraint.features(states, CUP, SECOND)
+    thrown = FillingConstraint.features(states, CUP, SECOND, throw=True)
+    np.testing.assert_array_equal(thrown[:, :8], plain)
+    np.testing.assert_allclose(thrown[:, 8] ** 2, 0.1 * states.offset_m[:, 2] / 0.06**2)
+    labels = (states.offset_m[:, 0] > 0.0).astype(float)
+    for features in (plain, thrown):
+        learned = FillingConstraint.learn(features, labels)
+        assert learned.throw == (features is thrown)
+        found = learned.probability(states, CUP, SECOND)
+        np.testing.assert_array_equal(found, learned.model.probability(features))
 
 
 def test_tilting_on_the_way_is_risky_and_over_the_opening_is_not():
