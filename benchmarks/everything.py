@@ -16,6 +16,7 @@ from benchmarks.online import online
 from benchmarks.reading import reading
 from benchmarks.recognition import unknown_tasks
 from benchmarks.training import training
+from benchmarks.warping import warping
 from intent_recognition.share import share_path
 from intent_recognition.storage import load_dofs, read_demonstrations
 
@@ -42,6 +43,8 @@ def everything(minutes: float) -> Iterator[str | Result]:
     yield from alignment()
     yield "Mixture from unlabelled demonstrations"
     yield from mixture(demonstrations)
+    yield "Warping"
+    yield from warping()
     yield "Reading bags"
     yield from reading()
     yield "As a whole"

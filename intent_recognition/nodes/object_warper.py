@@ -53,7 +53,7 @@ class ObjectWarper(Node):
         )
         self._diagnostics = Diagnostics(self)
         self._cloud = self.create_publisher(PointCloud2, CLOUD, qos.STATE)
-        self._parameters = self.create_publisher(JointState, PARAMETERS, qos.STATE)
+        self._vector = self.create_publisher(JointState, PARAMETERS, qos.STATE)
         self._input = self.create_subscription(PointCloud2, INPUT, self._on_cloud, qos.SENSOR)
 
     def _on_cloud(self, message: PointCloud2) -> None:
@@ -69,7 +69,7 @@ class ObjectWarper(Node):
         self._cloud.publish(
             to_labelled_cloud(message.header, warped.points, warped.normals, warped.labels)
         )
-        self._parameters.publish(to_named_vector(message.header, parameters))
+        self._vector.publish(to_named_vector(message.header, parameters))
         self._diagnostics.tick(PARAMETERS)
         self._diagnostics.latency(time.perf_counter() - start_s)
 

@@ -16,6 +16,7 @@ from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.bag_recorder import BagRecorder
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.share import node_environment
 from sim_bridge.nodes.coworker_sim import CoworkerSim
@@ -27,6 +28,7 @@ NODES = {
     "primitive_activation": (PrimitiveActivation, {}),
     "bag_recorder": (BagRecorder, {}),
     "bag_player": (BagPlayer, {"start_paused": True, "wait_for_subscribers": 0.0}),
+    "object_warper": (ObjectWarper, {}),
     "lwr_sim": (LwrSim, {"publish_clock": True}),
     "coworker_sim": (CoworkerSim, {"use_sim_time": True}),
 }
@@ -45,6 +47,7 @@ OFFERED = {
         "intent/next_task": LATCHED,
     },
     "primitive_activation": {"joint_trajectory": COMMAND, "intent/active_task": LATCHED},
+    "object_warper": {"object/labelled_cloud": STATE, "object/parameters": STATE},
     "lwr_sim": {"joint_states": STATE, "robot_description": LATCHED},
     "coworker_sim": {"mocap/wrist/pose": SENSOR, "coworker/task": STATE},
 }

@@ -18,6 +18,7 @@ EXECUTABLES = {
     "primitive_activation",
     "bag_recorder",
     "bag_player",
+    "object_warper",
     "task_teacher",
     "dashboard",
     "lwr_sim",
