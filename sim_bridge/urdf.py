@@ -15,6 +15,7 @@ import numpy as np
 from intent_recognition.kinematics.lwr import DH, JOINT_NAMES, LWR_LIMITS, N_JOINTS
 from sim_bridge.urdf_shapes import BASE_SHAPES, HAND_SHAPES, LINK_SHAPES, Shape
 
+WORLD_LINK = "world"
 BASE_LINK = "lwr_base_link"
 LINK_NAMES: tuple[str, ...] = tuple(f"lwr_a{i}_link" for i in range(1, N_JOINTS + 1))
 HAND_LINK = "lwr_hand"
@@ -67,15 +68,23 @@ def link_inertia(index: int, rotor_inertia: float) -> np.ndarray:
 
 
 def lwr_urdf(
-    *, rotor_inertia: tuple[float, ...] = ROTOR_INERTIA_KG_M2, fingers: bool = True
+    *,
+    rotor_inertia: tuple[float, ...] = ROTOR_INERTIA_KG_M2,
+    fingers: bool = True,
+    world: bool = False,
 ) -> str:
     """Return the arm's URDF as text.
 
     Args:
         rotor_inertia: reflected rotor inertia per joint [kg m^2].
         fingers: draw two closed fingers at the flange (visual only, no mass, no collision).
+        world: begin at the link `world`, to which the base is fixed: for robot_state_publisher,
+            whose tree then reaches the frame of all positions and has no root with an inertia.
     """
     robot = ET.Element("robot", name="lwr")
+    if world:
+        ET.SubElement(robot, "link", name=WORLD_LINK)
+        _add_fixed_joint(robot, "lwr_base_joint", WORLD_LINK, BASE_LINK, (0.0, 0.0, 0.0))
     base = ET.SubElement(robot, "link", name=BASE_LINK)
     _add_inertial(base, BASE_MASS_KG, (0.0, 0.0, 0.055), np.full(3, 0.004))
     _add_shapes(base, BASE_SHAPES)
@@ -88,12 +97,19 @@ def lwr_urdf(
         _add_joint(robot, i)
     # Without an inertial, PyBullet would give the frame a mass of 1 kg.
     _add_inertial(ET.SubElement(robot, "link", name=HAND_LINK), 0.0, (0.0,) * 3, np.zeros(3))
-    hand = ET.SubElement(robot, "joint", name="lwr_hand_joint", type="fixed")
-    ET.SubElement(hand, "parent", link=LINK_NAMES[-1])
-    ET.SubElement(hand, "child", link=HAND_LINK)
-    ET.SubElement(hand, "origin", xyz=_text((0.0, 0.0, DH.d_m[-1])), rpy="0 0 0")
+    tip = (0.0, 0.0, DH.d_m[-1])
+    _add_fixed_joint(robot, "lwr_hand_joint", LINK_NAMES[-1], HAND_LINK, tip)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def _add_fixed_joint(
+    robot: ET.Element, name: str, parent: str, child: str, xyz: tuple[float, float, float]
+) -> None:
+    joint = ET.SubElement(robot, "joint", name=name, type="fixed")
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    ET.SubElement(joint, "origin", xyz=_text(xyz), rpy="0 0 0")
 
 
 def _add_joint(robot: ET.Element, i: int) -> None:

@@ -6,11 +6,13 @@ import os
 import signal
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
+from intent_recognition.nodes.graph import GRAPHS, NodeCall, resolve
 
 GRAPH_DEADLINE_S = 30.0
 LAST_MOTION_S = 3.0
@@ -19,26 +21,6 @@ SLICE_S = 0.1
 PACE_PERIOD_S = 0.2
 DOMAINS = (1, 101)
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-NODES = {
-    "lwr_sim": "sim_bridge.nodes.lwr_sim",
-    "mocap_ingest": "intent_recognition.nodes.mocap_ingest",
-    "intent_estimator": "intent_recognition.nodes.intent_estimator",
-    "primitive_activation": "intent_recognition.nodes.primitive_activation",
-    "coworker_sim": "sim_bridge.nodes.coworker_sim",
-    "bag_recorder": "intent_recognition.nodes.bag_recorder",
-    "task_teacher": "intent_recognition.nodes.task_teacher",
-    "dashboard": "intent_recognition.dashboard.start",
-}
-RECORDED = (
-    "mocap/wrist/pose",
-    "joint_states",
-    "intent/tasks",
-    "intent/robot_trajectory",
-    "intent/active_task",
-    "intent/next_task",
-    "joint_trajectory",
-    "coworker/task",
-)
 
 
 def run_session(args: argparse.Namespace, model: Path, console: Console):
@@ -129,16 +111,13 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
 
     try:
         _refuse_busy_domain(observer, executor)
-        _start_nodes(args, model, processes)
+        calls = _calls(args, model, tasks)
+        coworker = calls.pop("coworker_sim")
+        for call in calls.values():
+            processes.start(call.name, call.module, call.parameters)
         spin_until(observer.graph_is_complete, GRAPH_DEADLINE_S, "the node graph")
-        parameters = {
-            "use_sim_time": True,
-            "task_list": ",".join(tasks),
-            "seed": args.seed,
-            "exit_at_end": True,
-            "wait_for_subscribers": 3 if args.record else 2,
-        }
-        processes.start("coworker_sim", NODES["coworker_sim"], parameters)
+        listeners = {"exit_at_end": True, "wait_for_subscribers": 3 if args.record else 2}
+        processes.start(coworker.name, coworker.module, coworker.parameters | listeners)
         console.print(
             f"the nodes found one another; {len(tasks)} interactions begin", highlight=False
         )
@@ -177,43 +156,41 @@ def _leave_open(args, console: Console, executor, interrupted: list[int], proces
     interrupted.clear()
 
 
-def _start_nodes(args: argparse.Namespace, model: Path, processes) -> None:
+def _calls(args: argparse.Namespace, model: Path, tasks: Sequence[str]) -> dict[str, NodeCall]:
+    """The nodes to start, by name.
+
+    Raises:
+        ResourceBusyError: the folder to record to exists.
+    """
     from sim_bridge.scene import HOME
 
-    sim = {"use_sim_time": True}
-    parameters = {
-        "lwr_sim": {
-            "publish_clock": True,
-            "real_time_factor": float(args.rate),
+    if args.record and args.record.exists():
+        raise ResourceBusyError(
+            describe("--record", "a folder that does not exist", args.record, "Name another.")
+        )
+    calls = resolve(
+        "demo",
+        {
+            "model": str(model.resolve()),
+            "rate": float(args.rate),
             "headless": args.headless or not os.environ.get("DISPLAY"),
             "sensor_noise": True,
             "seed": args.seed,
-        },
-        "mocap_ingest": sim,
-        "intent_estimator": sim
-        | {"model": model.resolve(), "transition_prior": not args.no_anticipation},
-        "primitive_activation": sim
-        | {
-            "model": model.resolve(),
-            "home": HOME.tolist(),
+            "task_list": ",".join(tasks),
+            "transition_prior": not args.no_anticipation,
             "pretrigger_threshold": 0.0 if args.no_anticipation else PRETRIGGER_THRESHOLD,
+            "record": str(args.record.resolve()) if args.record else "",
+            "dashboard": args.dashboard,
+            "port": args.port,
+            "library": str((args.output / "tasks").resolve()),
+            "models": str(args.output.resolve()),
         },
+    )
+    home = {"primitive_activation": {"home": HOME.tolist()}}
+    return {
+        call.name: replace(call, parameters=call.parameters | home.get(call.name, {}))
+        for call in calls
     }
-    if args.record:
-        if args.record.exists():
-            raise ResourceBusyError(
-                describe("--record", "a folder that does not exist", args.record, "Name another.")
-            )
-        parameters["bag_recorder"] = sim | {
-            "output": args.record.resolve(),
-            "topics": list(RECORDED),
-        }
-    if args.dashboard:
-        tasks = {"model": model.resolve(), "library": (args.output / "tasks").resolve()}
-        parameters["task_teacher"] = sim | tasks
-        parameters["dashboard"] = sim | {"port": args.port, "models": args.output.resolve()}
-    for name, values in parameters.items():
-        processes.start(name, NODES[name], values)
 
 
 def _refuse_busy_domain(observer, executor) -> None:
@@ -221,7 +198,7 @@ def _refuse_busy_domain(observer, executor) -> None:
     end = time.monotonic() + 0.5
     while time.monotonic() < end:
         executor.spin_once(timeout_sec=SLICE_S)
-    taken = sorted(set(observer.get_node_names()) & set(NODES))
+    taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))
     if taken:
         raise ResourceBusyError(
             describe(

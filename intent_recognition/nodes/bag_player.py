@@ -78,6 +78,14 @@ class BagPlayer(Node):
         )
         wanted = parameter(self, "topics", [], "topics to play; none means all in the bag")
         self._wanted = {topic.lstrip("/") for topic in wanted}
+        without = parameter(
+            self,
+            "without",
+            [],
+            "topics not to play; one that ends in / stands for all below",
+            read_only=True,
+        )
+        self._unwanted = [topic.lstrip("/") for topic in without if topic]
         use_clock = parameter(self, "clock", False, "publish the recorded time on /clock")
         self.done = False
         self.exit_code = 0
@@ -128,7 +136,10 @@ class BagPlayer(Node):
             self._stamped.add(info.name)
 
     def _is_wanted(self, topic: str) -> bool:
-        return not self._wanted or topic.lstrip("/") in self._wanted
+        name = topic.lstrip("/")
+        if any(name.startswith(u) if u.endswith("/") else name == u for u in self._unwanted):
+            return False
+        return not self._wanted or name in self._wanted
 
     def _load(self) -> Iterable[RawMessage]:
         """The messages in memory, so that reading costs no time later; a stream of big bags."""

@@ -34,6 +34,7 @@ from sim_bridge.scene import HOME
 from sim_bridge.spread_control import SpreadControl
 from sim_bridge.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 from sim_bridge.trajectory_follower import TrajectoryFollower
+from sim_bridge.urdf import lwr_urdf
 
 TICK_S = 0.002
 STEP_NS = 1_000_000
@@ -137,7 +138,7 @@ class LwrSim(Node):
     def _make_topics(self) -> None:
         self._states = self.create_publisher(JointState, "joint_states", STATE)
         description = self.create_publisher(String, "robot_description", LATCHED)
-        description.publish(String(data=self.arm.urdf))
+        description.publish(String(data=lwr_urdf(world=True)))
         self._clock_out = None
         if self._publishes_clock:
             self._clock_out = self.create_publisher(ClockMessage, "/clock", STATE)

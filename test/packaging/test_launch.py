@@ -9,40 +9,51 @@ from dataclasses import dataclass, field
 import pytest
 import yaml
 
+from intent_recognition.errors import ArgumentError
+
+RECOGNITION = {"mocap_ingest", "intent_estimator", "primitive_activation"}
 EXECUTABLES = {
-    "intent.launch.py": {"mocap_ingest", "intent_estimator", "primitive_activation"},
-    "sim.launch.py": {"lwr_sim", "coworker_sim"},
-    "demo.launch.py": set(),
+    "intent": RECOGNITION,
+    "sim": {"lwr_sim", "coworker_sim"},
+    "demo": RECOGNITION | {"lwr_sim", "coworker_sim"},
+    "real": RECOGNITION,
+    "replay": {"bag_player", "mocap_ingest", "intent_estimator"},
 }
+OTHERS = {"rviz2", "robot_state_publisher"}
+NEEDED = {"model": "m.npz", "bag": "recorded"}
+ALL_ON = {"dashboard": "true", "rviz": "true", "record": "a/bag"}
 
 
 @dataclass
 class Call:
-    """What a launch action or substitution was made with."""
+    """What a launch action was made with."""
 
     kind: str
     args: tuple
     options: dict = field(default_factory=dict)
 
 
+class Context(dict):
+    """The values of launch arguments."""
+
+
+class Configuration(Call):
+    def perform(self, context):
+        return context[self.args[0]]
+
+
 def recorder(kind):
-    return lambda *args, **options: Call(kind, args, options)
+    make = Configuration if kind == "LaunchConfiguration" else Call
+    return lambda *args, **options: make(kind, args, options)
 
 
 MODULES = {
     "launch": ["LaunchDescription"],
-    "launch.actions": [
-        "DeclareLaunchArgument",
-        "IncludeLaunchDescription",
-        "SetEnvironmentVariable",
-    ],
-    "launch.conditions": ["IfCondition"],
-    "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
-    "launch.substitutions": ["LaunchConfiguration", "PathJoinSubstitution"],
+    "launch.actions": ["DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable"],
+    "launch.substitutions": ["LaunchConfiguration"],
     "launch_ros": [],
     "launch_ros.actions": ["Node"],
     "launch_ros.parameter_descriptions": ["ParameterValue"],
-    "launch_ros.substitutions": ["FindPackageShare"],
 }
 
 
@@ -54,68 +65,149 @@ def describe(repository, monkeypatch):
         for member in members:
             setattr(module, member, recorder(member))
         monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.delitem(sys.modules, "intent_recognition.nodes.launching", raising=False)
 
     def run(name):
-        namespace = runpy.run_path(str(repository / "launch" / name))
+        namespace = runpy.run_path(str(repository / "launch" / f"{name}.launch.py"))
         return namespace["generate_launch_description"]().args[0]
 
-    return run
-
-
-def walk(value):
-    """Every Call inside `value`."""
-    if isinstance(value, Call):
-        yield value
-        yield from walk(value.args)
-        yield from walk(list(value.options.values()))
-    elif isinstance(value, dict):
-        yield from walk(list(value.values()))
-    elif isinstance(value, (list, tuple, type({}.items()))):
-        for item in value:
-            yield from walk(item)
+    yield run
+    sys.modules.pop("intent_recognition.nodes.launching", None)
 
 
 def declared(entities):
-    return {e.args[0] for e in entities if e.kind == "DeclareLaunchArgument"}
+    return {e.args[0]: e.options for e in entities if e.kind == "DeclareLaunchArgument"}
+
+
+def start(entities, **given):
+    """The nodes, by name, as launch would start them with these arguments."""
+    context = Context()
+    for name, options in declared(entities).items():
+        context[name] = options["default_value"] if "default_value" in options else NEEDED[name]
+    (action,) = [e for e in entities if e.kind == "OpaqueFunction"]
+    unknown = set(given) - set(context)
+    assert not unknown, unknown
+    context.update(given)
+    nodes = action.options["function"](context, *action.options["args"])
+    return {node.options["name"]: node.options for node in nodes}
+
+
+def on(entities):
+    """The arguments that start everything there is."""
+    return {name: value for name, value in ALL_ON.items() if name in declared(entities)}
+
+
+def values(node):
+    """What a node's parameters are set to, the file aside."""
+    _, given = node["parameters"]
+    return {k: v.args[0] if isinstance(v, Call) else v for k, v in given.items()}
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
-def test_every_argument_used_is_declared(describe, name):
-    entities = describe(name)
-    used = {call.args[0] for call in walk(entities) if call.kind == "LaunchConfiguration"}
-    assert used == declared(entities)
-    assert {"params_file", "namespace", "use_sim_time"} <= declared(entities)
-
-
-@pytest.mark.parametrize("name", EXECUTABLES)
-def test_arguments_are_described(describe, name):
-    for entity in describe(name):
-        if entity.kind == "DeclareLaunchArgument":
-            assert entity.options["description"].endswith(".")
+def test_arguments_are_described_and_texts(describe, name):
+    arguments = declared(describe(name))
+    assert {"params_file", "namespace", "use_sim_time"} <= set(arguments)
+    for argument, options in arguments.items():
+        assert options["description"].endswith("."), argument
+        assert isinstance(options.get("default_value", ""), str), argument
+        assert ("default_value" in options) == (argument not in NEEDED), argument
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
 def test_nodes_are_executables_with_parameters(describe, repository, name):
-    nodes = [entity for entity in describe(name) if entity.kind == "Node"]
-    assert {node.options["executable"] for node in nodes} == EXECUTABLES[name]
+    entities = describe(name)
+    assert set(start(entities)) == EXECUTABLES[name]
+    setup = (repository / "setup.py").read_text(encoding="utf-8")
     sections = yaml.safe_load((repository / "config" / "params.yaml").read_text(encoding="utf-8"))
-    for node in nodes:
-        assert node.options["package"] == "intent_recognition"
-        assert node.options["name"] == node.options["executable"]
-        assert f"/**/{node.options['name']}" in sections
+    for node, options in start(entities, **on(entities)).items():
+        assert options["executable"] == node
+        if node in OTHERS:
+            assert options["package"] == node
+        else:
+            assert options["package"] == "intent_recognition"
+            assert f'"{node}"' in setup or f'f"{node} = ' in setup
+            assert f"/**/{node}" in sections
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
-def test_every_node_takes_the_namespace_and_the_simulated_time(describe, name):
-    for node in (entity for entity in describe(name) if entity.kind == "Node"):
-        _, *values = node.options["parameters"]
-        assert any("use_sim_time" in given for given in values), node.options["name"]
-        assert node.options["namespace"].args == ("namespace",)
+def test_every_node_takes_the_namespace_and_the_clock(describe, name):
+    entities = describe(name)
+    nodes = start(entities, namespace="/cell1/", use_sim_time="true", **on(entities))
+    publishers = 0
+    for node, options in nodes.items():
+        assert options["namespace"] == "cell1"
+        publishes = values(options).get("publish_clock") or values(options).get("clock")
+        publishers += bool(publishes)
+        assert bool(publishes) != (values(options).get("use_sim_time") is True), node
+    assert publishers == (name in ("demo", "replay"))
 
 
-def test_demo_passes_only_arguments_that_exist(describe):
-    for entity in describe("demo.launch.py"):
-        if entity.kind == "IncludeLaunchDescription":
-            (path,) = entity.args[0].args
-            included = declared(describe(path.args[0][-1]))
-            assert {argument for argument, _ in entity.options["launch_arguments"]} <= included
+def test_what_is_not_given_is_left_to_the_parameter_file(describe):
+    nodes = start(describe("intent"), model="1.npz")
+    assert values(nodes["intent_estimator"]) == {"model": "1.npz"}
+    assert nodes["intent_estimator"]["parameters"][1]["model"].options == {"value_type": str}
+    assert nodes["mocap_ingest"]["parameters"][0].endswith("config/params.yaml")
+    assert "use_sim_time" not in values(nodes["primitive_activation"])
+
+
+def test_a_file_of_ones_own_is_taken(describe, tmp_path):
+    own = tmp_path / "mine.yaml"
+    own.write_text("{}", encoding="utf-8")
+    assert start(describe("real"), params_file=str(own))["mocap_ingest"]["parameters"][0] == str(
+        own
+    )
+
+
+def test_a_real_arm_is_slow_and_waits(describe, repository):
+    nodes = start(
+        describe("real"), bodies="left_hand, right_hand", joint_states_topic="/arm/states"
+    )
+    activation = nodes["primitive_activation"]
+    assert values(activation)["autostart"] is False
+    assert activation["remappings"] == [
+        ("joint_states", "/arm/states"),
+        ("joint_trajectory", "joint_trajectory_controller/joint_trajectory"),
+    ]
+    assert ("joint_states", "/arm/states") in nodes["intent_estimator"]["remappings"]
+    assert values(nodes["mocap_ingest"])["bodies"] == ["left_hand", "right_hand"]
+    assert "use_sim_time" not in values(activation)
+    shipped, safe = (
+        yaml.safe_load((repository / "config" / name).read_text(encoding="utf-8"))
+        for name in ("params.yaml", "real_arm.yaml")
+    )
+    shipped, safe = (
+        read["/**/primitive_activation"]["ros__parameters"] for read in (shipped, safe)
+    )
+    assert activation["parameters"][0].endswith("config/real_arm.yaml")
+    slower = ("velocity_scale", "acceleration_limit", "timeout", "max_end_std")
+    assert all(safe[key] < shipped[key] for key in slower)
+    assert all(safe[key] > shipped[key] for key in ("threshold", "n_observations"))
+
+
+def test_a_replay_moves_no_arm_and_plays_no_answer(describe):
+    nodes = start(describe("replay"), rate="0", loop="true")
+    assert "primitive_activation" not in nodes
+    player = values(nodes["bag_player"])
+    assert player["rate"] == 0.0
+    assert player["loop"] is True
+    assert {"intent/", "human/", "joint_trajectory"} <= set(player["without"])
+
+
+def test_rviz_gets_its_file_and_a_tree_of_frames(describe):
+    nodes = start(describe("demo"), rviz="true")
+    assert nodes["rviz2"]["arguments"][0] == "-d"
+    assert nodes["rviz2"]["arguments"][1].endswith("config/intent.rviz")
+    assert ("/tf", "tf") in nodes["rviz2"]["remappings"]
+    assert '<link name="world" />' in values(nodes["robot_state_publisher"])["robot_description"]
+
+
+def test_quick_discovery_is_the_demos(describe):
+    names = {e.args[0] for e in describe("demo") if e.kind == "SetEnvironmentVariable"}
+    assert names == {"FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"}
+    assert not [e for e in describe("real") if e.kind == "SetEnvironmentVariable"]
+
+
+@pytest.mark.parametrize("given", [{"rate": "fast"}, {"headless": "perhaps"}, {"seed": "1.5"}])
+def test_a_value_of_another_kind_is_named(describe, given):
+    with pytest.raises(ArgumentError, match=next(iter(given))):
+        start(describe("demo"), **given)

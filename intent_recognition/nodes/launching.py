@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the launch files say, from the graphs in `graph.py`. Needs ROS 2 launch."""
+
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
+from intent_recognition.share import FAST_DISCOVERY, share_path
+
+
+def describe_graph(
+    graph: str, *, robot_description: str = "", fast_discovery: bool = False
+) -> LaunchDescription:
+    """The arguments of a graph, and its nodes.
+
+    Args:
+        graph: one of `GRAPHS`.
+        robot_description: URDF for robot_state_publisher, where the graph has one.
+        fast_discovery: use config/fastdds.xml, for nodes that find one another quickly.
+    """
+    spec = GRAPHS[graph]
+    entities: list = []
+    for argument in spec.arguments():
+        default = _text(spec.defaults.get(argument.name, ""))
+        given = {} if argument.needed else {"default_value": default}
+        entities.append(
+            DeclareLaunchArgument(argument.name, description=argument.description, **given)
+        )
+    if fast_discovery:
+        profiles = str(share_path("config/fastdds.xml"))
+        # Jazzy's Fast DDS reads the first name, later ones the second.
+        entities += [SetEnvironmentVariable(name, profiles) for name in FAST_DISCOVERY]
+    start = OpaqueFunction(function=_start, args=[graph, robot_description])
+    return LaunchDescription([*entities, start])
+
+
+def _start(context, graph: str, robot_description: str) -> list[Node]:
+    """The nodes, now that the arguments have values."""
+    names = [argument.name for argument in GRAPHS[graph].arguments()]
+    given = {name: LaunchConfiguration(name).perform(context) for name in names}
+    params_file = _params_file(arguments_of(graph, given)["params_file"])
+    return [_node(call, params_file, robot_description) for call in resolve(graph, given)]
+
+
+def _node(call: NodeCall, params_file: str, robot_description: str) -> Node:
+    parameters = dict(call.parameters)
+    if call.name == "robot_state_publisher":
+        parameters["robot_description"] = robot_description
+    arguments = ["-d", str(share_path("config/intent.rviz"))] if call.name == "rviz2" else []
+    typed = {name: _parameter(value) for name, value in parameters.items()}
+    return Node(
+        package=call.package,
+        executable=call.name,
+        name=call.name,
+        namespace=call.namespace,
+        parameters=[params_file, typed],
+        remappings=list(call.remappings),
+        arguments=arguments,
+        output="screen",
+    )
+
+
+def _parameter(value: object) -> object:
+    """Texts as texts: launch would read `1` or `true` in them."""
+    return ParameterValue(value, value_type=str) if isinstance(value, str) else value
+
+
+def _params_file(name: str) -> str:
+    """A file of one's own, or one of the shipped."""
+    return name if Path(name).is_file() else str(share_path(name))
+
+
+def _text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

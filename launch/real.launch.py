@@ -1,0 +1,15 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A real tracker and a real arm behind ros2_control's joint_trajectory_controller.
+
+ros2 launch intent_recognition real.launch.py model:=bracket.npz params_file:=my_arm.yaml
+
+Read docs/real_arm.md first. The tracker publishes mocap/<body>/pose, the arm's own bring-up its
+joint states and robot_description. The arm is not moved before somebody says so:
+ros2 lifecycle set /primitive_activation configure, then activate.
+"""
+
+from intent_recognition.nodes.launching import describe_graph
+
+
+def generate_launch_description():
+    return describe_graph("real")

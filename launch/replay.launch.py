@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording, and what the recognition makes of it: on the recording's time, no arm is moved.
+
+ros2 launch intent_recognition replay.launch.py bag:=session model:=toolbox.npz rviz:=true
+"""
+
+from intent_recognition.nodes.launching import describe_graph
+from sim_bridge.urdf import lwr_urdf
+
+
+def generate_launch_description():
+    return describe_graph("replay", robot_description=lwr_urdf(world=True))
