@@ -3,7 +3,9 @@
 
 import traceback
 from collections.abc import Callable
+from functools import partial
 
+from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from intent_recognition.errors import IntentError
@@ -27,6 +29,8 @@ class ManagedNode(LifecycleNode):
         super().__init__(name, **kwargs)
         self._failure: Exception | None = None
         self._starting = False
+        change = self._service_change_state
+        change.callback = partial(self._refuse_impossible, change.callback)
         self._autostart = parameter(
             self, "autostart", True, "Configure and activate at start.", read_only=True
         )
@@ -82,6 +86,18 @@ class ManagedNode(LifecycleNode):
         """Handle the transition to finalized; an active node is deactivated first."""
         hook = self.deactivate if state.label == "active" else _nothing
         return self._guard(hook, super().on_shutdown, state)
+
+    def _refuse_impossible(
+        self, change: Callable, request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        """Answer no to a transition that does not begin here; rclpy 7.1 would end the node."""
+        possible = {number for number, *_ in self._state_machine.available_transitions}
+        if request.transition.label or request.transition.id in possible:
+            return change(request, response)
+        state = self._state_machine.current_state[1]
+        self.get_logger().warning(f"no transition {request.transition.id} from state {state}")
+        response.success = False
+        return response
 
     def _guard(
         self,

@@ -231,6 +231,14 @@ def test_managed_node_starts_active(harness):
     assert node.seen[-1] == "deactivate"
 
 
+@pytest.mark.parametrize("transition", [Transition.TRANSITION_ACTIVATE, 77])
+def test_managed_node_refuses_a_transition_that_does_not_begin_here(harness, transition):
+    node = harness.add(Managed())
+    assert not change(harness, transition)
+    assert node.active
+    assert change(harness, Transition.TRANSITION_DEACTIVATE)
+
+
 def test_managed_node_waits_without_autostart(harness):
     node = harness.add(Managed(parameter_overrides=[Parameter("autostart", value=False)]))
     assert node.seen == []
