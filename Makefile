@@ -5,13 +5,14 @@ VENV ?= .venv
 DEMO_ARGS ?=
 TEST_ARGS ?=
 BENCH_ARGS ?=
+DOCS ?= out/docs
 
 BIN := $(VENV)/bin
 SOURCES := setup.py setup.cfg pyproject.toml package.xml
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 export MPLBACKEND ?= Agg
 
-.PHONY: help venv demo test lint format bench clean
+.PHONY: help venv demo test lint format bench docs reference clean
 .DEFAULT_GOAL := help
 
 help:
@@ -19,6 +20,7 @@ help:
 	@echo "make test   run the tests (TEST_ARGS='-k ingest')"
 	@echo "make lint   check style and formatting"
 	@echo "make bench  measure against the required figures"
+	@echo "make docs   build the site in $(DOCS)"
 	@echo "make venv   only create $(VENV)"
 
 venv: $(VENV)/.dev
@@ -39,6 +41,10 @@ $(VENV)/.bench: requirements-bench.txt $(VENV)/.runtime
 	$(PIP) install --quiet -r requirements-bench.txt
 	@touch $@
 
+$(VENV)/.docs: requirements-docs.txt | $(BIN)/python
+	$(PIP) install --quiet -r requirements-docs.txt
+	@touch $@
+
 demo: $(VENV)/.runtime
 	$(BIN)/intent demo $(DEMO_ARGS)
 
@@ -55,6 +61,13 @@ format: $(VENV)/.dev
 
 bench: $(VENV)/.bench
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks $(BENCH_ARGS)
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -W --keep-going -q -c docs -b html . $(DOCS)
+	@echo "the site is at $(DOCS)/index.html"
+
+reference: $(VENV)/.runtime
+	$(BIN)/python docs/tools/write_reference.py
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info

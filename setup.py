@@ -81,6 +81,7 @@ setup(
         "rosbags>=0.10",
         "rtree; platform_machine != 'x86_64'",
         "scipy>=1.11",
+        "shtab>=1.7",
         "trimesh>=4",
         "zstandard",
     ],
@@ -101,6 +102,7 @@ setup(
         "dtw": [
             "dtaidistance>=2.3",
         ],
+        "docs": ["sphinx>=7", "myst-parser>=3", "furo", "matplotlib>=3.8"],
         "test": ["pytest", "hypothesis"],
     },
     zip_safe=True,

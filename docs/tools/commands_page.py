@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reference of commands, from the parsers themselves."""
+
+import argparse
+
+from intent_recognition.cli.help import GROUPS, HEADING
+from intent_recognition.cli.main import make_parser
+
+INTRODUCTION = """\
+# Commands
+
+<!-- Written by docs/tools/write_reference.py from the parsers; do not edit. -->
+
+`intent COMMAND --help` says the same in the terminal. Every command ends with 0 when all went \
+well, with 1 and one line on stderr when something of yours cannot be used, and with 2 when it was \
+called wrongly. Wherever `BAG` stands, a folder of bags may stand, unless the command says \
+otherwise ([bags.md](../bags.md#folders)). [Completion](../shell.md#completion) and \
+[output for scripts](../shell.md#for-scripts) have a page of their own.
+"""
+
+MANY = {None: "{}", "+": "{} ...", "*": "[{} ...]"}
+
+
+def commands_page() -> str:
+    """The page as Markdown."""
+    parser = make_parser()
+    subparsers = next(a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+    helps = {choice.dest: choice.help for choice in subparsers._choices_actions}
+    parts = [INTRODUCTION, _overview(helps)]
+    for commands in GROUPS.values():
+        parts += [_command(command, subparsers.choices[command]) for command in commands]
+    parts.append("## intent\n\n" + _table(parser))
+    return "\n".join(parts)
+
+
+def _overview(helps: dict[str, str]) -> str:
+    rows = [
+        f"| {title} | [`{command}`](#intent-{command}) | {helps[command]} |"
+        for title, commands in GROUPS.items()
+        for command in commands
+    ]
+    return "\n".join(["| to | command | does |", "|---|---|---|", *rows]) + "\n"
+
+
+def _command(name: str, parser: argparse.ArgumentParser) -> str:
+    parts = [f"## intent {name}", parser.description, f"```text\n{_usage(parser)}\n```"]
+    if parser.epilog:
+        lines = parser.epilog.removeprefix(HEADING).splitlines()
+        parts.append("```bash\n" + "\n".join(line.strip() for line in lines) + "\n```")
+    return "\n\n".join([*parts, _table(parser)])
+
+
+def _usage(parser: argparse.ArgumentParser) -> str:
+    """In one line: what must be given, and that there are options."""
+    words = [parser.prog]
+    for action in _shown(parser):
+        if action.option_strings and action.required:
+            words += [action.option_strings[0], str(action.metavar)]
+        elif not action.option_strings:
+            words.append(MANY[action.nargs].format(_name(action).replace("\\|", "|")))
+    return " ".join([*words, "[OPTION ...]"])
+
+
+def _table(parser: argparse.ArgumentParser) -> str:
+    rows = []
+    for action in _shown(parser):
+        help_text = parser._get_formatter()._expand_help(action)
+        rows.append(f"| `{_name(action)}` | {help_text} |")
+    return "\n".join(["| argument | meaning |", "|---|---|", *rows]) + "\n"
+
+
+def _name(action: argparse.Action) -> str:
+    """The argument with what is to be given; a bar would end the cell of a table."""
+    takes_value = action.nargs != 0
+    value = action.metavar or "|".join(map(str, action.choices or ()))
+    value = str(value or (action.dest.upper() if takes_value else "")).replace("|", "\\|")
+    if not action.option_strings:
+        return value
+    if action.nargs == "+":
+        value += " ..."
+    return " ".join([", ".join(action.option_strings), value]).strip()
+
+
+def _shown(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    hidden = (argparse._HelpAction, argparse._SubParsersAction)
+    return [
+        a for a in parser._actions if not isinstance(a, hidden) and a.help is not argparse.SUPPRESS
+    ]
