@@ -123,7 +123,7 @@ def _conditions(found: Study) -> tuple[str, ...]:
         f"{N_OBSERVATIONS} observations, evenly spread over the whole movement of both; Bayes' rule"
         " accumulates, where Eq. 11 as printed forgets.",
         "The paper has no alternative to the known tasks: probabilities are those of the three,"
-        " and for the arm `none` has a prior of 1 %.",
+        " and for the arm `none` is as good as impossible.",
         "The primitives that predict here are those of demonstrations at steady progress where"
         " they predict left-out training demonstrations better than the aligned ones.",
         f"The arm was run on the {len(arm)} interactions of the first part left out. It starts"

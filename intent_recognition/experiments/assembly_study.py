@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from sim_bridge.assembly.stand_in import StoodIn
 
 FOLDS = 5
-NONE_PRIOR = 0.01
+NONE_PRIOR = 1e-6
 """The paper has no `none`: here every movement is one of the tasks."""
 QUICK_SESSION, QUICK_PER_TASK = "session_00", 8
 """A quick run has so many demonstrations of each task, and leaves out one of each."""

@@ -152,11 +152,12 @@ class _Run:
             prediction = self._prediction(predicted)
             if prediction is not None:
                 self._activation.take_prediction(stamp_ns, prediction)
-        probabilities, log_evidence = estimate.probabilities, estimate.log_evidence
+        probabilities = estimate.probabilities
         if self._over:
             self._again |= estimate.moving
-            probabilities, log_evidence = np.eye(len(self._labels))[-1], None
-        self._activation.take_tasks(stamp_ns, stamp_ns, self._labels, probabilities, log_evidence)
+            probabilities = np.eye(len(self._labels))[-1]
+        # Without log evidence `none` has no vote of its own: one of the tasks it must be.
+        self._activation.take_tasks(stamp_ns, stamp_ns, self._labels, probabilities)
         self._over |= self._activation.decision.event == "over"
 
     def _prediction(self, predicted) -> Prediction | None:
