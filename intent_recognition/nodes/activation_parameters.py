@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of the node `primitive_activation`, and the settings made of them."""
 
+from copy import copy
+from dataclasses import dataclass
+
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -9,6 +12,7 @@ from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.kinematics.limits import JointLimits
 from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2, JOINT_NAMES, LWR_LIMITS
 from intent_recognition.kinematics.planning import scaled_limits
+from intent_recognition.nodes.live_parameters import Changes
 from intent_recognition.nodes.runtime import parameter
 from intent_recognition.promp.activation_settings import ActivationSettings
 from intent_recognition.promp.decision import DecisionSettings
@@ -37,74 +41,89 @@ def check_trajectory(times_s: np.ndarray, positions: np.ndarray, rest) -> None:
         raise RejectionError("non_monotone_times", "time_from_start of intent/robot_trajectory")
 
 
+@dataclass(frozen=True)
+class _Said:
+    """What is declared of a parameter, but its name."""
+
+    default: object
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+
+
+FIXED = {
+    "model": _Said("", "Model file whose joints to check; empty: none."),
+    "command_rate": _Said(25.0, "Updates of a running motion [Hz].", 1.0, 200.0),
+    "joint_names": _Said([], "Joint names; empty: from model or prediction."),
+    "lower": _Said(DOUBLES, "Lower position limits [rad]; empty: the LWR's."),
+    "upper": _Said(DOUBLES, "Upper position limits [rad]; empty: the LWR's."),
+    "velocity": _Said(DOUBLES, "Velocity limits [rad/s]; empty: the LWR's."),
+}
+"""Read once, at the start."""
+
+AT_REST = {
+    "home": _Said(DOUBLES, "Posture to return to [rad]; empty: the first seen."),
+    "acceleration_limit": _Said(
+        DEFAULT_ACCELERATION_RAD_S2, "Acceleration limit of every joint [rad/s^2].", 0.1, 1000.0
+    ),
+    "velocity_scale": _Said(0.9, "Share of the velocity limits to use.", 0.01, 1.0),
+}
+"""May change while no motion is under way: a plan is made for one set of limits."""
+
+ANY_TIME = {
+    "threshold": _Said(0.9, "Probability a task must reach.", 0.501, 1.0),
+    "n_observations": _Said(5, "Observations on end it must hold.", 1, 10000),
+    "max_end_std": _Said(0.35, "Largest predicted end-point std [rad].", 1e-6, 1e6),
+    "release_below": _Said(0.5, "Let go of a task less probable than this.", 0.0, 0.5),
+    "min_evidence": _Said(0.6, "Share of the movement's own evidence it must have.", 0.0, 0.99),
+    "timeout": _Said(0.5, "Silence that stops a motion [s].", 0.01, 60.0),
+    "hold_time": _Said(1.0, "Stay at the end this long [s].", 0.0, 3600.0),
+    "switch_lead": _Said(0.05, "Commands take over so far ahead [s].", 0.0, 1.0),
+    "max_joint_state_age": _Said(0.25, "Older joint states are stale [s].", 0.001, 10.0),
+    "max_tracking_error": _Said(0.4, "Largest distance to the reference [rad].", 0.001, 10.0),
+    "max_lateness": _Said(3.0, "A prediction over for longer is outdated [s].", 0.0, 1e9),
+    "pretrigger_threshold": _Said(
+        0.0, "Go ahead for a next task at least so probable; 0: never. Needs a model.", 0.0, 1.0
+    ),
+    "pretrigger_timeout": _Said(10.0, "Wait there for the human at most so long [s].", 0.1, 3600.0),
+    "return_home": _Said(True, "Go home after each interaction."),
+}
+"""May change at any time, and hold from the next observation or plan on."""
+
+
 class ActivationParameters:
-    """Declares all of them on a node; read once, at its start.
+    """Declares all of them on a node, and makes settings of their values.
 
     Attributes:
         rate_hz: updates of a running motion a second.
     """
 
     def __init__(self, node: Node):
-        def get(name, default, description, minimum=None, maximum=None):
-            return parameter(
-                node, name, default, description, minimum=minimum, maximum=maximum, read_only=True
+        self._values = {
+            name: parameter(
+                node,
+                name,
+                said.default,
+                said.description,
+                minimum=said.minimum,
+                maximum=said.maximum,
+                read_only=name in FIXED,
             )
-
-        self._model = get("model", "", "Model file whose joints to check; empty: none.")
-        self._decision = DecisionSettings(
-            threshold=get("threshold", 0.9, "Probability a task must reach.", 0.501, 1.0),
-            n_observations=get("n_observations", 5, "Observations on end it must hold.", 1, 10000),
-            max_end_std_rad=get(
-                "max_end_std", 0.35, "Largest predicted end-point std [rad].", 1e-6, 1e6
-            ),
-            release_below=get(
-                "release_below", 0.5, "Let go of a task less probable than this.", 0.0, 0.5
-            ),
-            min_evidence=get(
-                "min_evidence", 0.6, "Share of the movement's own evidence it must have.", 0.0, 0.99
-            ),
-        )
-        self.rate_hz = get("command_rate", 25.0, "Updates of a running motion [Hz].", 1.0, 200.0)
-        self._home = get("home", DOUBLES, "Posture to return to [rad]; empty: the first seen.")
-        self._names = get("joint_names", [], "Joint names; empty: from model or prediction.")
-        self._lower = get("lower", DOUBLES, "Lower position limits [rad]; empty: the LWR's.")
-        self._upper = get("upper", DOUBLES, "Upper position limits [rad]; empty: the LWR's.")
-        self._velocity = get("velocity", DOUBLES, "Velocity limits [rad/s]; empty: the LWR's.")
-        self._acceleration = get(
-            "acceleration_limit",
-            DEFAULT_ACCELERATION_RAD_S2,
-            "Acceleration limit of every joint [rad/s^2].",
-            0.1,
-            1000.0,
-        )
-        self._velocity_scale = get(
-            "velocity_scale", 0.9, "Share of the velocity limits to use.", 0.01, 1.0
-        )
-        self._times = {
-            "timeout_s": get("timeout", 0.5, "Silence that stops a motion [s].", 0.01, 60.0),
-            "hold_s": get("hold_time", 1.0, "Stay at the end this long [s].", 0.0, 3600.0),
-            "lead_s": get("switch_lead", 0.05, "Commands take over so far ahead [s].", 0.0, 1.0),
-            "max_joint_state_age_s": get(
-                "max_joint_state_age", 0.25, "Older joint states are stale [s].", 0.001, 10.0
-            ),
-            "max_tracking_error_rad": get(
-                "max_tracking_error", 0.4, "Largest distance to the reference [rad].", 0.001, 10.0
-            ),
-            "max_lateness_s": get(
-                "max_lateness", 3.0, "A prediction over for longer is outdated [s].", 0.0, 1e9
-            ),
+            for name, said in (FIXED | AT_REST | ANY_TIME).items()
         }
-        self._pretrigger_threshold = get(
-            "pretrigger_threshold",
-            0.0,
-            "Go ahead for a next task at least so probable; 0: never. Needs a model.",
-            0.0,
-            1.0,
-        )
-        self._pretrigger_timeout_s = get(
-            "pretrigger_timeout", 10.0, "Wait there for the human at most so long [s].", 0.1, 3600.0
-        )
-        self._return_home = get("return_home", True, "Go home after each interaction.")
+        self.rate_hz = self._values["command_rate"]
+
+    def changed(self, changes: Changes) -> "ActivationParameters":
+        """The same with other values.
+
+        Raises:
+            ArgumentError: they do not fit one another.
+        """
+        other = copy(self)
+        other._values = self._values | dict(changes)
+        other._decision()
+        other._check_pretrigger()
+        return other
 
     def joints(self) -> tuple[tuple[str, ...], dict[str, np.ndarray]]:
         """Joint names, empty where they are not known yet, and where each task begins.
@@ -112,12 +131,10 @@ class ActivationParameters:
         Raises:
             ArgumentError: names and model differ, or a model is missing.
         """
-        names = tuple(name for name in self._names if name)
-        if self._model:
-            return _read_model(self._model, names)
-        if self._pretrigger_threshold > 0.0:
-            cure = "Set model, or leave pretrigger_threshold at 0."
-            raise ArgumentError(describe("pretrigger_threshold", "0 without a model", "more", cure))
+        names = tuple(name for name in self._values["joint_names"] if name)
+        if self._values["model"]:
+            return _read_model(self._values["model"], names)
+        self._check_pretrigger()
         return names, {}
 
     def settings(self, names: tuple[str, ...], starts: dict[str, np.ndarray]) -> ActivationSettings:
@@ -131,22 +148,43 @@ class ActivationParameters:
             RejectionError: the limits of a joint are not known.
             ArgumentError: limits or home of another size.
         """
-        home = np.array(self._home, dtype=np.float64) if self._home else None
+        value = self._values
+        home = np.array(value["home"], dtype=np.float64) if value["home"] else None
         if home is not None and (home.shape != (len(names),) or not np.all(np.isfinite(home))):
             raise ArgumentError(
-                describe("home", f"{len(names)} finite angles", self._home, "One a joint [rad].")
+                describe("home", f"{len(names)} finite angles", value["home"], "One a joint [rad].")
             )
         return ActivationSettings(
             limits=self._limits_of(names),
-            decision=self._decision,
+            decision=self._decision(),
             home=home,
-            return_home=self._return_home,
+            return_home=value["return_home"],
             pretrigger=PretriggerSettings(
-                self._pretrigger_threshold, self._pretrigger_timeout_s, starts
+                value["pretrigger_threshold"], value["pretrigger_timeout"], starts
             ),
             command_period_s=1.0 / self.rate_hz,
-            **self._times,
+            timeout_s=value["timeout"],
+            hold_s=value["hold_time"],
+            lead_s=value["switch_lead"],
+            max_joint_state_age_s=value["max_joint_state_age"],
+            max_tracking_error_rad=value["max_tracking_error"],
+            max_lateness_s=value["max_lateness"],
         )
+
+    def _decision(self) -> DecisionSettings:
+        value = self._values
+        return DecisionSettings(
+            threshold=value["threshold"],
+            n_observations=value["n_observations"],
+            max_end_std_rad=value["max_end_std"],
+            release_below=value["release_below"],
+            min_evidence=value["min_evidence"],
+        )
+
+    def _check_pretrigger(self) -> None:
+        if self._values["pretrigger_threshold"] > 0.0 and not self._values["model"]:
+            cure = "Set model, or leave pretrigger_threshold at 0."
+            raise ArgumentError(describe("pretrigger_threshold", "0 without a model", "more", cure))
 
     def _limits_of(self, names: tuple[str, ...]) -> JointLimits:
         """Limits from the parameters, else the LWR's by joint name.
@@ -155,8 +193,8 @@ class ActivationParameters:
             RejectionError: a joint is none of the LWR's and no limits are given.
             ArgumentError: limits of another size.
         """
-        given = (self._lower, self._upper, self._velocity)
-        acceleration = np.full(len(names), self._acceleration)
+        given = [self._values[name] for name in ("lower", "upper", "velocity")]
+        acceleration = np.full(len(names), self._values["acceleration_limit"])
         if all(given):
             limits = JointLimits(
                 *(np.array(values) for values in given), acceleration, np.full(len(names), 1e9)
@@ -170,7 +208,7 @@ class ActivationParameters:
         else:
             text = f"{list(names)}: set lower, upper and velocity for joints not of the LWR"
             raise RejectionError("wrong_joint_names", text)
-        return scaled_limits(limits, self._velocity_scale)
+        return scaled_limits(limits, self._values["velocity_scale"])
 
 
 def _read_model(path: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], dict[str, np.ndarray]]:

@@ -21,6 +21,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from intent_recognition.errors import BagError, describe
+from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
 from intent_recognition.nodes.topic_recorder import message_type
 from intent_recognition.storage.bag_metadata import TopicInfo
@@ -62,21 +63,35 @@ class BagPlayer(Node):
         )
         self._loop = parameter(self, "loop", False, "begin again at the end")
         paused = parameter(
-            self, "start_paused", False, "wait for ~/resume before the first message"
+            self,
+            "start_paused",
+            False,
+            "wait for ~/resume before the first message",
+            read_only=True,
         )
         self._wait_s = parameter(
-            self, "wait_for_subscribers", 3.0, "longest wait for subscribers in s", minimum=0.0
+            self,
+            "wait_for_subscribers",
+            3.0,
+            "longest wait for subscribers in s",
+            minimum=0.0,
+            read_only=True,
         )
         self._exit_at_end = parameter(self, "exit_at_end", True, "end the process after the bag")
-        self._restamp = parameter(self, "restamp", False, "shift header stamps to the present")
+        self._restamp = parameter(
+            self, "restamp", False, "shift header stamps to the present", read_only=True
+        )
         self._offset_s = parameter(
             self,
             "start_offset",
             0.0,
             "begin this long into the bag in s",
             minimum=0.0,
+            read_only=True,
         )
-        wanted = parameter(self, "topics", [], "topics to play; none means all in the bag")
+        wanted = parameter(
+            self, "topics", [], "topics to play; none means all in the bag", read_only=True
+        )
         self._wanted = {topic.lstrip("/") for topic in wanted}
         without = parameter(
             self,
@@ -86,7 +101,9 @@ class BagPlayer(Node):
             read_only=True,
         )
         self._unwanted = [topic.lstrip("/") for topic in without if topic]
-        use_clock = parameter(self, "clock", False, "publish the recorded time on /clock")
+        use_clock = parameter(
+            self, "clock", False, "publish the recorded time on /clock", read_only=True
+        )
         self.done = False
         self.exit_code = 0
         self.published = 0
@@ -94,6 +111,8 @@ class BagPlayer(Node):
         self.finished = threading.Event()
         self._stopping = threading.Event()
         self._running = threading.Event()
+        self._rate_changed = threading.Event()
+        keep_live(self, ("rate", "loop", "exit_at_end"), lambda _: None, self._change)
         if not paused:
             self._running.set()
         self._diagnostics = Diagnostics(self)
@@ -117,6 +136,14 @@ class BagPlayer(Node):
         self._running.set()
         self._thread.join()
         super().destroy_node()
+
+    def _change(self, changes: Changes) -> None:
+        """Go on with new values of parameters; the rate from the next message on."""
+        self._loop = changes.get("loop", self._loop)
+        self._exit_at_end = changes.get("exit_at_end", self._exit_at_end)
+        if "rate" in changes:
+            self._rate = changes["rate"]
+            self._rate_changed.set()
 
     def _add_publisher(self, info: TopicInfo) -> None:
         if info.message_count == 0 or not self._is_wanted(info.name):
@@ -175,9 +202,10 @@ class BagPlayer(Node):
         for message in self._messages or self._reader.raw_messages(self._outputs):
             if message.log_time_ns < begin_ns:
                 continue
-            if origin_ns is None or not self._running.is_set():
+            if origin_ns is None or not self._running.is_set() or self._rate_changed.is_set():
                 if not self._wait_while_paused():
                     return
+                self._rate_changed.clear()
                 origin_ns, offset_s = message.log_time_ns, time.monotonic()
                 wall_ns = self._now_ns()
             if self._rate > 0.0:
@@ -187,6 +215,7 @@ class BagPlayer(Node):
                         return
                     if not self._wait_while_paused():
                         return
+                    self._rate_changed.clear()
                     origin_ns, offset_s = message.log_time_ns, time.monotonic()
                     wall_ns, due_s = self._now_ns(), offset_s
                 latest_s = max(latest_s, time.monotonic() - due_s)
@@ -208,10 +237,11 @@ class BagPlayer(Node):
         self._diagnostics.tick(message.topic.lstrip("/"))
 
     def _sleep_until(self, due_s: float, log_time_ns: int) -> bool:
-        """Sleep; False when paused or stopped meanwhile."""
+        """Sleep; False when paused, stopped or asked for another rate meanwhile."""
         while True:
             remaining_s = due_s - time.monotonic()
-            if self._stopping.is_set() or not self._running.is_set():
+            changed = self._rate_changed.is_set() or not self._running.is_set()
+            if self._stopping.is_set() or changed:
                 return False
             if self._clock_publisher:
                 self._publish_clock(log_time_ns - round(max(remaining_s, 0.0) * self._rate * 1e9))

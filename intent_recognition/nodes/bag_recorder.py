@@ -18,7 +18,11 @@ class BagRecorder(TopicRecorder):
         parameter(self, "output", "", "directory of the new bag; recording starts when it is given")
         parameter(self, "task", "", "label of the demonstration; empty records without a label")
         topics = parameter(
-            self, "topics", [], "topics to record; none means all there are in the namespace"
+            self,
+            "topics",
+            [],
+            "topics to record; none means all there are in the namespace",
+            read_only=True,
         )
         self.done = False
         self.exit_code = 0

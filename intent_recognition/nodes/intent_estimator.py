@@ -16,6 +16,7 @@ from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
 from intent_recognition.nodes.lifecycle import ManagedNode
+from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.markers import (
     MarkerBuilder,
     has_position,
@@ -36,6 +37,7 @@ from intent_recognition.storage.model import Model, check_dofs, load_model
 STREAM_TIMEOUT_S = 0.5
 CHECK_PERIOD_S = 0.1
 CHECKS_PER_TYPE_CHECK = 10
+LIVE = ("publish_rate", "transition_prior", "forget_after")
 _OK, _WARN = 0, 1
 
 
@@ -54,6 +56,7 @@ class IntentEstimatorNode(ManagedNode):
             read_only=True,
         )
         self._own_dofs: DofSpec | None = None
+        self._estimator: IntentEstimator | None = None
         self._publish_rate = parameter(
             self,
             "publish_rate",
@@ -61,7 +64,6 @@ class IntentEstimatorNode(ManagedNode):
             "Rate of trajectories, path and markers [Hz]; tasks follow every observation.",
             minimum=0.1,
             maximum=1000.0,
-            read_only=True,
         )
         self._start_posture = parameter(
             self,
@@ -75,7 +77,6 @@ class IntentEstimatorNode(ManagedNode):
             "transition_prior",
             True,
             "Expect the task that was learned to follow the last one; false: all alike.",
-            read_only=True,
         )
         self._forget_after_s = parameter(
             self,
@@ -84,8 +85,8 @@ class IntentEstimatorNode(ManagedNode):
             "So long after a movement it tells nothing about the next [s].",
             minimum=0.0,
             maximum=1e9,
-            read_only=True,
         )
+        keep_live(self, LIVE, lambda _: None, self._change)
         self._diagnostics = Diagnostics(self)
         self._postures = PostureInput(self, self._diagnostics)
         self._next_task = NextTaskOutput(self)
@@ -104,6 +105,17 @@ class IntentEstimatorNode(ManagedNode):
             CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self.start()
+
+    def _change(self, changes: Changes) -> None:
+        """Go on with new values of parameters."""
+        self._publish_rate = changes.get("publish_rate", self._publish_rate)
+        self._transitions = changes.get("transition_prior", self._transitions)
+        self._forget_after_s = changes.get("forget_after", self._forget_after_s)
+        if self._estimator is None or set(changes) == {"publish_rate"}:
+            return
+        self._estimator.expectation.change(self._transitions, self._forget_after_s)
+        if self.active:
+            self._next_task.update(self._estimator)
 
     def configure(self) -> None:
         """Load the model and check it against the DOF file."""

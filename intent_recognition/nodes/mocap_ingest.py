@@ -3,6 +3,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -12,6 +13,7 @@ from rclpy.node import Node
 
 from intent_recognition.errors import ArgumentError, MessageError, describe
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
 from intent_recognition.nodes.wire import OdometryWire
 from intent_recognition.nodes.wire_reading import read_pose
@@ -21,6 +23,16 @@ from intent_recognition.tracking.ingest import (
     Rejected,
     ingest_pose,
 )
+
+LIVE = {
+    "max_speed": "max_speed_m_s",
+    "max_gap": "max_gap_s",
+    "position_std": "position_std_m",
+    "reanchor_after": "reanchor_after",
+}
+"""Parameters that may change while it runs, and the settings they are."""
+
+ORIENTATION_STD = "orientation_std_rad"
 
 
 class MocapIngest(Node):
@@ -34,23 +46,14 @@ class MocapIngest(Node):
             )
         )
         self._settings = self._read_settings()
-        self._orientation_std_rad = parameter(
-            self,
-            "orientation_std_rad",
-            0.02,
-            "Standard deviation of a measured orientation [rad].",
-            minimum=1e-6,
-            maximum=3.2,
-            read_only=True,
-        )
+        variance = self._orientation_variance()
         self._diagnostics = Diagnostics(self)
         self._states = dict.fromkeys(bodies, IngestState.initial())
         self._outputs = {
             body: self.create_publisher(Odometry, f"human/{body}", qos.SENSOR) for body in bodies
         }
         self._wires = {
-            body: OdometryWire(body, self._settings.world_frame, self._orientation_std_rad**2)
-            for body in bodies
+            body: OdometryWire(body, self._settings.world_frame, variance) for body in bodies
         }
         self._inputs = [
             self.create_subscription(
@@ -62,11 +65,23 @@ class MocapIngest(Node):
             )
             for body in bodies
         ]
+        keep_live(self, (*LIVE, ORIENTATION_STD), self._changed, self._change)
+
+    def _orientation_variance(self) -> float:
+        """Of a measured orientation [rad^2]."""
+        description = "Standard deviation of a measured orientation [rad]."
+        return parameter(self, ORIENTATION_STD, 0.02, description, minimum=1e-6, maximum=3.2) ** 2
 
     def _read_settings(self) -> IngestSettings:
         def read(name, default, description, minimum=None, maximum=None):
             return parameter(
-                self, name, default, description, minimum=minimum, maximum=maximum, read_only=True
+                self,
+                name,
+                default,
+                description,
+                minimum=minimum,
+                maximum=maximum,
+                read_only=name not in LIVE,
             )
 
         return IngestSettings(
@@ -92,6 +107,18 @@ class MocapIngest(Node):
                 "reanchor_after", 5, "So many consistent outliers on end are the truth.", 1, 100000
             ),
         )
+
+    def _changed(self, changes: Changes) -> IngestSettings:
+        """The settings with new values."""
+        fields = {LIVE[name]: value for name, value in changes.items() if name in LIVE}
+        return replace(self._settings, **fields)
+
+    def _change(self, changes: Changes) -> None:
+        """Go on with new values; the tracks stay."""
+        self._settings = self._changed(changes)
+        if ORIENTATION_STD in changes:
+            for wire in self._wires.values():
+                wire.orientation_variance = changes[ORIENTATION_STD] ** 2
 
     def _on_pose(self, body: str, data: bytes) -> None:
         """Take the bytes of a PoseStamped."""

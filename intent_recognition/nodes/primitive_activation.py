@@ -10,10 +10,12 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.errors import IntentError
+from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.kinematics.path import make_path
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_parameters import (
+    ANY_TIME,
+    AT_REST,
     ActivationParameters,
     RejectionError,
     check_trajectory,
@@ -25,6 +27,7 @@ from intent_recognition.nodes.conversions import (
     trajectory_arrays,
 )
 from intent_recognition.nodes.lifecycle import ManagedNode
+from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, run
 from intent_recognition.promp.activation import Activation
 from intent_recognition.promp.activation_settings import (
@@ -62,6 +65,8 @@ class PrimitiveActivation(ManagedNode):
         ):
             self.create_subscription(kind, topic, handle, profile)
         self.create_service(Trigger, "~/reset", self._on_reset)
+        self._starts: dict[str, np.ndarray] = {}
+        keep_live(self, (*ANY_TIME, *AT_REST), self._changed, self._change)
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
         self.start()
 
@@ -234,6 +239,30 @@ class PrimitiveActivation(ManagedNode):
             self.diagnostics.status(_OK, activation.mode.value)
 
     # Set-up
+
+    def _changed(self, changes: Changes) -> ActivationParameters:
+        """The parameters with new values.
+
+        Raises:
+            IntentError: they do not fit, or the arm is under way and they are of its motion.
+        """
+        settings = self._settings.changed(changes)
+        of_motion = sorted(set(changes) & set(AT_REST))
+        mode = self.activation.mode if self.active and self.activation else Mode.IDLE
+        if of_motion and mode is not Mode.IDLE:
+            cure = "Wait until it is home, or call ~/reset."
+            raise ArgumentError(describe(of_motion[0], "an arm at rest", mode.value, cure))
+        if self.joint_names:
+            settings.settings(self.joint_names, self._starts)
+        return settings
+
+    def _change(self, changes: Changes) -> None:
+        """Go on with new values."""
+        self._settings = self._changed(changes)
+        if self.activation is not None:
+            settings = self._settings.settings(self.joint_names, self._starts)
+            self._limits = settings.limits
+            self.activation.change(settings)
 
     def _set_joints(self, names: tuple[str, ...]) -> None:
         """Fix the joints and start from a clean state; raises if their limits are unknown."""

@@ -9,7 +9,12 @@ import sys
 from collections.abc import Callable, Sequence
 
 import rclpy
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -141,10 +146,28 @@ def parameter(
         raise ArgumentError(
             describe(f"parameter {name}", "a finite number", declared.value, description)
         )
+    _refuse_what_is_no_number(node)
     if declared.type_ == Parameter.Type.NOT_SET:
         return []
     value = declared.value
     return value if isinstance(value, (str, bool, int, float)) else list(value)
+
+
+def _refuse_what_is_no_number(node: Node) -> None:
+    """Let no parameter become NaN or infinite at run time: a range alone lets NaN through."""
+    if getattr(node, "_refuses_what_is_no_number", False):
+        return
+    node._refuses_what_is_no_number = True
+    node.add_on_set_parameters_callback(_check_numbers)
+
+
+def _check_numbers(parameters: list[Parameter]) -> SetParametersResult:
+    for changed in parameters:
+        values = changed.value if changed.type_ == Parameter.Type.DOUBLE_ARRAY else [changed.value]
+        if any(isinstance(value, float) and not math.isfinite(value) for value in values):
+            reason = f"parameter {changed.name}: expected finite numbers, got {changed.value}"
+            return SetParametersResult(successful=False, reason=reason)
+    return SetParametersResult(successful=True)
 
 
 def _add_range(descriptor, default, minimum, maximum) -> None:

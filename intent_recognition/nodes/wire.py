@@ -152,7 +152,7 @@ class OdometryWire:
     """
 
     def __init__(self, body: str, world_frame: str, orientation_variance: float):
-        self._orientation_variance = orientation_variance
+        self.orientation_variance = orientation_variance
         message = Odometry(child_frame_id=f"{body}_world_aligned")
         message.header.frame_id = world_frame
         mark = marks(7 + 36 + 6 + 36)
@@ -178,7 +178,7 @@ class OdometryWire:
         """The message of an accepted pose."""
         values = self._values
         values[:3], values[3:7] = pose.position, pose.orientation
-        turn = self._orientation_variance if pose.orientation_measured else UNKNOWN_VARIANCE
+        turn = self.orientation_variance if pose.orientation_measured else UNKNOWN_VARIANCE
         self._turn[:3, :3] = pose.position_covariance
         self._turn[3, 3] = self._turn[4, 4] = self._turn[5, 5] = turn
         if pose.velocity is None:

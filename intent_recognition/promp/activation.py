@@ -74,6 +74,15 @@ class Activation:
         self._served_end_ns: int | None = None
         self._came_from: np.ndarray | None = None
 
+    def change(self, settings: ActivationSettings) -> None:
+        """Act by other settings from now on, for the same joints; what is under way goes on."""
+        self._settings = settings
+        for part in (self._heard, self._arm, self._motions):
+            part.settings = settings
+        self.pretrigger.settings, self.pretrigger.decision = settings.pretrigger, settings.decision
+        if settings.home is not None:
+            self._home = np.array(settings.home, dtype=float)
+
     @property
     def decision(self) -> DecisionState:
         """The state of the decision."""

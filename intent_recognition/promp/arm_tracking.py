@@ -29,7 +29,7 @@ class ArmTracking:
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
-        self._settings = settings
+        self.settings = settings
         self._reject = reject
         self._measured: _Measured | None = None
         self.forget_commands()
@@ -64,13 +64,13 @@ class ArmTracking:
 
     def switch_ns(self, now_ns: int) -> int:
         """When a command planned now takes over; never before the one in force does."""
-        ahead = now_ns + round(self._settings.lead_s * 1e9)
+        ahead = now_ns + round(self.settings.lead_s * 1e9)
         return ahead if self.current is None else max(ahead, self.current.start_ns)
 
     def fresh(self, now_ns: int) -> bool:
         """Whether the measured arm is recent; reported once for each joint state that is not."""
         stamp_ns = None if self._measured is None else self._measured.stamp_ns
-        age_ns = self._settings.max_joint_state_age_s * 1e9
+        age_ns = self.settings.max_joint_state_age_s * 1e9
         if stamp_ns is not None and abs(now_ns - stamp_ns) <= age_ns:
             return True
         self._report_once("stale_joint_states", stamp_ns, "no recent joint_states")
@@ -81,7 +81,7 @@ class ArmTracking:
         if not self.fresh(now_ns):
             return False
         error = self._error()
-        if error <= self._settings.max_tracking_error_rad:
+        if error <= self.settings.max_tracking_error_rad:
             return True
         text = f"arm is {error:.2f} rad off its reference"
         self._report_once("arm_off_reference", self.last_command_ns, text)
@@ -95,12 +95,12 @@ class ArmTracking:
         if not self.fresh(now_ns):
             return None
         current = self.current
-        if current is not None and self._error() <= self._settings.max_tracking_error_rad:
+        if current is not None and self._error() <= self.settings.max_tracking_error_rad:
             return current.at(start_ns)
         if current is not None and now_ns < current.end_ns:
             self._report_once("arm_off_reference", self.last_command_ns, "arm is off its path")
             return None
-        if np.abs(self._measured.velocity).max() > self._settings.rest_speed_rad_s:
+        if np.abs(self._measured.velocity).max() > self.settings.rest_speed_rad_s:
             self._report_once("arm_moving", self._measured.stamp_ns, "arm is moved by others")
             return None
         self._previous = self.current = None

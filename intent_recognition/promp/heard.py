@@ -27,7 +27,7 @@ class Heard:
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
-        self._settings, self._reject = settings, reject
+        self.settings, self._reject = settings, reject
         self.forget()
 
     def forget(self) -> None:
@@ -45,7 +45,7 @@ class Heard:
 
     def silent(self, now_ns: int) -> bool:
         """Whether no observation has come for too long."""
-        return now_ns - self._heard_ns > self._settings.timeout_s * 1e9
+        return now_ns - self._heard_ns > self.settings.timeout_s * 1e9
 
     def take_tasks(
         self,
@@ -77,7 +77,7 @@ class Heard:
         if self.prediction is not None and 0 < len(labels) == len(probabilities):
             best = labels[int(np.argmax(probabilities))]
             end_std = self.prediction.end_std if best == self.prediction.label else None
-        settings = self._settings.decision
+        settings = self.settings.decision
         state, _ = decide(settings, self.decision, labels, probabilities, end_std, log_evidence)
         if state.idle and not self.decision.idle:
             self.idle_since_ns = stamp_ns
@@ -104,7 +104,7 @@ class Heard:
         elif prediction.onset_ns > now_ns + _LARGEST_AHEAD_NS:
             ahead_s = (prediction.onset_ns - now_ns) * 1e-9
             self._reject("stamp_in_future", f"intent/robot_trajectory {ahead_s:.1f} s ahead")
-        elif now_ns - prediction.end_ns > self._settings.max_lateness_s * 1e9:
+        elif now_ns - prediction.end_ns > self.settings.max_lateness_s * 1e9:
             late_s = (now_ns - prediction.end_ns) * 1e-9
             self._reject("outdated", f"intent/robot_trajectory was over {late_s:.1f} s ago")
         else:

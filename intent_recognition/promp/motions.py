@@ -36,7 +36,7 @@ class Motions:
         reject: Callable[[str, str], None],
         counts: Counter[str],
     ):
-        self._settings, self._arm = settings, arm
+        self.settings, self._arm = settings, arm
         self._reject, self._counts = reject, counts
 
     def interact(
@@ -56,7 +56,7 @@ class Motions:
             start: the reference then.
             progress: phase, phase rate [1/s] and its derivative [1/s^2] then.
         """
-        settings = self._settings
+        settings = self.settings
         onset_s = (prediction.onset_ns - start_ns) * 1e-9
         plan = plan_interaction(
             prediction.path,
@@ -90,7 +90,7 @@ class Motions:
         if self._arm.current.plan.kind == "home" and self._arm.under_way(now_ns):
             return None
         start_ns = self._arm.switch_ns(now_ns)
-        start, settings = self._arm.current.at(start_ns), self._settings
+        start, settings = self._arm.current.at(start_ns), self.settings
         plan = home_plan(start, target, settings.limits, settings.plan)
         if plan is None:
             plan = self._stop_plan(start_ns, executed)
@@ -100,7 +100,7 @@ class Motions:
         self, now_ns: int, start_ns: int, start: Reference, target: np.ndarray
     ) -> Command | None:
         """Go to where a task begins; None where no plan keeps the limits."""
-        settings = self._settings
+        settings = self.settings
         plan = home_plan(start, target, settings.limits, settings.plan)
         if plan is None or plan.clamped:
             self._reject("infeasible", "no plan to the start of the expected task keeps the limits")
@@ -111,7 +111,7 @@ class Motions:
         current = self._arm.current
         start = current.at(start_ns)
         phase, rate, acceleration = current.phase_at(start_ns)
-        limits, settings = self._settings.limits, self._settings.plan
+        limits, settings = self.settings.limits, self.settings.plan
         if executed is None or current.plan.kind == "home":
             return brake_plan(start, phase, limits, settings)
         return stop_plan(

@@ -63,7 +63,7 @@ class Pretrigger:
     """
 
     def __init__(self, settings: PretriggerSettings, decision: DecisionSettings):
-        self._settings, self._decision = settings, decision
+        self.settings, self.decision = settings, decision
         self.forget()
 
     def forget(self) -> None:
@@ -113,7 +113,7 @@ class Pretrigger:
             idle_since_ns: stamp since which the human rests; an older expectation is of the
                 movement before.
         """
-        expected, settings = self._expected, self._settings
+        expected, settings = self._expected, self.settings
         if settings.threshold <= 0.0 or not self._allowed or expected is None:
             return ""
         if expected.stamp_ns < idle_since_ns or expected.probability < settings.threshold:
@@ -122,11 +122,11 @@ class Pretrigger:
 
     def start(self, label: str) -> np.ndarray:
         """Where a task begins, (n,) [rad]."""
-        return np.asarray(self._settings.starts[label], dtype=np.float64)
+        return np.asarray(self.settings.starts[label], dtype=np.float64)
 
     def is_near(self, position: np.ndarray, label: str) -> bool:
         """Whether a posture is as good as a task's start."""
-        return bool(np.abs(position - self.start(label)).max() <= self._settings.near_rad)
+        return bool(np.abs(position - self.start(label)).max() <= self.settings.near_rad)
 
     def begin(self, label: str, arrival_ns: int) -> None:
         """The arm goes ahead for a task, and is there at a time."""
@@ -146,16 +146,16 @@ class Pretrigger:
             return
         self._moved = True
         own = labels.index(self.label) if self.label in labels else -1
-        against = own < 0 or probabilities[own] < self._decision.release_below
+        against = own < 0 or probabilities[own] < self.decision.release_below
         self._n_against = self._n_against + 1 if against else 0
         leads_none = labels[int(np.argmax(probabilities))] == NONE
         self._against = "none" if leads_none else "another_task"
 
     def reason_to_withdraw(self, now_ns: int, decision: DecisionState) -> str:
         """Why to give up now, or empty."""
-        if self._n_against >= self._decision.n_observations:
+        if self._n_against >= self.decision.n_observations:
             return self._against
         if decision.idle and self._moved:
             return "not_recognised"
         waited_ns = now_ns - self._arrival_ns
-        return "timeout" if decision.idle and waited_ns > self._settings.timeout_s * 1e9 else ""
+        return "timeout" if decision.idle and waited_ns > self.settings.timeout_s * 1e9 else ""

@@ -180,6 +180,11 @@ class Expectation:
         self._library, self._fixed_prior = library, fixed_prior
         self._set(memory)
 
+    def change(self, transitions: bool, forget_after_s: float) -> None:
+        """Expect in another way from now on; see the arguments of the class."""
+        self._transitions, self._forget_after_s = transitions, forget_after_s
+        self._set(self.memory)
+
     @property
     def ratio(self) -> np.ndarray | None:
         """What `weigh` multiplies the known tasks' posterior by, (K,); None when by nothing."""

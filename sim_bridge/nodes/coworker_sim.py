@@ -2,6 +2,7 @@
 """The node `coworker_sim`: a simulated worker whose wrist a simulated tracker follows."""
 
 from collections.abc import Sequence
+from functools import partial
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
@@ -11,9 +12,13 @@ from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.nodes.qos import SENSOR, STATE
-from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.runtime import Diagnostics, run
+from intent_recognition.nodes.runtime import parameter as declare
 from sim_bridge.coworker import SessionPlan, SessionTiming, parse_task_list, plan_session
 from sim_bridge.coworker.timeline import RATE_HZ
+
+parameter = partial(declare, read_only=True)
+"""The session is planned at the start; nothing of it changes afterwards."""
 
 SAMPLE_NS = round(1e9 / RATE_HZ)
 EARLY_NS = 500_000  # how much before its time a timer may fire and still count

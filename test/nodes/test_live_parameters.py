@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters are described, and change at run time where they can; elsewhere the reason is told."""
+
+import numpy as np
+import pytest
+from bag_builder import write_bag
+from model_builder import learned_model, make_dofs
+from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+
+from intent_recognition.nodes.activation_parameters import ANY_TIME, AT_REST
+from intent_recognition.nodes.bag_player import BagPlayer
+from intent_recognition.nodes.bag_recorder import BagRecorder
+from intent_recognition.nodes.intent_estimator import LIVE as ESTIMATOR_LIVE
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.mocap_ingest import LIVE as INGEST_LIVE
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.object_warper import ObjectWarper
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.nodes.task_teacher import TaskTeacher
+from intent_recognition.promp.activation_settings import Mode
+from intent_recognition.storage.model import save_model
+from sim_bridge.nodes.coworker_sim import CoworkerSim
+from sim_bridge.nodes.lwr_sim import LwrSim
+
+LIVE = {
+    MocapIngest: {*INGEST_LIVE, "orientation_std_rad"},
+    IntentEstimatorNode: {*ESTIMATOR_LIVE, "model"},
+    PrimitiveActivation: {*ANY_TIME, *AT_REST},
+    BagRecorder: {"output", "task"},
+    BagPlayer: {"rate", "loop", "exit_at_end"},
+    TaskTeacher: {"task", "learn_at_stop"},
+    ObjectWarper: set(),
+    LwrSim: {"real_time_factor"},
+    CoworkerSim: set(),
+}
+ROS = {"use_sim_time", "start_type_description_service"}
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "m.npz"
+    save_model(path, learned_model(make_dofs()))
+    return str(path)
+
+
+def needed(kind, folder, model):
+    if kind is BagPlayer:
+        bag = str(write_bag(folder / "bag"))
+        return {"bag": bag, "start_paused": True, "wait_for_subscribers": 0.0}
+    if kind is TaskTeacher:
+        return {"library": str(folder / "tasks")}
+    return {"model": model} if kind is IntentEstimatorNode else {}
+
+
+def make(harness, kind, **values):
+    overrides = [Parameter(name, value=value) for name, value in values.items()]
+    return harness.add(kind(parameter_overrides=overrides))
+
+
+def change(harness, node, **values):
+    """The reason why the values were not taken, or empty."""
+    parameters = [Parameter(k, value=v).to_parameter_msg() for k, v in values.items()]
+    request = SetParametersAtomically.Request(parameters=parameters)
+    service = f"{node.get_name()}/set_parameters_atomically"
+    result = harness.call(SetParametersAtomically, service, request).result
+    return "" if result.successful else result.reason
+
+
+@pytest.mark.parametrize("kind", LIVE, ids=lambda kind: kind.__name__)
+def test_every_parameter_is_described_and_those_that_cannot_change_are_read_only(
+    harness, tmp_path, model, kind
+):
+    node = make(harness, kind, **needed(kind, tmp_path, model))
+    listed = harness.call(
+        ListParameters, f"{node.get_name()}/list_parameters", ListParameters.Request()
+    )
+    names = sorted(set(listed.result.names) - ROS)
+    told = harness.call(
+        DescribeParameters,
+        f"{node.get_name()}/describe_parameters",
+        DescribeParameters.Request(names=names),
+    )
+    for name, descriptor in zip(names, told.descriptors, strict=True):
+        assert descriptor.description, name
+        assert descriptor.type, name
+        assert not descriptor.dynamic_typing, name
+        assert descriptor.read_only == (name not in LIVE[kind]), name
+    for name in set(names) - LIVE[kind]:
+        value = node._parameters[name]
+        if value.type_ != Parameter.Type.NOT_SET:
+            assert "read-only" in change(harness, node, **{name: value.value}), name
+
+
+def test_ingest_takes_noise_and_speed(harness):
+    node = make(harness, MocapIngest)
+    assert change(harness, node, position_std=0.01, max_speed=2.0, orientation_std_rad=0.1) == ""
+    assert node._settings.max_speed_m_s == 2.0
+    assert np.allclose(node._settings._covariances["world"], np.eye(3) * 1e-4)
+    assert node._wires["wrist"].orientation_variance == pytest.approx(0.01)
+    assert node._settings.max_gap_s == 0.5
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf"), 2000.0])
+def test_a_value_that_is_none_is_refused_and_changes_nothing(harness, value):
+    node = make(harness, MocapIngest)
+    assert "max_speed" in change(harness, node, max_gap=0.2, max_speed=value)
+    assert (node._settings.max_speed_m_s, node._settings.max_gap_s) == (6.0, 0.5)
+
+
+def test_estimator_takes_rate_and_expectation(harness, model):
+    node = make(harness, IntentEstimatorNode, model=model)
+    assert change(harness, node, publish_rate=5.0, transition_prior=False, forget_after=1.0) == ""
+    assert node._publish_rate == 5.0
+    assert node._estimator.expectation._forget_after_s == 1.0
+    assert "publish_rate" in change(harness, node, publish_rate=0.0)
+
+
+def test_activation_takes_the_decision_at_once(harness, model):
+    node = make(harness, PrimitiveActivation, model=model)
+    assert change(harness, node, threshold=0.8, n_observations=2, timeout=0.2) == ""
+    decision = node.activation._heard.settings.decision
+    assert (decision.threshold, decision.n_observations) == (0.8, 2)
+    assert node.activation._heard.settings.timeout_s == 0.2
+
+
+def test_activation_tells_what_does_not_fit(harness, model):
+    node = make(harness, PrimitiveActivation)
+    assert "0 without a model" in change(harness, node, pretrigger_threshold=0.5)
+    other = make(harness, PrimitiveActivation, model=model)
+    harness.executor.remove_node(node)
+    assert "7 finite angles" in change(harness, other, home=[0.0, 0.0])
+
+
+def test_limits_change_only_while_the_arm_rests(harness, model):
+    node = make(harness, PrimitiveActivation, model=model)
+    before = node._limits.velocity
+    node.activation.mode = Mode.EXECUTING
+    assert "an arm at rest, got executing" in change(harness, node, velocity_scale=0.45)
+    assert change(harness, node, threshold=0.95) == ""
+    node.activation.mode = Mode.IDLE
+    assert change(harness, node, velocity_scale=0.45, home=[0.1] * 7) == ""
+    np.testing.assert_allclose(node._limits.velocity, before / 2.0)
+    np.testing.assert_allclose(node.activation._motions.settings.limits.velocity, before / 2.0)
+    np.testing.assert_allclose(node.activation._home, 0.1)
+
+
+def test_player_goes_on_at_another_rate(harness, tmp_path):
+    bag = str(write_bag(tmp_path / "bag", count=30))
+    node = make(harness, BagPlayer, bag=bag, rate=0.001, wait_for_subscribers=0.0)
+    harness.spin_until(lambda: node.published >= 1)
+    assert change(harness, node, rate=0.0) == ""
+    harness.spin_until(node.finished.is_set)
+    assert node.published == 60
