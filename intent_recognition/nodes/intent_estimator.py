@@ -129,7 +129,7 @@ class IntentEstimatorNode(ManagedNode):
         )
         self._wire = TrajectoryWire(self._model.controlled_names)
         self._task_wire = NamedVectorWire((*self._model.labels, NONE))
-        self._marker_builder = MarkerBuilder()
+        self._marker_builder = MarkerBuilder(self._model.labels)
         self._shown = next(
             (g for g, e in enumerate(self._model.dofs.observed) if has_position(e)), None
         )
@@ -158,7 +158,7 @@ class IntentEstimatorNode(ManagedNode):
     def _forget(self) -> None:
         self._estimator.reset()
         self._next_task.update(self._estimator)
-        self._marker_builder = MarkerBuilder()
+        self._marker_builder.forget()
         self._moving = self._silent = False
         self._last_publication_ns = 0
 
@@ -240,7 +240,8 @@ class IntentEstimatorNode(ManagedNode):
                 self._marker_builder.build(
                     estimate.stamp_ns,
                     self._inputs.frame,
-                    f"{human.task} {np.max(estimate.probabilities):.0%}",
+                    human.task,
+                    float(np.max(estimate.probabilities)),
                     positions,
                     human.trajectory.std[:, columns],
                 )
@@ -287,6 +288,7 @@ class IntentEstimatorNode(ManagedNode):
             self._estimator.swap(model.library)
             self._model = model
             self._task_wire = NamedVectorWire((*model.labels, NONE))
+            self._marker_builder.set_labels(model.labels)
             self._next_task.update(self._estimator)
         except IntentError as error:
             response.success, response.message = False, str(error)

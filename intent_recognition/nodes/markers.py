@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Path and markers for RViz: what was observed and is predicted of the human, +-2 sigma."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from geometry_msgs.msg import PoseStamped, Vector3
 from nav_msgs.msg import Path
@@ -11,12 +13,14 @@ from intent_recognition.gaussian.tube import tube_faces, tube_rings
 from intent_recognition.nodes.conversions import to_point, to_stamp
 from intent_recognition.promp.observations import Observation
 from intent_recognition.promp.online import Prediction
+from intent_recognition.report.drawing import INK, NONE_COLOUR, readable, task_colours
 from intent_recognition.storage.dofs import DofEntry
 from intent_recognition.storage.stream import POSITION_FIELDS
 
-OBSERVED = ColorRGBA(r=0.15, g=0.15, b=0.15, a=1.0)
-PREDICTED = ColorRGBA(r=0.0, g=0.45, b=0.7, a=1.0)
-TUBE = ColorRGBA(r=0.0, g=0.45, b=0.7, a=0.15)
+TUBE_OPACITY = 0.15
+LIFETIME_S = 2
+"""After a movement the picture is empty again."""
+
 LINE_WIDTH_M = 0.006
 TEXT_HEIGHT_M = 0.06
 MAX_OBSERVED = 500
@@ -61,12 +65,33 @@ def to_path(time_ns: int, frame: str, human: Prediction, positions: np.ndarray) 
     return message
 
 
-class MarkerBuilder:
-    """Remembers the observed path of the movement under way and draws both paths."""
+def colour(name: str, opacity: float = 1.0) -> ColorRGBA:
+    """The colour "#rrggbb"."""
+    r, g, b = (int(name[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return ColorRGBA(r=r, g=g, b=b, a=opacity)
 
-    def __init__(self):
+
+class MarkerBuilder:
+    """Remembers the observed path of the movement under way and draws both paths.
+
+    What is predicted has the colour that its task has on the page and in the reports.
+
+    Args:
+        labels: of all tasks.
+    """
+
+    def __init__(self, labels: Sequence[str]):
+        self.set_labels(labels)
         self._observed: list[np.ndarray] = []
         self._last_ns = 0
+
+    def set_labels(self, labels: Sequence[str]) -> None:
+        """Go on with other tasks."""
+        self._colours = task_colours(labels)
+
+    def forget(self) -> None:
+        """Begin a new path."""
+        self._observed.clear()
 
     def observe(self, stamp_ns: int, position: np.ndarray) -> None:
         """Remember one observed position (3,) [m]; a pause in them begins a new path."""
@@ -77,17 +102,25 @@ class MarkerBuilder:
         del self._observed[:-MAX_OBSERVED]
 
     def build(
-        self, time_ns: int, frame: str, label: str, predicted: np.ndarray, std: np.ndarray
+        self,
+        time_ns: int,
+        frame: str,
+        task: str,
+        probability: float,
+        predicted: np.ndarray,
+        std: np.ndarray,
     ) -> MarkerArray:
         """Draw both paths, the tube and the label.
 
         Args:
             time_ns: stamp.
             frame: frame of all positions.
-            label: text beside the predicted end.
+            task: the most probable one, or none; written beside the predicted end.
+            probability: of it.
             predicted: rest of the path, (T, 3) [m].
             std: its standard deviation, (T, 3) [m].
         """
+        own = self._colours.get(task, NONE_COLOUR)
         kinds = (
             Marker.LINE_STRIP,
             Marker.LINE_STRIP,
@@ -98,14 +131,15 @@ class MarkerBuilder:
             self._marker(time_ns, frame, number, kind) for number, kind in enumerate(kinds)
         )
         observed.points = [to_point(position) for position in self._observed]
-        observed.scale.x, observed.color = LINE_WIDTH_M, OBSERVED
+        observed.scale.x, observed.color = LINE_WIDTH_M, colour(INK)
         future.points = [to_point(position) for position in predicted]
-        future.scale.x, future.color = LINE_WIDTH_M, PREDICTED
-        tube.ns, tube.color = "tube", TUBE
+        future.scale.x, future.color = LINE_WIDTH_M, colour(own)
+        tube.ns, tube.color = "tube", colour(own, TUBE_OPACITY)
         corners = tube_rings(predicted, std).reshape(-1, 3)[TUBE_FACES]
         tube.points = [to_point(corner) for corner in corners]
         tube.scale = Vector3(x=1.0, y=1.0, z=1.0)
-        text.text, text.scale.z, text.color = label, TEXT_HEIGHT_M, PREDICTED
+        text.text, text.scale.z = f"{readable(task)} {probability:.0%}", TEXT_HEIGHT_M
+        text.color = colour(own)
         text.pose.position = to_point(predicted[-1] + np.array([0.0, 0.0, 0.1]))
         return MarkerArray(markers=[observed, future, tube, text])
 
@@ -115,4 +149,5 @@ class MarkerBuilder:
         marker.header.stamp = to_stamp(time_ns)
         marker.header.frame_id = frame
         marker.pose.orientation.w = 1.0
+        marker.lifetime.sec = LIFETIME_S
         return marker

@@ -28,9 +28,11 @@ from intent_recognition.nodes.conversions import (
     trajectory_arrays,
 )
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.markers import colour
 from intent_recognition.promp.library import NONE
 from intent_recognition.promp.observations import Observation, merge
 from intent_recognition.promp.online import CLOCK_RESET_AFTER, IntentEstimator
+from intent_recognition.report.drawing import task_colours
 from intent_recognition.storage.model import Model, save_model
 
 COVARIANCE = np.eye(3) * 4e-6
@@ -261,7 +263,12 @@ def test_markers_show_observed_and_predicted_path_tube_and_label(harness, wrist)
     assert tuple(m.type for m in (observed, predicted, tube, text)) == kinds
     assert len({(m.ns, m.id) for m in (observed, predicted, tube, text)}) == 4
     assert all(m.header.frame_id == "world" and m.color.a > 0 for m in graph.markers[-1].markers)
-    assert text.text.startswith("task_0") and text.text.endswith("%")
+    assert text.text.startswith("task 0") and text.text.endswith("%")
+    own = colour(task_colours(wrist.model.labels)["task_0"])
+    for marker in (predicted, tube, text):
+        drawn = (marker.color.r, marker.color.g, marker.color.b)
+        assert drawn == pytest.approx((own.r, own.g, own.b))
+    assert 0.0 < tube.color.a < 0.5
     seen = np.array([[p.x, p.y, p.z] for p in observed.points])
     given = np.array([o.values for o in observations])
     assert len(seen) > 50
