@@ -6,8 +6,8 @@ from scipy.spatial import cKDTree
 
 from intent_recognition.errors import ArgumentError, describe
 
-LOOKS = (4, 40)
-CHUNK = 256
+LOOKS = (4, 16)
+CHUNK = 64
 
 
 def agreeing_neighbours(
@@ -74,17 +74,18 @@ def _among_all(
     k: int,
 ) -> np.ndarray:
     """The same where the agreeing ones are far away: all candidates are looked at."""
-    distance = (candidates * candidates).sum(1) - 2.0 * (points @ candidates.T)
-    disagree = normals @ candidate_normals.T <= 0.0
-    n_agreeing = (~disagree).sum(1)
-    nearest = np.argmin(distance, axis=1)
-    distance[disagree] = np.inf
+    # Squared distances but for a constant per point, in one product.
+    extended = np.column_stack([candidates, (candidates * candidates).sum(1)])
+    distance = np.column_stack([-2.0 * points, np.ones(len(points))]) @ extended.T
+    masked = np.where(normals @ candidate_normals.T > 0.0, distance, np.inf)
     if k == 1:
-        near = np.argmin(distance, axis=1)[:, None]
+        near = masked.argmin(1)[:, None]
     else:
-        near = np.argpartition(distance, k - 1, axis=1)[:, :k]
-        order = np.argsort(np.take_along_axis(distance, near, 1), axis=1, kind="stable")
+        near = np.argpartition(masked, k - 1, axis=1)[:, :k]
+        order = np.argsort(np.take_along_axis(masked, near, 1), axis=1, kind="stable")
         near = np.take_along_axis(near, order, 1)
-    near[n_agreeing == 0] = nearest[n_agreeing == 0, None]
+    n_agreeing = np.isfinite(np.take_along_axis(masked, near, 1)).sum(1)
+    none = n_agreeing == 0
+    near[none] = distance[none].argmin(1)[:, None]
     columns = np.arange(k) % np.maximum(n_agreeing, 1)[:, None]
     return np.take_along_axis(near, columns, 1)
