@@ -6,6 +6,7 @@ steady ones predict as well, and say more about the end.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,72 +31,112 @@ MAX_REHEARSED = 12
 """Demonstrations of one task that are left out, at most, evenly drawn."""
 
 
+class Rehearsed(NamedTuple):
+    """One way to predict: a forecast, and the strength of its covariances' target."""
+
+    forecast: Forecast
+    strength: float
+
+
 def rehearse(
-    forecast: Forecast,
+    tried: Sequence[Rehearsed],
     tasks: Mapping[str, TaskStatistics],
     recorded: Mapping[str, TaskStatistics],
-    strength: float,
     floor: np.ndarray,
-) -> float:
-    """Mean squared error of the controlled agent of demonstrations left out.
+) -> np.ndarray:
+    """Mean squared error of the controlled agent of demonstrations left out, (c,).
 
     Each DOF counts in parts of its variance over all demonstrations; mean over DOFs, phases and
     shares of the movement observed (`selection.FRACTIONS`). The duration is known. Infinite if no
     demonstration can be left out.
 
     Args:
-        forecast: what is rehearsed; its means and covariances are replaced by those without the
-            demonstration left out.
-        tasks: statistics its means and covariances are from.
+        tried: what is rehearsed; means and covariances of the forecasts are replaced by those
+            without the demonstration left out.
+        tasks: statistics that means and covariances are from.
         recorded: statistics of the examples as they were recorded, of the same tasks.
-        strength: of the covariances' target.
         floor: variance floor per DOF, (D,).
     """
     pooled = pooled_moments(tasks.values())
     truths = [e.controlled for task in recorded.values() for e in task.examples]
     scale = np.maximum(np.var(np.concatenate(truths), axis=0), 1e-12)
-    errors = []
+    errors: list[list[np.ndarray]] = [[] for _ in tried]
     for label, task in tasks.items():
         if task.n < 2:
             continue
         pairs = list(zip(task.examples, recorded[label].examples, strict=True))
         drawn = np.unique(np.linspace(0, len(pairs) - 1, MAX_REHEARSED).round().astype(int))
-        left_out = [pairs[index] for index in drawn]
-        errors.append(_task_errors(forecast, task, pooled, left_out, strength, floor) / scale)
-    return float(np.concatenate(errors).mean()) if errors else np.inf
+        left_out = _leave_out(task, pooled, [pairs[index] for index in drawn], floor)
+        primitives = {}
+        for index, (forecast, strength) in enumerate(tried):
+            if strength not in primitives:
+                primitives[strength] = _primitives(forecast.n_observed_weights, left_out, strength)
+            errors[index].append(_task_errors(forecast, primitives[strength], left_out) / scale)
+    return np.array([np.concatenate(rows).mean() if rows else np.inf for rows in errors])
+
+
+class _LeftOut(NamedTuple):
+    """n demonstrations of one task, each with the statistics of the others.
+
+    Attributes:
+        n: of all demonstrations of the task.
+        mean: of the weights, (n, D N).
+        scatter, target: (n, D N, D N) each.
+        samples: of the observed DOFs, (m, n, P).
+        truth: of the controlled DOFs, (n, s, Q).
+    """
+
+    n: int
+    mean: np.ndarray
+    scatter: np.ndarray
+    target: np.ndarray
+    samples: np.ndarray
+    truth: np.ndarray
+
+
+def _leave_out(
+    task: TaskStatistics,
+    pooled: Scatter,
+    pairs: Sequence[tuple[Example, Example]],
+    floor: np.ndarray,
+) -> _LeftOut:
+    """What does not depend on how it is predicted."""
+    deviation = np.array([example.weights for example, _ in pairs]) - task.mean
+    flat = deviation.reshape(len(pairs), -1)
+    return _LeftOut(
+        task.n,
+        task.mean.ravel() - flat / (task.n - 1),
+        leave_one_out_scatter(task.moments, flat),
+        leave_one_out_targets(task.moments, pooled, deviation, floor),
+        np.stack([recorded.observed for _, recorded in pairs], axis=1),
+        np.array([recorded.controlled for _, recorded in pairs]),
+    )
+
+
+def _primitives(size: int, left_out: _LeftOut, strength: float) -> tuple[np.ndarray, np.ndarray]:
+    """Covariances of the observed weights (n, P N, P N) and gains on the rest (n, Q N, P N)."""
+    covariance = shrunk_covariance(left_out.scatter, left_out.n - 1, left_out.target, strength)
+    covariance = symmetrize(covariance)
+    observed, cross = covariance[:, :size, :size], covariance[:, :size, size:]
+    return observed, np.swapaxes(np.linalg.solve(observed, cross), 1, 2)
 
 
 def _task_errors(
-    forecast: Forecast,
-    task: TaskStatistics,
-    pooled: Scatter,
-    left_out: Sequence[tuple[Example, Example]],
-    strength: float,
-    floor: np.ndarray,
+    forecast: Forecast, primitives: tuple[np.ndarray, np.ndarray], left_out: _LeftOut
 ) -> np.ndarray:
     """Mean squared error of each DOF of each demonstration of one task, (n, Q)."""
-    size = forecast.n_observed_weights
-    deviation = np.array([example.weights for example, _ in left_out]) - task.mean
-    targets = leave_one_out_targets(task.moments, pooled, deviation, floor)
-    flat = deviation.reshape(len(left_out), -1)
-    scatter = leave_one_out_scatter(task.moments, flat)
-    covariance = symmetrize(shrunk_covariance(scatter, task.n - 1, targets, strength))
-    mean = task.mean.ravel() - flat / (task.n - 1)
-    gain = np.swapaxes(
-        np.linalg.solve(covariance[:, :size, :size], covariance[:, :size, size:]), 1, 2
-    )
-    run = LeadFilter(forecast, mean[:, :size], covariance[:, :size, :size], np.ones(len(left_out)))
+    (covariance, gain), mean = primitives, left_out.mean
+    n, size = len(mean), forecast.n_observed_weights
+    run = LeadFilter(forecast, mean[:, :size], covariance, np.ones(n))
     dofs = np.arange(forecast.n_observed)
     noise = np.diag(forecast.noise_variance[dofs] * forecast.noise_scale)
-    samples = np.stack([recorded.observed for _, recorded in left_out], axis=1)
-    truth = np.array([recorded.controlled for _, recorded in left_out])
     errors, shares = [], list(FRACTIONS)
-    for phase, values in zip(sample_phases(), samples, strict=True):
+    for phase, values in zip(sample_phases(), left_out.samples, strict=True):
         if shares and phase > shares[0]:
-            errors.append((_predicted(run, mean, gain) - truth) ** 2)
+            errors.append((_predicted(run, mean, gain) - left_out.truth) ** 2)
             shares.pop(0)
         run.observe(float(phase), dofs, values, noise)
-    errors += [(_predicted(run, mean, gain) - truth) ** 2 for _ in shares]
+    errors += [(_predicted(run, mean, gain) - left_out.truth) ** 2 for _ in shares]
     return np.mean(errors, axis=(0, 2))
 
 

@@ -37,6 +37,7 @@ from intent_recognition.promp.recognition_choice import (
 from intent_recognition.promp.rehearsal import (
     ALIGNED_NOISE_SCALES,
     ALIGNED_STRENGTHS,
+    Rehearsed,
     rehearse,
 )
 from intent_recognition.promp.selection import Candidate, TaskSamples, select
@@ -184,17 +185,20 @@ def _choose_aligned(
     steady = library_from_statistics(tasks, reference, chosen).forecast
     aligned = aligned_forecast(tasks, reference, chosen)
     floor, _ = scales(tasks)
-    least = rehearse(steady, tasks, tasks, chosen.strength, floor)
+    (least,) = rehearse([Rehearsed(steady, chosen.strength)], tasks, tasks, floor)
+    tried = [
+        Rehearsed(replace(aligned, noise_scale=noise_scale), strength)
+        for strength in ALIGNED_STRENGTHS
+        for noise_scale in ALIGNED_NOISE_SCALES
+    ]
     floor, _ = scales(over_reference)
-    for strength in ALIGNED_STRENGTHS:
-        for noise_scale in ALIGNED_NOISE_SCALES:
-            candidate = replace(aligned, noise_scale=noise_scale)
-            error = rehearse(candidate, over_reference, tasks, strength, floor)
-            if error < least:
-                least = error
-                chosen = chosen._replace(
-                    aligned=True, aligned_strength=strength, aligned_noise_scale=noise_scale
-                )
+    errors = rehearse(tried, over_reference, tasks, floor)
+    best = int(np.argmin(errors))
+    if errors[best] < least:
+        forecast, strength = tried[best]
+        chosen = chosen._replace(
+            aligned=True, aligned_strength=strength, aligned_noise_scale=forecast.noise_scale
+        )
     return chosen
 
 

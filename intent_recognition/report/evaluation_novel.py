@@ -74,7 +74,12 @@ class Watch:
         sure = posterior.probabilities[best] >= self._settings.threshold
         end_std = run.forecasts.end_std(best) if ready and sure else None
         self._state, self._activated = decide(
-            self._settings, self._state, self._labels, posterior.probabilities, end_std
+            self._settings,
+            self._state,
+            self._labels,
+            posterior.probabilities,
+            end_std,
+            posterior.log_evidence,
         )
 
     def outcome(self, task: str) -> Outcome:

@@ -20,7 +20,7 @@ from intent_recognition.promp.gathering import Gathered, gather
 from intent_recognition.promp.lead_filter import LeadFilter
 from intent_recognition.promp.prior import Scatter, shrunk_covariance, structured_target
 from intent_recognition.promp.progress import reference_phase
-from intent_recognition.promp.rehearsal import rehearse
+from intent_recognition.promp.rehearsal import Rehearsed, rehearse
 from intent_recognition.promp.selection import FRACTIONS, Candidate
 from intent_recognition.promp.signals import Signal
 from intent_recognition.promp.statistics import TaskStatistics, pooled_moments
@@ -139,7 +139,8 @@ def test_at_steady_progress_it_equals_a_loop_of_joint_conditioning():
     arguments = steady.forecast, data.tasks, data.tasks, CHOSEN.strength, floor
     expected = plain_loop(*arguments, jointly)
     assert 0.0 < expected < 1.0
-    assert rehearse(*arguments) == pytest.approx(expected, rel=1e-6)
+    tried = [Rehearsed(steady.forecast, CHOSEN.strength)]
+    assert rehearse(tried, data.tasks, data.tasks, floor) == pytest.approx([expected], rel=1e-6)
 
 
 def test_with_leads_it_equals_a_loop_of_filters():
@@ -147,10 +148,12 @@ def test_with_leads_it_equals_a_loop_of_filters():
     tasks = aligned_statistics(data.tasks)
     forecast = aligned_forecast(data.tasks, data.reference, CHOSEN)
     floor, _ = scales(tasks)
-    arguments = forecast, tasks, data.tasks, CHOSEN.aligned_strength, floor
-    expected = plain_loop(*arguments, with_leads)
-    assert 0.0 < expected < 1.0
-    assert rehearse(*arguments) == pytest.approx(expected, rel=1e-6)
+    noisy = replace(forecast, noise_scale=16.0)
+    tried = [Rehearsed(f, s) for s in (20.0, 5.0) for f in (forecast, noisy)]
+    expected = [plain_loop(f, tasks, data.tasks, s, floor, with_leads) for f, s in tried]
+    assert 0.0 < min(expected) < max(expected) < 1.0
+    assert len(set(expected)) == len(expected)
+    assert rehearse(tried, tasks, data.tasks, floor) == pytest.approx(expected, rel=1e-6)
 
 
 def test_what_the_forecast_has_learned_of_the_one_left_out_does_not_matter():
@@ -159,7 +162,8 @@ def test_what_the_forecast_has_learned_of_the_one_left_out_does_not_matter():
     blank = replace(forecast, weight_mean=0 * forecast.weight_mean, weight_covariance=None)
     tasks = aligned_statistics(data.tasks)
     floor, _ = scales(tasks)
-    one, other = (rehearse(f, tasks, data.tasks, 10.0, floor) for f in (forecast, blank))
+    tried = [Rehearsed(f, 10.0) for f in (forecast, blank)]
+    one, other = rehearse(tried, tasks, data.tasks, floor)
     assert one == other
 
 
@@ -168,7 +172,8 @@ def test_without_a_second_demonstration_there_is_nothing_to_rehearse():
     alone = {"task_1": data.tasks["task_1"]}
     floor, _ = scales(data.tasks)
     steady = library_from_statistics(data.tasks, data.reference, CHOSEN._replace(aligned=False))
-    assert rehearse(steady.forecast, alone, alone, 10.0, floor) == np.inf
+    tried = [Rehearsed(steady.forecast, 10.0)]
+    assert rehearse(tried, alone, alone, floor) == [np.inf]
 
 
 LEARNING = TrainingSettings(n_basis=20, n_forecast_basis=20, segmentation="recording")
