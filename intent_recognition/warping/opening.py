@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-N_HYPOTHESES = 500
+N_HYPOTHESES = 300
 N_VERIFIED = 6
 N_SECTORS = 24
 BAND = 0.03
