@@ -3,6 +3,7 @@
 
 from functools import partial
 
+import numpy as np
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
@@ -108,14 +109,15 @@ class NextTaskOutput:
 
     def __init__(self, node: Node):
         self._publisher = node.create_publisher(JointState, "intent/next_task", qos.LATCHED)
-        self._published: TaskMemory | None = None
+        self._published: tuple[TaskMemory, np.ndarray] | None = None
 
     def update(self, estimator: IntentEstimator) -> None:
-        """Publish, if the estimator's memory is another one than at the last call."""
+        """Publish, if memory or expectation is another one than at the last call."""
         expectation = estimator.expectation
-        if expectation.memory is self._published:
+        known, prior = self._published or (None, None)
+        if expectation.memory is known and expectation.prior is prior:
             return
-        self._published = expectation.memory
+        self._published = expectation.memory, expectation.prior
         message = to_joint_state(
             estimator.library.labels, expectation.prior, time_ns=expectation.memory.ended_ns
         )
