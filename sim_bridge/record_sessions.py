@@ -13,7 +13,6 @@ from pathlib import Path
 
 from intent_recognition import __version__
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
-from intent_recognition.storage.bag_writer import BagWriter
 from intent_recognition.storage.sessions import MARKER_TOPIC, MARKER_TYPE
 from sim_bridge.coworker import SessionPlan, parse_task_list, plan_session
 from sim_bridge.recording import (
@@ -25,6 +24,7 @@ from sim_bridge.recording import (
     SAMPLE_NS,
     pose_fields,
     to_counts,
+    write_recording,
 )
 
 FIRST_SEED = 1001
@@ -65,10 +65,7 @@ def record_session(folder: Path, seed: int, number: int, interactions: int) -> P
         "seed": str(seed),
         "tasks": " ".join(tasks),
     }
-    with BagWriter(path, metadata, flush_period_s=None) as bag:
-        for topic, kind, at_ns, fields in session_messages(plan, EPOCH_NS + number * HOUR_NS):
-            bag.write_message(topic, kind, fields, at_ns)
-    return path
+    return write_recording(path, metadata, session_messages(plan, EPOCH_NS + number * HOUR_NS))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -1,10 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all recordings of the simulation have in common: topics, clock, the sensors' resolution."""
 
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Protocol
+
 import numpy as np
 
 from intent_recognition import __version__
 from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.storage.bag_writer import BagWriter
+from sim_bridge.coworker.timeline import WristSamples
 
 POSE_TOPIC, POSE_TYPE = "mocap/wrist/pose", "geometry_msgs/msg/PoseStamped"
 JOINT_TOPIC, JOINT_TYPE = "joint_states", "sensor_msgs/msg/JointState"
@@ -24,6 +30,53 @@ PROVENANCE = {
     "generator_version": __version__,
 }
 """Metadata that every recording of the generator carries."""
+
+
+Message = tuple[str, str, int, dict]
+"""Topic, type, stamp in ns, fields."""
+
+
+class ArmSamples(Protocol):
+    """What the arm's sensors said every 10 ms: positions, velocities, torques, each (T, 7)."""
+
+    positions_rad: np.ndarray
+    velocities_rad_s: np.ndarray
+    torques_nm: np.ndarray
+
+
+def pose_and_joint_messages(
+    start_ns: int, samples: WristSamples, arm: ArmSamples, topic: str = POSE_TOPIC
+) -> Iterator[Message]:
+    """Yield what a tracker and the arm say, in order of time; occluded poses are left out.
+
+    Args:
+        start_ns: stamp of the first sample.
+        samples: of the tracked body, T of them.
+        arm: of the arm, as many.
+        topic: of the tracked body.
+    """
+    positions = to_counts(samples.positions_m, POSITION_STEP_M)
+    turns = to_counts(samples.orientations, QUATERNION_STEP)
+    angles = to_counts(arm.positions_rad, ANGLE_STEP_RAD)
+    rates = to_counts(arm.velocities_rad_s, RATE_STEP_RAD_S)
+    torques = to_counts(arm.torques_nm, TORQUE_STEP_NM)
+    for k in range(len(samples.times_s)):
+        stamp = start_ns + k * SAMPLE_NS
+        if samples.visible[k]:
+            yield topic, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
+        yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, angles[k], rates[k], torques[k])
+
+
+def write_recording(folder: Path, metadata: Mapping[str, str], messages: Iterable[Message]) -> Path:
+    """Write a bag; returns its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+    """
+    with BagWriter(folder, dict(metadata), flush_period_s=None) as bag:
+        for topic, kind, stamp_ns, fields in messages:
+            bag.write_message(topic, kind, fields, stamp_ns)
+    return folder
 
 
 def to_counts(values: np.ndarray, step: float) -> np.ndarray:

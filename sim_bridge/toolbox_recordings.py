@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demonstrations of the toolbox assembly: a worker reaches, a person leads the arm."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -9,27 +8,15 @@ import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics.forward import hand_position
-from intent_recognition.storage.bag_writer import BagWriter
 from sim_bridge.coworker.demonstration import WristDemonstration, plan_demonstration
 from sim_bridge.coworker.hardness import TEST_COUNTS, TRAINING_COUNTS, demonstration_rng
 from sim_bridge.coworker.styles import TASKS
 from sim_bridge.recording import (
-    ANGLE_STEP_RAD,
     EPOCH_NS,
-    JOINT_TOPIC,
-    JOINT_TYPE,
-    POSE_TOPIC,
-    POSE_TYPE,
-    POSITION_STEP_M,
     PROVENANCE,
-    QUATERNION_STEP,
-    RATE_STEP_RAD_S,
-    SAMPLE_NS,
-    TORQUE_STEP_NM,
-    joint_fields,
     metadata_vector,
-    pose_fields,
-    to_counts,
+    pose_and_joint_messages,
+    write_recording,
 )
 from sim_bridge.scene import handover_point
 from sim_bridge.teaching import TaughtArm, teach
@@ -139,21 +126,6 @@ def metadata(shown: Demonstrated) -> dict[str, str]:
     }
 
 
-def messages(shown: Demonstrated) -> Iterator[tuple[str, str, int, dict]]:
-    """Yield (topic, type, stamp in ns, fields), in order of time."""
-    samples, arm = shown.wrist.samples, shown.arm
-    positions = to_counts(samples.positions_m, POSITION_STEP_M)
-    turns = to_counts(samples.orientations, QUATERNION_STEP)
-    angles = to_counts(arm.positions_rad, ANGLE_STEP_RAD)
-    rates = to_counts(arm.velocities_rad_s, RATE_STEP_RAD_S)
-    torques = to_counts(arm.torques_nm, TORQUE_STEP_NM)
-    for k in range(len(samples.times_s)):
-        stamp = shown.order.start_ns + k * SAMPLE_NS
-        if samples.visible[k]:
-            yield POSE_TOPIC, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
-        yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, angles[k], rates[k], torques[k])
-
-
 def make(order: Order, output: Path) -> Path:
     """Simulate one demonstration and write it as a bag below `output`; return its directory.
 
@@ -169,8 +141,5 @@ def write_demonstration(shown: Demonstrated, output: Path) -> Path:
     Raises:
         ResourceBusyError: the directory exists already.
     """
-    folder = output / shown.order.folder
-    with BagWriter(folder, metadata(shown), flush_period_s=None) as bag:
-        for topic, kind, stamp, fields in messages(shown):
-            bag.write_message(topic, kind, fields, stamp)
-    return folder
+    said = pose_and_joint_messages(shown.order.start_ns, shown.wrist.samples, shown.arm)
+    return write_recording(output / shown.order.folder, metadata(shown), said)

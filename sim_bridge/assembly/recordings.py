@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from intent_recognition.storage.bag_writer import BagWriter
 from intent_recognition.storage.sessions import MARKER_TOPIC, MARKER_TYPE
 from sim_bridge.assembly.session import MARGIN_S, SESSIONS, SessionPlan, plan_session
 from sim_bridge.assembly.styles import ASSISTANT, WORKER
@@ -16,6 +15,7 @@ from sim_bridge.recording import (
     SAMPLE_NS,
     pose_fields,
     to_counts,
+    write_recording,
 )
 
 HOUR_NS = 3_600_000_000_000
@@ -56,11 +56,8 @@ def make(order: Order, output: Path) -> Path:
         "index": str(order.index),
         "bodies": f"{WORKER} {ASSISTANT}",
     }
-    folder = output / order.folder
-    with BagWriter(folder, metadata, flush_period_s=None) as bag:
-        for topic, kind, stamp, fields in messages(plan, EPOCH_NS + order.index * HOUR_NS):
-            bag.write_message(topic, kind, fields, stamp)
-    return folder
+    said = messages(plan, EPOCH_NS + order.index * HOUR_NS)
+    return write_recording(output / order.folder, metadata, said)
 
 
 def messages(plan: SessionPlan, start_ns: int) -> Iterator[tuple[str, str, int, dict]]:

@@ -5,33 +5,20 @@ In a training recording the person points and holds, and then the arm is led to 
 spot. In a test recording the arm stands at home. The marker is put on once per set.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from intent_recognition.storage.bag_writer import BagWriter
 from sim_bridge.pointing.lesson import TaughtPointing, plan_path, stand, teach
 from sim_bridge.pointing.person import PersonPointing, marker_placement, point
 from sim_bridge.pointing.scene import SPOTS_M, TASK, spot
 from sim_bridge.recording import (
-    ANGLE_STEP_RAD,
     EPOCH_NS,
-    JOINT_TOPIC,
-    JOINT_TYPE,
-    POSE_TOPIC,
-    POSE_TYPE,
-    POSITION_STEP_M,
     PROVENANCE,
-    QUATERNION_STEP,
-    RATE_STEP_RAD_S,
-    SAMPLE_NS,
-    TORQUE_STEP_NM,
-    joint_fields,
     metadata_vector,
-    pose_fields,
-    to_counts,
+    pose_and_joint_messages,
+    write_recording,
 )
 
 PURPOSES = ("train", "test")
@@ -136,21 +123,6 @@ def metadata(shown: Pointing) -> dict[str, str]:
     }
 
 
-def messages(shown: Pointing) -> Iterator[tuple[str, str, int, dict]]:
-    """Yield (topic, type, stamp in ns, fields), in order of time."""
-    samples, arm = shown.person.samples, shown.arm
-    positions = to_counts(samples.positions_m, POSITION_STEP_M)
-    turns = to_counts(samples.orientations, QUATERNION_STEP)
-    angles = to_counts(arm.positions_rad, ANGLE_STEP_RAD)
-    rates = to_counts(arm.velocities_rad_s, RATE_STEP_RAD_S)
-    torques = to_counts(arm.torques_nm, TORQUE_STEP_NM)
-    for k in range(len(samples.times_s)):
-        stamp = shown.order.start_ns + k * SAMPLE_NS
-        if samples.visible[k]:
-            yield POSE_TOPIC, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
-        yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, angles[k], rates[k], torques[k])
-
-
 def make(order: Order, output: Path) -> Path:
     """Simulate one recording and write it as a bag below `output`; return its directory.
 
@@ -158,8 +130,5 @@ def make(order: Order, output: Path) -> Path:
         ResourceBusyError: the directory exists already.
     """
     shown = record(order)
-    folder = output / order.folder
-    with BagWriter(folder, metadata(shown), flush_period_s=None) as bag:
-        for topic, kind, stamp, fields in messages(shown):
-            bag.write_message(topic, kind, fields, stamp)
-    return folder
+    said = pose_and_joint_messages(shown.order.start_ns, shown.person.samples, shown.arm)
+    return write_recording(output / shown.order.folder, metadata(shown), said)

@@ -5,34 +5,22 @@ The recordings carry no task. On which side the arm was led stands in their meta
 scores; the learner is not told.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from intent_recognition.errors import KinematicsError, describe
-from intent_recognition.storage.bag_writer import BagWriter
 from sim_bridge.pole.geometry import HOME, LEFT, RIGHT, WAYS, fingertip, way_of
 from sim_bridge.pole.lesson import PoleLesson, lead_around
 from sim_bridge.pole.person import Pointing, draw_pointing
 from sim_bridge.pole.plan import can_reach, plan_way
 from sim_bridge.recording import (
-    ANGLE_STEP_RAD,
     EPOCH_NS,
-    JOINT_TOPIC,
-    JOINT_TYPE,
-    POSE_TYPE,
-    POSITION_STEP_M,
     PROVENANCE,
-    QUATERNION_STEP,
-    RATE_STEP_RAD_S,
-    SAMPLE_NS,
-    TORQUE_STEP_NM,
-    joint_fields,
     metadata_vector,
-    pose_fields,
-    to_counts,
+    pose_and_joint_messages,
+    write_recording,
 )
 
 WAND_TOPIC = "mocap/wand/pose"
@@ -157,21 +145,6 @@ def metadata(shown: Shown) -> dict[str, str]:
     }
 
 
-def messages(shown: Shown) -> Iterator[tuple[str, str, int, dict]]:
-    """Yield (topic, type, stamp in ns, fields), in order of time."""
-    samples, lesson = shown.pointing.samples, shown.lesson
-    positions = to_counts(samples.positions_m, POSITION_STEP_M)
-    turns = to_counts(samples.orientations, QUATERNION_STEP)
-    angles = to_counts(lesson.positions_rad, ANGLE_STEP_RAD)
-    rates = to_counts(lesson.velocities_rad_s, RATE_STEP_RAD_S)
-    torques = to_counts(lesson.torques_nm, TORQUE_STEP_NM)
-    for k in range(len(samples.times_s)):
-        stamp = shown.order.start_ns + k * SAMPLE_NS
-        if samples.visible[k]:
-            yield WAND_TOPIC, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
-        yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, angles[k], rates[k], torques[k])
-
-
 def make(order: Order, output: Path) -> Path:
     """Simulate one demonstration and write it as a bag below `output`; return its directory.
 
@@ -180,8 +153,7 @@ def make(order: Order, output: Path) -> Path:
         KinematicsError: it cannot be shown.
     """
     shown = demonstrate(order)
-    folder = output / order.folder
-    with BagWriter(folder, metadata(shown), flush_period_s=None) as bag:
-        for topic, kind, stamp, fields in messages(shown):
-            bag.write_message(topic, kind, fields, stamp)
-    return folder
+    said = pose_and_joint_messages(
+        shown.order.start_ns, shown.pointing.samples, shown.lesson, WAND_TOPIC
+    )
+    return write_recording(output / shown.order.folder, metadata(shown), said)
