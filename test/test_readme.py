@@ -1,31 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What README and docs name exists: links, pictures, commands, options, parameters, reasons."""
+"""What README and docs name exists: links, pictures, parameters, reasons; commands: test/docs."""
 
 import ast
 import re
-import shlex
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
 import yaml
+from docs.shown import nodes
 
 from intent_recognition.cli.main import make_parser
 from intent_recognition.storage.dofs import DofSpec, load_dofs
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 TEXTS = {str(page.relative_to(ROOT)): page.read_text(encoding="utf-8") for page in PAGES}
-NODES = {
-    "mocap_ingest": "intent_recognition",
-    "intent_estimator": "intent_recognition",
-    "primitive_activation": "intent_recognition",
-    "bag_recorder": "intent_recognition",
-    "bag_player": "intent_recognition",
-    "lwr_sim": "sim_bridge",
-    "coworker_sim": "sim_bridge",
-}
-COMMON_SOURCES = ("intent_recognition/nodes/lifecycle.py",)
+NODES = nodes()
+ROOMS = ("intent_recognition", "sim_bridge")
 LARGEST_PICTURE = 300_000
 
 
@@ -44,17 +35,6 @@ def anchors(page):
     return {slug(heading) for heading in headings}
 
 
-def shell_lines():
-    """Every command line of the shell blocks, comments off, continued lines joined."""
-    for name, text in TEXTS.items():
-        for block in blocks(text, "bash"):
-            for line in block.replace("\\\n", " ").splitlines():
-                for command in line.replace(" && ", "\n").splitlines():
-                    words = shlex.split(command.strip().removeprefix("# or:"), comments=True)
-                    if words:
-                        yield pytest.param(words, id=f"{name}: {' '.join(words)[:60]}")
-
-
 def constants(*paths):
     """All texts that stand in source files as literals."""
     found = set()
@@ -63,16 +43,6 @@ def constants(*paths):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 found.add(node.value)
     return found
-
-
-def node_constants(node):
-    """Texts in a node's own file and in those of its room that it imports from."""
-    path = f"{NODES[node]}/nodes/{node}.py"
-    imported = re.findall(
-        rf"^from {NODES[node]}\.nodes\.(\w+) import", (ROOT / path).read_text("utf-8"), re.M
-    )
-    parts = [f"{NODES[node]}/nodes/{part}.py" for part in imported]
-    return constants(path, *parts, *COMMON_SOURCES)
 
 
 def table(text, heading):
@@ -112,46 +82,6 @@ def test_pictures_are_small_and_shown():
         assert any(f"images/{picture.name}" in text for text in TEXTS.values())
 
 
-@pytest.mark.parametrize("words", list(shell_lines()))
-def test_command_exists_with_its_options(words):
-    if words[0] == "intent" and words[1:] != ["--help"]:
-        make_parser().parse_args(words[1:])
-    elif words[0] == "make":
-        makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-        assert re.search(rf"^{words[1]}:", makefile, re.MULTILINE)
-    elif words[:2] == ["ros2", "launch"]:
-        text = (ROOT / "launch" / words[3]).read_text(encoding="utf-8")
-        declared = re.findall(r"DeclareLaunchArgument\(\s*\"(\w+)\"", text)
-        assert words[2] == "intent_recognition"
-        assert {word.partition(":=")[0] for word in words[4:]} <= set(declared)
-    elif words[:2] == ["ros2", "run"]:
-        assert words[2] == "intent_recognition"
-        check_node_command(words[3], words[4:])
-    elif words[0] in NODES:
-        check_node_command(words[0], words[1:])
-    elif words[:3] == ["ros2", "service", "call"]:
-        _, node, service = words[3].split("/")
-        assert f"~/{service}" in node_constants(node)
-
-
-def check_node_command(node, words):
-    assert node in NODES
-    pairs = list(pairwise(words))
-    literals = node_constants(node)
-    for option, value in pairs:
-        if option in ("-p", "-r"):
-            assert value.partition(":=")[0] in literals
-
-
-def test_inline_commands_exist():
-    for text in TEXTS.values():
-        for words in (shlex.split(inline) for inline in code(text) if inline.startswith("intent ")):
-            known = words[1:2] in (["--help"], ["--version"]) or words[1] in command_names()
-            assert known, words
-    arguments = re.search(r'DEMO_ARGS="([^"]*)"', TEXTS["README.md"])[1]
-    make_parser().parse_args(["demo", *arguments.split()])
-
-
 def command_names():
     action = next(a for a in make_parser()._actions if a.choices and not a.option_strings)
     return set(action.choices)
@@ -162,19 +92,16 @@ def test_changelog_names_the_commands_there_are():
     assert command_names() <= set(re.findall(r"``(?:intent )?(\w+)``", text))
 
 
-def test_parameters_of_the_table_are_declared_and_complete():
-    rows = table(TEXTS["docs/topics.md"], "Parameters")
-    assert {code(row[0])[0] for row in rows} == set(NODES)
-    for node, parameters in rows:
-        assert set(code(parameters)) <= node_constants(code(node)[0]), node
+def test_parameters_of_the_table_are_declared():
+    for node, parameters in table(TEXTS["docs/topics.md"], "Parameters"):
+        assert set(code(parameters)) <= NODES[code(node)[0]].parameters, node
 
 
-def test_parameters_of_the_shipped_file_stand_in_the_table():
-    rows = {code(row[0])[0]: code(row[1]) for row in table(TEXTS["docs/topics.md"], "Parameters")}
+def test_parameters_of_the_shipped_file_are_declared():
     shipped = yaml.safe_load((ROOT / "config" / "params.yaml").read_text(encoding="utf-8"))
     for name, content in shipped.items():
         node = name.rpartition("/")[2]
-        assert set(content["ros__parameters"]) <= set(rows[node]), node
+        assert set(content["ros__parameters"]) <= NODES[node].parameters, node
 
 
 @pytest.mark.parametrize("name", TEXTS)
@@ -183,7 +110,7 @@ def test_parameter_files_shown_are_right(name):
         for key, content in yaml.safe_load(block).items():
             if isinstance(content, dict) and "ros__parameters" in content:
                 node = key.rpartition("/")[2]
-                assert set(content["ros__parameters"]) <= node_constants(node)
+                assert set(content["ros__parameters"]) <= NODES[node].parameters
 
 
 @pytest.mark.parametrize("name", TEXTS)
@@ -200,12 +127,11 @@ def test_shipped_dof_file_is_shown_as_it_is():
 
 
 def test_reasons_of_the_table_are_counted_somewhere():
-    rooms = set(NODES.values())
-    sources = [p.relative_to(ROOT) for room in rooms for p in (ROOT / room).rglob("*.py")]
+    sources = [p.relative_to(ROOT) for room in ROOMS for p in (ROOT / room).rglob("*.py")]
     literals = constants(*sources)
     for _, reasons, _ in table(TEXTS["docs/topics.md"], "What bad input gets"):
         for reason in code(reasons):
-            last = reason.removeprefix("count ").removeprefix("stopped: ")
+            last = reason.removeprefix("count ").removeprefix("stopped: ").removeprefix("<topic>")
             if last not in literals:  # put together where it is counted
                 last = last.removeprefix("posture_")
             assert last in literals, reason
@@ -215,7 +141,7 @@ def test_services_of_the_table_exist():
     for services, _, _ in table(TEXTS["docs/topics.md"], "Services"):
         for name in code(services):
             node, _, service = name.partition("/")
-            assert f"~/{service}" in node_constants(node), name
+            assert f"~/{service}" in NODES[node].services, name
 
 
 def test_graph_names_every_recognition_node_and_topic():

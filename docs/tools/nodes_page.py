@@ -30,6 +30,7 @@ NODES = {
     "intent_estimator": "intent_recognition.nodes",
     "primitive_activation": "intent_recognition.nodes",
     "task_teacher": "intent_recognition.nodes",
+    "object_warper": "intent_recognition.nodes",
     "dashboard": "intent_recognition.dashboard",
     "bag_recorder": "intent_recognition.nodes",
     "bag_player": "intent_recognition.nodes",
@@ -42,6 +43,8 @@ PURPOSES = {
     "primitive_activation": "Decides when to act, and turns predictions into commands of the arm.",
     "task_teacher": "Records a demonstration while the graph runs, learns it, and hands the model"
     " to the estimator ([how](../teach.md#teach-while-it-runs)).",
+    "object_warper": "Measures a seen container with the help of an annotated one"
+    " ([how](../warping.md)).",
     "dashboard": "Serves the web page ([what it shows](../dashboard.md)).",
     "bag_recorder": "Records topics of any type, bit for bit.",
     "bag_player": "Replays a bag on its topics in the recorded rhythm.",
@@ -84,14 +87,6 @@ def nodes_page() -> str:
     rows = [f"| [`{name}`](#{name}) | {PURPOSES[name]} |" for name in NODES]
     index = "\n".join(["| node | does |", "|---|---|", *rows])
     return "\n".join([INTRODUCTION, index + "\n", *parts])
-
-
-def declared_parameters(name: str) -> set[str]:
-    """Names of a node's parameters, as the checked-in page has them."""
-    page = Path(__file__).resolve().parents[1] / "reference" / "nodes.md"
-    section = page.read_text(encoding="utf-8").split(f"\n## {name}\n", 1)[1].split("\n## ", 1)[0]
-    table = section.split("| parameter |", 1)[1].split("\n\n", 1)[0]
-    return {line.split("`")[1] for line in table.splitlines()[2:]}
 
 
 @contextmanager

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the pages that come from the code: `python docs/tools/write_reference.py`."""
+"""Writes the pages that come from the code: `python docs/tools/write_reference.py [FOLDER]`."""
 
 import os
 import sys
 from pathlib import Path
 
 TOOLS = Path(__file__).resolve().parent
-REFERENCE = TOOLS.parent / "reference"
+REFERENCE = Path(sys.argv[1]) if len(sys.argv) > 1 else TOOLS.parent / "reference"
 sys.path.insert(0, str(TOOLS))
 os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands that README and docs show, and what the reference says about nodes."""
+
+import re
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = (
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "bags/README.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+)
+BLOCK = re.compile(r"^ *```(?:bash|sh|shell|console)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One command of a page."""
+
+    page: str
+    words: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.page}: {' '.join(self.words)[:70]}"
+
+
+def commands() -> list[Shown]:
+    """Every command of every shell block: comments off, continued lines joined, && taken apart."""
+    found = []
+    for page in PAGES:
+        for block in BLOCK.findall(page.read_text(encoding="utf-8")):
+            for line in block.replace("\\\n", " ").splitlines():
+                found += _commands_of(str(page.relative_to(ROOT)), line)
+    return found
+
+
+def inline_commands() -> list[Shown]:
+    """Every `intent ...` and `make ...` in the text."""
+    found = []
+    for page in PAGES:
+        text = BLOCK.sub("", page.read_text(encoding="utf-8"))
+        for inline in re.findall(r"`((?:intent|make) [^`\n]+)`", text):
+            found.append(Shown(str(page.relative_to(ROOT)), tuple(shlex.split(inline))))
+    return found
+
+
+def _commands_of(page: str, line: str) -> list[Shown]:
+    parts = line.strip().removeprefix("# or:").split(" && ")
+    split = [shlex.split(part, comments=True) for part in parts]
+    return [Shown(page, tuple(words)) for words in split if words]
+
+
+@dataclass(frozen=True)
+class NodeReference:
+    """What docs/reference/nodes.md says about a node."""
+
+    parameters: frozenset[str]
+    topics: frozenset[str]
+    services: frozenset[str]
+
+
+def nodes() -> dict[str, NodeReference]:
+    """All nodes of the reference, which a test compares with the nodes themselves."""
+    text = (ROOT / "docs" / "reference" / "nodes.md").read_text(encoding="utf-8")
+    sections = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL))
+    return {name: _node(section) for name, section in sections.items()}
+
+
+def _node(section: str) -> NodeReference:
+    def named(pattern: str) -> frozenset[str]:
+        return frozenset(re.findall(pattern, section, re.MULTILINE))
+
+    return NodeReference(
+        named(r"^\| `(\w+)` \|"),
+        named(r"^\| (?:in|out) \| `([^`]+)` \|"),
+        named(r"^\| offers \| `([^`]+)` \|"),
+    )

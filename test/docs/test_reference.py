@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pages that come from the code are up to date; `make reference` makes them so."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+from docs.shown import ROOT, nodes
+
+PAGES = ("commands", "launch", "nodes")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The pages, written anew in a process of its own: it starts every node once."""
+    folder = tmp_path_factory.mktemp("reference")
+    command = [sys.executable, str(ROOT / "docs" / "tools" / "write_reference.py"), str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_page_is_up_to_date(page, written):
+    shipped = (ROOT / "docs" / "reference" / f"{page}.md").read_text(encoding="utf-8")
+    assert shipped == (written / f"{page}.md").read_text(encoding="utf-8"), "run `make reference`"
+
+
+def test_every_node_that_is_installed_is_there():
+    setup = (ROOT / "setup.py").read_text(encoding="utf-8")
+    installed = set(re.findall(r'^    "(\w+)": (?:PACKAGE|"sim_bridge"),', setup, re.MULTILINE))
+    assert installed and installed | {"dashboard"} == set(nodes())

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The site builds without a warning, and reading it asks nothing of the network."""
+
+import os
+import re
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import pytest
+from docs.shown import PAGES, ROOT
+
+LOADED = re.compile(
+    r"<(?:script|img|iframe|source)[^>]+src=\"([^\"]+)\"|<link[^>]+href=\"([^\"]+)\""
+)
+STYLE = re.compile(r"url\([\"']?(?!data:)([^)\"']+)|@import[^;]+")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    if not all(map(find_spec, ("sphinx", "myst_parser", "furo"))):
+        if os.environ.get("CI"):
+            pytest.fail("no Sphinx: pip install -r requirements-docs.txt")
+        pytest.skip("no Sphinx (requirements-docs.txt)")
+    folder = tmp_path_factory.mktemp("site")
+    options = ["-W", "--keep-going", "-q", "-c", "docs", "-b", "html", "-d", f"{folder}/trees"]
+    command = [sys.executable, "-m", "sphinx", *options, ".", f"{folder}/html"]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    return folder / "html"
+
+
+def test_every_page_is_there(site):
+    for page in PAGES:
+        assert (site / page.relative_to(ROOT)).with_suffix(".html").is_file()
+    entrance = (site / "index.html").read_text(encoding="utf-8")
+    assert (site / re.search(r"url=([^\"]+)", entrance)[1]).is_file()
+
+
+def test_every_page_is_in_the_navigation(site):
+    index = (site / "docs" / "index.html").read_text(encoding="utf-8")
+    tree = index.split('class="sidebar-tree"', 1)[1].split("</aside>", 1)[0]
+    for page in PAGES:
+        if page.name != "index.md":
+            path = os.path.relpath(page.with_suffix(".html"), ROOT / "docs")
+            assert f'href="{path}"' in tree, path
+
+
+def test_nothing_is_fetched(site):
+    for page in site.rglob("*.html"):
+        for found in LOADED.findall(page.read_text(encoding="utf-8")):
+            target = found[0] or found[1]
+            assert not target.startswith(("http", "//")), (page, target)
+    for sheet in site.rglob("*.css"):
+        for target in STYLE.findall(sheet.read_text(encoding="utf-8")):
+            assert not target.startswith(("http", "//")), (sheet, target)
+
+
+def test_formulae_are_drawn(site):
+    text = (site / "docs" / "mathematics.html").read_text(encoding="utf-8")
+    source = (ROOT / "docs" / "mathematics.md").read_text(encoding="utf-8")
+    assert text.count('<svg class="formula"') == source.count("```math")
