@@ -32,6 +32,7 @@ exclude_patterns = [
     "docs/images",
     ".*",
     "out",
+    "venv",
     "build",
     "install",
     "log",

@@ -86,8 +86,8 @@ def test_first_line_is_the_licence(path):
 
 
 def test_pins_are_exact():
-    for name in ("requirements.txt", "requirements-dev.txt", "requirements-bench.txt"):
-        for line in (ROOT / name).read_text(encoding="utf-8").splitlines():
+    for path in sorted(ROOT.glob("requirements*.txt")):
+        for line in path.read_text(encoding="utf-8").splitlines():
             if line and not line.startswith(("#", "-r ")):
                 assert re.fullmatch(r"[A-Za-z0-9._-]+(\[\w+\])?==[\w.]+", line), line
 

@@ -34,6 +34,13 @@ def test_every_target_makes_its_environment(dry_run, target):
     assert "install --quiet -r requirements.txt" in commands
 
 
+def test_the_site_needs_nothing_but_its_generator(dry_run):
+    commands = dry_run("docs")
+    assert "install --quiet -r requirements-docs.txt" in commands
+    assert "requirements.txt" not in commands.replace("requirements-docs.txt", "")
+    assert "sphinx -W --keep-going" in commands
+
+
 def test_demo_runs_the_command_with_its_arguments(dry_run):
     assert "bin/intent demo --seed 3" in dry_run("demo", "DEMO_ARGS=--seed 3")
 
