@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: recognises the human's task and predicts both agents from `human/<body>`."""
 
-import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -25,7 +24,7 @@ from intent_recognition.nodes.markers import (
     to_path,
 )
 from intent_recognition.nodes.observation_input import ObservationInput, human_topic, message_class
-from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.runtime import Diagnostics, elapsed_s, parameter, run
 from intent_recognition.nodes.wire import NamedVectorWire, TrajectoryWire
 from intent_recognition.promp.library import NONE
 from intent_recognition.promp.observations import Observation, group_dofs
@@ -185,7 +184,7 @@ class IntentEstimatorNode(ManagedNode):
         if reason is not None:
             self._diagnostics.reject(reason, f"{topic} at {observation.stamp_ns} ns")
             return False
-        self._last_arrival_s = time.monotonic()
+        self._last_arrival_s = elapsed_s(self)
         self._publish(self._estimator.observe(observation), observation)
         return True
 
@@ -253,7 +252,7 @@ class IntentEstimatorNode(ManagedNode):
         self._checks += 1
         if self._checks % CHECKS_PER_TYPE_CHECK == 0:
             self._check_types()
-        silent_s = time.monotonic() - self._last_arrival_s
+        silent_s = elapsed_s(self) - self._last_arrival_s
         if self._moving and silent_s > STREAM_TIMEOUT_S:
             self._silent = True
             self._diagnostics.status(_WARN, f"human stream stopped {silent_s:.1f} s ago")

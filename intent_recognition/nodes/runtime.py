@@ -6,6 +6,7 @@ import math
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
 
 import rclpy
@@ -26,7 +27,7 @@ from rclpy.utilities import try_shutdown
 from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.nodes.diagnostics import Diagnostics
 
-__all__ = ["Diagnostics", "make_executor", "parameter", "run", "settle"]
+__all__ = ["Diagnostics", "elapsed_s", "make_executor", "parameter", "run", "settle"]
 
 SPIN_PERIOD_S = 0.1
 MAX_DOMAIN = 232
@@ -87,6 +88,16 @@ def settle() -> None:
     """
     gc.collect()
     gc.freeze()
+
+
+def elapsed_s(node: Node) -> float:
+    """Seconds from some beginning on, as they pass for the node.
+
+    Simulated with `use_sim_time`, so that nothing times out while simulated time stands still;
+    else of a clock that nobody sets.
+    """
+    clock = node.get_clock()
+    return clock.now().nanoseconds * 1e-9 if clock.ros_time_is_active else time.monotonic()
 
 
 def make_executor() -> Executor:

@@ -49,8 +49,9 @@ class TopicRecorder(Node):
 
     Topics are stored by their name relative to the node's namespace, so that a bag recorded in
     one namespace trains, and plays in, any other. Log time is the time of reception, publish time
-    that of the publisher, both as the middleware gives them. The last message of latched topics
-    received before the start is written at the start.
+    that of the publisher, both as the middleware gives them; with `use_sim_time` both are the
+    simulated time of reception, and nothing is written before the clock runs. The last message of
+    latched topics received before the start is written at the start.
 
     A subclass calls `listen` once its parameters are known.
 
@@ -116,7 +117,8 @@ class TopicRecorder(Node):
             for source in self._sources.values():
                 self._declare(source)
                 for data, sent_ns in source.latched:
-                    self._write(source, data, time.time_ns(), sent_ns)
+                    now_ns = self._simulated_ns()
+                    self._write(source, data, time.time_ns() if now_ns is None else now_ns, sent_ns)
         self.diagnostics.status(OK, f"recording to {path}")
         self.get_logger().info(f"recording to {path}")
 
@@ -233,13 +235,26 @@ class TopicRecorder(Node):
         self._listener.subscribe(resolved, kind, resolved, profile)
 
     def _on_message(self, resolved: str, data: bytes, received_ns: int, sent_ns: int) -> None:
-        received_ns = received_ns or time.time_ns()
+        simulated_ns = self._simulated_ns()
+        if simulated_ns is not None:
+            received_ns = sent_ns = simulated_ns
+        else:
+            received_ns = received_ns or time.time_ns()
         with self._lock:
             source = self._sources[resolved]
             if source.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL:
                 source.latched = [(data, sent_ns or received_ns)]
-            if self._writer is not None:
-                self._write(source, data, received_ns, sent_ns or received_ns)
+            if self._writer is None:
+                return
+            if received_ns == 0:
+                self.diagnostics.reject("no_clock", f"{resolved}, before /clock")
+                return
+            self._write(source, data, received_ns, sent_ns or received_ns)
+
+    def _simulated_ns(self) -> int | None:
+        """Now on /clock, 0 before its first message; None without `use_sim_time`."""
+        clock = self.get_clock()
+        return clock.now().nanoseconds if clock.ros_time_is_active else None
 
     def _on_error(self, error: Exception) -> None:
         self.diagnostics.reject("unexpected", repr(error))

@@ -5,11 +5,13 @@ import signal
 from pathlib import Path
 
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from ros_harness import Harness, NodeProcess
 from rosbags.highlevel import AnyReader
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
@@ -267,3 +269,24 @@ def test_existing_output_is_one_line_and_exit_code_one(tmp_path):
         assert process.wait() == 1
     assert "never overwritten" in process.errors and "Traceback" not in process.errors
     assert list((tmp_path / "bag").iterdir()) == []
+
+
+def test_simulated_time_is_what_is_logged_and_nothing_before_it_runs(harness, tmp_path):
+    clock = harness.publisher(Clock, "/clock", STATE)
+    publisher = harness.publisher(PoseStamped, "p", STATE)
+    node = harness.add(recorder(output=str(tmp_path / "bag"), topics=["p"], use_sim_time=True))
+    harness.spin_until(lambda: "/p" in node.listening)
+    harness.connect(publisher, clock)
+    publisher.publish(pose(0))
+    harness.spin_until(lambda: node.diagnostics.rejected("no_clock"), what="refusal")
+    for second in (5, 6):
+        clock.publish(Clock(clock=Time(sec=second)))
+        now = node.get_clock().now
+        harness.spin_until(lambda n=now, s=second: n().nanoseconds == s * 1_000_000_000)
+        publisher.publish(pose(second))
+        written = second - 4
+        harness.spin_until(lambda n=written: node._writer.message_count == n)
+    node.stop()
+    stored = list(BagReader(tmp_path / "bag").raw_messages())
+    assert [m.log_time_ns for m in stored] == [5_000_000_000, 6_000_000_000]
+    assert [m.publish_time_ns for m in stored] == [5_000_000_000, 6_000_000_000]

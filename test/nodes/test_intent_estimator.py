@@ -14,6 +14,7 @@ from model_builder import GLOVE, TOOL, WRIST, learned_model, make_dofs, perform,
 from nav_msgs.msg import Odometry, Path
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -482,6 +483,20 @@ def test_a_stream_that_stops_in_a_movement_is_said_and_taken_back(harness, wrist
     assert graph.status().level == DiagnosticStatus.OK and graph.status().message == "moving"
     assert graph.call("reset").success
     assert graph.status().message == "waiting for a movement"
+
+
+def test_a_stream_does_not_stop_while_simulated_time_stands_still(harness, wrist):
+    clock = harness.publisher(Clock, "/clock", qos.STATE)
+    graph = Graph(harness, wrist, use_sim_time=True)
+    harness.connect(clock)
+    clock.publish(Clock(clock=to_stamp(10_000_000_000)))
+    harness.spin_until(lambda: graph.node.get_clock().now().nanoseconds)
+    graph.feed(wrist.observations(0)[:80])
+    looks = graph.node._checks
+    harness.spin_until(lambda: graph.node._checks > looks + 7, what="0.8 s of real time")
+    assert graph.status().level == DiagnosticStatus.OK
+    clock.publish(Clock(clock=to_stamp(11_000_000_000)))
+    harness.spin_until(lambda: graph.status().level == DiagnosticStatus.WARN)
 
 
 def test_inactive_it_is_silent_and_active_again_it_starts_anew(harness, wrist):

@@ -91,8 +91,14 @@ def test_colcon_installs_executables_and_data(install, repository):
     ours = share / "intent_recognition"
     assert (ours / "package.xml").is_file()
     for folder in ("config", "launch"):
-        expected = {path.name for path in (repository / folder).iterdir() if path.is_file()}
-        assert {path.name for path in (ours / folder).iterdir()} == expected
+        expected = files_below(repository / folder)
+        assert files_below(ours / folder) == expected
+
+
+def files_below(folder: Path) -> set[str]:
+    """Paths of all files below a folder, relative to it."""
+    found = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+    return {path for path in found if "__pycache__" not in path}
 
 
 def test_node_starts_from_the_colcon_install(install, harness):
