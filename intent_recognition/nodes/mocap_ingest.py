@@ -15,6 +15,7 @@ from intent_recognition.errors import ArgumentError, MessageError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.stream_events import watch
 from intent_recognition.nodes.wire import OdometryWire
 from intent_recognition.nodes.wire_reading import read_pose
 from intent_recognition.tracking.ingest import (
@@ -62,6 +63,7 @@ class MocapIngest(Node):
                 partial(self._on_pose, body),
                 qos.SENSOR,
                 raw=True,
+                event_callbacks=watch(self._diagnostics, f"mocap/{body}/pose"),
             )
             for body in bodies
         ]

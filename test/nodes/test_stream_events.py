@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node tells how many publish a stream, and of one that it cannot hear."""
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+
+
+def publishers(diagnostics, topic):
+    return diagnostics._values.get(f"publishers {topic}")
+
+
+def test_publishers_that_come_and_go_are_told(harness):
+    bodies = Parameter("bodies", value=["wrist", "elbow"])
+    node = harness.add(MocapIngest(parameter_overrides=[bodies]))
+    topic = "mocap/elbow/pose"
+    made = [harness.publisher(PoseStamped, topic, qos.SENSOR) for _ in range(2)]
+    harness.spin_until(lambda: publishers(node._diagnostics, topic) == "2")
+    for count, publisher in zip(("1", "0"), made, strict=True):
+        harness.probe.destroy_publisher(publisher)
+        harness.spin_until(lambda n=count: publishers(node._diagnostics, topic) == n)
+    assert publishers(node._diagnostics, "mocap/wrist/pose") is None
+
+
+def test_joint_states_that_offer_too_little_are_counted(harness):
+    node = harness.add(PrimitiveActivation())
+    harness.publisher(JointState, "joint_states", qos.SENSOR)
+    harness.spin_until(lambda: node.diagnostics.rejected("incompatible_qos"))
+    assert publishers(node.diagnostics, "joint_states") is None
