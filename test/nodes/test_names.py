@@ -7,17 +7,20 @@ import signal
 
 import pytest
 from bag_builder import write_bag
+from dashboard.browser import free_port
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSReliabilityPolicy
 from ros_harness import NodeProcess
 
+from intent_recognition.dashboard.node import Dashboard
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.bag_recorder import BagRecorder
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.nodes.task_teacher import TaskTeacher
 from intent_recognition.share import node_environment
 from sim_bridge.nodes.coworker_sim import CoworkerSim
 from sim_bridge.nodes.lwr_sim import LwrSim
@@ -31,6 +34,8 @@ NODES = {
     "object_warper": (ObjectWarper, {}),
     "lwr_sim": (LwrSim, {"publish_clock": True}),
     "coworker_sim": (CoworkerSim, {"use_sim_time": True}),
+    "task_teacher": (TaskTeacher, {}),
+    "dashboard": (Dashboard, {}),
 }
 ABSOLUTE = {"/clock", "/diagnostics", "/rosout", "/parameter_events"}
 SENSOR = (QoSReliabilityPolicy.BEST_EFFORT, QoSDurabilityPolicy.VOLATILE, 10)
@@ -50,11 +55,14 @@ OFFERED = {
     "object_warper": {"object/labelled_cloud": STATE, "object/parameters": STATE},
     "lwr_sim": {"joint_states": STATE, "robot_description": LATCHED},
     "coworker_sim": {"mocap/wrist/pose": SENSOR, "coworker/task": STATE},
+    "task_teacher": {"teach/status": LATCHED},
 }
 SERVICES = {
     "intent_estimator": {"reset", "reload_model"},
     "primitive_activation": {"reset"},
     "bag_recorder": {"start", "stop"},
+    "bag_player": {"pause", "resume"},
+    "task_teacher": {"start", "stop", "learn", "discard", "undo"},
     "lwr_sim": {"gravity_compensation"},
 }
 
@@ -65,10 +73,19 @@ def bag(tmp_path):
     return str(tmp_path / "bag")
 
 
+def needed(name, bag):
+    """The parameters of a node, with those it does not start without."""
+    values = NODES[name][1]
+    if name == "task_teacher":
+        return {**values, "library": f"{bag}_tasks"}
+    if name == "dashboard":
+        return {**values, "port": free_port()}
+    return {**values, "bag": bag} if name == "bag_player" else values
+
+
 def make(harness, name, bag):
-    kind, values = NODES[name]
-    values = {**values, "bag": bag} if name == "bag_player" else values
-    overrides = [Parameter(key, value=value) for key, value in values.items()]
+    kind = NODES[name][0]
+    overrides = [Parameter(key, value=value) for key, value in needed(name, bag).items()]
     return harness.add(kind(namespace="/cell1", parameter_overrides=overrides))
 
 
@@ -94,13 +111,13 @@ def test_topics_are_offered_as_the_contract_says(harness, bag, name):
 
 @pytest.mark.parametrize("name", NODES)
 def test_every_node_ends_quietly_when_asked_to(harness, bag, name):
-    kind, values = NODES[name]
-    values = {**values, "bag": bag} if name == "bag_player" else values
-    pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in values.items())
+    kind = NODES[name][0]
+    module = "intent_recognition.dashboard.start" if name == "dashboard" else kind.__module__
+    pairs = (("-p", f"{key}:={json.dumps(value)}") for key, value in needed(name, bag).items())
     arguments = ["--ros-args", *(word for pair in pairs for word in pair)]
     reports = harness.collect(DiagnosticArray, "/diagnostics")
     environment = node_environment(dict(os.environ))
-    with NodeProcess(kind.__module__, *arguments, environment=environment) as process:
+    with NodeProcess(module, *arguments, environment=environment) as process:
         harness.spin_until(
             lambda: any(status.name == name for report in reports for status in report.status),
             what="diagnostics",
