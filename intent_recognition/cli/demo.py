@@ -13,6 +13,7 @@ from rich.console import Console
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.demo_session import END_SIGNALS, interrupt, run_session
 from intent_recognition.cli.help import examples
+from intent_recognition.cli.recordings import busy
 from intent_recognition.errors import IntentError, describe
 from intent_recognition.promp.training import TrainingSettings
 from intent_recognition.storage.model import load_model, save_model
@@ -146,7 +147,8 @@ def _report(args, log, plan, first_ns: int, wall_s: float, console: Console) -> 
     for line in table_lines(records):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     report = args.output / "report.html"
-    write_demo_report(report, records, summary, traces, settings)
+    with busy(console, "writing the report"):
+        write_demo_report(report, records, summary, traces, settings)
     if args.json:
         args.json.parent.mkdir(parents=True, exist_ok=True)
         content = to_json(records, summary, settings)

@@ -16,6 +16,7 @@ from intent_recognition import __version__
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.experiment_runs import Run, run_all
 from intent_recognition.cli.help import examples
+from intent_recognition.cli.recordings import busy
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.experiments.catalogue import EXPERIMENTS, chosen
 from intent_recognition.experiments.outcome import Outcome, Settings
@@ -84,7 +85,8 @@ def run(args: argparse.Namespace) -> int:
     for name, outcome in outcomes.items():
         _print_outcome(console, name, outcome, runs[name].seconds)
     numbers = numbers_json(runs, args.seed, args.quick)
-    report = _write(args.output, outcomes, failures, numbers, args.json)
+    with busy(console, "writing the report"):
+        report = _write(args.output, outcomes, failures, numbers, args.json)
     for name, reason in failures.items():
         sys.stderr.write(f"intent experiments: {name} broke off: {reason}\n")
     console.print(

@@ -13,6 +13,7 @@ from rich.progress import track
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_tables import print_bag, print_folder, print_model
+from intent_recognition.cli.recordings import busy
 from intent_recognition.errors import BagError, describe
 from intent_recognition.promp.forecast import Forecast
 from intent_recognition.storage.demonstrations import find_bags
@@ -62,7 +63,8 @@ def run(args: argparse.Namespace) -> int:
     if not bags:
         raise BagError(describe(str(args.path), "recordings", "none in this folder", CURE))
     if bags == [args.path]:
-        summary = inspect_bag(args.path)
+        with busy(Console(stderr=True), "reading"):
+            summary = inspect_bag(args.path)
         if args.json:
             _print_json(bag_json(summary))
         else:

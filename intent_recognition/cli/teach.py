@@ -82,7 +82,8 @@ def run(args: argparse.Namespace) -> int:
     """
     console = make_console()
     with teacher_node(args, task=args.task) as (teacher, spin):
-        _wait_until_heard(teacher, spin)
+        with busy(console, "waiting for the topics"):
+            _wait_until_heard(teacher, spin)
         console.print(f"library {teacher.folder.path}", highlight=False, soft_wrap=True)
         learned = _lessons(args, teacher, spin, console)
     return 0 if learned else 1
@@ -124,7 +125,8 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple]:
 
 def hand_over(teacher, spin: Callable, console: Console, what: str) -> None:
     """Wait until a running estimator uses the model, and print how it went."""
-    spin(lambda: not teacher.handing_over, HANDED_OVER_S)
+    with busy(console, "handing over"):
+        spin(lambda: not teacher.handing_over, HANDED_OVER_S)
     console.print(teacher.said or what, highlight=False, markup=False, soft_wrap=True)
 
 
@@ -153,7 +155,8 @@ def _lessons(args: argparse.Namespace, teacher, spin: Callable, console: Console
             console.print(teacher.discard(), highlight=False, soft_wrap=True)
             continue
         try:
-            what = teacher.stop()
+            with busy(console, "learning"):
+                what = teacher.stop()
         except IntentError as error:
             console.print(str(error), style="yellow", highlight=False, soft_wrap=True)
             continue

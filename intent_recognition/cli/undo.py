@@ -5,6 +5,7 @@ import argparse
 
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.help import examples
+from intent_recognition.cli.recordings import busy
 from intent_recognition.cli.teach import add_library_options, hand_over, teacher_node
 
 FOUND_S = 2.0
@@ -33,6 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """
     console = make_console()
     with teacher_node(args) as (teacher, spin):
-        spin(teacher.estimator_runs, FOUND_S)
+        with busy(console, "looking for the estimator"):
+            spin(teacher.estimator_runs, FOUND_S)
         hand_over(teacher, spin, console, teacher.undo())
     return 0

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bars are shown on a terminal, leave nothing behind, and are not there without one."""
+
+import io
+
+import pytest
+from cli.recorded import write_all
+from rich.console import Console
+
+from intent_recognition.cli import evaluate, replay, train
+from intent_recognition.cli.recordings import busy, progress_bar
+
+
+def terminal():
+    return Console(file=io.StringIO(), force_terminal=True, width=100, _environ={"TERM": "xterm"})
+
+
+def test_work_of_unknown_length_says_what_it_is():
+    console = terminal()
+    with busy(console, "learning"):
+        pass
+    assert "learning" in console.file.getvalue()
+
+
+@pytest.mark.parametrize("bar", [progress_bar, lambda console: busy(console, "learning")])
+def test_no_terminal_no_bar(bar):
+    console = Console(file=io.StringIO(), width=100)
+    with bar(console):
+        pass
+    assert not console.file.getvalue()
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("recorded")
+    write_all(folder)
+    return folder
+
+
+def test_every_long_step_of_a_command_has_one(recorded, tmp_path, parse, monkeypatch):
+    console = terminal()
+    for module in (train, evaluate, replay):
+        monkeypatch.setattr(module, "make_console", lambda: console)
+    bags, model = recorded / "bags", tmp_path / "model.npz"
+    options = ("--dofs", recorded / "dofs.yaml", "--basis", 8)
+    for arguments in (
+        ("train", bags, *options, "--output", model),
+        ("replay", bags / "demo_00", "--model", model),
+        ("evaluate", bags, *options, "--protocol", "kfold:2", "--report", tmp_path / "r.html"),
+    ):
+        args = parse(*arguments)
+        assert args.run(args) == 0
+    shown = console.file.getvalue()
+    for step in ("reading", "learning", "replaying", "scoring", "writing the report"):
+        assert step in shown, step
