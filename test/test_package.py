@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 import intent_recognition
+from intent_recognition.nodes.graph import NODES
 
 ROOT = Path(__file__).resolve().parents[1]
 EXECUTABLES = {
@@ -136,6 +137,31 @@ def test_everything_imported_is_declared(manifest):
         key = KEYS.get(name, name)
         known = {key, f"python3-{key}"} & declared or re.search(rf'"{key}(>=[\d.]+)?",', setup)
         assert known, name
+
+
+NEWER_THAN_3_10 = (
+    r"datetime\.UTC|import UTC|tomllib|StrEnum|ExceptionGroup|except\*|TaskGroup|itertools.*batched"
+    r"|max_tasks_per_child|typing import .*\b(Self|Never|Unpack|assert_never|override)"
+    r"|add_note|contextlib\.chdir|file_digest|\.walk\(top_down|math\.(cbrt|exp2|sumprod)"
+    r"|sys\.exception\(|^type \w+ =|def \w+\["
+)
+
+
+def test_nothing_newer_than_python_3_10_is_used():
+    """The linter minds the syntax; these are names of the library."""
+    found = [
+        f"{path.relative_to(ROOT)}: {line.strip()}"
+        for folder in ("intent_recognition", "sim_bridge", "launch")
+        for path in (ROOT / folder).rglob("*.py")
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if re.search(NEWER_THAN_3_10, line)
+    ]
+    assert found == []
+
+
+def test_launch_files_start_only_what_is_declared(manifest):
+    declared = {element.text for element in manifest.iter("exec_depend")}
+    assert {spec.package for spec in NODES.values()} <= declared | {"intent_recognition"}
 
 
 def entry_points():
