@@ -85,6 +85,7 @@ class Page:
         )
         gui.set_panel_label(TITLE)
         self._banner = gui.add_html("", visible=False)
+        self._now = gui.add_html("", visible=False)
         tabs = gui.add_tab_group()
         do = self._asked.put
         with tabs.add_tab("Watch"):
@@ -122,6 +123,8 @@ class Page:
         problem = self._scene.update(state, self._colours, now_s)
         if now_s - self._panel_at_s >= PANEL_PERIOD_S:
             self._panel_at_s = now_s
+            self._now.visible = bool(state.joints) or state.posterior is not None
+            set_content(self._now, markup.now_line(state, self._colours))
             self._watch.update(state, self._colours, now_s)
             self._teach.update(state)
             self._replay.update()

@@ -36,7 +36,6 @@ class WatchTab:
         gui = server.gui
         self._gui = gui
         self._empty = gui.add_html(markup.steps(NEXT_STEPS))
-        self._now = gui.add_html("")
         self._bars = gui.add_html("")
         self._plot: viser.GuiUplotHandle | None = None
         self._plotted: tuple[str, ...] = ()
@@ -61,8 +60,6 @@ class WatchTab:
         """Show the newest."""
         heard = state.posterior is not None
         self._empty.visible = not heard and not state.joints
-        self._now.visible = bool(state.joints) or heard
-        set_content(self._now, markup.now_line(state, colours))
         fresh = heard and state.fresh(state.tasks_at_s, now_s)
         set_content(self._bars, markup.bars(state, colours, fresh))
         self._place.visible = heard

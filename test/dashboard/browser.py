@@ -78,6 +78,11 @@ class Visitor:
                 raise TimeoutError(f"not within {DEADLINE_S} s: {what}; page: {self.text()}")
             self.page.wait_for_timeout(100)
 
+    def catch(self, text: str) -> None:
+        """Wait for a text that may be there for a moment only; the page itself looks out."""
+        look = "text => document.body.innerText.replace(/\\s+/g, ' ').includes(text)"
+        self.page.wait_for_function(look, arg=text, polling=50)
+
     def tab(self, name: str) -> None:
         self.page.get_by_role("tab", name=name).click()
 

@@ -96,5 +96,4 @@ def teach_a_task(person):
     person.press("Learn (3)")
     person.wait_for("in use")
     person.press("Reach to the wrist goal")
-    person.tab("Watch")
-    person.wait_until(lambda: "robot: wave" in " ".join(person.text().split()), "wave is active")
+    person.catch("robot: wave")
