@@ -11,6 +11,8 @@ GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", "#8792a0"
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
 FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
 LARGEST_RATES = 4
+MAY_END = frozenset({"bag_player", "bag_recorder", "coworker_sim"})
+"""Nodes that are over when their work is done: their silence is no alarm."""
 
 
 def readable(label: str) -> str:
@@ -67,7 +69,14 @@ def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
 
 def silent_nodes(nodes: Mapping[str, NodeHealth], now_s: float) -> list[str]:
     """Names of nodes that reported once and are silent now."""
-    return sorted(name for name, health in nodes.items() if health.silent_s(now_s) > 0.0)
+    return sorted(
+        name for name, health in nodes.items() if health.silent_s(now_s) > 0.0 and not may_end(name)
+    )
+
+
+def may_end(name: str) -> bool:
+    """Whether a node ends by itself; `name` may have a namespace."""
+    return name.rsplit("/", 1)[-1] in MAY_END
 
 
 def remark(text: str) -> str:
@@ -107,12 +116,13 @@ def table(head: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
 
 def _node(name: str, health: NodeHealth, now_s: float) -> str:
     silent = health.silent_s(now_s)
-    colour = BAD if silent else LEVELS.get(health.level, STALE)
+    alarm = silent and not may_end(name)
+    colour = BAD if alarm else STALE if silent else LEVELS.get(health.level, STALE)
     message = f"silent for {silent:.0f} s" if silent else escape(health.message)
     details = "" if silent else _details(health.values)
     return (
         f'<div style="border-left:4px solid {colour};padding:.15em 0 .15em .6em;margin:.45em 0">'
-        f'<b>{escape(name)}</b> <span style="color:{colour if silent else SOFT}">{message}</span>'
+        f'<b>{escape(name)}</b> <span style="color:{BAD if alarm else SOFT}">{message}</span>'
         f'<div style="color:{SOFT};font-size:.84em">{details}</div></div>'
     )
 

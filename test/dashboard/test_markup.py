@@ -49,6 +49,12 @@ def test_a_silent_node_stands_out():
     assert "silent for 10 s" in markup.nodes_table(nodes, 10.0)
 
 
+def test_a_node_that_is_done_raises_no_alarm():
+    nodes = {"cell/bag_player": NodeHealth(0, "running", {}, 0.0)}
+    assert markup.silent_nodes(nodes, 10.0) == []
+    assert markup.BAD not in markup.nodes_table(nodes, 10.0)
+
+
 def test_details_have_rates_latency_and_what_was_rejected():
     values = {"rate human/wrist [Hz]": "99.7", "latency p99 [ms]": "1.92", "rejected jump": "4"}
     text = markup.nodes_table({"n": NodeHealth(0, "moving", values, 0.0)}, 1.0)
