@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The graph of replay.launch.py: what was measured is played, not the answers, on its own time."""
+
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+
+from intent_recognition.cli.replay import replay
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.bag_player import BagPlayer
+from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.graph import resolve
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.storage import BagReader, BagWriter
+from intent_recognition.storage.model import load_model
+
+KINDS = {
+    "mocap_ingest": MocapIngest,
+    "intent_estimator": IntentEstimatorNode,
+    "bag_player": BagPlayer,
+}
+
+
+def with_answers(bag, path):
+    """A copy of a bag, with estimates as a session records them too."""
+    with BagWriter(path, {}) as writer:
+        for k, message in enumerate(BagReader(bag).raw_messages()):
+            writer.write(message.topic, message.type, message.data, message.log_time_ns)
+            if k % 50 == 0:
+                header = {"stamp": message.log_time_ns, "frame_id": ""}
+                fields = {"header": header, "name": ["stale"], "position": [1.0]}
+                type_name = "sensor_msgs/msg/JointState"
+                writer.write_message("intent/tasks", type_name, fields, message.log_time_ns)
+    return path
+
+
+def test_a_session_is_recognised_again_on_its_own_time(
+    harness, repository, toolbox_model, tmp_path
+):
+    original = repository / "bags/toolbox/test/plate_handover_03"
+    bag = with_answers(original, tmp_path / "session")
+    given = {"bag": str(bag), "model": str(toolbox_model), "namespace": "again"}
+    calls = {call.name: call for call in resolve("replay", given)}
+    assert set(calls) == set(KINDS)
+    rows = list(replay(BagReader(original), load_model(toolbox_model)))
+    tasks = harness.collect(JointState, "/again/intent/tasks", qos.STATE)
+
+    def start(name, **more):
+        values = calls[name].parameters | more
+        overrides = [Parameter(key, value=value) for key, value in values.items()]
+        kind, space = KINDS[name], calls[name].namespace
+        return harness.add(kind(namespace=space, parameter_overrides=overrides))
+
+    start("mocap_ingest")
+    estimator = start("intent_estimator")
+    harness.connect(estimator._tasks)
+    player = start("bag_player", start_paused=True, exit_at_end=False)
+    outputs = {topic: out.get_subscription_count for topic, out in player._outputs.items()}
+    assert "/intent/tasks" not in outputs
+    harness.spin_until(lambda: all(count() for count in outputs.values()), what="listeners")
+    harness.connect(player._clock_publisher, subscribers=2)
+    player._running.set()
+    harness.spin_until(player.finished.is_set, what="the end of the bag")
+    harness.spin_until(lambda: len(tasks) > len(rows) // 2, what="estimates")
+    assert all("stale" not in message.name for message in tasks)
+    stamps = {row["stamp"] for row in rows}
+    assert all(stamp_ns(message) in stamps for message in tasks)
+    best = dict(zip(tasks[-1].name, tasks[-1].position, strict=True))
+    assert set(best) == set(rows[-1]["probabilities"])
+    reader = BagReader(original)
+    now_ns = estimator.get_clock().now().nanoseconds
+    assert abs(now_ns - reader.end_ns) < 1_000_000_000
