@@ -37,6 +37,11 @@ class Hypotheses(NamedTuple):
     duration_evidence: float = 1.0
     none_calibration: Sequence[float] = READ_AS_IT_IS
 
+    @property
+    def log_task_prior(self) -> np.ndarray:
+        """Log prior probability of each task and none, (K + 1,)."""
+        return np.logaddexp.reduce(self.log_prior.reshape(-1, self.n_scales), axis=1)
+
     def phase(self, elapsed_s: float | np.ndarray) -> np.ndarray:
         """Phase of each hypothesis so long after onset, in [0, 1]: (..., B)."""
         phase = np.asarray(elapsed_s)[..., None] / self.duration_s

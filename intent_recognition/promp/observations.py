@@ -149,10 +149,13 @@ class BankRun:
             for dof in step.dofs:
                 self._last_ns[dof] = observation.stamp_ns
 
-    def _step(self, observation: Observation) -> Step:
+    def dofs_of(self, observation: Observation) -> np.ndarray:
+        """Indices of the observed DOFs that an observation is of, (m,)."""
         dofs = self._dofs[observation.group]
-        if observation.dofs is not None:
-            dofs = dofs[list(observation.dofs)]
+        return dofs if observation.dofs is None else dofs[list(observation.dofs)]
+
+    def _step(self, observation: Observation) -> Step:
+        dofs = self.dofs_of(observation)
         elapsed_s = (observation.stamp_ns - self.onset_ns) * 1e-9
         noise = observation.covariance
         if not observation.derivative:

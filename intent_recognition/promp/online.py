@@ -14,6 +14,7 @@ from intent_recognition.errors import DofError, describe
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.bank import N_SCALES, make_hypotheses
 from intent_recognition.promp.control_grid import ControlGrid
+from intent_recognition.promp.holding import Holding
 from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.movement_run import MovementRun
 from intent_recognition.promp.observations import (
@@ -37,6 +38,10 @@ CLOCK_RESET_AFTER = 50
 """So many late observations of a signal on end, in order among themselves: its clock went back."""
 OVERTIME_S = 0.5
 """How long after its expected end a movement that goes on is still taken for the same one."""
+DOUBT = 1e-9
+"""Least probability of all tasks together while something moves."""
+N_COURSE = 50
+"""Points of the course that is predicted where `none` objects to a task that was believed."""
 MAX_OBSERVATIONS = 2**14
 """Observations of a movement kept for a change of library; of more, every second one is."""
 
@@ -85,15 +90,35 @@ class _Movement(MovementRun):
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
         self.observations: list[Observation] = []
+        self.holding = Holding(
+            self.hypotheses.log_task_prior,
+            self.library.n_observed,
+            lambda task: self.forecasts[task].observed(N_COURSE),
+        )
 
     def observe(self, observation: Observation) -> None:
         super().observe(observation)
+        if not observation.derivative:
+            self.holding.see(self.dofs_of(observation), observation.values)
         self.observations.append(observation)
         if len(self.observations) > MAX_OBSERVATIONS:
             self.observations = every_second(self.observations)
 
     def posterior(self, stamp_ns: int) -> TaskPosterior:
         return task_posterior(self, self.hypotheses, (stamp_ns - self.onset_ns) * 1e-9)
+
+
+def not_idle(probabilities: np.ndarray, log_known: np.ndarray) -> np.ndarray:
+    """Probabilities of tasks and none with a trace of doubt about none: it is certain at rest only.
+
+    Args:
+        probabilities: (K + 1,), summing to one.
+        log_known: how the tasks compare among themselves, (K,); some finite.
+    """
+    if probabilities[-1] < 1.0 - DOUBT:
+        return probabilities
+    share = np.exp(log_known - np.max(log_known))
+    return np.r_[DOUBT * share / share.sum(), 1.0 - DOUBT]
 
 
 class IntentEstimator:
@@ -170,18 +195,21 @@ class IntentEstimator:
             self._movement.observe(observation)
         if self._movement is None:
             return self._idle(observation.stamp_ns)
-        self._posterior = self.expectation.weigh(self._movement.posterior(observation.stamp_ns))
+        posterior = self._movement.posterior(observation.stamp_ns)
+        self._posterior = self.expectation.weigh(self._movement.holding.hold(posterior))
+        self._movement.holding.believe(self._posterior.probabilities)
         if self._finished(observation.stamp_ns, self._posterior):
             self.expectation.remember(observation.stamp_ns, self._posterior)
             self._movement = self._posterior = None
             return self._idle(observation.stamp_ns)
         phase = self._posterior.phase.copy()
         phase[-1] = 0.0
+        prior = self._hypotheses.log_task_prior[:-1]
         return Estimate(
             observation.stamp_ns,
             True,
             self._movement.onset_ns,
-            self._posterior.probabilities,
+            not_idle(self._posterior.probabilities, prior + self._posterior.log_evidence[:-1]),
             phase,
             self._posterior.log_evidence,
             self._posterior,

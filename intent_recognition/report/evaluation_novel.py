@@ -57,10 +57,7 @@ class Watch:
     def observe(self, run: MovementRun, elapsed_s: float) -> None:
         """Look at the bank after one more observation."""
         posterior = task_posterior(run, run.hypotheses, elapsed_s)
-        prior = np.logaddexp.reduce(
-            run.hypotheses.log_prior.reshape(-1, run.hypotheses.n_scales), axis=1
-        )
-        log_joint = prior + posterior.log_evidence
+        log_joint = run.hypotheses.log_task_prior + posterior.log_evidence
         best = int(np.argmax(log_joint[:-1]))
         rest = np.logaddexp.reduce(np.delete(log_joint, best))
         self._recent = [*self._recent, (best, float(log_joint[best] - rest))]

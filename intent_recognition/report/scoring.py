@@ -179,8 +179,7 @@ class _Case(NamedTuple):
 
 def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> np.ndarray:
     """Probabilities of the K tasks, renormalised in logs: none may outweigh all by far, (K,)."""
-    log_prior = np.logaddexp.reduce(hypotheses.log_prior.reshape(-1, hypotheses.n_scales), axis=1)
-    log_task = (log_prior + posterior.log_evidence)[:-1]
+    log_task = (hypotheses.log_task_prior + posterior.log_evidence)[:-1]
     return np.exp(log_task - np.logaddexp.reduce(log_task))
 
 
