@@ -63,7 +63,18 @@ def picture_for_mermaid(app: Sphinx, name: str, source: list[str]) -> None:
         source[0] = re.sub(r"```mermaid\n.*?```", GRAPH, source[0], flags=re.DOTALL)
 
 
+def text_for_folders(app: Sphinx, name: str, source: list[str]) -> None:
+    """GitHub shows a folder where a link leads to one; a site has no page of it."""
+    here = (ROOT / name).parent
+
+    def shown(link: re.Match) -> str:
+        return link[1] if (here / link[2]).is_dir() else link[0]
+
+    source[0] = re.sub(r"\[([^\]]+)\]\(([^)#\s:]+)\)", shown, source[0])
+
+
 def setup(app: Sphinx) -> None:
     """Called by Sphinx."""
     app.add_lexer("mermaid", TextLexer)
     app.connect("source-read", picture_for_mermaid)
+    app.connect("source-read", text_for_folders)
