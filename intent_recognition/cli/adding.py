@@ -23,14 +23,15 @@ from intent_recognition.storage.model import Model, check_dofs, load_trained
 
 def add_adding_options(parser: argparse.ArgumentParser) -> None:
     """Options of `train`."""
-    parser.add_argument(
+    group = parser.add_argument_group("more demonstrations for a model that is there")
+    group.add_argument(
         "--add",
         type=Path,
         metavar="M.npz",
         help="add the bags to this model, which keeps its DOFs, basis, onset thresholds and"
         " regularisation; equals training anew with those",
     )
-    parser.add_argument(
+    group.add_argument(
         "--choose-again",
         action="store_true",
         help="with --add: choose the regularisation again, on the demonstrations the model keeps",

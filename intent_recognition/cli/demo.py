@@ -40,55 +40,58 @@ def add_parser(subparsers) -> None:
             ),
         ),
     )
-    parser.add_argument(
+    session = parser.add_argument_group("what happens")
+    shown = parser.add_argument_group("what is shown")
+    written = parser.add_argument_group("what is written")
+    session.add_argument(
         "--scenario", choices=SCENARIOS, default="toolbox", help="what to do (default: toolbox)"
     )
-    parser.add_argument(
+    session.add_argument(
         "--task-list",
         default="habit",
         metavar="F",
         help="labels separated by commas, a file of them, 'habit' (default: the order in which"
         " the coworker of the shipped sessions works, with variation) or 'random'",
     )
-    parser.add_argument(
+    session.add_argument(
         "--interactions",
         type=_positive,
         default=0,
         metavar="N",
         help=f"how many (default: the list as it is; {DEFAULT_INTERACTIONS} when habit or random)",
     )
-    parser.add_argument("--seed", type=_natural, default=1, help="of the session (default: 1)")
-    parser.add_argument(
+    session.add_argument("--seed", type=_natural, default=1, help="of the session (default: 1)")
+    session.add_argument(
         "--no-anticipation",
         action="store_true",
         help="expect every task alike: no transition prior, no pre-trigger",
     )
-    parser.add_argument(
+    shown.add_argument(
         "--dashboard",
         action="store_true",
         help="serve a page that shows the cell and teaches tasks; it stays until Ctrl-C",
     )
-    parser.add_argument(
+    shown.add_argument(
         "--port", type=int, default=DEFAULT_PORT, help="of the page (default: %(default)s)"
     )
-    parser.add_argument("--headless", action="store_true", help="no window of the physics")
-    parser.add_argument(
+    shown.add_argument("--headless", action="store_true", help="no window of the physics")
+    session.add_argument(
         "--rate",
         type=float,
         metavar="X",
         help="simulated time per real time, through /clock (default: "
         f"{DEFAULT_RATE}, with --dashboard {DASHBOARD_RATE})",
     )
-    parser.add_argument("--model", type=Path, metavar="M.npz", help="use this model, do not train")
-    parser.add_argument(
+    session.add_argument("--model", type=Path, metavar="M.npz", help="use this model, do not train")
+    written.add_argument(
         "--output",
         type=Path,
         default=Path("out/demo"),
         metavar="DIR",
         help="folder of model, report and logs (default: %(default)s)",
     )
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write all numbers as JSON")
-    parser.add_argument("--record", type=Path, metavar="BAG", help="record the session to a bag")
+    written.add_argument("--json", type=Path, metavar="OUT", help="write all numbers as JSON")
+    written.add_argument("--record", type=Path, metavar="BAG", help="record the session to a bag")
     parser.set_defaults(run=run)
 
 

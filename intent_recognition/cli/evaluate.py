@@ -52,20 +52,21 @@ def add_parser(subparsers) -> None:
         ),
     )
     add_recording_options(parser, "recording")
-    parser.add_argument(
+    scored = parser.add_argument_group("what is scored")
+    scored.add_argument(
         "--protocol",
         default="loo",
         metavar="loo|kfold:K|holdout:F",
         help="leave one out, K folds by index modulo K, or a folder to test on (default: loo)",
     )
-    parser.add_argument(
+    scored.add_argument(
         "--start-posture",
         choices=("on", "off", "both"),
         default="off",
         help="condition trajectories on where the controlled agent starts; both: without, and"
         " with it in tables of their own (default: off)",
     )
-    parser.add_argument(
+    scored.add_argument(
         "--unknown-tasks",
         choices=("on", "off"),
         default="on",
@@ -73,8 +74,9 @@ def add_parser(subparsers) -> None:
         " another's (default: on)",
     )
     add_unlabelled_options(parser)
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write the numbers as JSON")
-    parser.add_argument("--report", type=Path, metavar="OUT.html", help="write an HTML report")
+    written = parser.add_argument_group("what is written")
+    written.add_argument("--json", type=Path, metavar="OUT", help="write the numbers as JSON")
+    written.add_argument("--report", type=Path, metavar="OUT.html", help="write an HTML report")
     parser.set_defaults(run=run)
 
 

@@ -8,8 +8,9 @@ from collections.abc import Mapping
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:
     """Options every command that runs a node has: namespace and remapping."""
-    parser.add_argument("--namespace", default="", metavar="NS", help="namespace of the topics")
-    parser.add_argument(
+    group = parser.add_argument_group("topics")
+    group.add_argument("--namespace", default="", metavar="NS", help="namespace of the topics")
+    group.add_argument(
         "--remap",
         action="append",
         default=[],

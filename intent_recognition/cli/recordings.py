@@ -39,17 +39,18 @@ def add_recording_options(parser: argparse.ArgumentParser, segmentation: str) ->
         type=Path,
         help="a bag, a folder of bags, or a session bag; any number",
     )
-    parser.add_argument(
+    group = parser.add_argument_group("how to learn")
+    group.add_argument(
         "--dofs", type=Path, metavar="F", help="DOF file (default: the shipped config/dofs.yaml)"
     )
-    parser.add_argument(
+    group.add_argument(
         "--basis",
         type=int,
         default=DEFAULTS.n_basis,
         metavar="N",
         help="basis functions per DOF (default: %(default)s)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--segment",
         choices=SEGMENTATIONS,
         default=segmentation,

@@ -65,14 +65,15 @@ def add_parser(subparsers) -> None:
         ),
     )
     add_recording_options(parser, "movement")
-    parser.add_argument(
+    written = parser.add_argument_group("what is written")
+    written.add_argument(
         "--output", type=Path, required=True, metavar="M.npz", help="model file to write"
     )
     add_unlabelled_options(parser)
     add_sessions_option(parser)
     add_adding_options(parser)
     add_worker_options(parser)
-    parser.add_argument(
+    written.add_argument(
         "--json", type=Path, metavar="OUT", help="write what was learned and left out as JSON"
     )
     parser.set_defaults(run=run)

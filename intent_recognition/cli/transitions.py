@@ -19,7 +19,8 @@ from intent_recognition.storage.task_sequences import read_task_sequences
 
 def add_sessions_option(parser: argparse.ArgumentParser) -> None:
     """The option of `train`."""
-    parser.add_argument(
+    group = parser.add_argument_group("the order of tasks")
+    group.add_argument(
         "--sessions",
         nargs="+",
         type=Path,

@@ -37,12 +37,13 @@ SEED = 0
 
 def add_unlabelled_options(parser: argparse.ArgumentParser) -> None:
     """Options of a command that may look for the tasks itself."""
-    parser.add_argument(
+    group = parser.add_argument_group("recordings without labels")
+    group.add_argument(
         "--unlabelled",
         action="store_true",
         help="find the tasks in the recordings, whatever their labels: a mixture of primitives",
     )
-    parser.add_argument(
+    group.add_argument(
         "--components",
         default="auto",
         metavar="auto|K",

@@ -8,10 +8,12 @@ import time
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 from rich.table import Table
 
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.help import examples
+from intent_recognition.cli.recordings import busy
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.storage.objects import find_object, load_object
 from intent_recognition.storage.targets import N_POINTS, load_target
@@ -115,7 +117,8 @@ def run(args: argparse.Namespace) -> int:
     if args.report:
         from intent_recognition.report.warp_report import write_warp_report
 
-        path = write_warp_report(args.report, source, warped, parameters, content)
+        with busy(Console(stderr=True), "writing the report"):
+            path = write_warp_report(args.report, source, warped, parameters, content)
         if not args.json:
             make_console().print(f"report: {path}")
     return 0

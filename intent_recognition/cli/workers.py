@@ -21,7 +21,8 @@ CONNECT_S = 10.0
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:
     """Options of a command whose work can be done elsewhere."""
-    group = parser.add_mutually_exclusive_group()
+    where = parser.add_argument_group("where bags are read")
+    group = where.add_mutually_exclusive_group()
     group.add_argument(
         "--jobs",
         type=int,
