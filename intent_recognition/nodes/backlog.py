@@ -6,7 +6,6 @@ from functools import partial
 from heapq import merge
 from typing import TypeVar
 
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -57,7 +56,6 @@ class Backlog:
         qos: QoSProfile,
         *,
         raw: bool = False,
-        events: SubscriptionEventCallbacks | None = None,
     ) -> Subscription:
         """Subscribe to one more topic.
 
@@ -68,14 +66,11 @@ class Backlog:
             use: takes each message that is used.
             qos: of the subscription.
             raw: whether it takes bytes, of messages with a header.
-            events: told of its publishers.
         """
         source = _Source(use, raw)
         callback = partial(self._on_message, len(self._sources))
         self._sources.append(source)
-        source.subscription = node.create_subscription(
-            kind, topic, callback, qos, raw=raw, event_callbacks=events
-        )
+        source.subscription = node.create_subscription(kind, topic, callback, qos, raw=raw)
         return source.subscription
 
     @property

@@ -3,12 +3,13 @@
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 
 PERIOD_S = 1.0
 LATENCY_WINDOW = 2000
@@ -18,9 +19,9 @@ class Diagnostics:
     """One DiagnosticStatus a second, named after the node, whatever the node's own clock does.
 
     Keys are `rate <stream> [Hz]` (measured over the last period), `received <stream>` (total),
-    `rejected <reason>` (total), `latency p50|p95|p99 [ms]` (over the last 2000 samples) and what
-    the node set with `value`. Publishing runs on a steady clock, so that it goes on while
-    simulated time stands still.
+    `rejected <reason>` (total), `latency p50|p95|p99 [ms]` (over the last 2000 samples),
+    `publishers <stream>` and what the node set with `value`. Publishing runs on a steady clock,
+    so that it goes on while simulated time stands still.
 
     Args:
         node: the node reported on; a lifecycle node reports in every state.
@@ -44,6 +45,7 @@ class Diagnostics:
         self._period_start_s = clock()
         self._latencies_s: deque[float] = deque(maxlen=LATENCY_WINDOW)
         self._values: dict[str, str] = {}
+        self._watched: list[tuple[Subscription, str]] = []
         self._logged_s: dict[str, float] = {}
         self._level = DiagnosticStatus.OK
         self._message = "running"
@@ -81,6 +83,19 @@ class Diagnostics:
         """Report `value` under `key` from now on; the latest wins."""
         self._values[key] = str(value)
 
+    def watch(self, subscription: Subscription, stream: str) -> None:
+        """Report how many publishers a subscription hears, as `publishers <stream>`.
+
+        Asked for once a report: the EventsExecutor of rclpy 7.1 loses a message of a subscription
+        whose `matched` event is listened to.
+        """
+        self._watched.append((subscription, stream))
+
+    def unwatch(self, subscriptions: Iterable[Subscription]) -> None:
+        """Let go of subscriptions, before they are destroyed."""
+        gone = list(subscriptions)
+        self._watched = [pair for pair in self._watched if pair[0] not in gone]
+
     def status(self, level: int | bytes, message: str) -> None:
         """Set level (0 ok, 1 warn, 2 error, 3 stale) and message, until set again."""
         self._level = bytes(level) if isinstance(level, bytes) else bytes([level])
@@ -99,6 +114,8 @@ class Diagnostics:
             percentiles = np.percentile(np.array(self._latencies_s) * 1e3, (50, 95, 99))
             for name, value in zip(("p50", "p95", "p99"), percentiles, strict=True):
                 rows[f"latency {name} [ms]"] = f"{value:.3f}"
+        for subscription, stream in self._watched:
+            rows[f"publishers {stream}"] = str(subscription.get_publisher_count())
         rows |= self._values
         self._in_period.clear()
         self._period_start_s = now_s

@@ -15,7 +15,6 @@ from intent_recognition.errors import ArgumentError, MessageError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
-from intent_recognition.nodes.stream_events import watch
 from intent_recognition.nodes.wire import OdometryWire
 from intent_recognition.nodes.wire_reading import read_pose
 from intent_recognition.tracking.ingest import (
@@ -63,10 +62,11 @@ class MocapIngest(Node):
                 partial(self._on_pose, body),
                 qos.SENSOR,
                 raw=True,
-                event_callbacks=watch(self._diagnostics, f"mocap/{body}/pose"),
             )
             for body in bodies
         ]
+        for body, subscription in zip(bodies, self._inputs, strict=True):
+            self._diagnostics.watch(subscription, f"mocap/{body}/pose")
         keep_live(self, (*LIVE, ORIENTATION_STD), self._changed, self._change)
 
     def _orientation_variance(self) -> float:

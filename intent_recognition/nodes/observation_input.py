@@ -15,7 +15,6 @@ from intent_recognition.errors import DofError, MessageError, describe
 from intent_recognition.nodes.backlog import Backlog
 from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics
-from intent_recognition.nodes.stream_events import watch
 from intent_recognition.nodes.wire_reading import read_odometry
 from intent_recognition.promp.observations import Observation
 from intent_recognition.storage.dofs import DofEntry, DofSpec
@@ -97,11 +96,12 @@ class ObservationInput:
             kind = Odometry if raw else self._kinds[entry.type]
             use = partial(self._on_odometry if raw else self._on_message, instruments)
             name = human_topic(entry) if raw else topic
-            events = watch(self._diagnostics, name)
-            self._backlog.subscribe(self._node, kind, name, use, INPUT, raw=raw, events=events)
+            source = self._backlog.subscribe(self._node, kind, name, use, INPUT, raw=raw)
+            self._diagnostics.watch(source, name)
 
     def close(self) -> None:
         """Unsubscribe."""
+        self._diagnostics.unwatch(self.subscriptions)
         self._backlog.close(self._node)
 
     @property

@@ -29,7 +29,6 @@ from intent_recognition.nodes.conversions import (
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, run
-from intent_recognition.nodes.stream_events import watch
 from intent_recognition.promp.activation import Activation
 from intent_recognition.promp.activation_settings import (
     Command,
@@ -64,8 +63,8 @@ class PrimitiveActivation(ManagedNode):
             (JointState, "joint_states", self._on_joint_states, qos.STATE),
             (JointState, "intent/next_task", self._on_next_task, qos.LATCHED),
         ):
-            events = watch(self.diagnostics, topic)
-            self.create_subscription(kind, topic, handle, profile, event_callbacks=events)
+            subscription = self.create_subscription(kind, topic, handle, profile)
+            self.diagnostics.watch(subscription, topic)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._starts: dict[str, np.ndarray] = {}
         keep_live(self, (*ANY_TIME, *AT_REST), self._changed, self._change)
