@@ -20,7 +20,7 @@ from intent_recognition.promp.prior import (
 )
 from intent_recognition.promp.selection import Candidate
 from intent_recognition.promp.statistics import TaskStatistics, pooled_moments
-from intent_recognition.promp.tempo import timing_covariance
+from intent_recognition.promp.tempo import mean_timing, timing_covariance, unseen_timing
 
 DURATION_WORTH = 4.0
 """Demonstrations' worth of the assumption that all tasks' durations spread alike."""
@@ -122,8 +122,12 @@ def recognition(
     pooled = observed_block(pooled_moments(tasks.values()), size)
     own = [observed_block(task.moments, size) for task in tasks.values()]
     means = [task.mean[:n_dofs].ravel() for task in tasks.values()]
-    timing = [timing_covariance(basis, mean, reference.timing.progress) for mean in means]
-    return recognition_covariances(own, pooled, floor[:n_dofs], strength) + timing
+    covariances = recognition_covariances(own, pooled, floor[:n_dofs], strength)
+    progress = reference.timing.progress
+    shared = mean_timing(basis, means, progress)
+    for covariance, mean in zip(covariances, means, strict=True):
+        covariance += unseen_timing(timing_covariance(basis, mean, progress), shared)
+    return covariances
 
 
 def _covariances(tasks: Mapping[str, TaskStatistics], strength: float) -> np.ndarray:

@@ -22,7 +22,7 @@ from intent_recognition.promp.prior import (
     recognition_covariances,
 )
 from intent_recognition.promp.statistics import TaskStatistics, pooled_moments
-from intent_recognition.promp.tempo import timing_covariance
+from intent_recognition.promp.tempo import mean_timing, timing_covariance, unseen_timing
 
 NEAREST = 8
 """Other tasks that a demonstration is compared with, at most."""
@@ -65,6 +65,9 @@ def held_out(
     size, n_dofs = library.n_observed_weights, library.n_observed
     pooled = observed_block(pooled_moments(tasks.values()), size)
     floor, _ = scales(tasks)
+    basis, progress = library.basis, reference.timing.progress
+    means = [task.mean[:n_dofs].ravel() for task in tasks.values()]
+    shared = mean_timing(basis, means, progress)
     every = [(k, task, e) for k, task in enumerate(tasks.values()) for e in task.examples]
     for number, task, example in _evenly(every, most):
         own = None
@@ -77,7 +80,8 @@ def held_out(
                 mine = Scatter(part, mine.freedom - 1)
             (covariance,) = recognition_covariances([mine], rest, floor[:n_dofs], strength)
             mean = (task.mean[:n_dofs] - deviation / (task.n - 1)).ravel()
-            timing = timing_covariance(library.basis, mean, reference.timing.progress)
+            with_it, timing = (timing_covariance(basis, m, progress) for m in (means[number], mean))
+            timing = unseen_timing(timing, shared + (timing - with_it) / len(means))
             own = Gaussian(mean, covariance + timing)
         times_s = sample_phases() * example.duration_s
         yield HeldOut(number, times_s, example.observed, own)

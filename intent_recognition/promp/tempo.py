@@ -6,12 +6,21 @@ mean will be: mu(u + e) = mu(u) + e mu'(u), to first order. A hesitation can hap
 few demonstrations show only a few; their covariance takes one at another place for something that
 no one does who is at this task. So the covariance that tasks are told apart by gets what the lead
 of `progress.py` adds to it, its scale learned from the warps of the demonstrations (`timing.py`).
+
+Half of each lead is added: what the demonstrations showed of it is in their covariance already.
+And half of it is the task's own and half is all tasks' alike, as in that covariance (`prior.py`).
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.prior import OWN_SHARE
 from intent_recognition.promp.progress import Progress
+
+UNSEEN = 0.5
+"""Share of a lead that the demonstrations have not shown (docs/recognition.md)."""
 
 
 def timing_covariance(
@@ -35,3 +44,15 @@ def timing_covariance(
     lasting = np.exp(-apart / progress.correlation)
     n_dofs = len(mean) // basis.n_basis
     return np.outer(deviation, deviation) * np.tile(lasting, (n_dofs, n_dofs))
+
+
+def mean_timing(
+    basis: NormalizedRBFBasis, means: Sequence[np.ndarray], progress: Progress
+) -> np.ndarray:
+    """The mean of `timing_covariance` over tasks of these mean weights, (P N, P N)."""
+    return sum(timing_covariance(basis, mean, progress) for mean in means) / len(means)
+
+
+def unseen_timing(own: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    """What a task's covariance lacks, from its own `timing_covariance` and all tasks' mean."""
+    return UNSEEN**2 * (OWN_SHARE * own + (1.0 - OWN_SHARE) * shared)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.progress import STEADY, Progress
-from intent_recognition.promp.tempo import timing_covariance
+from intent_recognition.promp.tempo import mean_timing, timing_covariance, unseen_timing
 
 BASIS = NormalizedRBFBasis(20)
 PHASE = np.linspace(0.05, 0.95, 19)
@@ -60,3 +60,14 @@ def test_leads_far_apart_have_little_to_do_with_each_other():
     correlation = np.abs(found / np.outer(spread, spread))
     assert correlation[3, 11] == pytest.approx(np.exp(-8.0 / 19.0 / 0.4))
     assert correlation[3, 23] == pytest.approx(1.0)
+
+
+def test_half_of_each_lead_is_added_half_the_tasks_own_and_half_of_all():
+    rng = np.random.default_rng(3)
+    means = [smooth_weights(rng) for _ in range(3)]
+    full, half = (Progress(np.full(2, lead_std), 0.4, 1.0) for lead_std in (0.02, 0.01))
+    shared = mean_timing(BASIS, means, full)
+    found = [unseen_timing(timing_covariance(BASIS, mean, full), shared) for mean in means]
+    own = [timing_covariance(BASIS, mean, half) for mean in means]
+    expected = [0.5 * one + 0.5 * (own[0] + own[1] + own[2]) / 3.0 for one in own]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
