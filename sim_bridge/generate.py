@@ -24,6 +24,7 @@ SCENARIOS = MappingProxyType(
         "pointing": "sim_bridge.pointing.recordings",
         "assembly": "sim_bridge.assembly.recordings",
         "pole": "sim_bridge.pole.recordings",
+        "pouring": "sim_bridge.pouring.recordings",
     }
 )
 """Per scenario the module that offers `orders(seed)` and `make(order, output)`."""

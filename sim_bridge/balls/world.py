@@ -5,8 +5,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import pybullet
-from pybullet_utils.bullet_client import BulletClient
 
 from sim_bridge.balls.collision import wall_pieces, write_obj
 from sim_bridge.balls.hollow import Hollow
@@ -31,6 +29,10 @@ class BallWorld:
     """
 
     def __init__(self, hollow: Hollow, ball_radius_m: float) -> None:
+        # Physics, loaded when it is needed: who only reads trials does without.
+        import pybullet
+        from pybullet_utils.bullet_client import BulletClient
+
         self.hollow = hollow
         self.ball_radius_m = ball_radius_m
         self._folder = TemporaryDirectory(prefix="balls_")
@@ -56,10 +58,10 @@ class BallWorld:
         client.setPhysicsEngineParameter(
             contactBreakingThreshold=CONTACT_BREAKING_M, numSolverIterations=SOLVER_ITERATIONS
         )
-        shape = client.createCollisionShape(pybullet.GEOM_MESH, fileName=str(self._walls))
+        shape = client.createCollisionShape(client.GEOM_MESH, fileName=str(self._walls))
         walls = client.createMultiBody(0.0, shape)
         client.changeDynamics(walls, -1, lateralFriction=FRICTION, restitution=0.0)
-        self._sphere = client.createCollisionShape(pybullet.GEOM_SPHERE, radius=self.ball_radius_m)
+        self._sphere = client.createCollisionShape(client.GEOM_SPHERE, radius=self.ball_radius_m)
         self._balls = []
         self.set_gravity(np.array([0.0, 0.0, -1.0]))
         self.add(positions_m, velocities_m_s)

@@ -10,8 +10,8 @@ from scipy.interpolate import CubicSpline
 from intent_recognition.kinematics.forward import frame_poses
 from sim_bridge.arm import LwrArm
 from sim_bridge.containers import Container
-from sim_bridge.pouring.table import OPENING_M, PouringTable
-from sim_bridge.pouring.task_space import Grasp, PourPath, joint_path, seen_path
+from sim_bridge.pouring.table import PouringTable
+from sim_bridge.pouring.task_space import OPENING_M, Grasp, PourPath, joint_path, seen_path
 from sim_bridge.virtual_hand import Grip, HandTarget, pull
 
 SEED_POSTURE = np.array([0.76, -1.24, 2.02, -1.72, 0.11, -0.92, 0.96])

@@ -8,6 +8,7 @@ holds the cup, which stand in the metadata.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +18,7 @@ from intent_recognition.warping.constraints import References
 from sim_bridge.balls.fluid import ball_radius_m
 from sim_bridge.containers import Container, make_container
 from sim_bridge.pouring.person import draw_habit, plan_pour
-from sim_bridge.pouring.pour import Poured, pour
-from sim_bridge.pouring.table import OPENING_M
-from sim_bridge.pouring.task_space import Grasp, PourPath, seen_path
+from sim_bridge.pouring.task_space import OPENING_M, Grasp, PourPath, seen_path
 from sim_bridge.recording import (
     ANGLE_STEP_RAD,
     EPOCH_NS,
@@ -33,7 +32,9 @@ from sim_bridge.recording import (
     metadata_vector,
     to_counts,
 )
-from sim_bridge.teaching import SENSOR_NOISE
+
+if TYPE_CHECKING:
+    from sim_bridge.pouring.pour import Poured
 
 TASK = "pouring"
 CUP, SECOND = "mug", "round_bowl"
@@ -90,8 +91,10 @@ def half_full_radius_m(cup: Container) -> float:
     return ball_radius_m(0.5 * cup.inner_volume_m3, N_BALLS)
 
 
-def record(order: Order) -> Poured:
+def record(order: Order) -> "Poured":
     """Simulate one demonstration: a person leads the arm, and forty balls are poured."""
+    from sim_bridge.pouring.pour import pour  # physics, loaded when it is needed
+
     rng = order.rng()
     cup, second = (make_container(name, CONTAINER_SEED) for name in (CUP, SECOND))
     path = plan_pour(draw_habit(rng), true_references(cup), true_references(second))
@@ -106,7 +109,7 @@ def record(order: Order) -> Poured:
     )
 
 
-def metadata(order: Order, poured: Poured) -> dict[str, str]:
+def metadata(order: Order, poured: "Poured") -> dict[str, str]:
     """What metadata.yaml says under custom_data."""
     cup = make_container(CUP, CONTAINER_SEED)
     return {
@@ -141,8 +144,10 @@ def pour_of(
     return seen_path(times_s, cup_poses, grasp.lip_m, vector("opening_m"))
 
 
-def messages(order: Order, poured: Poured) -> Iterator[tuple[str, str, int, dict]]:
+def messages(order: Order, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
     """Yield (topic, type, stamp in ns, fields), in order of time, as noisy sensors measure."""
+    from sim_bridge.teaching import SENSOR_NOISE  # physics, loaded when it is needed
+
     noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
     draw = noise.standard_normal((3, *poured.joints_rad.shape))
     measured = (

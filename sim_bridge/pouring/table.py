@@ -15,13 +15,10 @@ from sim_bridge.balls.hollow import Hollow
 from sim_bridge.balls.tilting import WallGuard
 from sim_bridge.balls.world import CONTACT_BREAKING_M, DENSITY_KG_M3, BallWorld
 from sim_bridge.containers import Container
-from sim_bridge.pouring.task_space import Grasp
+from sim_bridge.pouring.task_space import OPENING_M, Grasp
 
 SOLVER_ITERATIONS = 15
 CUP_MASS_KG = 0.25
-OPENING_M = np.array([0.70, 0.15, 0.26])
-"""Where the centre of the second container's opening is, world."""
-
 BALL_DAMPING = 0.05
 
 

@@ -22,6 +22,9 @@ _POUR_AXES = np.column_stack([POUR_DIRECTION, [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
 _HAND_IN_CUP = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 """The hand's axes as columns in the held cup's axes: its third points at the cup from the side."""
 
+OPENING_M = np.array([0.70, 0.15, 0.26])
+"""Where the centre of the second container's opening is, world."""
+
 FINGERS_M = 0.11
 """From the hand's frame to the axis of the held container."""
 

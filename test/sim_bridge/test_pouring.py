@@ -11,8 +11,7 @@ from intent_recognition.kinematics.forward import forward_kinematics
 from sim_bridge.containers import make_container
 from sim_bridge.coworker.reach import minimum_jerk
 from sim_bridge.pouring.pour import plan_joints, pour
-from sim_bridge.pouring.table import OPENING_M
-from sim_bridge.pouring.task_space import Grasp, PourPath, seen_path
+from sim_bridge.pouring.task_space import OPENING_M, Grasp, PourPath, seen_path
 
 LIP = np.array([0.04, 0.0, 0.09])
 
