@@ -38,8 +38,6 @@ CLOCK_RESET_AFTER = 50
 """So many late observations of a signal on end, in order among themselves: its clock went back."""
 OVERTIME_S = 0.5
 """How long after its expected end a movement that goes on is still taken for the same one."""
-DOUBT = 1e-9
-"""Least probability of all tasks together while something moves."""
 N_COURSE = 50
 """Points of the course that is predicted where `none` objects to a task that was believed."""
 MAX_OBSERVATIONS = 2**14
@@ -106,19 +104,6 @@ class _Movement(MovementRun):
 
     def posterior(self, stamp_ns: int) -> TaskPosterior:
         return task_posterior(self, self.hypotheses, (stamp_ns - self.onset_ns) * 1e-9)
-
-
-def not_idle(probabilities: np.ndarray, log_known: np.ndarray) -> np.ndarray:
-    """Probabilities of tasks and none with a trace of doubt about none: it is certain at rest only.
-
-    Args:
-        probabilities: (K + 1,), summing to one.
-        log_known: how the tasks compare among themselves, (K,); some finite.
-    """
-    if probabilities[-1] < 1.0 - DOUBT:
-        return probabilities
-    share = np.exp(log_known - np.max(log_known))
-    return np.r_[DOUBT * share / share.sum(), 1.0 - DOUBT]
 
 
 class IntentEstimator:
@@ -204,12 +189,11 @@ class IntentEstimator:
             return self._idle(observation.stamp_ns)
         phase = self._posterior.phase.copy()
         phase[-1] = 0.0
-        prior = self._hypotheses.log_task_prior[:-1]
         return Estimate(
             observation.stamp_ns,
             True,
             self._movement.onset_ns,
-            not_idle(self._posterior.probabilities, prior + self._posterior.log_evidence[:-1]),
+            self._posterior.probabilities,
             phase,
             self._posterior.log_evidence,
             self._posterior,
