@@ -81,6 +81,8 @@ class Graph:
         self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self.active = harness.collect(String, "intent/active_task", qos.LATCHED)
         harness.connect(self.clock, self.tasks, self.prediction, self.joints)
+        if parameters.get("autostart", True):
+            harness.spin_until(lambda: self.active, what="the latched task")
         self.now_ns, self.k = START_NS, 0
         self.task, self.onset_ns, self.shift = "idle", 0, 0.0
         self.speaks = True
