@@ -25,6 +25,7 @@ SCENARIOS = MappingProxyType(
         "assembly": "sim_bridge.assembly.recordings",
         "pole": "sim_bridge.pole.recordings",
         "pouring": "sim_bridge.pouring.recordings",
+        "pours": "sim_bridge.pouring.executed",
     }
 )
 """Per scenario the module that offers `orders(seed)` and `make(order, output)`."""

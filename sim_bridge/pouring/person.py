@@ -24,12 +24,12 @@ BACK = (0.82, 1.0)
 """Shares of the duration in which the lip comes, the cup is tilted, pours and goes back."""
 
 START = np.array([-3.0, 0.0, 0.75, 0.0])
-POUR_AT = np.array([-0.45, 0.0, 0.28, 0.85])
+POUR_AT = np.array([-0.75, 0.0, 0.28, 0.85])
 """In the warped space: along, across, up, tilt; at the start, and where pouring begins."""
 
 START_STD = np.array([0.15, 0.15, 0.06, 0.0])
-POUR_AT_STD = np.array([0.08, 0.07, 0.04, 0.05])
-FULL_TILT_RAD, FULL_TILT_STD_RAD = np.deg2rad(122.0), np.deg2rad(4.0)
+POUR_AT_STD = np.array([0.06, 0.07, 0.04, 0.05])
+FULL_TILT_RAD, FULL_TILT_STD_RAD = np.deg2rad(135.0), np.deg2rad(4.0)
 DURATION_S, DURATION_STD_S = 8.0, 0.6
 
 

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -69,8 +70,25 @@ class Poured:
         return self.n_balls - self.caught - self.kept
 
 
-def plan_joints(path: PourPath, grasp: Grasp) -> CubicSpline:
+class Belief(NamedTuple):
+    """What is known of the containers' shapes, each in its own frame [m].
+
+    Attributes:
+        lip_m: of the cup (3,).
+        opening_m: centre of the second one's opening (3,).
+    """
+
+    lip_m: np.ndarray
+    opening_m: np.ndarray
+
+
+def plan_joints(path: PourPath, grasp: Grasp, opening_m: np.ndarray = OPENING_M) -> CubicSpline:
     """Joint angles as a function of time for a path of the lip.
+
+    Args:
+        path: of the lip, relative to the opening.
+        grasp: how the cup is held, and where its lip is taken to be.
+        opening_m: where the second opening's centre is taken to be (3,), world.
 
     Raises:
         KinematicsError: a pose is out of reach.
@@ -93,6 +111,7 @@ def pour(
     n_balls: int,
     rng: np.random.Generator,
     led: bool = False,
+    belief: Belief | None = None,
 ) -> Poured:
     """Let the arm pour in a fresh physics world.
 
@@ -104,12 +123,14 @@ def pour(
         n_balls: in the cup.
         rng: of how the balls lie.
         led: kinesthetic teaching: the arm is in gravity compensation and a person's hand leads it.
+        belief: where the robot takes lip and opening to be; the truth where left out.
 
     Raises:
         KinematicsError: the path is out of reach.
     """
-    grasp = Grasp(cup.lip_point, cup.height_m)
-    joints = plan_joints(path, grasp)
+    belief = belief or Belief(cup.lip_point, second.opening_centre)
+    opening = OPENING_M + belief.opening_m - second.opening_centre
+    joints = plan_joints(path, Grasp(belief.lip_m, cup.height_m), opening)
     with LwrArm(joints(0.0)) as arm:
         table = PouringTable(arm, cup, second, ball_radius_m, n_balls, rng)
         drive = _Led(joints) if led else _Follow(joints)

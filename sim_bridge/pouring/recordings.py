@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from intent_recognition.kinematics.forward import forward_kinematics
-from intent_recognition.storage.bag_writer import BagWriter
 from intent_recognition.warping.constraints import References
 from sim_bridge.balls.fluid import ball_radius_m
 from sim_bridge.containers import Container, make_container
@@ -31,13 +30,14 @@ from sim_bridge.recording import (
     joint_fields,
     metadata_vector,
     to_counts,
+    write_recording,
 )
 
 if TYPE_CHECKING:
     from sim_bridge.pouring.pour import Poured
 
 TASK = "pouring"
-CUP, SECOND = "mug", "round_bowl"
+CUP, SECOND = "tall_mug", "shallow_bowl"
 CONTAINER_SEED = 1
 N_DEMONSTRATIONS = 10
 N_BALLS = 40
@@ -111,15 +111,22 @@ def record(order: Order) -> "Poured":
 
 def metadata(order: Order, poured: "Poured") -> dict[str, str]:
     """What metadata.yaml says under custom_data."""
-    cup = make_container(CUP, CONTAINER_SEED)
     return {
         "task": TASK,
         "set": "train",
         **PROVENANCE,
         "seed": str(order.seed),
         "index": str(order.index),
-        "cup": CUP,
-        "second": SECOND,
+        **labels_of(make_container(CUP, CONTAINER_SEED), CUP, SECOND, poured),
+        "strongest_pull_n": f"{poured.strongest_pull_n:.3f}",
+    }
+
+
+def labels_of(cup: Container, name: str, second: str, poured: "Poured") -> dict[str, str]:
+    """Labels of any recorded pour: containers, grasp and what became of the balls."""
+    return {
+        "cup": name,
+        "second": second,
         "container_seed": str(CONTAINER_SEED),
         "opening_m": metadata_vector(OPENING_M),
         "lip_m": metadata_vector(cup.lip_point),
@@ -127,7 +134,6 @@ def metadata(order: Order, poured: "Poured") -> dict[str, str]:
         "balls": str(poured.n_balls),
         "spilled": str(poured.spilled),
         "kept": str(poured.kept),
-        "strongest_pull_n": f"{poured.strongest_pull_n:.3f}",
     }
 
 
@@ -145,10 +151,17 @@ def pour_of(
 
 
 def messages(order: Order, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
+    """What the arm's noisy sensors said."""
+    noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
+    return joint_messages(order.start_ns, poured, noise)
+
+
+def joint_messages(
+    start_ns: int, poured: "Poured", noise: np.random.Generator
+) -> Iterator[tuple[str, str, int, dict]]:
     """Yield (topic, type, stamp in ns, fields), in order of time, as noisy sensors measure."""
     from sim_bridge.teaching import SENSOR_NOISE  # physics, loaded when it is needed
 
-    noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
     draw = noise.standard_normal((3, *poured.joints_rad.shape))
     measured = (
         (poured.joints_rad, SENSOR_NOISE.position_std_rad, ANGLE_STEP_RAD),
@@ -160,7 +173,7 @@ def messages(order: Order, poured: "Poured") -> Iterator[tuple[str, str, int, di
         for (values, std, step), part in zip(measured, draw, strict=True)
     ]
     for k in range(len(poured.times_s)):
-        stamp = order.start_ns + k * SAMPLE_NS
+        stamp = start_ns + k * SAMPLE_NS
         yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, *(c[k] for c in columns))
 
 
@@ -172,7 +185,4 @@ def make(order: Order, output: Path) -> Path:
     """
     poured = record(order)
     folder = output / order.folder
-    with BagWriter(folder, metadata(order, poured), flush_period_s=None) as bag:
-        for topic, kind, stamp, fields in messages(order, poured):
-            bag.write_message(topic, kind, fields, stamp)
-    return folder
+    return write_recording(folder, metadata(order, poured), messages(order, poured))
