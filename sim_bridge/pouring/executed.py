@@ -58,6 +58,9 @@ PAIRS = (
 bowl, from the tallest, the smallest and a wide one."""
 
 DRAWS = 20
+EVERY = 2
+"""Samples of 10 ms per recorded one, to keep the bags small."""
+
 _STREAM = 62
 
 
@@ -220,7 +223,7 @@ def metadata(order: Order, plan_: Planned, poured: "Poured") -> dict[str, str]:
 def messages(order: Order, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
     """What the arm's sensors said."""
     noise = order.rng(2 + MANNERS.index(order.manner))
-    return joint_messages(order.start_ns, poured, noise)
+    return joint_messages(order.start_ns, poured, noise, every=EVERY)
 
 
 def make(order: Order, output: Path) -> Path:

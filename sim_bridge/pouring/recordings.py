@@ -157,9 +157,16 @@ def messages(order: Order, poured: "Poured") -> Iterator[tuple[str, str, int, di
 
 
 def joint_messages(
-    start_ns: int, poured: "Poured", noise: np.random.Generator
+    start_ns: int, poured: "Poured", noise: np.random.Generator, *, every: int = 1
 ) -> Iterator[tuple[str, str, int, dict]]:
-    """Yield (topic, type, stamp in ns, fields), in order of time, as noisy sensors measure."""
+    """Yield (topic, type, stamp in ns, fields), in order of time, as noisy sensors measure.
+
+    Args:
+        start_ns: stamp of the first sample.
+        poured: what the arm did.
+        noise: of the sensors.
+        every: keep one sample of so many.
+    """
     from sim_bridge.teaching import SENSOR_NOISE  # physics, loaded when it is needed
 
     draw = noise.standard_normal((3, *poured.joints_rad.shape))
@@ -172,7 +179,7 @@ def joint_messages(
         to_counts(values + std * part, step)
         for (values, std, step), part in zip(measured, draw, strict=True)
     ]
-    for k in range(len(poured.times_s)):
+    for k in range(0, len(poured.times_s), every):
         stamp = start_ns + k * SAMPLE_NS
         yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, *(c[k] for c in columns))
 
