@@ -44,6 +44,8 @@ EXPERIMENTS = (
         "Sec. V (future work)",
         "the arm reproduces mean and variance of a primitive",
     ),
+    _entry("constraints", WP, "Fig. 3", "when a cup pours and where it spills, told of others"),
+    _entry("pouring", WP, "Fig. 4-5", "the arm pours with containers never demonstrated"),
 )
 """All of them."""
 
