@@ -23,6 +23,7 @@ from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.online import IntentEstimator
 from intent_recognition.promp.prediction import controlled_weights
 from intent_recognition.promp.training import learn
+from intent_recognition.report.drawing import task_colours
 from intent_recognition.share import share_path
 from intent_recognition.storage import BagReader, load_dofs, read_demonstrations
 from intent_recognition.storage.stream import iter_observations
@@ -34,7 +35,6 @@ LEFT = 170  # columns of the picture left away
 N_POINTS, N_SAMPLES = 25, 600
 SUPERSAMPLING = 2
 HUMAN, ROBOT, TRUTH = "#c2410c", "#1d4ed8", "#292524"
-COLOURS = {"plate_handover": "#1d4ed8", "screw_handover": "#d97706", "hold_screwdriver": "#15803d"}
 EYE, TARGET = (1.0, -1.75, 1.0), (0.47, 0.02, 0.35)
 FOV_DEG = 34.0
 
@@ -71,7 +71,9 @@ def watch(library: TaskLibrary, bag: Path) -> Moment:
             continue
         estimates.append(estimate)
         end_std = estimator.predicted_end_std()
-        state, active = decide(settings, state, labels, estimate.probabilities, end_std)
+        state, active = decide(
+            settings, state, labels, estimate.probabilities, end_std, estimate.log_evidence
+        )
         if active and decided is None:
             decided = (active, len(observations), estimate)
     task, count, estimate = decided
@@ -222,8 +224,9 @@ def label(axes, at, offset, text: str, colour: str) -> None:
 def draw_probabilities(axes, moment: Moment, labels: tuple[str, ...]) -> None:
     """Probability of every task over the movement; after the decision fainter."""
     before = moment.times_s <= moment.decided_s
+    colours = task_colours(labels)
     for column, label in enumerate(labels):
-        colour = COLOURS.get(label, "#78716c")
+        colour = colours[label]
         values = 100 * moment.probabilities[:, column]
         axes.plot(moment.times_s, values, color=colour, lw=1.8, alpha=0.3)
         axes.plot(moment.times_s[before], values[before], color=colour, lw=2.6, label=label)
