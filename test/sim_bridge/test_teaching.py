@@ -13,7 +13,6 @@ from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from sim_bridge.arm import LwrArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
-from sim_bridge.generate import Order, demonstrate
 from sim_bridge.gripper import Gripper, make_gripper
 from sim_bridge.objects import Holder, ToolboxObjects
 from sim_bridge.scene import (
@@ -29,6 +28,7 @@ from sim_bridge.scene import (
     stand_pose,
 )
 from sim_bridge.teaching_path import plan_teaching
+from sim_bridge.toolbox_recordings import Order, demonstrate
 
 demonstrate_once = cache(demonstrate)
 SHOWN = [(task, k) for task in TASKS for k in range(3)]
