@@ -97,7 +97,7 @@ def plan_joints(path: PourPath, grasp: Grasp, opening_m: np.ndarray = OPENING_M)
     knots = np.linspace(0.0, path.times_s[-1], count)
     offset = CubicSpline(path.times_s, path.offset_m)(knots)
     tilt = CubicSpline(path.times_s, path.tilt_rad)(knots)
-    poses = grasp.hand_poses(PourPath(knots, offset, tilt), OPENING_M)
+    poses = grasp.hand_poses(PourPath(knots, offset, tilt), opening_m)
     joints = joint_path(poses, SEED_POSTURE)
     return CubicSpline(knots, joints, bc_type="clamped")
 

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pouring experiment on the shipped recordings, one pour repeated in physics."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import BagError
+from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.pouring import PAIRS, pair_name, read_recorded, run
+
+
+@pytest.fixture(scope="module")
+def outcome():
+    return run(Settings(quick=True))
+
+
+def test_warped_pours_spill_little_and_others_more(outcome):
+    numbers = outcome.numbers
+    mean, unwarped = (np.array(numbers[f"spilled_{m}"]) for m in ("mean", "unwarped"))
+    assert len(mean) == len(unwarped) == len(PAIRS)
+    assert mean.mean() <= 2.0
+    assert unwarped.sum() > mean.sum() + 10
+    assert numbers["through_wall"] == 0
+    assert numbers["carried_tilt_ratio"] < 1.0
+
+
+def test_a_pour_was_repeated(outcome):
+    assert outcome.numbers["repeated"] == 1
+    assert pair_name(1) in outcome.blocks[-1].text
+
+
+def test_figures_and_findings(outcome):
+    assert all(block.data.startswith(b"<?xml") for block in outcome.blocks[:2])
+    assert all(finding.ours for finding in outcome.findings)
+
+
+def test_no_recordings(tmp_path):
+    with pytest.raises(BagError, match="recorded pours"):
+        read_recorded(tmp_path)
