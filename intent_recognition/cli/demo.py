@@ -18,7 +18,7 @@ from intent_recognition.errors import IntentError, describe
 from intent_recognition.promp.training import TrainingSettings
 from intent_recognition.storage.model import load_model, save_model
 
-SCENARIOS = ("toolbox",)
+SCENARIOS = ("toolbox", "pouring")
 DEFAULT_INTERACTIONS = 40
 DEFAULT_RATE, DASHBOARD_RATE = 1.5, 1.0
 DEFAULT_PORT = 8080
@@ -38,13 +38,18 @@ def add_parser(subparsers) -> None:
                 "keep the session and its numbers",
                 "intent demo --headless --record out/session --json out/numbers.json",
             ),
+            ("the arm pours with other cups and bowls", "intent demo --scenario pouring"),
         ),
     )
     session = parser.add_argument_group("what happens")
     shown = parser.add_argument_group("what is shown")
     written = parser.add_argument_group("what is written")
     session.add_argument(
-        "--scenario", choices=SCENARIOS, default="toolbox", help="what to do (default: toolbox)"
+        "--scenario",
+        choices=SCENARIOS,
+        default="toolbox",
+        help="what to do (default: toolbox); pouring: the arm pours with containers it was not"
+        " taught with, --interactions times (default: 2), without ROS 2",
     )
     session.add_argument(
         "--task-list",
@@ -98,6 +103,10 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the demo; 1 if a node died or more than one interaction in forty was missed."""
     console = make_console()
+    if args.scenario == "pouring":
+        from intent_recognition.cli.demo_pouring import run_pouring
+
+        return run_pouring(args, console)
     try:
         import rclpy  # noqa: F401
     except ImportError as error:

@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pouring demo: one pour, a table and a line."""
+
+import json
+
+from intent_recognition.cli.main import main
+
+
+def test_one_pour_is_told(tmp_path, capfd):
+    numbers = tmp_path / "numbers.json"
+    asked = ["demo", "--scenario", "pouring", "--interactions", "1", "--json", str(numbers)]
+    assert main(asked) == 0
+    told = capfd.readouterr().out
+    assert "espresso cup into big bowl" in told
+    assert "balls spilled" in told.splitlines()[-1]
+    (one,) = json.loads(numbers.read_text(encoding="utf-8"))
+    assert one["caught"] + one["kept"] + one["spilled"] == one["balls"] == 40
+    assert one["second_references"]["opening_radius_m"] > 0.09
