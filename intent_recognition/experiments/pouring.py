@@ -106,6 +106,10 @@ _CONDITIONS = (
     "Forty balls without friction fill half of each cup; they are smaller for a smaller cup.",
     "Where the second container stands and how the cup is held is known; size, lip and opening"
     " come from scans of three views.",
+    "The pair to demonstrate was chosen after a first one (mug, round bowl, poured farther in)"
+    " promised no spill without warping; two pairs were added after the first seven were poured.",
+    "Cup and second container do not touch each other in the physics; along three of the nine"
+    " warped means they would, by up to 2 mm.",
     "The pours were recorded by `python -m sim_bridge.generate --scenario pours`; the experiment"
     " repeats some of them in physics.",
 )
