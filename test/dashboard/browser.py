@@ -78,10 +78,16 @@ class Visitor:
                 raise TimeoutError(f"not within {DEADLINE_S} s: {what}; page: {self.text()}")
             self.page.wait_for_timeout(100)
 
-    def catch(self, text: str) -> None:
-        """Wait for a text that may be there for a moment only; the page itself looks out."""
+    def catches(self, text: str, within_s: float) -> bool:
+        """Whether a text appears, if only for a moment; the page itself looks out for it."""
+        from playwright.sync_api import TimeoutError as TooLate
+
         look = "text => document.body.innerText.replace(/\\s+/g, ' ').includes(text)"
-        self.page.wait_for_function(look, arg=text, polling=50)
+        try:
+            self.page.wait_for_function(look, arg=text, polling=50, timeout=1000 * within_s)
+        except TooLate:
+            return False
+        return True
 
     def tab(self, name: str) -> None:
         self.page.get_by_role("tab", name=name).click()
