@@ -14,16 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from intent_recognition.promp.decision import EVEN, DecisionSettings
 from intent_recognition.promp.prediction import Trajectory
 from intent_recognition.promp.recognition import TaskPosterior
 
-BELIEVED = 0.9
-N_BELIEVED = 5
-"""A task is believed at this probability for so many observations on end; the nodes act on it."""
+BELIEVED, N_BELIEVED = DecisionSettings().threshold, DecisionSettings().n_observations
+"""A task is believed at this probability for so many observations on end, as it is acted on."""
 NEAR = 3.0
 """Standard deviations of the predicted position that are near the course."""
-EVEN = 1e-6
-"""Log evidence that counts as none at all."""
 
 
 class Belief(NamedTuple):
