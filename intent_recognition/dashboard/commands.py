@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
 from rclpy.client import Client
 from rclpy.node import Node
@@ -28,11 +28,15 @@ class Commands:
     Args:
         node: owner of the clients.
         tell: called with (whether it went well, what happened) when an answer has come.
+
+    Attributes:
+        helping: whether the activation is active, as it last said; see `ask_for_help`.
     """
 
     def __init__(self, node: Node, tell: Tell):
         self._node, self._tell = node, tell
         self._clients: dict[str, Client] = {}
+        self.helping = True
 
     def offers(self, service: str, kind: type = Trigger) -> bool:
         """Whether somebody offers a service, such as `task_teacher/start`."""
@@ -61,6 +65,12 @@ class Commands:
         request = ChangeState.Request(transition=Transition(id=wanted))
         self._call(f"{ACTIVATION}/change_state", ChangeState, request, done)
 
+    def ask_for_help(self) -> None:
+        """Ask the activation whether it is active, whoever switched it; `helping` follows."""
+        client = self._client(f"{ACTIVATION}/get_state", GetState)
+        if client.service_is_ready():
+            client.call_async(GetState.Request()).add_done_callback(self._told_state)
+
     def set_parameter(self, node: str, name: str, value: object, done: Tell | None = None) -> None:
         """Set a parameter of another node."""
         request = SetParameters.Request(
@@ -80,6 +90,9 @@ class Commands:
             tell(False, f"nobody offers {service}")
             return
         client.call_async(request).add_done_callback(partial(self._answered, service, tell))
+
+    def _told_state(self, future: Future) -> None:
+        self.helping = future.result().current_state.label == "active"
 
     def _answered(self, service: str, tell: Tell, future: Future) -> None:
         answer = future.result()

@@ -73,6 +73,7 @@ class Page:
         self._panel_at_s = self._slow_at_s = -1.0
         self._colours: dict[str, str] = {}
         self._labels: frozenset[str] = frozenset()
+        self._taught = ""
         self._server = _serve(host, port)
         self._scene = Scene(self._server)
         gui = self._server.gui
@@ -147,7 +148,9 @@ class Page:
 
     def _update_slowly(self, now_s: float, problem: str) -> None:
         self._watch.update_controls()
-        self._compare.refresh()
+        if self._state.teaching != self._taught:  # only then may there be new models
+            self._taught = self._state.teaching
+            self._compare.refresh()
         set_content(self._nodes, markup.nodes_table(self._state.nodes, now_s))
         if now_s < self._told_until_s:
             return

@@ -62,11 +62,6 @@ class Puppet:
         return self._timer is not None
 
     @property
-    def showing(self) -> bool:
-        """Whether a demonstration is being shown."""
-        return self._show is not None
-
-    @property
     def position(self) -> np.ndarray:
         """Where the wrist is (3,) [m]."""
         return self._position.copy()

@@ -38,7 +38,7 @@ class Scene:
     def __init__(self, server: viser.ViserServer):
         self._server = server
         self._robot: RobotView | None = None
-        self._description = ""
+        self._description = self._problem = ""
         self._hand_path_at_s = -np.inf
         self._prepare()
 
@@ -88,7 +88,7 @@ class Scene:
                 self._problem = f"robot_description cannot be drawn: {e}"
         if self._robot is not None and state.joints:
             self._robot.update(state.joints)
-        return getattr(self, "_problem", "")
+        return self._problem
 
     def _update_wrist(self, state: CellState, now_s: float) -> None:
         if state.wrist is None:

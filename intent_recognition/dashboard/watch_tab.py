@@ -52,10 +52,6 @@ class WatchTab:
         self._helps.on_update(lambda e: e.client and do(self._set_help))
         self._guide.on_update(lambda e: e.client and do(self._set_guide))
 
-    def show_help(self, helps: bool) -> None:
-        """Show whether the activation is active."""
-        self._helps.value = helps
-
     def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         """Show the newest."""
         heard = state.posterior is not None
@@ -68,8 +64,10 @@ class WatchTab:
             self._draw(state, colours, now_s)
 
     def update_controls(self) -> None:
-        """Disable what nobody offers."""
+        """Disable what nobody offers, and show whether the robot helps."""
         offers = self._commands.offers
+        self._helps.value = self._commands.helping
+        self._commands.ask_for_help()
         self._reset.disabled = not offers(f"{ESTIMATOR}/reset")
         self._helps.disabled = not self._commands.can_switch_help()
         self._guide.disabled = not self._commands.can_guide()
