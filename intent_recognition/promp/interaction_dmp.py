@@ -87,11 +87,6 @@ class DmpModel:
         alpha, stiffness = self.spring.alpha, self.spring.stiffness
         return motion.acceleration + alpha * motion.velocity + stiffness * motion.position
 
-    def drive_operator(self, smoother: Smoother, n_samples: int, step: float) -> np.ndarray:
-        """Matrix from T sampled positions to their drive, (T, T)."""
-        operators = derivative_operators(smoother, n_samples, step)
-        return self.drive(Motion(*operators))
-
     def observation_matrix(self, phase: np.ndarray) -> np.ndarray:
         """Rows that take one DOF's parameters to its drive at phases (T,), (T, N + 3)."""
         rows = np.zeros((len(phase), self.n_parameters))

@@ -11,7 +11,11 @@ from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.experiments.sketch_models import predictor, prior
 from intent_recognition.gaussian.normal import condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.differentiation import Butterworth, SavitzkyGolay
+from intent_recognition.promp.differentiation import (
+    Butterworth,
+    SavitzkyGolay,
+    derivative_operators,
+)
 from intent_recognition.promp.interaction_dmp import (
     DmpModel,
     Motion,
@@ -95,7 +99,8 @@ def test_what_is_observed_is_forcing_and_goal(rng):
 def test_drive_operator_is_differentiation_and_sum(rng):
     values = rng.normal(size=(101, 1))
     smoother = SavitzkyGolay(0.2)
-    found = MODEL.drive_operator(smoother, 101, 0.01) @ values
+    operators = derivative_operators(smoother, 101, 0.01)
+    found = MODEL.drive(Motion(*operators)) @ values
     np.testing.assert_allclose(
         found, MODEL.drive(differentiated(smoother, values, 0.01)), rtol=1e-9
     )
