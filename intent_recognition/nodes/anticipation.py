@@ -11,7 +11,8 @@ from sensor_msgs.msg import JointState
 
 from intent_recognition.errors import MessageError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import stamp_ns, to_joint_state
+from intent_recognition.nodes.conversions import message_class, stamp_ns, to_joint_state
+from intent_recognition.nodes.observation_input import human_topic
 from intent_recognition.nodes.runtime import Diagnostics
 from intent_recognition.promp.observations import Observation
 from intent_recognition.promp.online import IntentEstimator, Prediction
@@ -45,14 +46,12 @@ class PostureInput:
         self._noted: tuple | None = None
         self._heard = False
 
-    def open(self, estimator: IntentEstimator, entries, message_class, human_topic) -> None:
+    def open(self, estimator: IntentEstimator, entries) -> None:
         """Subscribe to the controlled signals.
 
         Args:
             estimator: takes them.
             entries: of the DOF file, in order.
-            message_class: gives the class of a type's name.
-            human_topic: gives the topic on which a raw pose is republished.
         """
         self._estimator = estimator
         for group, entry in enumerate(entries):

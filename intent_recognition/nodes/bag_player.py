@@ -21,9 +21,9 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from intent_recognition.errors import BagError, describe
+from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
-from intent_recognition.nodes.topic_recorder import message_type
 from intent_recognition.storage.bag_metadata import TopicInfo
 from intent_recognition.storage.bag_reader import BagReader, RawMessage
 from intent_recognition.storage.qos_profiles import policy
@@ -149,7 +149,7 @@ class BagPlayer(Node):
         if info.message_count == 0 or not self._is_wanted(info.name):
             return
         try:
-            kind = message_type(info.type)
+            kind = message_class(info.type)
         except BagError as error:
             self._diagnostics.reject("unknown_type", f"{info.name} is not played: {error}")
             return

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages to arrays and back, with exact types: ROS does not check them by default."""
 
+import importlib
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -12,6 +13,22 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from intent_recognition.errors import MessageError, ShapeError, describe
 
 NANOSECONDS = 1_000_000_000
+
+
+def message_class(type_name: str) -> type:
+    """The class of "package/msg/Name", of any installed package.
+
+    Raises:
+        MessageError: the package is not installed or has no such message.
+    """
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        cure = "Correct the name, install its package, or source its workspace."
+        raise MessageError(
+            describe("type", "an installed message type", type_name, cure)
+        ) from error
 
 
 def stamp_ns(message: object) -> int:

@@ -23,7 +23,7 @@ from intent_recognition.nodes.markers import (
     position_of,
     to_path,
 )
-from intent_recognition.nodes.observation_input import ObservationInput, human_topic, message_class
+from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.runtime import Diagnostics, elapsed_s, parameter, run
 from intent_recognition.nodes.wire import NamedVectorWire, TrajectoryWire
 from intent_recognition.promp.library import NONE
@@ -143,7 +143,7 @@ class IntentEstimatorNode(ManagedNode):
         self._inputs.open()
         if self._start_posture:
             controlled = self._model.dofs.controlled
-            self._postures.open(self._estimator, controlled, message_class, human_topic)
+            self._postures.open(self._estimator, controlled)
         self._next_task.update(self._estimator)
         self._diagnostics.status(_OK, "waiting for a movement")
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the estimator node hears of the observed agent: messages of any topics to observations."""
 
-import importlib
 import time
 from collections.abc import Callable
 from functools import partial
@@ -11,9 +10,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from intent_recognition.errors import DofError, MessageError, describe
+from intent_recognition.errors import MessageError
 from intent_recognition.nodes.backlog import Backlog
-from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.conversions import message_class, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.wire_reading import read_odometry
 from intent_recognition.promp.observations import Observation
@@ -33,26 +32,6 @@ def human_topic(entry: DofEntry) -> str:
     """Topic on which mocap_ingest republishes a raw pose topic: human/<body>."""
     *prefix, _, body, _ = entry.topic.split("/")
     return "/".join([*prefix, "human", body])
-
-
-def message_class(type_name: str) -> type:
-    """Message class of "package/msg/Name".
-
-    Raises:
-        DofError: the package or the message is not installed.
-    """
-    package, _, name = type_name.split("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError) as error:
-        raise DofError(
-            describe(
-                f"type {type_name}",
-                "an installed message type",
-                error,
-                "Install its package, or correct the DOF file.",
-            )
-        ) from error
 
 
 class ObservationInput:
@@ -79,7 +58,7 @@ class ObservationInput:
         """Find the message types.
 
         Raises:
-            DofError: one of them is not installed.
+            MessageError: one of them is not installed.
         """
         self._dofs = dofs
         entries = (*dofs.observed, *dofs.velocities)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Base of the nodes that write topics to bags: any topic of any installed type, bit for bit."""
 
-import importlib
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +19,7 @@ from std_srvs.srv import Trigger
 
 from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe
 from intent_recognition.nodes.bag_listener import BagListener
+from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.runtime import Diagnostics
 from intent_recognition.storage.bag_writer import BagWriter, DiskFullError
 from intent_recognition.storage.qos_profiles import rosbag2_profile
@@ -213,7 +213,7 @@ class TopicRecorder(Node):
 
     def _subscribe(self, resolved, stored, type_name, reliability, durability, offers) -> None:
         try:
-            kind = message_type(type_name)
+            kind = message_class(type_name)
         except BagError as error:
             self.diagnostics.reject("unknown_type", str(error))
             return
@@ -292,20 +292,6 @@ class TopicRecorder(Node):
         self.diagnostics.status(ERROR, str(error))
         self.get_logger().error(str(error))
         self.gave_up()
-
-
-def message_type(type_name: str) -> type:
-    """The class of "package/msg/Name", of any installed package.
-
-    Raises:
-        BagError: the package is not installed or has no such message.
-    """
-    package, _, name = type_name.partition("/msg/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        cure = "Install the package, or source its workspace."
-        raise BagError(describe("type", "an installed message type", type_name, cure)) from error
 
 
 def _weakest(offered, strong, weak):

@@ -20,7 +20,6 @@ from visualization_msgs.msg import MarkerArray
 from intent_recognition.errors import BagError
 from intent_recognition.nodes.bag_recorder import BagRecorder
 from intent_recognition.nodes.qos import LATCHED, SENSOR, STATE
-from intent_recognition.nodes.topic_recorder import message_type
 from intent_recognition.storage import BagReader
 
 MODULE = "intent_recognition.nodes.bag_recorder"
@@ -222,12 +221,6 @@ def test_topics_that_would_be_one_in_the_bag_are_refused(harness, tmp_path):
     overrides = [Parameter("topics", value=["p", "/p"])]
     with pytest.raises(BagError, match="differ in the bag"):
         BagRecorder(namespace="lab", parameter_overrides=overrides)
-
-
-@pytest.mark.parametrize("name", ["no_such_package/msg/Thing", "std_msgs/msg/Thing", "nonsense"])
-def test_unknown_type_is_named(name):
-    with pytest.raises(Exception, match="installed message type"):
-        message_type(name)
 
 
 def start_process(harness: Harness, path: Path) -> tuple[NodeProcess, object]:

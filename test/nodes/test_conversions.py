@@ -16,6 +16,7 @@ from intent_recognition.nodes.conversions import (
     build_joint_trajectory,
     duration_s,
     joint_values,
+    message_class,
     orientation_array,
     position_array,
     stamp_ns,
@@ -45,6 +46,16 @@ def test_stamps_are_exact(time_ns):
 @given(st.floats(-1e5, 1e5))
 def test_durations_round_to_the_nanosecond(seconds):
     assert duration_s(to_duration(seconds)) == pytest.approx(seconds, abs=2e-9)
+
+
+def test_types_are_found_by_name():
+    assert message_class("geometry_msgs/msg/PoseStamped") is PoseStamped
+
+
+@pytest.mark.parametrize("name", ["no_such_package/msg/Thing", "std_msgs/msg/Thing", "nonsense"])
+def test_unknown_type_is_named(name):
+    with pytest.raises(MessageError, match=f"installed message type, got {name}"):
+        message_class(name)
 
 
 def test_pose_takes_any_kind_of_float():

@@ -15,10 +15,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.cli.replay import replay
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.conversions import message_class, stamp_ns
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
-from intent_recognition.nodes.observation_input import message_class
 from intent_recognition.promp.training import TrainingSettings, learn
 from intent_recognition.share import share_path
 from intent_recognition.storage import BagReader, load_dofs, read_demonstrations

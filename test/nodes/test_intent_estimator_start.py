@@ -9,8 +9,8 @@ import yaml
 from model_builder import GLOVE, WRIST, make_dofs, true_library
 from ros_harness import NodeProcess
 
-from intent_recognition.errors import DofError
-from intent_recognition.nodes.intent_estimator import human_topic, main, message_class
+from intent_recognition.nodes.intent_estimator import main
+from intent_recognition.nodes.observation_input import human_topic
 from intent_recognition.storage.dofs import DofEntry
 from intent_recognition.storage.model import Model, save_model
 
@@ -97,9 +97,3 @@ def test_it_listens_to_what_ingest_makes_of_a_raw_pose():
     assert human_topic(WRIST) == "human/wrist"
     cell = DofEntry("cell/mocap/elbow/pose", WRIST.type, fields=WRIST.fields, unit="m")
     assert human_topic(cell) == "cell/human/elbow"
-
-
-def test_types_are_found_by_name():
-    assert message_class(WRIST.type).__name__ == "PoseStamped"
-    with pytest.raises(DofError, match="Pose3"):
-        message_class("geometry_msgs/msg/Pose3")

@@ -14,8 +14,8 @@ from sensor_msgs.msg import JointState
 
 from intent_recognition.cli.replay import replay
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import stamp_ns
-from intent_recognition.nodes.intent_estimator import IntentEstimatorNode, message_class
+from intent_recognition.nodes.conversions import message_class, stamp_ns
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.promp.observations import merge
 from intent_recognition.storage import BagReader, BagWriter
