@@ -36,6 +36,7 @@ class Heard:
         self.unused = False
         self.idle_since_ns = 0
         self._stamp_ns: int | None = None
+        self._said: tuple = ()
         self._heard_ns = 0
 
     def forget_interaction(self) -> None:
@@ -57,6 +58,10 @@ class Heard:
     ) -> bool:
         """Take the probabilities of one observation; False where they are out of time.
 
+        Several bodies measured at one time give several estimates with one stamp: each differs
+        from the one before, but at rest, where they say the same and nothing. The same once more
+        during a movement is a sender that is stuck. Only a later stamp ends a silence.
+
         Raises:
             IntentError: they are no probabilities; nothing has changed.
         """
@@ -65,12 +70,19 @@ class Heard:
         elif stamp_ns > now_ns + _LARGEST_AHEAD_NS:
             ahead_s = (stamp_ns - now_ns) * 1e-9
             self._reject("stamp_in_future", f"intent/tasks {ahead_s:.1f} s ahead")
-        elif self._stamp_ns is not None and stamp_ns <= self._stamp_ns:
+        elif self._stamp_ns is not None and stamp_ns < self._stamp_ns:
             self._reject("stamp_not_increasing", f"intent/tasks at {stamp_ns} ns came late")
+        elif stamp_ns == self._stamp_ns and self._repeats(labels, probabilities, log_evidence):
+            if not self.decision.idle:
+                self._reject("stamp_not_increasing", f"intent/tasks at {stamp_ns} ns came twice")
         else:
             self._decide(now_ns, stamp_ns, labels, probabilities, log_evidence)
             return True
         return False
+
+    def _repeats(self, *said: Sequence | np.ndarray | None) -> bool:
+        """Whether labels, probabilities and evidence are those taken last."""
+        return all(np.array_equal(a, b) for a, b in zip(said, self._said, strict=True))
 
     def _decide(self, now_ns, stamp_ns, labels, probabilities, log_evidence) -> None:
         end_std = None
@@ -81,7 +93,9 @@ class Heard:
         state, _ = decide(settings, self.decision, labels, probabilities, end_std, log_evidence)
         if state.idle and not self.decision.idle:
             self.idle_since_ns = stamp_ns
-        self._stamp_ns, self._heard_ns = stamp_ns, now_ns
+        if stamp_ns != self._stamp_ns:
+            self._heard_ns = now_ns
+        self._stamp_ns, self._said = stamp_ns, (labels, probabilities, log_evidence)
         self.decision = state
         self._note_held_back(uncertain_end(settings, state, end_std))
         if state.idle:

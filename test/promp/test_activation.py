@@ -352,7 +352,6 @@ def test_predictions_out_of_time_are_rejected(onset_s, reason):
     ("stamp_ns", "reason"),
     [
         (0, "zero_stamp"),
-        (START_NS, "stamp_not_increasing"),
         (START_NS - 1, "stamp_not_increasing"),
         (START_NS + 5_000_000_000, "stamp_in_future"),
     ],
@@ -362,6 +361,35 @@ def test_tasks_out_of_time_are_rejected(stamp_ns, reason):
     world.activation.take_tasks(START_NS, START_NS, LABELS, world.probabilities())
     world.activation.take_tasks(START_NS + STEP_NS, stamp_ns, LABELS, world.probabilities())
     assert world.rejected == [reason]
+
+
+@pytest.mark.parametrize("n_bodies", [2, 3])
+def test_bodies_measured_at_the_same_time_all_count(n_bodies):
+    world = World()
+    labels, rest = LABELS, np.array([0.0, 0.0, 1.0])
+    doubtful, sure = np.array([0.55, 0.4, 0.05]), np.array([0.96, 0.02, 0.02])
+    evidence = np.array([3.0, 0.0, -3.0])
+    for step in range(6):
+        for body in range(n_bodies):
+            p = rest if step == 0 else sure + body * np.array([1e-3, -1e-3, 0.0])
+            said = None if step == 0 else evidence + step + body
+            world.activation.take_tasks(START_NS, START_NS + step * STEP_NS, labels, p, said)
+        assert world.activation.decision.n_for == step * n_bodies
+    assert world.rejected == []
+    stamp = START_NS + 6 * STEP_NS
+    for body in range(n_bodies):  # the newest of one time is what is believed
+        p = sure if body < n_bodies - 1 else doubtful
+        world.activation.take_tasks(START_NS, stamp, labels, p, evidence + body)
+    assert world.activation.decision.candidate == "" and world.rejected == []
+
+
+def test_the_same_estimate_once_more_is_a_sender_that_is_stuck():
+    world = World()
+    world.begin("plate")
+    for _ in range(8):
+        world.activation.take_tasks(START_NS, START_NS, LABELS, world.probabilities())
+    assert world.rejected == ["stamp_not_increasing"] * 7
+    assert world.activation.decision.n_for == 1
 
 
 def test_repeated_stamps_count_as_silence():
