@@ -81,7 +81,7 @@ setup(
         "rosbags>=0.10",
         "rtree; platform_machine != 'x86_64'",
         "scipy>=1.11",
-        "shtab>=1.7",
+        "shtab>=1.13",
         "trimesh>=4",
         "zstandard",
     ],

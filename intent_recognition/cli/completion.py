@@ -2,14 +2,15 @@
 """`intent --print-completion SHELL`: a script that completes commands, options and paths."""
 
 import argparse
+import re
 import sys
 from pathlib import Path
 
 from intent_recognition.errors import ArgumentError, describe
 
-SHELLS = ("bash", "zsh")
-FILES = {"bash": "_shtab_compgen_files", "zsh": "_files"}
-FOLDERS = {"bash": "_shtab_compgen_dirs", "zsh": "_files -/"}
+SHELLS = ("bash", "zsh", "fish")
+ANY_NUMBER_ZSH = re.compile(r'^  "\(\*\)::?', re.MULTILINE)
+"""What shtab writes for `nargs` of + and *: zsh takes it for one argument and no more."""
 
 
 class PrintCompletion(argparse.Action):
@@ -46,15 +47,26 @@ def completion(parser: argparse.ArgumentParser, shell: str) -> str:
     except ImportError as error:
         cure = "Install it with `pip install shtab`."
         raise ArgumentError(describe("shtab", "an installed library", "none", cure)) from error
-    _mark_paths(parser)
-    return shtab.complete(parser, shell=shell)
+    _prepare(parser, shtab.FILE, shtab.DIRECTORY)
+    script = shtab.complete(parser, shell=shell)
+    return ANY_NUMBER_ZSH.sub('  "*:', script) if shell == "zsh" else script
 
 
-def _mark_paths(parser: argparse.ArgumentParser) -> None:
-    """Say which arguments are files and which are folders."""
+def _prepare(parser: argparse.ArgumentParser, files: dict, folders: dict) -> None:
+    """Say which arguments are files and folders; commands with the short text of `--help`.
+
+    An argument's attribute `offered`, if it has one, says what to offer beside its type: texts, or
+    `Path`.
+    """
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
+            for shown in action._choices_actions:
+                action.choices[shown.dest].description = shown.help
             for command in action.choices.values():
-                _mark_paths(command)
-        elif action.type is Path:
-            action.complete = FOLDERS if action.metavar == "DIR" else FILES
+                _prepare(command, files, folders)
+            continue
+        offered = getattr(action, "offered", action.type)
+        if offered is Path:
+            action.complete = folders if action.metavar == "DIR" else files
+        elif isinstance(offered, tuple):
+            action.choices = offered

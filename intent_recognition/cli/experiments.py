@@ -40,9 +40,10 @@ def add_parser(subparsers) -> None:
             ),
         ),
     )
-    parser.add_argument(
+    names = parser.add_argument(
         "names", nargs="*", metavar="NAME", help="which (default: all; --list shows them)"
     )
+    names.offered = tuple(entry.name for entry in EXPERIMENTS)
     parser.add_argument(
         "--output",
         type=Path,

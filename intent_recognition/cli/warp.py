@@ -46,7 +46,10 @@ def add_parser(subparsers) -> None:
             ("a cloud without normals", "intent warp mug seen.ply --viewpoint 0.5 0 0.6"),
         ),
     )
-    parser.add_argument("source", metavar="SOURCE", help="annotated object: a file, or `mug`")
+    source = parser.add_argument(
+        "source", metavar="SOURCE", help="annotated object: a file, or `mug`"
+    )
+    source.offered = Path
     parser.add_argument("target", type=Path, metavar="TARGET", help="mesh or cloud")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument(

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent --print-completion`: the script is right, and bash completes with it."""
+"""`intent --print-completion`: the script is right, and the shells complete with it."""
 
+import re
 import shutil
 import subprocess
 
@@ -47,10 +48,71 @@ def test_paths_are_offered(scripts, tmp_path):
     assert "give_bracket_00" in completed(scripts / "bash", tmp_path, "inspect", "give")
 
 
-def test_the_script_for_zsh_is_valid(scripts):
-    if shutil.which("zsh") is None:
-        pytest.skip("no zsh")
-    subprocess.run(["zsh", "-n", str(scripts / "zsh")], check=True)
+def test_every_recording_and_every_name_is_offered(scripts, tmp_path):
+    (tmp_path / "give_bracket_00").mkdir()
+    assert "give_bracket_00" in completed(scripts / "bash", tmp_path, "train", "demos", "give")
+    assert completed(scripts / "bash", tmp_path, "experiments", "pole", "al") == {"alignment"}
+
+
+def shell(name):
+    """The shell, or the test is skipped."""
+    if shutil.which(name) is None:
+        pytest.skip(f"no {name}")
+    return name
+
+
+TYPED_IN_ZSH = r"""
+zmodload zsh/zpty
+zpty z zsh -f -i
+zpty -w z "PS1=; autoload -Uz compinit; compinit -u -D; eval \"\$(<'$1')\""
+zpty -w z 'shown() { print -r -- "<""$BUFFER"">"; BUFFER="" }; zle -N shown; bindkey "^X" shown'
+zpty -w z 'print REA""DY'
+zpty -r z seen '*READY*'
+zpty -w -n z "$2"$'\t\x18'
+zpty -r z seen '*<intent*>*'
+print -r -- $seen
+"""
+"""Line and tab key go to an interactive zsh; a key of ours then prints what has become of them."""
+
+
+def typed_in_zsh(script, cwd, line):
+    """What an interactive zsh makes of a line and the tab key."""
+    command = [shell("zsh"), "-f", "-c", TYPED_IN_ZSH, "zsh", str(script), line]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=cwd, timeout=60)
+    return re.findall(r"<(intent[^>]*)>", done.stdout)[-1]
+
+
+@pytest.mark.parametrize(
+    ("typed", "becomes"),
+    [
+        ("intent trai", "intent train "),
+        ("intent replay --mod", "intent replay --model "),
+        ("intent train --segment mov", "intent train --segment movement "),
+        ("intent train demos give", "intent train demos give_bracket_00/"),
+        ("intent experiments pole al", "intent experiments pole alignment "),
+    ],
+)
+def test_zsh_completes(scripts, tmp_path, typed, becomes):
+    (tmp_path / "give_bracket_00").mkdir()
+    assert becomes == typed_in_zsh(scripts / "zsh", tmp_path, typed)
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("intent re", {"replay", "record", "recover"}),
+        ("intent replay --mo", {"--model"}),
+        ("intent train --segment ", {"movement", "recording"}),
+        ("intent train demos give", {"give_bracket_00/"}),
+        ("intent experiments pole al", {"alignment"}),
+    ],
+)
+def test_fish_completes(scripts, tmp_path, typed, offered):
+    (tmp_path / "give_bracket_00").mkdir()
+    program = f"source {scripts / 'fish'}; complete -C '{typed}'"
+    command = [shell("fish"), "--no-config", "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert {line.partition("\t")[0] for line in done.stdout.splitlines()} == offered
 
 
 @pytest.mark.parametrize("shell", completion.SHELLS)
