@@ -2,9 +2,14 @@
 """Run experiments in processes of their own and show how far they are."""
 
 import time
-from collections.abc import Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures import TimeoutError as NotYet
+from collections.abc import Mapping, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
@@ -18,6 +23,8 @@ from intent_recognition.experiments.catalogue import Entry
 from intent_recognition.experiments.outcome import Outcome, Settings
 
 LOOK_S = 0.2
+LEAST_STEP = 0.05
+"""Share of an experiment between two lines where no terminal is."""
 
 
 @dataclass(frozen=True)
@@ -32,37 +39,87 @@ class Run:
 def run_all(
     entries: Sequence[Entry], settings: Settings, jobs: int, console: Console
 ) -> dict[str, Run]:
-    """Run each in a fresh process, `jobs` at a time, with a bar each; results in their order."""
+    """Run each in a fresh process, `jobs` at a time, and show how far; results in their order."""
     context = get_context("spawn")
-    columns = (
-        TextColumn("{task.fields[name]:>12}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.description}"),
-    )
+    show = _Bars if console.is_terminal else _Lines
     with (
         context.Manager() as manager,
-        Progress(*columns, console=console) as bars,
+        show(console, [entry.name for entry in entries]) as shown,
         ThreadPoolExecutor(jobs) as pool,
     ):
         news = manager.Queue()
-        rows = {
-            entry.name: bars.add_task("waiting", total=1.0, name=entry.name, start=False)
-            for entry in entries
-        }
         futures = {
             entry.name: pool.submit(_alone, context, entry, settings, news) for entry in entries
         }
         try:
-            for name, future in futures.items():
-                _watch(future, news, rows, bars)
-                done = "broke off" if future.exception() else "done"
-                bars.update(rows[name], completed=1.0, description=done)
-                bars.stop_task(rows[name])
+            _watch(futures, news, shown)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
         return {name: _result(future) for name, future in futures.items()}
+
+
+class _Bars:
+    """A bar for each experiment."""
+
+    def __init__(self, console: Console, names: Sequence[str]):
+        columns = (
+            TextColumn("{task.fields[name]:>12}"),
+            BarColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.description}"),
+        )
+        self._bars = Progress(*columns, console=console)
+        self._rows = {
+            name: self._bars.add_task("waiting", total=1.0, name=name, start=False)
+            for name in names
+        }
+
+    def __enter__(self) -> "_Bars":
+        self._bars.start()
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._bars.stop()
+
+    def tell(self, name: str, share: float, what: str) -> None:
+        """How far it is, and what is going on."""
+        self._bars.start_task(self._rows[name])
+        self._bars.update(self._rows[name], completed=share, description=what)
+
+    def end(self, name: str, how: str) -> None:
+        """It is over."""
+        self._bars.update(self._rows[name], completed=1.0, description=how)
+        self._bars.stop_task(self._rows[name])
+
+
+class _Lines:
+    """Where no terminal is, a plain line for each step of an experiment, none for a small one."""
+
+    def __init__(self, console: Console, names: Sequence[str]):
+        self._console, self._shown = console, dict.fromkeys(names, -1.0)
+        self._started = time.monotonic()
+
+    def __enter__(self) -> "_Lines":
+        return self
+
+    def __exit__(self, *_) -> None:
+        pass
+
+    def tell(self, name: str, share: float, what: str) -> None:
+        """How far it is, and what is going on."""
+        if share - self._shown[name] >= LEAST_STEP:
+            self._shown[name] = share
+            self._print(name, f"{100 * share:3.0f} %  {what}")
+
+    def end(self, name: str, how: str) -> None:
+        """It is over."""
+        self._print(name, how)
+
+    def _print(self, name: str, text: str) -> None:
+        elapsed_s = time.monotonic() - self._started
+        line = f"{elapsed_s:6.0f} s  {name:>12}  {text}"
+        self._console.print(line, markup=False, highlight=False)
 
 
 def _result(future: Future) -> Run:
@@ -73,25 +130,24 @@ def _result(future: Future) -> Run:
     return Run(None, kind + " ".join(str(error).split()), 0.0)
 
 
-def _watch(future: Future, news, rows: dict, bars: Progress) -> None:
-    """Show the news of all experiments until this one is over."""
-    while not future.done():
-        _show(news, rows, bars)
-        try:
-            future.exception(timeout=LOOK_S)
-        except NotYet:
-            continue
-    _show(news, rows, bars)
+def _watch(futures: Mapping[str, Future], news, shown: "_Bars | _Lines") -> None:
+    """Show the news of all experiments until the last one is over."""
+    running = dict(futures)
+    while running:
+        wait(running.values(), LOOK_S, FIRST_COMPLETED)
+        over = [name for name, future in running.items() if future.done()]
+        _show(news, shown)
+        for name in over:
+            shown.end(name, "broke off" if running.pop(name).exception() else "done")
 
 
-def _show(news, rows: dict, bars: Progress) -> None:
+def _show(news, shown: "_Bars | _Lines") -> None:
     while True:
         try:
             name, share, what = news.get_nowait()
         except Empty:
             return
-        bars.start_task(rows[name])
-        bars.update(rows[name], completed=share, description=what)
+        shown.tell(name, share, what)
 
 
 def _alone(context, entry: Entry, settings: Settings, news) -> Run:

@@ -8,6 +8,7 @@ from intent_recognition.report.html import Text
 def run(settings):
     """Draw one number from the seed."""
     settings.progress(0.5, "drawing")
+    settings.progress(0.52, "still drawing")
     value = float(settings.rng(0).standard_normal())
     finding = Finding("error [cm]", "3", f"{value:.3f}", True)
     other = Finding("of another kind", "", "7", None, "The paper says nothing of it.")

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent experiments`: what is asked for runs, is printed and written; the rest is told."""
 
+import io
 import json
 import sys
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from intent_recognition.cli import experiments
+from intent_recognition.cli.experiment_runs import run_all
 from intent_recognition.cli.main import main
 from intent_recognition.errors import ArgumentError
 from intent_recognition.experiments import catalogue
@@ -38,6 +41,23 @@ def test_writes_report_and_numbers_and_repeats_by_seed(stubs, tmp_path, capsys):
     page = (tmp_path / "a" / "report.html").read_text()
     assert "A stub" in page
     assert "Nobody, Fig. 0" in page
+
+
+def test_without_a_terminal_steps_are_plain_lines(stubs, tmp_path, capsys):
+    assert main(["experiments", "--output", str(tmp_path)]) == 1
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line]
+    told = [(words[2], " ".join(words[3:])) for words in lines if words[1:2] == ["s"]]
+    assert ("stub", "0 % starting") in told
+    assert ("stub", "50 % drawing") in told
+    assert ("stub", "52 % still drawing") not in told
+    assert {("stub", "done"), ("broken", "broke off")} <= set(told)
+
+
+def test_on_a_terminal_there_is_a_bar_for_each(stubs):
+    console = Console(file=io.StringIO(), force_terminal=True, _environ={"TERM": "xterm"})
+    run_all((GOOD, BROKEN), Settings(seed=1), 2, console)
+    shown = console.file.getvalue()
+    assert "done" in shown and "broke off" in shown and "50 %" not in shown
 
 
 def test_one_that_breaks_off_does_not_take_the_others_along(stubs, tmp_path, capsys):
