@@ -46,6 +46,14 @@ class ObjectFrame:
         """Points (n, 3) in the frame's axes, in metres."""
         return (points - self.origin) @ self.axes.T
 
+    def on_handle(self, local: np.ndarray) -> np.ndarray:
+        """Which points (n,) stand out of the wall on the handle's side; local (n, 3) [m]."""
+        if not self.has_handle:
+            return np.zeros(len(local), dtype=bool)
+        radius = np.hypot(local[:, 1], local[:, 2])
+        out = protruding(local[:, 0] / self.height_m, radius, self.wall * self.radius_m)
+        return out & (local[:, 1] > 0.0)
+
 
 def coarse_frame(
     points: np.ndarray,

@@ -70,8 +70,15 @@ class WarpedObject:
 
     @cached_property
     def cavity(self) -> Cavity:
-        """The inner surface below the rim."""
-        kept = self.labels != Part.HANDLE
+        """The inner surface below the rim.
+
+        A place that many source points were drawn to, since the wall they belong to was not
+        seen, counts once.
+        """
+        kept = np.flatnonzero(self.labels != Part.HANDLE)
+        if self.mapping == "point":
+            _, first = np.unique(self.points[kept], axis=0, return_index=True)
+            kept = kept[np.sort(first)]
         return fit_cavity(self.points[kept], self.normals[kept], self.rim)
 
 
@@ -128,7 +135,12 @@ def warp(
         near = agreeing_neighbours(seen, seen_normals, points, normals, k)
         warped = (target.points, target.normals, majority(labels[near], len(Part)))
     else:
-        near = agreeing_neighbours(points, normals, seen, seen_normals, k)
+        # Points of a wall that no camera saw would be drawn to the inside of the handle.
+        body = np.flatnonzero(~frame.on_handle(seen))
+        near = np.empty((len(points), k), dtype=int)
+        for rows, to in ((labels != Part.HANDLE, body), (labels == Part.HANDLE, slice(None))):
+            found = agreeing_neighbours(points[rows], normals[rows], seen[to], seen_normals[to], k)
+            near[rows] = np.arange(len(seen))[to][found]
         mean_normals = target.normals[near].mean(1)
         mean_normals /= np.maximum(np.linalg.norm(mean_normals, axis=1, keepdims=True), 1e-12)
         warped = (target.points[near].mean(1), mean_normals, labels)

@@ -58,6 +58,14 @@ def test_clouds_that_are_no_container(mug):
             warp(mug, bad)
 
 
+def test_walls_that_only_a_thin_rim_joins_are_one_object(mug):
+    """In one view of a paper cup the near outside and the far inside touch at the rim alone."""
+    cup = make_container("paper_cup", 204)
+    seen = scan(cup.mesh, np.random.default_rng(204), 1)
+    found = pouring_parameters(warp(mug, ObjectCloud(seen.points, seen.normals)))
+    assert found.volume_m3 == pytest.approx(cup.inner_volume_m3, rel=0.05)
+
+
 def test_meshes_that_hold_nothing(mug):
     """Closed, lidded, with holes, in millimetres, empty, with NaN."""
     mesh = mug_mesh()
