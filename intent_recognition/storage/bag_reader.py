@@ -139,11 +139,13 @@ class BagReader:
         builders = {name: self._builder(name) for name in names}
         for number, file in enumerate(self._files):
             ids = {name: file.channel_ids(name) for name, builder in builders.items() if builder}
-            for table in file.tables() if any(ids.values()) else ():
-                for name in ids:
-                    builder = builders[name]
-                    rows = np.flatnonzero(np.any([table.channels == i for i in ids[name]], axis=0))
-                    if builder and rows.size and not builder.add(number, table.rows(rows)):
+            wanted = [i for own in ids.values() for i in own]
+            for table in file.tables(wanted) if wanted else ():
+                for name, own in ids.items():
+                    builder, part = builders[name], table
+                    if len(own) < len(wanted):
+                        part = table.rows(np.flatnonzero(np.isin(table.channels, own)))
+                    if builder and part.starts.size and not builder.add(number, part):
                         builders[name] = None
         return {name: builder and builder.columns() for name, builder in builders.items()}
 

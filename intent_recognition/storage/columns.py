@@ -115,8 +115,13 @@ class ColumnsBuilder:
         numbers, log_times_ns, stamps_ns = (
             _join([piece[k] for piece in self._pieces]) for k in range(3)
         )
-        files = _join([np.full(piece.numbers.size, piece.file) for piece in self._pieces])
-        layouts = _join([np.full(piece.numbers.size, piece.layout) for piece in self._pieces])
+        files, layouts = (
+            np.repeat(
+                np.array([getattr(piece, name) for piece in self._pieces], np.int64),
+                [piece.numbers.size for piece in self._pieces],
+            )
+            for name in ("file", "layout")
+        )
         order = _order(files, log_times_ns, numbers)
         if order is not None:
             log_times_ns, stamps_ns, layouts = log_times_ns[order], stamps_ns[order], layouts[order]

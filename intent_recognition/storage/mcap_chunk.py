@@ -92,13 +92,16 @@ def read_messages(view: bytes | mmap.mmap, block: Block) -> MessageTable:
             `PARSE_ERRORS` lists them all.
     """
     data = _block_data(view, block)
-    return message_table(data, record_positions(data, block.is_cut))
+    return message_table(data, message_positions(data, record_positions(data, block.is_cut)))
+
+
+def message_positions(data: bytes | memoryview, positions: np.ndarray) -> np.ndarray:
+    """Those of the records at `positions` (n,) that are messages."""
+    return positions[np.frombuffer(data, np.uint8)[positions] == MESSAGE]
 
 
 def message_table(data: bytes | memoryview, positions: np.ndarray) -> MessageTable:
-    """Those of the records at `positions` (n,) that are messages."""
-    octets = np.frombuffer(data, np.uint8)
-    positions = positions[octets[positions] == MESSAGE]
+    """The messages at `positions` (n,)."""
     heads = gather(data, positions, MESSAGE_HEADER.itemsize).view(MESSAGE_HEADER)
     return MessageTable(
         data,

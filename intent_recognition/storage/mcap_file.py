@@ -3,7 +3,7 @@
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from mmap import mmap
 from pathlib import Path
 from typing import NamedTuple
@@ -76,23 +76,27 @@ class McapFile:
                 counts.update(table.channels.tolist())
         return counts
 
-    def tables(self) -> Iterator[MessageTable]:
-        """All messages block by block, in the order they were recorded.
+    def tables(self, wanted: Collection[int]) -> Iterator[MessageTable]:
+        """The messages of some channels block by block, in the order they were recorded.
 
         Small blocks come together. A table's `data` is valid until the next is asked for.
+
+        Args:
+            wanted: ids of the channels.
 
         Raises:
             BagError: damage, as in `items`.
         """
         with open_view(self.path) as view:
-            reader = GroupReader(view)
+            reader = GroupReader(view, self.scan.channels.keys(), wanted)
             for group in groups(view, sorted(self._usable(), key=lambda b: b.offset)):
                 table = self._group(reader, group)
                 if table is not None:
                     yield table
                     continue
                 for block in group:
-                    yield self._table(view, block)
+                    table = self._table(view, block)
+                    yield table.rows(np.isin(table.channels, list(wanted)))
         self._raise_damage()
 
     def items(self, wanted: set[str] | None) -> Iterator[_Item]:
@@ -146,13 +150,9 @@ class McapFile:
         if blocks[-1].is_cut:
             return None
         try:
-            table = reader.read(blocks)
+            return reader.read(blocks)
         except PARSE_ERRORS:
             return None
-        known = (
-            set(np.flatnonzero(np.bincount(table.channels)).tolist()) <= self.scan.channels.keys()
-        )
-        return table if known else None
 
     def _table(self, view: mmap, block: Block) -> MessageTable:
         """Messages of a block whose topics are known; none of a broken one if tolerant."""

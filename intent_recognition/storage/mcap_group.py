@@ -3,7 +3,7 @@
 
 import mmap
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -16,13 +16,16 @@ from intent_recognition.storage.mcap_chunk import (
     block_size,
     chunk_content,
     decompress,
+    message_positions,
     message_table,
 )
-from intent_recognition.storage.mcap_records import record_positions
+from intent_recognition.storage.mcap_records import MESSAGE_HEADER, gather, record_positions
 
 GROUP_BYTES = 2**20
 LARGE_BYTES = 2**18
 """From this size on, to decompress in place is faster than to copy."""
+UNKNOWN, KNOWN, WANTED = range(3)
+CHANNEL, LOG_NS = (MESSAGE_HEADER.fields[name][1] for name in ("channel", "log_ns"))
 LARGEST_RATIO = 2**16
 """No compression does better; a larger size is damage, not worth the memory."""
 
@@ -47,18 +50,24 @@ class GroupReader:
 
     Args:
         view: bytes of the file.
+        known: ids of all channels.
+        wanted: ids of those whose messages are read.
     """
 
-    def __init__(self, view: bytes | mmap.mmap):
+    def __init__(self, view: bytes | mmap.mmap, known: Collection[int], wanted: Collection[int]):
         self._view = view
+        self._kinds = np.full(2**16, UNKNOWN, np.uint8)  # by the number of the channel
+        self._kinds[list(known)] = KNOWN
+        self._kinds[list(wanted)] = WANTED
         self._buffer = bytearray()
         self._zstd = zstandard.ZstdDecompressor()
 
     def read(self, blocks: Sequence[Block]) -> MessageTable:
-        """The messages of whole blocks; the table's `data` is valid until the next call.
+        """The wanted messages of whole blocks; the table's `data` is valid until the next call.
 
         Raises:
-            ValueError and others: one of them is damaged; see `read_messages`.
+            ValueError and others: one of them is damaged, see `read_messages`, or a message of a
+                channel that is not known.
         """
         sizes = [block_size(self._view, block) for block in blocks]
         for block, size in zip(blocks, sizes, strict=True):
@@ -74,13 +83,25 @@ class GroupReader:
         begins = edges[:-1][np.diff(edges) > 0]
         if np.any(positions[np.searchsorted(positions, begins, side="right") - 1] != begins):
             raise ValueError("a chunk ends inside of a record")
-        table = message_table(data, positions)
-        counts = np.diff(np.searchsorted(table.starts, edges))
-        first_ns = np.repeat(np.array([block.start_ns for block in blocks], np.uint64), counts)
-        last_ns = np.repeat(np.array([block.end_ns for block in blocks], np.uint64), counts)
-        if np.any((table.log_times_ns < first_ns) | (table.log_times_ns > last_ns)):
+        positions = message_positions(data, positions)
+        self._check_times(blocks, data, positions, edges)
+        kinds = self._kinds[gather(data, positions + CHANNEL, 2).view("<u2")]
+        if not kinds.all():
+            raise ValueError("nothing tells the topic of a channel")
+        return message_table(data, positions[kinds == WANTED])
+
+    def _check_times(self, blocks, data: memoryview, positions: np.ndarray, edges) -> None:
+        """The times of the messages at `positions` (n,), in blocks between `edges`."""
+        log_ns = gather(data, positions + LOG_NS, 8).view("<u8")
+        first = np.searchsorted(positions, edges)
+        filled = np.flatnonzero(np.diff(first))
+        if not filled.size:
+            return
+        said = np.array([(block.start_ns, block.end_ns) for block in blocks], np.uint64)[filled]
+        if np.any(np.minimum.reduceat(log_ns, first[filled]) < said[:, 0]) or np.any(
+            np.maximum.reduceat(log_ns, first[filled]) > said[:, 1]
+        ):
             raise ValueError("times of a chunk and of its messages disagree")
-        return table
 
     def _fill(self, block: Block, target: memoryview) -> None:
         """Write the records of a block to its place."""

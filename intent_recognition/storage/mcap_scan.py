@@ -27,6 +27,7 @@ from intent_recognition.storage.mcap_records import RECORD_HEADER
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER = struct.Struct("<QQI")
 INDEX_HEADER = struct.Struct("<HI")  # channel, bytes of the index that follows
+INDEX_RECORD = struct.Struct("<BQHI")  # the same with opcode and length before
 CHUNK, MESSAGE_INDEX = int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
 LONGEST_COMPRESSION = 16
 CHUNK_START = re.compile(
@@ -126,16 +127,15 @@ def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: Scan) -> t
     Returns:
         Where the first other record begins, and where to look for a chunk if it is none.
     """
-    size, head = len(view), RECORD_HEADER.size
-    while position + head + INDEX_HEADER.size <= size:
-        opcode, length = RECORD_HEADER.unpack_from(view, position)
+    head, index, read = RECORD_HEADER.size, INDEX_HEADER.size, INDEX_RECORD.unpack_from
+    size, last = len(view), len(view) - INDEX_RECORD.size
+    while position <= last:
+        opcode, length, _, index_bytes = read(view, position)
         end = position + head + length
         if end > size:
             break
         if opcode == MESSAGE_INDEX:
-            if length < INDEX_HEADER.size or (
-                INDEX_HEADER.unpack_from(view, position + head)[1] != length - INDEX_HEADER.size
-            ):
+            if index_bytes != length - index:
                 break
             previous = position + 1
         elif opcode == CHUNK and (block := _chunk_block(view, position, length)):

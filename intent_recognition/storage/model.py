@@ -213,6 +213,9 @@ def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, np.ndarray]:
         raise
     except Exception as error:  # numpy and zipfile raise many kinds for what is no model
         found = error if isinstance(error, OSError) else "another file, or a damaged one"
+        if isinstance(error, FileNotFoundError):
+            cure = "Check the path, or write one with `intent train`."
+            raise ModelError(describe(str(path), "a model file", "nothing there", cure)) from error
         raise ModelError(
             describe(str(path), "a model file written by `intent train`", found, RETRAIN)
         ) from error
