@@ -27,6 +27,7 @@ from intent_recognition.cli.unlabelled import (
     n_components,
 )
 from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.promp.decision import DecisionSettings
 from intent_recognition.report.evaluation import Fold, evaluate, make_folds
 from intent_recognition.report.scoring import PHASES
 from intent_recognition.storage.demonstration import Demonstration
@@ -187,7 +188,7 @@ def print_result(console: Console, result: dict) -> None:
 
 
 def _print_none(console: Console, none: dict) -> None:
-    """What becomes of movements of tasks that were left out, in two lines."""
+    """What becomes of known movements and of those of tasks that were left out."""
     if none["area"] is None:
         return
     console.print(
@@ -198,9 +199,24 @@ def _print_none(console: Console, none: dict) -> None:
     for kind in ("known", "unknown"):
         console.print(
             f"{kind} movements: {none['n_' + kind]}, above the threshold"
-            f" {none['above_threshold_' + kind]:.1%}, activated {none['activated_' + kind]:.1%}",
+            f" {none['above_threshold_' + kind]:.1%}, recognised {none['recognised_' + kind]:.1%},"
+            f" held back by an uncertain end {none['held_back_' + kind]:.1%}, activated"
+            f" {none['activated_' + kind]:.1%}",
             highlight=False,
         )
+    if none["held_back_known"]:
+        console.print(_why_held_back(none["end_std_known"]), highlight=False)
+
+
+def _why_held_back(end_std: dict) -> str:
+    """What the ends of recognised movements are predicted with, beside what is asked for."""
+    limit = DecisionSettings().max_end_std_rad
+    return (
+        f"ends of recognised movements are predicted to a standard deviation of"
+        f" {end_std['0.5']:.2f} (median; 10 % below {end_std['0.1']:.2f}, 90 % below"
+        f" {end_std['0.9']:.2f}) once all was seen; `max_end_std` asks for {limit:g}. Demonstrate"
+        f" more alike, or raise it where such a spread is safe (docs/recognition.md)."
+    )
 
 
 def _cell(value: object) -> str:

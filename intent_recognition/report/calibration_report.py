@@ -29,8 +29,8 @@ UNKNOWN_EXPLANATION = (
     "Every task is left out in turn, and a library of the others sees its movements with unknown"
     " progress, as the nodes would. The ROC compares the highest odds that one task holds against"
     " all else, for as many observations on end as the decision asks for; known movements were"
-    " left out of training one by one or by folds. Activated means: by the default decision, which"
-    " also asks how certain the predicted end is."
+    " left out of training one by one or by folds. Recognised means: by the default decision, but"
+    " for its demand of a certain end; held back: recognised, and the end never certain enough."
 )
 
 
@@ -94,15 +94,24 @@ def _none_numbers(none: Mapping) -> KeyNumbers:
             KeyNumber(
                 "unknown movements activated",
                 _percent(none["activated_unknown"]),
-                note=f"{_percent(none['above_threshold_unknown'])} above the threshold",
+                note=_gates(none, "unknown"),
             ),
             KeyNumber(
                 "known movements activated",
                 _percent(none["activated_known"]),
-                note=f"{_percent(none['above_threshold_known'])} above the threshold",
+                note=_gates(none, "known"),
             ),
         )
     )
+
+
+def _gates(none: Mapping, kind: str) -> str:
+    """Shares that pass each part of the decision."""
+    text = f"{_percent(none[f'above_threshold_{kind}'])} above the threshold"
+    if none.get(f"recognised_{kind}") is None:
+        return text
+    recognised, held = (_percent(none[f"{part}_{kind}"]) for part in ("recognised", "held_back"))
+    return f"{text}, {recognised} recognised, {held} held back by an uncertain end"
 
 
 def _left_out_table(left_out: Mapping) -> Table:

@@ -7,6 +7,8 @@ and the decision is the nodes' own, with its default settings.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -31,12 +33,22 @@ class Outcome(NamedTuple):
             observations on end as the decision asks for; minus infinity if it was never asked.
         above_threshold: whether they passed the decision's threshold.
         activated: the task that became active first, empty if none did.
+        recognised: the task that would have first, were no certain end asked for.
+        end_std: standard deviation of the predicted end of what was recognised, at the end of the
+            movement, over all controlled DOFs the largest; NaN where nothing was recognised.
     """
 
     task: str
     log_odds: float
     above_threshold: bool
     activated: str
+    recognised: str = ""
+    end_std: float = np.nan
+
+    @property
+    def held_back(self) -> bool:
+        """Whether it was recognised, and not acted on since its end was too uncertain."""
+        return bool(self.recognised) and not self.activated
 
 
 class Watch:
@@ -49,10 +61,12 @@ class Watch:
 
     def __init__(self, library: TaskLibrary, settings: DecisionSettings | None = None):
         self._settings = settings or DecisionSettings()
+        self._certain_or_not = replace(self._settings, max_end_std_rad=np.inf)
         self._labels = (*library.labels, NONE)
-        self._state = DecisionState()
+        self._state = self._recognising = DecisionState()
         self._recent: list[tuple[int, float]] = []
-        self._highest, self._activated = -np.inf, ""
+        self._highest, self._activated, self._recognised = -np.inf, "", ""
+        self._end_std: Callable[[], float] = lambda: np.nan
 
     def observe(self, run: MovementRun, elapsed_s: float) -> None:
         """Look at the bank after one more observation."""
@@ -65,26 +79,28 @@ class Watch:
         full = len(self._recent) == self._settings.n_observations
         if full and all(task == best for task, _ in self._recent):
             self._highest = max(self._highest, min(odds for _, odds in self._recent))
+        said = self._labels, posterior.probabilities
+        evidence = posterior.log_evidence
+        if not self._recognised:
+            settings, state = self._certain_or_not, self._recognising
+            self._recognising, self._recognised = decide(settings, state, *said, None, evidence)
+        if self._recognised:
+            task = self._labels.index(self._recognised)
+            self._end_std = partial(run.forecasts.end_std, task)
         if self._activated:
             return
         ready = self._state.n_for + 1 >= self._settings.n_observations
         sure = posterior.probabilities[best] >= self._settings.threshold
         end_std = run.forecasts.end_std(best) if ready and sure else None
-        self._state, self._activated = decide(
-            self._settings,
-            self._state,
-            self._labels,
-            posterior.probabilities,
-            end_std,
-            posterior.log_evidence,
-        )
+        self._state, self._activated = decide(self._settings, self._state, *said, end_std, evidence)
 
     def outcome(self, task: str) -> Outcome:
         """What became of the movement, which was of this task."""
         threshold = self._settings.threshold
         limit = np.log(threshold) - np.log1p(-threshold) if threshold < 1.0 else np.inf
         above = bool(self._highest >= limit)
-        return Outcome(task, self._highest, above, self._activated)
+        found = self._activated, self._recognised, float(self._end_std())
+        return Outcome(task, self._highest, above, *found)
 
 
 def follow(library: TaskLibrary, recorded: Recorded) -> Outcome:
@@ -132,6 +148,8 @@ def compare(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[str, o
 
     `area` is the probability that a known movement reaches higher odds than an unknown one; `roc`
     the shares of both that reach as much, for every threshold that makes a difference.
+    `recognised` are those that pass the decision but for its demand of a certain end, `held_back`
+    those of them that never pass that, `activated` the others.
     """
     score = {
         name: np.array([o.log_odds for o in outcomes])
@@ -141,6 +159,12 @@ def compare(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[str, o
         "n_known": len(known),
         "n_unknown": len(unknown),
         "area": area(score["known"], score["unknown"]),
+        "recognised_known": _share([bool(o.recognised) for o in known]),
+        "recognised_unknown": _share([bool(o.recognised) for o in unknown]),
+        "recognised_wrong_task": _share([o.recognised not in ("", o.task) for o in known]),
+        "held_back_known": _share([o.held_back for o in known]),
+        "held_back_unknown": _share([o.held_back for o in unknown]),
+        "end_std_known": end_std([o for o in known if o.recognised]),
         "activated_known": _share([bool(o.activated) for o in known]),
         "activated_unknown": _share([bool(o.activated) for o in unknown]),
         "activated_wrong_task": _share([o.activated not in ("", o.task) for o in known]),
@@ -153,11 +177,20 @@ def compare(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[str, o
         content["left_out"][task] = {
             "n": len(own),
             "area": area(score["known"], np.array([o.log_odds for o in own])),
+            "recognised": _share([bool(o.recognised) for o in own]),
             "activated": _share([bool(o.activated) for o in own]),
             "above_threshold": _share([o.above_threshold for o in own]),
         }
     content["roc"] = roc(score["known"], score["unknown"]) if known and unknown else None
     return content
+
+
+def end_std(recognised: Sequence[Outcome]) -> dict[str, float] | None:
+    """How uncertain the ends are once all was seen: quantiles over movements; None without one."""
+    if not recognised:
+        return None
+    values = [o.end_std for o in recognised]
+    return {f"{q:g}": float(np.quantile(values, q)) for q in (0.1, 0.5, 0.9)}
 
 
 def area(known: np.ndarray, unknown: np.ndarray) -> float | None:

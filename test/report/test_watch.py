@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The watch over a movement decides as the nodes do."""
+"""The watch over a movement decides as the nodes do, and says which gate kept one back."""
 
 from types import SimpleNamespace
 
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.promp.bank import Hypotheses
-from intent_recognition.report.evaluation_novel import Watch
+from intent_recognition.report.evaluation_novel import Watch, compare
 
 
 @pytest.mark.parametrize(("none_evidence", "activated"), [(-3.0, "a"), (2.0, "")])
@@ -25,3 +25,31 @@ def test_a_movement_that_speaks_for_none_activates_nothing_however_probable(
         watch.observe(run, 0.1 * k)
     assert watch.outcome("a").above_threshold
     assert watch.outcome("a").activated == activated
+
+
+def followed(end_std, task="a"):
+    log_prior = np.log([0.445, 0.445, 0.11])
+    run = SimpleNamespace(
+        hypotheses=Hypotheses(1, np.ones(3), log_prior),
+        log_evidence=np.array([5.0, -5.0, -3.0]),
+        forecasts=SimpleNamespace(end_std=lambda task: end_std.pop(0)),
+    )
+    watch = Watch(SimpleNamespace(labels=("a", "b")))
+    for k in range(8):
+        watch.observe(run, 0.1 * k)
+    return watch.outcome(task)
+
+
+def test_what_is_recognised_and_held_back_by_its_uncertain_end_is_told_apart():
+    sure, unsure = followed([0.3, 0.2]), followed([0.9, 0.8, 0.7, 0.6, 0.5])
+    late = followed([0.4, 0.4, 0.3, 0.1])
+    assert (sure.recognised, sure.activated, sure.held_back, sure.end_std) == ("a", "a", False, 0.2)
+    assert (unsure.recognised, unsure.activated, unsure.held_back) == ("a", "", True)
+    assert late.activated == "a" and late.end_std == 0.1
+    content = compare([sure, unsure, late, late], [unsure])
+    assert content["recognised_known"] == 1.0
+    assert content["held_back_known"] == 0.25 and content["activated_known"] == 0.75
+    assert content["held_back_unknown"] == 1.0 and content["activated_unknown"] == 0.0
+    assert content["end_std_known"]["0.5"] == pytest.approx(0.15)
+    assert content["left_out"]["a"]["recognised"] == 1.0
+    assert compare([], [])["end_std_known"] is None
