@@ -4,6 +4,7 @@
 import argparse
 import json
 import signal
+import socket
 import sys
 import time
 from pathlib import Path
@@ -14,14 +15,17 @@ from intent_recognition.cli.console import make_console
 from intent_recognition.cli.demo_session import END_SIGNALS, interrupt, run_session
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.recordings import busy
-from intent_recognition.errors import IntentError, describe
+from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from intent_recognition.promp.training import TrainingSettings
-from intent_recognition.storage.model import load_model, save_model
+from intent_recognition.storage.model import load_model, load_trained, save_model
 
 SCENARIOS = ("toolbox", "pouring")
 DEFAULT_INTERACTIONS = 40
 DEFAULT_RATE, DASHBOARD_RATE = 1.5, 1.0
 DEFAULT_PORT = 8080
+LAST_PORT = 65535
+RATES = (0.01, 50.0)
+"""What the simulated arm takes."""
 
 
 def add_parser(subparsers) -> None:
@@ -77,12 +81,12 @@ def add_parser(subparsers) -> None:
         help="serve a page that shows the cell and teaches tasks; it stays until Ctrl-C",
     )
     shown.add_argument(
-        "--port", type=int, default=DEFAULT_PORT, help="of the page (default: %(default)s)"
+        "--port", type=_port, default=DEFAULT_PORT, help="of the page (default: %(default)s)"
     )
     shown.add_argument("--headless", action="store_true", help="no window of the physics")
     session.add_argument(
         "--rate",
-        type=float,
+        type=_rate,
         metavar="X",
         help="simulated time per real time, through /clock (default: "
         f"{DEFAULT_RATE}, with --dashboard {DASHBOARD_RATE})",
@@ -117,13 +121,40 @@ def run(args: argparse.Namespace) -> int:
         signal.signal(number, interrupt)
     if args.rate is None:
         args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE
-    args.output.mkdir(parents=True, exist_ok=True)
-    if args.model is not None:
-        load_model(args.model)
+    _check(args)
     model = args.model or _train(args.output / "model.npz", console)
     started = time.monotonic()
     log, plan, first_ns = run_session(args, model, console)
     return _report(args, log, plan, first_ns, time.monotonic() - started, console)
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Find out before the training what would end the demo after it.
+
+    Raises:
+        IntentError: a task is unknown, the model cannot be used, or the page's port is taken.
+    """
+    from sim_bridge.coworker import parse_task_list
+
+    parse_task_list(args.task_list, args.seed, args.interactions)
+    try:
+        args.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResourceBusyError(
+            describe("--output", "a folder that can be made", args.output, "Choose another.")
+        ) from error
+    if args.model is not None:
+        (load_trained if args.dashboard else load_model)(args.model)
+    if args.dashboard:
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind(("127.0.0.1", args.port))
+            except OSError as error:
+                cure = "Choose another --port, or end the program that has it."
+                raise ResourceBusyError(
+                    describe("--port", "a free one", args.port, cure)
+                ) from error
 
 
 def _train(path: Path, console: Console) -> Path:
@@ -136,7 +167,7 @@ def _train(path: Path, console: Console) -> Path:
     model, report = train([bags], None, TrainingSettings(), console)
     print_library(console, model.library, report)
     model = with_sessions(model, [share_path("bags/sessions")], console)
-    save_model(path, model)
+    save_model(path, model, report.trained)
     console.print(f"trained in {time.monotonic() - started:.1f} s", highlight=False)
     return path
 
@@ -182,4 +213,18 @@ def _natural(text: str) -> int:
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"expected 0 or more, got {value}")
+    return value
+
+
+def _port(text: str) -> int:
+    value = int(text)
+    if not 1 <= value <= LAST_PORT:
+        raise argparse.ArgumentTypeError(f"expected 1 to {LAST_PORT}, got {value}")
+    return value
+
+
+def _rate(text: str) -> float:
+    value = float(text)
+    if not RATES[0] <= value <= RATES[1]:
+        raise argparse.ArgumentTypeError(f"expected {RATES[0]:g} to {RATES[1]:g}, got {text}")
     return value

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from intent_recognition.errors import BagError, describe
 from intent_recognition.storage.bag_metadata import FILE_NAME, BagMetadata, read_metadata
+from intent_recognition.storage.mcap_scan import MAGIC
 
 
 def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, list[str]]:
@@ -20,7 +21,11 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
     if not path.exists():
         raise BagError(describe(str(path), "a bag", "nothing there", "Check the path."))
     if path.is_file():
+        _check_file(path)
         return None, []
+    if not any(path.glob("*.mcap")) and not (path / FILE_NAME).exists():
+        cure = "Check the path; the storage of recordings is MCAP (`ros2 bag record -s mcap`)."
+        raise BagError(describe(str(path), "a bag", "a folder without .mcap files", cure))
     try:
         metadata = read_metadata(path)
     except BagError as error:
@@ -35,6 +40,15 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
         cure = "Convert it: `ros2 bag convert` to storage_id mcap without compression."
         raise BagError(describe(str(path), "uncompressed MCAP storage", got, cure))
     return metadata, []
+
+
+def _check_file(path: Path) -> None:
+    """Whether a single file can be a recording; one that ends in .mcap may be a damaged one."""
+    if path.suffix != ".mcap":
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                cure = "Give a bag: a folder with .mcap files, or one of them."
+                raise BagError(describe(str(path), "a recording", "another kind of file", cure))
 
 
 def find_files(

@@ -210,8 +210,10 @@ class BagWriter:
             self.path.mkdir()
         except OSError as error:
             cure = "Choose another output; existing recordings are never overwritten."
+            there = isinstance(error, FileExistsError)
+            got = f"{error.filename}, which is there" if there else error
             raise ResourceBusyError(
-                describe("output", "a directory that can be made", error, cure)
+                describe("output", "a directory that can be made", got, cure)
             ) from error
         try:
             free = self._disk_usage(self.path).free

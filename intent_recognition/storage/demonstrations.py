@@ -54,7 +54,7 @@ def iter_demonstrations(
     for path in [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]:
         bags = find_bags(path)
         if not bags:
-            yield Rejection(str(path), "", 0, "empty: there is no bag in this folder")
+            yield Rejection(str(path), "", 0, "there is no bag in this folder")
         for bag in bags:
             yield from _read_bag(bag, dofs, extrinsics)
 

@@ -103,7 +103,7 @@ def list_bags(paths: Iterable[Path]) -> tuple[list[Path], list[Rejection]]:
         found = find_bags(Path(path))
         bags += [bag.absolute() for bag in found]
         if not found:
-            empty.append(Rejection(str(path), "", 0, "empty: there is no bag in this folder"))
+            empty.append(Rejection(str(path), "", 0, "there is no bag in this folder"))
     return bags, empty
 
 

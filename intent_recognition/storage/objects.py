@@ -41,7 +41,8 @@ def load_object(path: str | Path) -> AnnotatedObject:
         with np.load(path, allow_pickle=False) as content:
             arrays = {name: content[name] for name in content.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise ModelError(describe(str(path), "an annotated object", error, CURE)) from error
+        found = error if isinstance(error, OSError) else "another file, or a damaged one"
+        raise ModelError(describe(str(path), "an annotated object", found, CURE)) from error
     version = arrays.get("format_version")
     if version is None or version.shape or int(version) != FORMAT_VERSION:
         place = f"{path}: format_version"

@@ -50,7 +50,7 @@ def read_task_sequences(
     for path in map(Path, paths):
         bags = find_bags(path)
         if not bags:
-            rejections.append(Rejection(str(path), "", 0, "empty: there is no bag in this folder"))
+            rejections.append(Rejection(str(path), "", 0, "there is no bag in this folder"))
         for bag in bags:
             try:
                 found = list(_sequences(BagReader(bag), forget_after_s))

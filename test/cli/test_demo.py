@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demo as a user runs it: real processes, a short session, and every way out."""
 
+import io
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from rich.console import Console
+
+from intent_recognition.cli import demo
+from intent_recognition.storage.model import load_trained
 
 START_S, END_S = 60.0, 300.0
 
@@ -127,18 +133,38 @@ def test_killed_it_leaves_no_orphan(running_demo):
     [
         (("--task-list", "juggling"), "task_list: expected labels"),
         (("--model", "/nowhere.npz"), "/nowhere.npz: expected a model file"),
+        (("--output", "/dev/null/out"), "--output: expected a folder that can be made"),
+        (("--dashboard", "--port", "0"), "--port: expected 1 to 65535, got 0"),
+        (("--rate", "0"), "--rate: expected 0.01 to 50, got 0"),
     ],
 )
 def test_bad_options_are_one_line(tmp_path, model, arguments, message):
     if "--model" not in arguments:
         arguments = (*arguments, "--model", str(model))
-    result = subprocess.run(
-        command(tmp_path / "out", *arguments, "--interactions", "1"),
-        capture_output=True,
-        text=True,
-        timeout=START_S,
-        check=False,
-    )
+    result = run(command(tmp_path / "out", "--interactions", "1", *arguments))
+    assert result.returncode == (2 if "usage" in result.stderr else 1)
+    last = result.stderr.strip().splitlines()[-1]
+    assert message in last.replace("argument ", "")
+    assert result.returncode == 2 or last == result.stderr.strip()
+
+
+def test_a_port_in_use_is_told_before_the_training(tmp_path):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        result = run(command(tmp_path / "out", "--dashboard", "--port", port))
     assert result.returncode == 1
-    assert message in result.stderr
-    assert len(result.stderr.strip().splitlines()) == 1
+    assert result.stderr.strip().startswith(f"intent demo: --port: expected a free one, got {port}")
+    assert not result.stdout
+
+
+def test_its_model_can_be_added_to(tmp_path):
+    path = demo._train(tmp_path / "model.npz", Console(file=io.StringIO()))
+    model, trained = load_trained(path)
+    assert model.library.transition_prior is not None
+    assert trained
+
+
+def run(command):
+    return subprocess.run(command, capture_output=True, text=True, timeout=START_S, check=False)

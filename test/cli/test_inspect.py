@@ -102,6 +102,14 @@ def test_damage_is_shown_not_raised(run_command, tmp_path):
     assert "damaged at byte" in output
 
 
+def test_a_file_of_another_kind_is_named(parse, tmp_path):
+    path = tmp_path / "notes.txt"
+    path.write_text("hello", encoding="utf-8")
+    args = parse("inspect", path)
+    with pytest.raises(BagError, match="expected a recording, got another kind of file"):
+        args.run(args)
+
+
 def test_nothing_to_inspect_is_an_error(parse, tmp_path):
     for path in (tmp_path, tmp_path / "missing"):
         args = parse("inspect", path)

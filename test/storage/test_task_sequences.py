@@ -61,6 +61,6 @@ def test_a_folder_with_bags_that_are_no_sessions(tmp_path):
     assert "no session" in str(rejections[0]) and len(rejections) == 2
     (tmp_path / "nothing").mkdir()
     _, rejections = read_task_sequences([tmp_path / "nothing"])
-    assert "empty" in str(rejections[0])
+    assert "no bag" in str(rejections[0])
     with pytest.raises(BagError):
         read_task_sequences([tmp_path / "elsewhere"])
