@@ -98,14 +98,34 @@ def test_every_requirement_of_setup_is_pinned():
         re.split(r"[\[=]", line)[0].lower()
         for line in (ROOT / "requirements.txt").read_text(encoding="utf-8").splitlines()
     }
+    assert set(install_requires()) <= pinned
+
+
+def install_requires():
+    """Names of setup.py's install_requires, lower case, and for which platform."""
     (call,) = [
         node
         for node in ast.walk(ast.parse((ROOT / "setup.py").read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
     ]
     (required,) = [k.value for k in call.keywords if k.arg == "install_requires"]
-    names = {re.split(r"[<>=; ]", entry)[0].lower() for entry in ast.literal_eval(required)}
-    assert names <= pinned
+    return {
+        re.split(r"[<>=; ]", entry)[0].lower(): entry.partition(";")[2].strip()
+        for entry in ast.literal_eval(required)
+    }
+
+
+def test_readme_installs_on_a_jazzy_machine_what_rosdep_does_not(manifest):
+    """Rosdep's pip keys fail on Ubuntu 24.04; the rest of its keys are packages there."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    keys = {element.text for element in manifest.iter("exec_depend")}
+    skipped = re.search(r'--skip-keys "([^"]+)"', readme)[1].split()
+    assert set(skipped) == {key for key in keys if key.endswith("-pip")}
+    (line,) = re.findall(r"^pip install ((?!\"\.).*mcap.*?) +#", readme, re.MULTILINE)
+    by_rosdep = {"matplotlib", "numpy", "pyyaml", "scipy"}
+    assert {"python3-matplotlib", "python3-numpy", "python3-yaml", "python3-scipy"} <= keys
+    needed = {n for n, platform in install_requires().items() if "!=" not in platform}
+    assert needed - by_rosdep == set(line.split()) - {"viser", "yourdfpy"}
 
 
 KEYS = {
