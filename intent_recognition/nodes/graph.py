@@ -49,7 +49,7 @@ class Argument:
     needed: bool = False
 
     def read(self, value: object) -> object:
-        """The value of this kind, from text or as it is; None for an empty text.
+        """The value of this kind, from text or as it is; None for an empty text or list.
 
         Raises:
             ArgumentError: it is no such value.
@@ -58,10 +58,11 @@ class Argument:
             return None if value == "" else value
         text = value.strip()
         try:
-            return _READ[self.kind](text) if text else None
+            read = _READ[self.kind](text) if text else None
         except (ValueError, KeyError) as error:
             kind = "a list" if self.kind is tuple else self.kind.__name__
             raise ArgumentError(describe(self.name, kind, text, self.description)) from error
+        return None if read == () else read
 
 
 _READ = {

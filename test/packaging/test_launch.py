@@ -20,6 +20,10 @@ EXECUTABLES = {
     "replay": {"bag_player", "mocap_ingest", "intent_estimator"},
 }
 OTHERS = {"rviz2", "robot_state_publisher"}
+NODE_OPTIONS = {
+    *("package", "executable", "name", "namespace", "exec_name", "parameters", "remappings"),
+    *("ros_arguments", "arguments", "output"),
+}
 NEEDED = {"model": "m.npz", "bag": "recorded"}
 ALL_ON = {"dashboard": "true", "rviz": "true", "record": "a/bag"}
 
@@ -140,6 +144,26 @@ def test_every_node_takes_the_namespace_and_the_clock(describe, name):
         publishers += bool(publishes)
         assert bool(publishes) != (values(options).get("use_sim_time") is True), node
     assert publishers == (name in ("demo", "replay"))
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_nodes_are_given_what_launch_ros_takes(describe, name):
+    """As its source on the branch jazzy says: no other options, no empty or mixed lists."""
+    entities = describe(name)
+    given = on(entities) | ({"bodies": " , "} if "bodies" in declared(entities) else {})
+    for node in start(entities, **given).values():
+        assert set(node) <= NODE_OPTIONS
+        file, parameters = node["parameters"]
+        assert isinstance(file, str)
+        for value in parameters.values():
+            if isinstance(value, list):
+                assert value and len({type(entry) for entry in value}) == 1
+            elif isinstance(value, Call):  # a text is to stay one
+                assert value.kind == "ParameterValue" and type(value.args[0]) is str
+            else:
+                assert type(value) in (bool, int, float)
+        for pair in node["remappings"]:
+            assert [type(topic) for topic in pair] == [str, str]
 
 
 def test_what_is_not_given_is_left_to_the_parameter_file(describe):
