@@ -169,22 +169,27 @@ class ForecastRun:
 
         It never goes back, and is at the end at the last of the times.
         """
-        progress, durations = self.library.forecast.progress, self.filter.duration_s
-        weights = self.duration_weights
-        likely = np.flatnonzero(weights > NEGLIGIBLE)
-        share = weights[likely, None, None] / weights[likely].sum()
-        share = share * self.filter.leads_at(times_s)[likely]
-        recorded = times_s / durations[likely, None]
-        if len(leads(progress)) == 1:
-            recorded = np.tile(times_s / self.duration_s, (len(likely), 1))
-        phase = reference_phase(progress, recorded)
-        mean = np.einsum("ste,ste->t", share, phase)
-        variance = np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
+        if len(leads(self.library.forecast.progress)) == 1:
+            mean = np.clip(times_s / self.duration_s, 0.0, 1.0)
+            variance = np.zeros_like(mean)
+        else:
+            mean, variance = self._expected_phase(times_s)
         if times_s[-1] <= times_s[0]:
             return np.ones_like(mean), variance, np.zeros_like(mean)
         mean = np.maximum.accumulate(mean)
         mean += (1.0 - mean[-1]) * times_s / times_s[-1]
         return mean, variance, np.gradient(mean, times_s)
+
+    def _expected_phase(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and variance of the reference phase over durations and leads, each (T,)."""
+        progress, durations = self.library.forecast.progress, self.filter.duration_s
+        weights = self.duration_weights
+        likely = np.flatnonzero(weights > NEGLIGIBLE)
+        share = weights[likely, None, None] / weights[likely].sum()
+        share = share * self.filter.leads_at(times_s)[likely]
+        phase = reference_phase(progress, times_s / durations[likely, None])
+        mean = np.einsum("ste,ste->t", share, phase)
+        return mean, np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
 
 
 def control_grid(forecast: Forecast, task: int) -> ControlGrid:

@@ -58,12 +58,17 @@ class LeadFilter:
         forecast, n, m = self.forecast, len(self.duration_s), len(dofs)
         n_basis = forecast.basis.n_basis
         moved = np.eye(self.lead.shape[1])
-        if self.elapsed_s is not None:
+        if self.elapsed_s is not None and len(moved) > 1:
             moved = drift(forecast.progress, (elapsed_s - self.elapsed_s) / self.duration_s)
             self.lead = np.einsum("se,sef->sf", self.lead, moved)
         phase = reference_phase(forecast.progress, elapsed_s / self.duration_s)
         design = forecast.basis.design_matrix(phase)  # (S, E, N)
         blocks = self.covariance.reshape(n, -1, n_basis, self.mean.shape[1])[:, dofs]
+        now_s = elapsed_s if self.elapsed_s is None else max(elapsed_s, self.elapsed_s)
+        if len(moved) == 1:
+            self._observe_steady(design[:, 0], blocks, dofs, np.asarray(values), noise)
+            self.elapsed_s = now_s
+            return
         weights = self.mean.reshape(n, -1, n_basis)[:, dofs]
         expected = np.matmul(design, np.swapaxes(weights, 1, 2))  # (S, E, m)
         half = np.matmul(design[:, None], blocks).reshape(n, m, phase.shape[1], -1, n_basis)
@@ -80,8 +85,30 @@ class LeadFilter:
         self.lead = lead / lead.sum(axis=1, keepdims=True)
         self._condition(design, blocks, expected, dofs, np.asarray(values), noise)
         self._steps.append((np.broadcast_to(moved, (n, *moved.shape[-2:])), self.lead, tempered))
-        self.elapsed_s = elapsed_s if self.elapsed_s is None else max(elapsed_s, self.elapsed_s)
-        self._times.append(self.elapsed_s)
+        self.elapsed_s = now_s
+        self._times.append(now_s)
+
+    def _observe_steady(
+        self,
+        row: np.ndarray,
+        blocks: np.ndarray,
+        dofs: np.ndarray,
+        values: np.ndarray,
+        noise: np.ndarray,
+    ) -> None:
+        """Take values with a single lead, in half the time: plain conditioning."""
+        n, n_basis = row.shape
+        weights = self.mean.reshape(n, -1, n_basis)[:, dofs]
+        cross = np.matmul(row[:, None, None], blocks)[:, :, 0]  # H S, (S, m, P N)
+        own = np.matmul(cross.reshape(n, len(dofs), -1, n_basis)[:, :, dofs], row[:, None, :, None])
+        factor = cholesky(symmetrize(own[..., 0] + noise), name="innovation covariance")
+        innovation = values - np.matmul(weights, row[..., None])[..., 0]
+        scaled = solve_lower(factor, np.concatenate([cross, innovation[..., None]], axis=2))
+        scaled, whitened = scaled[..., :-1], scaled[..., -1]
+        self.log_evidence -= 0.5 * np.sum(whitened**2, axis=-1) + log_normalizer(factor)
+        turned = np.swapaxes(scaled, 1, 2)
+        self.mean += np.matmul(turned, whitened[..., None])[..., 0]
+        self.covariance -= np.matmul(turned, scaled)
 
     def _condition(
         self,
@@ -108,6 +135,8 @@ class LeadFilter:
 
     def leads_at(self, times_s: np.ndarray) -> np.ndarray:
         """Probability of each lead at times after onset given all observations, (S, T, E)."""
+        if self.lead.shape[1] == 1:
+            return np.ones((len(self.duration_s), len(times_s), 1))
         if not self._steps:
             prior = lead_prior(self.forecast.progress)
             return np.tile(prior, (len(self.duration_s), len(times_s), 1))
