@@ -57,15 +57,16 @@ class LeadFilter:
         """
         forecast, n, m = self.forecast, len(self.duration_s), len(dofs)
         n_basis = forecast.basis.n_basis
-        moved = np.eye(self.lead.shape[1])
-        if self.elapsed_s is not None and len(moved) > 1:
+        n_leads = self.lead.shape[1]
+        moved = np.eye(n_leads)
+        if self.elapsed_s is not None and n_leads > 1:
             moved = drift(forecast.progress, (elapsed_s - self.elapsed_s) / self.duration_s)
             self.lead = np.einsum("se,sef->sf", self.lead, moved)
         phase = reference_phase(forecast.progress, elapsed_s / self.duration_s)
         design = forecast.basis.design_matrix(phase)  # (S, E, N)
         blocks = self.covariance.reshape(n, -1, n_basis, self.mean.shape[1])[:, dofs]
         now_s = elapsed_s if self.elapsed_s is None else max(elapsed_s, self.elapsed_s)
-        if len(moved) == 1:
+        if n_leads == 1:
             self._observe_steady(design[:, 0], blocks, dofs, np.asarray(values), noise)
             self.elapsed_s = now_s
             return
