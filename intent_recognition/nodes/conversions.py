@@ -44,12 +44,6 @@ def to_stamp(time_ns: int) -> Time:
     return Time(sec=sec, nanosec=nanosec)
 
 
-def to_duration(seconds: float) -> Duration:
-    """Duration message of seconds, rounded to the nanosecond."""
-    sec, nanosec = divmod(round(float(seconds) * NANOSECONDS), NANOSECONDS)
-    return Duration(sec=sec, nanosec=nanosec)
-
-
 def duration_s(duration: Duration) -> float:
     """Seconds of a Duration message."""
     return duration.sec + duration.nanosec * 1e-9

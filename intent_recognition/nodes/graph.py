@@ -120,7 +120,6 @@ class NodeSpec:
         clock: parameter by which it publishes /clock, which it does not follow then.
         when: argument without which it is not started; empty: always.
         package: it is installed from.
-        simulated: whether it stands for hardware or a person.
     """
 
     module: str
@@ -131,7 +130,6 @@ class NodeSpec:
     clock: str = ""
     when: str = ""
     package: str = PACKAGE
-    simulated: bool = False
 
     def arguments(self) -> set[str]:
         """Names of the arguments it depends on."""
@@ -151,7 +149,6 @@ NODES = {
             "seed": "seed",
         },
         clock="publish_clock",
-        simulated=True,
     ),
     "mocap_ingest": NodeSpec("intent_recognition.nodes.mocap_ingest", {"bodies": "bodies"}),
     "intent_estimator": NodeSpec(
@@ -172,7 +169,6 @@ NODES = {
         "sim_bridge.nodes.coworker_sim",
         {"seed": "seed", "task_list": "task_list"},
         when="coworker",
-        simulated=True,
     ),
     "bag_player": NodeSpec(
         "intent_recognition.nodes.bag_player",

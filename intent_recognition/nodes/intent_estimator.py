@@ -45,7 +45,7 @@ class IntentEstimatorNode(ManagedNode):
 
     def __init__(self, **kwargs):
         super().__init__("intent_estimator", **kwargs)
-        self._model_path = parameter(self, "model", "", "Model file written by `intent train`.")
+        parameter(self, "model", "", "Model file written by `intent train`.")
         self._dofs_path = parameter(
             self,
             "dofs",

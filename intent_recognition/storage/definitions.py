@@ -16,7 +16,7 @@ from intent_recognition.errors import MessageError, describe
 
 SEPARATOR = "=" * 80 + "\n"
 TIME_TYPES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
-BASE, NAME, ARRAY, SEQUENCE = 1, 2, 3, 4  # rosbags' node types of a field description
+BASE, NAME, ARRAY = 1, 2, 3  # rosbags' node types of a field description
 NUMPY_TYPES = {"bool": "bool", "byte": "uint8", "octet": "uint8", "char": "uint8"}
 
 

@@ -90,12 +90,6 @@ def arm_posture(hand_pose: np.ndarray) -> np.ndarray:
     return solve(hand_pose, ARM_SWIVEL_RAD, ARM_BRANCH)
 
 
-def finger_tip(q: np.ndarray) -> np.ndarray:
-    """Where the tip of the finger is (..., 3) [m] for joint angles (..., 7)."""
-    hand = forward_kinematics(q)
-    return hand[..., :3, 3] + FINGER_LENGTH_M * hand[..., :3, 2]
-
-
 def pointed_at(q: np.ndarray) -> np.ndarray:
     """Where the finger's line meets the table's plane (..., 3) [m] for joint angles (..., 7).
 

@@ -73,16 +73,6 @@ class Executed:
     touched: bool
 
 
-def clearances(positions_rad: np.ndarray) -> np.ndarray:
-    """Distance (T,) of the arm from the pole in postures (T, 7) that need not be possible."""
-    with LwrArm(positions_rad[0]) as arm:
-        pole, found = Pole(arm), []
-        for q in positions_rad:
-            arm.reset(q)
-            found.append(pole.clearance(q))
-    return np.array(found)
-
-
 def execute(positions_rad: np.ndarray, times_s: np.ndarray, rest_s: float = 0.5) -> Executed:
     """Let the arm follow a trajectory in physics, from rest at its first posture.
 

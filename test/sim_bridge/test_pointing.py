@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.storage import load_dofs, read_demonstrations
@@ -19,12 +20,12 @@ from sim_bridge.pointing.recordings import Order, metadata, orders, record
 from sim_bridge.pointing.scene import (
     CIRCLE_CENTRE_M,
     CIRCLE_DIAMETER_M,
+    FINGER_LENGTH_M,
     HOME,
     SPOTS_M,
     TABLE_HEIGHT_M,
     TIP_ABOVE_TABLE_M,
     arm_posture,
-    finger_tip,
     home_pose,
     pointed_at,
     pointing_pose,
@@ -42,7 +43,9 @@ def test_the_finger_points_at_each_spot_with_its_tip_just_above(purpose, k):
     target = spot(purpose, k)
     q = arm_posture(pointing_pose(target))
     np.testing.assert_allclose(pointed_at(q), target, atol=1e-9)
-    assert finger_tip(q)[2] - TABLE_HEIGHT_M == pytest.approx(TIP_ABOVE_TABLE_M, abs=1e-9)
+    hand = forward_kinematics(q)
+    tip = hand[:3, 3] + FINGER_LENGTH_M * hand[:3, 2]
+    assert tip[2] - TABLE_HEIGHT_M == pytest.approx(TIP_ABOVE_TABLE_M, abs=1e-9)
     assert branch_of(q) == ARM_BRANCH
     assert np.min(LWR_LIMITS.upper - np.abs(q)) > np.radians(8.0)
 
