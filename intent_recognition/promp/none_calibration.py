@@ -8,7 +8,7 @@ unknown movement reaches on its way counts, and the lowest one of a known moveme
 between them decides nothing. Where there is only one task, unknown movements are drawn from none.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -34,6 +34,8 @@ TAIL = 0.1
 """Share of them that tells how their worst factors go on: exponentially, a long tail."""
 TAIL_RATE = 2.373
 """Rate at which a normal distribution's tail falls there, d(-log(1 - Phi(z)))/dz at z = 2."""
+ENOUGH = 5
+"""Demonstrations from which on a task takes part, where two tasks have as many."""
 MAX_CALIBRATED = 120
 """Demonstrations followed, at most."""
 N_IMAGINED = 40
@@ -85,21 +87,32 @@ def calibrate_none(
         strength: of the targets of the covariances that tasks are told apart by.
     """
     departed = departure(list(tasks.values()), library.n_observed)
-    known, unknown = [], []
+    everyone, known, unknown = np.arange(library.n_tasks), [], []
+    settled = settled_tasks([task.n for task in tasks.values()])
     for one in held_out(library, tasks, reference, strength, MAX_CALIBRATED):
-        others = np.delete(np.arange(library.n_tasks), one.task)
+        if one.task not in settled:
+            continue
+        others = np.delete(everyone, one.task)
+        rivals = np.setdiff1d(settled, [one.task])
         evidence = others_evidence(library, one, others)
-        if len(others):
+        if len(rivals):
             none = evidence_of_none(library, one, others, None, departed)
-            unknown.append(total_evidence(evidence, len(others)) - none)
+            all_settled = len(rivals) == len(others)
+            theirs = evidence if all_settled else others_evidence(library, one, rivals)
+            unknown.append(total_evidence(theirs, len(rivals)) - none)
         if one.own is not None:
             own = own_evidence(library, one)
-            everyone = np.arange(library.n_tasks)
             none = evidence_of_none(library, one, everyone, one.own, departed)
             known.append(total_evidence([*evidence, own], library.n_tasks) - none)
     if library.n_tasks == 1:
         unknown = _imagined(library, departed)
     return calibrate(np.array(known), np.array(unknown))
+
+
+def settled_tasks(counts: Sequence[int]) -> np.ndarray:
+    """Numbers of the tasks with `ENOUGH` demonstrations; of all where fewer than two have."""
+    enough = np.flatnonzero(np.asarray(counts) >= ENOUGH)
+    return enough if len(enough) > 1 else np.arange(len(counts))
 
 
 def _imagined(library: TaskLibrary, departed: np.ndarray) -> list[np.ndarray]:

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from promp.simulation import make_library, simulate
 
 from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp import none_calibration
 from intent_recognition.promp.bank import make_hypotheses, start_bank
 from intent_recognition.promp.held_out import prefix_log_evidence
 from intent_recognition.promp.library import READ_AS_IT_IS
 from intent_recognition.promp.none import departure, none_primitive
-from intent_recognition.promp.none_calibration import calibrate
+from intent_recognition.promp.none_calibration import calibrate, calibrate_none, settled_tasks
 from intent_recognition.promp.observations import BankRun, merge
 from intent_recognition.promp.recognition import read_factor, task_posterior
 from intent_recognition.promp.statistics import merge_statistics, summarize
@@ -165,3 +166,27 @@ def test_one_task_alone_has_a_none_too(recordings):
     assert np.linalg.eigvalsh(library.none_covariance).min() > 0
     assert library.none_calibration[1] > 0.0
     assert np.array_equal(learn(only, WHOLE)[0].none_calibration, library.none_calibration)
+
+
+def test_tasks_take_part_in_the_calibration_from_five_demonstrations_on():
+    assert settled_tasks([3, 13, 5, 20]).tolist() == [1, 2, 3]
+    assert settled_tasks([3, 4, 20]).tolist() == [0, 1, 2]
+    assert settled_tasks([2]).tolist() == [0]
+
+
+def test_a_vague_new_task_does_not_make_the_others_wait(recordings, monkeypatch):
+    """Its few demonstrations go everywhere, so that every movement might be one of it."""
+    rng = np.random.default_rng(8)
+    wide = make_library(rng, n_tasks=1, groups=(3,), n_controlled=1, n_basis=8, spread=1.0)
+    vague = [
+        replace(simulate(wide, 0, rng, name=f"new_{i}", n_samples=60), task="vague")
+        for i in range(3)
+    ]
+    _, report = learn([*recordings, *vague], WHOLE)
+    trained = report.trained
+    strength = trained.chosen.recognition_strength
+    asked = (trained.library, trained.tasks, trained.reference, strength)
+    own = calibrate_none(*asked)
+    assert np.array_equal(own, trained.library.none_calibration)
+    monkeypatch.setattr(none_calibration, "ENOUGH", 1)
+    assert own[1] < calibrate_none(*asked)[1]
