@@ -13,6 +13,8 @@ from benchmarks.mixture import mixture
 from benchmarks.node import node
 from benchmarks.offline import bags_to_model, evaluation
 from benchmarks.online import online
+from benchmarks.page import page
+from benchmarks.pouring import pouring
 from benchmarks.reading import reading
 from benchmarks.recognition import unknown_tasks
 from benchmarks.training import training
@@ -37,6 +39,7 @@ def everything(minutes: float) -> Iterator[str | Result]:
     yield from bank()
     yield "Nodes, from a pose to a trajectory of 50 points and 7 joints"
     yield from node(library, held_out)
+    yield from page(library)
     yield "Learning from aligned demonstrations"
     yield from training(demonstrations)
     yield "Alignment in time"
@@ -45,6 +48,8 @@ def everything(minutes: float) -> Iterator[str | Result]:
     yield from mixture(demonstrations)
     yield "Warping"
     yield from warping()
+    yield "Pouring"
+    yield from pouring()
     yield "Reading bags"
     yield from reading()
     yield "As a whole"

@@ -2,7 +2,7 @@
 """Two models side by side on one recording: what each would have thought, and when."""
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +18,13 @@ from intent_recognition.storage.bag_reader import BagReader
 from intent_recognition.storage.model import load_model
 
 PLOTTED = 400
-NO_MODELS = (
-    "There is no model to compare. Train one with `intent train BAG... --output M.npz` and start"
-    " the page where it lies, or with `-p models:=FOLDER`.",
+ABOUT = "Both models watch one recording, off line: which knows the task sooner, and surer?"
+NO_MODELS = "There is no model to compare."
+CURES = (
+    "Train one, and start the page where it lies: `intent train BAG... --output M.npz`",
+    "Or say where models are: `-p models:=FOLDER`",
 )
+HEAD = ("model", "acts on", "after", "at the end")
 
 
 class CompareTab:
@@ -31,6 +34,7 @@ class CompareTab:
         server: the page.
         bags: recordings to choose from.
         models: model files to choose from, asked for anew each time.
+        labels: tasks that have a colour on the page already.
     """
 
     def __init__(
@@ -38,11 +42,12 @@ class CompareTab:
         server: viser.ViserServer,
         bags: Sequence[Path],
         models: Callable[[], Sequence[Path]],
+        labels: Callable[[], Iterable[str]],
     ):
-        self._gui = server.gui
+        self._gui, self._labels = server.gui, labels
         self._bags, self._find = names_of(bags), models
         self._models = names_of(models())
-        self._hint = self._gui.add_html("" if self._models else markup.steps(NO_MODELS))
+        self._hint = self._gui.add_html(self._about())
         names = tuple(self._models) or ("-",)
         self._bag = self._gui.add_dropdown("Recording", tuple(self._bags) or ("-",))
         self._chosen = [
@@ -54,21 +59,32 @@ class CompareTab:
         self._plots: list[viser.GuiUplotHandle] = []
         self._place = self._gui.add_folder("Probability over time", visible=False)
         self._button.on_click(lambda _: self._start())
+        self._show_fields()
 
     def refresh(self) -> None:
         """Look for models again; new ones are offered."""
         found = names_of(self._find())
         if found.keys() != self._models.keys() and found:
             self._models = found
-            set_content(self._hint, "")
+            set_content(self._hint, self._about())
             for field in self._chosen:
                 field.options = tuple(found)
+            self._show_fields()
 
     def _start(self) -> None:
         if not self._bags or not self._models:
             return
         self._button.disabled = True
+        set_content(self._result, markup.remark("Both are watching the recording ..."))
         threading.Thread(target=self._run, name="compare", daemon=True).start()
+
+    def _show_fields(self) -> None:
+        """There is something to choose only where there is a model and a recording."""
+        for field in (self._bag, *self._chosen, self._button):
+            field.visible = bool(self._models and self._bags)
+
+    def _about(self) -> str:
+        return markup.remark(ABOUT) if self._models else markup.ways(NO_MODELS, CURES)
 
     def _run(self) -> None:
         """Run both models over the recording and show what came out."""
@@ -81,22 +97,25 @@ class CompareTab:
             return
         finally:
             self._button.disabled = False
-        labels = sorted({label for _, columns, _ in found for label in columns})
-        colours = task_colours(labels)
+        self._draw(found)
+        rows = [(n, *summary) for n, (_, _, summary) in zip("AB", found, strict=True)]
+        set_content(self._result, markup.table(HEAD, rows))
+
+    def _draw(self, found: Sequence[tuple]) -> None:
+        """One diagram for each model, in the same colours and over the same time."""
+        labels = {label for _, columns, _ in found for label in columns}
+        colours = task_colours(labels | set(self._labels()))
+        last_s = max(float(times[-1]) for times, _, _ in found)
         while self._plots:
             self._plots.pop().remove()
         with self._place:
             for name, (times, columns, _) in zip("AB", found, strict=True):
-                data = (times, *columns.values())
-                names = tuple(columns)
-                last = float(times[-1])
-                self._plots.append(
-                    probability_plot(self._gui, data, names, colours, 0.0, last, f"model {name}")
+                data, names = (times, *columns.values()), tuple(columns)
+                plot = probability_plot(
+                    self._gui, data, names, colours, 0.0, last_s, f"model {name}"
                 )
+                self._plots.append(plot)
         self._place.visible = True
-        rows = [(n, *summary) for n, (_, _, summary) in zip("AB", found, strict=True)]
-        head = ("model", "acts on", "after", "at the end")
-        set_content(self._result, markup.table(head, rows))
 
 
 def posterior_over(

@@ -21,6 +21,12 @@ class Lesson:
         commands: reaches the other nodes.
         say: told how it goes.
         rng: source of the variation between demonstrations.
+
+    Attributes:
+        busy: something is being shown or recorded.
+        recording: something is being recorded.
+        recorded: demonstrations since the last time something was learned.
+        learned: whether something was.
     """
 
     def __init__(self, puppet: Puppet, commands: Commands, say: Say, rng: np.random.Generator):
@@ -28,6 +34,7 @@ class Lesson:
         self.busy = False
         self.recording = False
         self.recorded = 0
+        self.learned = False
 
     def show(
         self, task: str, wrist_goal: np.ndarray, hand_goal: np.ndarray, length_s: float, vary: float
@@ -129,5 +136,5 @@ class Lesson:
     def _learned(self, ok: bool, text: str) -> None:
         self._say(ok, text)
         if ok:
-            self.recorded = 0
+            self.recorded, self.learned = 0, True
             self._commands.robot_helps(True, lambda _ok, _text: None)

@@ -10,6 +10,7 @@ INK, SOFT, RULE = "#1d2733", "#5a6777", "#e3e8ee"
 GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", "#8792a0"
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
 FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
+COLUMNS = "9.2em 1fr 3.2em 3em"
 LARGEST_RATES = 4
 MAY_END = frozenset({"bag_player", "bag_recorder", "coworker_sim"})
 """Nodes that are over when their work is done: their silence is no alarm."""
@@ -34,7 +35,7 @@ def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
         running = " &#9679;" if label == state.active and label else ""
         progress = "" if label == "none" else f"{max(float(phase), 0.0):.2f}"
         rows.append(
-            f'<div style="display:grid;grid-template-columns:9.2em 1fr 3.2em 3em;gap:.5em;'
+            f'<div style="display:grid;grid-template-columns:{COLUMNS};gap:.5em;'
             f'align-items:center;margin:.3em 0;font-weight:{strong}">'
             f'<span style="overflow:hidden;text-overflow:ellipsis;white-space:nowrap">'
             f"{readable(label)}<span style='color:{colour}'>{running}</span></span>"
@@ -44,10 +45,11 @@ def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
             f'<span style="text-align:right">{float(chance):.0%}</span>'
             f'<span style="text-align:right;color:{SOFT}">{progress}</span></div>'
         )
+    small = f"font-size:.84em;color:{SOFT}"
     head = (
-        f'<div style="display:grid;grid-template-columns:9.2em 1fr 3.2em 3em;gap:.5em;'
-        f'color:{SOFT};font-size:.82em"><span>task</span><span>probability</span><span></span>'
-        f'<span style="text-align:right">phase</span></div>'
+        f'<div style="display:grid;grid-template-columns:{COLUMNS};gap:.5em">'
+        f'<span style="{small}">task</span><span style="{small}">probability</span><span></span>'
+        f'<span style="{small};text-align:right">phase</span></div>'
     )
     return _block(head + "".join(rows))
 
@@ -57,7 +59,7 @@ def now_line(state: CellState, colours: Mapping[str, str]) -> str:
     parts = [f"robot: {_chip(state.active, colours) if state.active else 'waits'}"]
     if state.truth:
         parts.append(f"coworker: {_chip(state.truth, colours)}")
-    return _block(" &nbsp; ".join(parts))
+    return _block(f'<div style="padding:.25em 0 .55em">{" &nbsp; ".join(parts)}</div>')
 
 
 def nodes_table(nodes: Mapping[str, NodeHealth], now_s: float) -> str:
@@ -92,10 +94,36 @@ def banner(text: str, colour: str = BAD) -> str:
     )
 
 
-def steps(lines: Sequence[str]) -> str:
-    """What to do next, numbered; commands between backquotes."""
-    items = "".join(f"<li style='margin:.35em 0'>{_with_code(line)}</li>" for line in lines)
-    return _block(f'<ol style="margin:.2em 0 .2em 1.2em;padding:0">{items}</ol>')
+def steps(lines: Sequence[str], done: int | None = None) -> str:
+    """What to do, numbered; commands between backquotes.
+
+    Args:
+        lines: the steps.
+        done: so many are done and ticked, the next one stands out; None: all are alike.
+    """
+    items = []
+    for k, line in enumerate(lines):
+        mark, colour, weight = str(k + 1), INK, "400"
+        if done is not None:
+            mark = "&#10003;" if k < done else mark
+            colour = GOOD if k < done else INK if k == done else SOFT
+            weight = "600" if k == done else "400"
+        items.append(
+            f'<div style="display:grid;grid-template-columns:1.5em 1fr;margin:.3em 0;'
+            f'color:{colour}"><span style="font-weight:600">{mark}</span>'
+            f'<span style="font-weight:{weight}">{_with_code(line)}</span></div>'
+        )
+    return _block("".join(items))
+
+
+def ways(title: str, lines: Sequence[str]) -> str:
+    """Where there is nothing to be seen: why, and each way to change that, commands below."""
+    items = "".join(
+        f'<div style="border-left:3px solid {RULE};padding:.1em 0 .1em .7em;margin:.6em 0">'
+        f"{_with_code(line, 'display:block;padding:.25em .5em;margin-top:.25em')}</div>"
+        for line in lines
+    )
+    return _block(f'<div style="font-weight:600;margin:.2em 0 .4em">{escape(title)}</div>{items}')
 
 
 def table(head: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
@@ -134,7 +162,7 @@ def _details(values: Mapping[str, str]) -> str:
         if key.startswith("rate ")
     ][:LARGEST_RATES]
     slow = values.get("latency p99 [ms]")
-    latency = [f"p99 {float(slow):.1f} ms"] if slow else []
+    latency = [f"latency p99 {float(slow):.1f} ms"] if slow else []
     rejected = [
         f'<span style="color:{WARNING}">{escape(key)} {escape(value)}</span>'
         for key, value in values.items()
@@ -150,9 +178,9 @@ def _chip(label: str, colours: Mapping[str, str]) -> str:
     )
 
 
-def _with_code(text: str) -> str:
+def _with_code(text: str, look: str = "padding:0 .3em") -> str:
     parts = escape(text).split("`")
-    style = f"background:{RULE};border-radius:3px;padding:0 .3em"
+    style = f"background:{RULE};border-radius:3px;font-size:.92em;overflow-wrap:anywhere;{look}"
     return "".join(
         f'<code style="{style}">{part}</code>' if k % 2 else part for k, part in enumerate(parts)
     )

@@ -25,7 +25,8 @@ from intent_recognition.errors import ResourceBusyError, describe
 from intent_recognition.report.drawing import task_colours
 
 TITLE = "intent recognition"
-BRAND = (0, 114, 178)
+BRAND = (18, 27, 36)
+"""A slate that no task has; the page draws it lighter."""
 PANEL_PERIOD_S = 0.1
 SLOW_PERIOD_S = 1.0
 TOLD_S = 6.0
@@ -48,6 +49,7 @@ class Page:
         models: model files to choose from.
         play: starts a player.
         stop: ends one.
+        clock: seconds, monotonic.
 
     Raises:
         ResourceBusyError: the port is taken.
@@ -66,8 +68,9 @@ class Page:
         models: Callable[[], Sequence[Path]],
         play: Play,
         stop: Callable,
+        clock: Callable[[], float] = time.monotonic,
     ):
-        self._state = state
+        self._state, self._clock = state, clock
         self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._told_until_s = -1.0
         self._panel_at_s = self._slow_at_s = -1.0
@@ -77,8 +80,8 @@ class Page:
         self._server = _serve(host, port)
         self._scene = Scene(self._server)
         gui = self._server.gui
+        gui.main_panel.dock_right()
         gui.configure_theme(
-            control_layout="fixed",
             control_width="large",
             show_logo=False,
             show_share_button=False,
@@ -94,9 +97,9 @@ class Page:
         with tabs.add_tab("Teach"):
             self._teach = TeachTab(self._server, puppet, lesson, commands, do)
         with tabs.add_tab("Replay"):
-            self._replay = ReplayTab(self._server, bags, play, stop, do, self.tell)
+            self._replay = ReplayTab(self._server, bags, play, stop, commands, do, self.tell)
         with tabs.add_tab("Compare"):
-            self._compare = CompareTab(self._server, bags, models)
+            self._compare = CompareTab(self._server, bags, models, lambda: self._labels)
         with tabs.add_tab("Nodes"):
             self._nodes = gui.add_html("")
 
@@ -112,13 +115,13 @@ class Page:
         colour = markup.INK if ok else markup.WARNING
         set_content(self._banner, markup.banner(text, colour))
         self._banner.visible = True
-        self._told_until_s = time.monotonic() + TOLD_S
+        self._told_until_s = self._clock() + TOLD_S
 
     def update(self) -> None:
         """Do what was asked for, and show the newest."""
         while not self._asked.empty():
             self._asked.get()()
-        now_s = time.monotonic()
+        now_s = self._clock()
         state = self._state
         self._choose_colours()
         problem = self._scene.update(state, self._colours, now_s)

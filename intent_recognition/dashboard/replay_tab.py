@@ -7,12 +7,17 @@ from pathlib import Path
 import viser
 
 from intent_recognition.dashboard import markup
+from intent_recognition.dashboard.commands import ESTIMATOR, Commands
 from intent_recognition.dashboard.watch_tab import set_content
+from intent_recognition.errors import BagError
 from intent_recognition.nodes.bag_player import BagPlayer
+from intent_recognition.storage.bag_metadata import read_metadata
 
-RATES = ("0.25", "0.5", "1", "2", "4")
-NO_BAGS = ("There are no recordings in this folder. Start the page with `-p bags:=FOLDER`.",)
-LONGEST_S = 3600.0
+RATES = {"0.25 x": 0.25, "0.5 x": 0.5, "1 x": 1.0, "2 x": 2.0, "4 x": 4.0}
+NO_BAGS = ("Start the page with `-p bags:=FOLDER`, or record one: `intent record --output BAG`.",)
+SHOWN_ONLY = "No estimator runs: a recording is shown, but no task recognised."
+NOBODY_THINKS = ("Start one: `ros2 launch intent_recognition intent.launch.py model:=M.npz`",)
+SHORTEST_S = 0.01
 
 Play = Callable[[Path, float, float], BagPlayer]
 
@@ -25,6 +30,7 @@ class ReplayTab:
         bags: recordings to choose from.
         play: starts a player at (bag, offset [s], rate).
         stop: ends a player.
+        commands: tells who is there.
         do: runs a function in the thread of the graph.
         say: told how it goes.
     """
@@ -35,24 +41,30 @@ class ReplayTab:
         bags: Sequence[Path],
         play: Play,
         stop: Callable[[BagPlayer], None],
+        commands: Commands,
         do: Callable[[Callable], None],
         say: Callable[[bool, str], None],
     ):
         self._bags = names_of(bags)
         self._play, self._stop, self._say = play, stop, say
+        self._commands = commands
         self._player: BagPlayer | None = None
         gui = server.gui
-        gui.add_html("" if self._bags else markup.steps(NO_BAGS))
-        options = tuple(self._bags) or ("-",)
-        self._bag = gui.add_dropdown("Recording", options)
-        self._rate = gui.add_dropdown("Speed", RATES, initial_value="1")
-        self._button = gui.add_button("Play", icon="player-play", disabled=not self._bags)
-        self._at = gui.add_slider("Position [s]", 0.0, 1.0, 0.01, 0.0)
-        self._told = gui.add_html("")
+        gui.add_html("" if self._bags else markup.ways("This folder has no recordings.", NO_BAGS))
+        self._hint = gui.add_html("")
+        self._bag = gui.add_dropdown("Recording", tuple(self._bags) or ("-",))
+        self._facts = gui.add_html("")
+        self._rate = gui.add_dropdown("Speed", tuple(RATES), initial_value="1 x")
+        self._at = gui.add_slider("Position [s]", 0.0, 1.0, SHORTEST_S, 0.0)
+        self._button = gui.add_button("Play", icon="player-play")
         self._button.on_click(lambda _: do(self._press))
         self._bag.on_update(lambda e: e.client and do(self._chosen))
         self._at.on_update(lambda e: e.client and do(self._seek))
         self._rate.on_update(lambda e: e.client and do(self._seek))
+        for field in (self._bag, self._rate, self._at, self._button):
+            field.visible = bool(self._bags)
+        if self._bags:
+            self._describe()
 
     @property
     def playing(self) -> bool:
@@ -61,15 +73,13 @@ class ReplayTab:
 
     def update(self) -> None:
         """Show how far it is; end what is over."""
+        heard = self._commands.offers(f"{ESTIMATOR}/reset") or not self._bags
+        set_content(self._hint, "" if heard else markup.ways(SHOWN_ONLY, NOBODY_THINKS))
         player = self._player
         if player is None:
             return
-        if self._at.max != max(player.duration_s, 0.01):
-            self._at.max = max(round(player.duration_s, 2), 0.01)
+        self._set_length(player.duration_s)
         self._at.value = min(round(player.position_s, 2), self._at.max)
-        topics = len(list(player.publishers)) - 3
-        text = f"{player.position_s:.1f} of {player.duration_s:.1f} s, {max(topics, 0)} topics"
-        set_content(self._told, markup.remark(text))
         if player.finished.is_set():
             self._end()
             self._at.value = 0.0
@@ -88,6 +98,26 @@ class ReplayTab:
     def _chosen(self) -> None:
         self.close()
         self._at.value = 0.0
+        self._describe()
+
+    def _describe(self) -> None:
+        """Say what the chosen recording is, and how long."""
+        try:
+            found = read_metadata(self._bags[self._bag.value])
+        except BagError as error:
+            set_content(self._facts, markup.banner(str(error), markup.WARNING))
+            return
+        self._set_length(found.duration_ns * 1e-9)
+        task = found.custom_data.get("task", "")
+        facts = [f"task {task.replace('_', ' ')}"] if task else []
+        facts += [f"{found.duration_ns * 1e-9:.1f} s"]
+        facts += sorted(topic.name.lstrip("/") for topic in found.topics)
+        set_content(self._facts, markup.remark(", ".join(facts)))
+
+    def _set_length(self, seconds: float) -> None:
+        longest = max(round(seconds, 2), SHORTEST_S)
+        if self._at.max != longest:
+            self._at.max = longest
 
     def _seek(self) -> None:
         if self._player is not None:
@@ -95,9 +125,8 @@ class ReplayTab:
             self._begin(self._at.value)
 
     def _begin(self, offset_s: float) -> None:
-        self._player = self._play(
-            self._bags[self._bag.value], float(offset_s), float(self._rate.value)
-        )
+        bag = self._bags[self._bag.value]
+        self._player = self._play(bag, float(offset_s), RATES[self._rate.value])
         self._button.label, self._button.icon = "Pause", "player-pause"
         self._say(True, f"playing {self._bag.value}")
 

@@ -2,6 +2,7 @@
 """The arm on the page, from the URDF on `robot_description`."""
 
 import io
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -13,6 +14,9 @@ ROOT = "/robot"
 LARGEST_PATH = 16
 """Points of a drawn hand path."""
 
+COLOUR_KEPT = 0.15
+"""Of a robot's own colour so much is left: colours are for tasks, and many robots are orange."""
+
 
 class RobotView:
     """The robot of one URDF.
@@ -23,7 +27,7 @@ class RobotView:
     """
 
     def __init__(self, server: viser.ViserServer, description: str):
-        self._urdf = yourdfpy.URDF.load(io.StringIO(description))
+        self._urdf = yourdfpy.URDF.load(io.StringIO(greyed(description)))
         self._view = ViserUrdf(server, self._urdf, root_node_name=ROOT)
         self._other = yourdfpy.URDF.load(io.StringIO(description), load_meshes=False)
         self._joints = tuple(self._view.get_actuated_joint_names())
@@ -61,3 +65,18 @@ def _tip(urdf: yourdfpy.URDF) -> str:
         return 1 + depth(parents[link]) if link in parents else 0
 
     return max(urdf.link_map, key=depth)
+
+
+def greyed(description: str) -> str:
+    """A URDF whose materials are nearly grey, as bright as they were."""
+
+    def grey(found: re.Match) -> str:
+        try:
+            red, green, blue, *rest = (float(number) for number in found[1].split())
+        except ValueError:
+            return found[0]
+        bright = 0.3 * red + 0.59 * green + 0.11 * blue
+        mixed = [bright + COLOUR_KEPT * (part - bright) for part in (red, green, blue)]
+        return 'rgba="' + " ".join(f"{number:.3f}" for number in (*mixed, *rest)) + '"'
+
+    return re.sub(r'rgba="([^"]*)"', grey, description)

@@ -9,6 +9,8 @@ import yourdfpy
 
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.robot_view import RobotView
+from intent_recognition.kinematics.forward import frame_poses
+from intent_recognition.kinematics.lwr import JOINT_NAMES
 
 INK = (29, 39, 51)
 SOFT = (135, 146, 160)
@@ -16,9 +18,13 @@ WRIST_RADIUS_M = 0.022
 TUBE_OPACITY = 0.28
 STALE_S = 1.5
 PATH_WIDTH_M = 0.006
+ARM_WIDTH_M = 0.045
+NOTHING = np.zeros((0, 3))
 HAND_PATH_PERIOD_S = 0.2
-CAMERA_M = (1.75, -1.2, 0.95)
-LOOK_AT_M = (0.5, 0.0, 0.3)
+CAMERA_M = (1.72, -1.38, 1.05)
+LOOK_AT_M = (0.48, 0.0, 0.33)
+VIEW_RAD = np.deg2rad(42.0)
+FADE_M = 5.0
 
 Colour = tuple[int, int, int]
 
@@ -69,9 +75,13 @@ class Scene:
             plane_color=(250, 251, 252),
             plane_opacity=1.0,
             shadow_opacity=0.2,
+            fade_distance=FADE_M,
         )
         self._server.initial_camera.position = CAMERA_M
         self._server.initial_camera.look_at = LOOK_AT_M
+        self._server.initial_camera.fov = VIEW_RAD
+        self._base = scene.add_frame("/base", axes_length=0.15, axes_radius=0.004)
+        scene.add_label("/base/name", "robot's base; x goes to the worker", anchor="top-center")
         self._wrist = scene.add_icosphere("/wrist", WRIST_RADIUS_M, INK, visible=False)
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
         self._tube: viser.MeshHandle | None = None
@@ -88,6 +98,10 @@ class Scene:
                 self._problem = f"robot_description cannot be drawn: {e}"
         if self._robot is not None and state.joints:
             self._robot.update(state.joints)
+        bare = self._robot is None and not self._problem
+        if self._base.visible != bare:
+            self._base.visible = bare
+        self._line("arm", _skeleton(state.joints) if bare else NOTHING, SOFT, ARM_WIDTH_M)
         return self._problem
 
     def _update_wrist(self, state: CellState, now_s: float) -> None:
@@ -105,10 +119,9 @@ class Scene:
         best = state.posterior.best if state.posterior is not None else ""
         colour = rgb(colours.get(best, "#8792a0"))
         shown = state.drawn if state.fresh(state.drawn_at_s, now_s, STALE_S) else None
-        none = np.zeros((0, 3))
-        self._line("predicted", none if shown is None else shown.predicted, colour, PATH_WIDTH_M)
-        self._draw_tube(none if shown is None else shown.tube, colour)
-        self._draw_label(none if shown is None else shown.predicted, best.replace("_", " "))
+        self._line("predicted", NOTHING if shown is None else shown.predicted, colour, PATH_WIDTH_M)
+        self._draw_tube(NOTHING if shown is None else shown.tube, colour)
+        self._draw_label(NOTHING if shown is None else shown.predicted, best.replace("_", " "))
         self._update_hand_path(state, colours, now_s)
 
     def _draw_label(self, path: np.ndarray, text: str) -> None:
@@ -124,7 +137,7 @@ class Scene:
     def _update_hand_path(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         predicted = state.predicted
         if predicted is None or not state.fresh(state.predicted_at_s, now_s, STALE_S):
-            self._line("hand_path", np.zeros((0, 3)), INK, PATH_WIDTH_M)
+            self._line("hand_path", NOTHING, INK, PATH_WIDTH_M)
             return
         due = now_s - self._hand_path_at_s >= HAND_PATH_PERIOD_S
         if self._robot is None or not due or len(predicted.positions) < 2:
@@ -142,14 +155,17 @@ class Scene:
                 handle.visible = False
             return
         pairs = np.stack((path[:-1], path[1:]), axis=1).astype(np.float32)
-        tints = np.broadcast_to(np.array(colour, dtype=np.uint8), pairs.shape)
         if handle is None:
             self._lines[name] = self._server.scene.add_line_segments(
-                f"/{name}", pairs, tints, thickness=width_m
+                f"/{name}", pairs, colour, thickness=width_m
             )
             return
-        handle.points, handle.colors = pairs, tints
-        handle.visible = True
+        handle.points = pairs
+        tint = np.array(colour, dtype=np.uint8)  # of the whole line: those of points come out paler
+        if not np.array_equal(handle.colors, tint):
+            handle.colors = tint
+        if not handle.visible:
+            handle.visible = True
 
     def _draw_tube(self, corners: np.ndarray, colour: Colour) -> None:
         if len(corners) < 3:
@@ -170,5 +186,15 @@ class Scene:
             )
             return
         self._tube.vertices = vertices
-        self._tube.color = colour
-        self._tube.visible = True
+        if tuple(self._tube.color) != colour:
+            self._tube.color = colour
+        if not self._tube.visible:
+            self._tube.visible = True
+
+
+def _skeleton(joints: Mapping[str, float]) -> np.ndarray:
+    """The axes' meeting points of an LWR that nobody describes (8, 3) [m], none for others."""
+    if not all(name in joints for name in JOINT_NAMES):
+        return NOTHING
+    poses = frame_poses(np.array([joints[name] for name in JOINT_NAMES]))
+    return poses[:, :3, 3]

@@ -13,11 +13,13 @@ from intent_recognition.dashboard.commands import ACTIVATION, ESTIMATOR, Command
 
 PLOT_PERIOD_S = 0.2
 PLOT_HEIGHT = 190
+FONT = "12px sans-serif"
+NOBODY = "No tracker, arm or estimator is heard yet."
 NEXT_STEPS = (
-    "Nothing is heard of a cell yet. With a simulated one: `intent demo --dashboard`",
-    "With your own: start the tracker, the arm and"
+    "See it work, with a simulated coworker and arm: `intent demo --dashboard`",
+    "Your own cell: start tracker and arm, then"
     " `ros2 launch intent_recognition intent.launch.py model:=M.npz`",
-    "Or play a recording in the tab Replay.",
+    "Or play a recording: tab Replay.",
 )
 
 
@@ -34,11 +36,11 @@ class WatchTab:
         self, server: viser.ViserServer, commands: Commands, do: Callable[[Callable], None]
     ):
         gui = server.gui
-        self._gui = gui
-        self._empty = gui.add_html(markup.steps(NEXT_STEPS))
+        self._server, self._gui = server, gui
+        self._empty = gui.add_html(markup.ways(NOBODY, NEXT_STEPS))
         self._bars = gui.add_html("")
         self._plot: viser.GuiUplotHandle | None = None
-        self._plotted: tuple[str, ...] = ()
+        self._plotted: tuple = ()
         self._plotted_at_s = -np.inf
         self._place = gui.add_folder("Probability over time", visible=False)
         with gui.add_folder("Controls"):
@@ -78,14 +80,16 @@ class WatchTab:
         if len(times) < 2:
             return
         data = (times, *columns.values())
-        if self._plot is not None and labels == self._plotted:
+        look = series_of(labels, colours)
+        if self._plot is None:
+            with self._place:
+                self._plot = probability_plot(self._gui, data, labels, colours)
+        elif look == self._plotted:
             self._plot.data = data
-            return
-        if self._plot is not None:
-            self._plot.remove()
-        self._plotted = labels
-        with self._place:
-            self._plot = probability_plot(self._gui, data, labels, colours)
+        else:
+            with self._server.atomic():
+                self._plot.series, self._plot.data = look, data
+        self._plotted = look
 
     def _forget(self) -> None:
         for node in (ESTIMATOR, ACTIVATION):
@@ -109,6 +113,26 @@ def probability_plot(
     title: str | None = None,
 ) -> viser.GuiUplotHandle:
     """Probabilities of tasks over time [s]."""
+    axis = {"stroke": markup.SOFT, "grid": {"stroke": markup.RULE}, "font": FONT}
+    return gui.add_uplot(
+        data=data,
+        series=series_of(labels, colours),
+        title=title,
+        scales={
+            "x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)),
+            "y": uplot.Scale(auto=False, range=(-0.02, 1.06)),
+        },
+        axes=(
+            uplot.Axis(label="time [s]", size=34, labelSize=18, labelFont=FONT, **axis),
+            uplot.Axis(label="probability", size=40, labelSize=18, labelFont=FONT, **axis),
+        ),
+        legend=uplot.Legend(show=False),
+        height=PLOT_HEIGHT,
+    )
+
+
+def series_of(labels: tuple[str, ...], colours: Mapping[str, str]) -> tuple[uplot.Series, ...]:
+    """Time and one curve per task, in its colour."""
     series = [uplot.Series(label="time [s]")]
     for label in labels:
         width = 1.5 if label == "none" else 2.5
@@ -116,19 +140,7 @@ def probability_plot(
         series.append(
             uplot.Series(label=name, stroke=colours.get(label, markup.STALE), width=width)
         )
-    axis = {"stroke": markup.SOFT, "grid": {"stroke": markup.RULE}, "font": "12px sans-serif"}
-    return gui.add_uplot(
-        data=data,
-        series=tuple(series),
-        title=title,
-        scales={
-            "x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)),
-            "y": uplot.Scale(auto=False, range=(-0.02, 1.06)),
-        },
-        axes=(uplot.Axis(label="time [s]", **axis), uplot.Axis(**axis)),
-        legend=uplot.Legend(show=False),
-        height=PLOT_HEIGHT,
-    )
+    return tuple(series)
 
 
 def set_content(handle: viser.GuiHtmlHandle, content: str) -> None:

@@ -2,7 +2,6 @@
 """A headless Chromium on the page, driven as a person would drive it."""
 
 import os
-import shutil
 import socket
 import time
 import urllib.request
@@ -13,22 +12,28 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from benchmarks import browser
+
 WIDTH, HEIGHT, PANEL = 1280, 800, 390
 DEADLINE_S = 120.0
-FLAGS = (
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--enable-unsafe-swiftshader",
-)
+DRAG_STEPS, DRAG_STEP_MS = 12, 60
+PIXEL = """([node, x, y, z]) => {
+  const viewer = window.__viserMutable;
+  const place = viewer.nodeRefFromName[node];
+  if (!place) return null;
+  place.updateWorldMatrix(true, false);
+  const point = viewer.camera.position.clone().set(x, y, z);
+  point.applyMatrix4(place.matrixWorld).project(viewer.camera);
+  const frame = viewer.canvas.getBoundingClientRect();
+  return [frame.left + (point.x + 1) / 2 * frame.width,
+          frame.top + (1 - point.y) / 2 * frame.height];
+}"""
+"""Where a point of a thing in the scene is seen, by the page's own camera."""
 
 
 def chromium() -> str:
     """Path of the browser; without one the test is skipped, but not where CI runs."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser")
+    path = browser.chromium()
     if path is None:
         reason = "no chromium: sudo .ci/install_system_packages"
         if os.environ.get("CI"):
@@ -97,6 +102,27 @@ class Visitor:
         self.wait_until(lambda: button.is_enabled(), f"{name} can be pressed")
         button.click()
 
+    def choose(self, field: str, option: str) -> None:
+        """Choose from a list."""
+        self.page.get_by_label(field).first.click()
+        self.page.get_by_role("option", name=option).click()
+
+    def pixel(self, node: str, point=(0.0, 0.0, 0.0)) -> np.ndarray | None:
+        """Where a point (3,) [m] in the frame of a thing in the scene is seen (2,), in pixels."""
+        found = self.page.evaluate(PIXEL, [node, *map(float, point)])
+        return None if found is None else np.array(found)
+
+    def drag(self, start: np.ndarray, end: np.ndarray) -> None:
+        """Press, move and release the mouse, as a hand does: pixels (2,)."""
+        mouse = self.page.mouse
+        mouse.move(*start)
+        self.page.wait_for_timeout(DRAG_STEP_MS)
+        mouse.down()
+        for share in np.linspace(0.0, 1.0, DRAG_STEPS):
+            mouse.move(*(start + share * (end - start)))
+            self.page.wait_for_timeout(DRAG_STEP_MS)
+        mouse.up()
+
     def scene(self) -> np.ndarray:
         """The three-dimensional part of the page as an image (H, W, 3)."""
         clip = {"x": 320, "y": 160, "width": WIDTH - PANEL - 320, "height": HEIGHT - 160}
@@ -110,8 +136,8 @@ def visitor():
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=chromium(), args=list(FLAGS))
+        opened = driver.chromium.launch(executable_path=chromium(), args=list(browser.FLAGS))
         try:
-            yield Visitor(browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}))
+            yield Visitor(opened.new_page(viewport={"width": WIDTH, "height": HEIGHT}))
         finally:
-            browser.close()
+            opened.close()

@@ -38,6 +38,7 @@ def test_labels_and_messages_are_escaped():
         markup.banner(EVIL),
         markup.remark(EVIL),
         markup.steps([EVIL]),
+        markup.ways(EVIL, [EVIL]),
         markup.table([EVIL], [[EVIL]]),
     ):
         assert "<script" not in text
@@ -59,10 +60,19 @@ def test_details_have_rates_latency_and_what_was_rejected():
     values = {"rate human/wrist [Hz]": "99.7", "latency p99 [ms]": "1.92", "rejected jump": "4"}
     text = markup.nodes_table({"n": NodeHealth(0, "moving", values, 0.0)}, 1.0)
     assert "human/wrist 100 Hz" in text
-    assert "p99 1.9 ms" in text
+    assert "latency p99 1.9 ms" in text
     assert "rejected jump 4" in text
 
 
 def test_empty_state_says_what_to_do():
     assert markup.bars(CellState(), {}, False) == ""
     assert "No node" in markup.nodes_table({}, 0.0)
+
+
+def test_steps_that_are_done_are_ticked_and_the_next_stands_out():
+    text = markup.steps(["take", "press `Record`", "learn"], 1)
+    ticked, following, last = text.split("display:grid")[1:]
+    assert "&#10003;" in ticked and markup.GOOD in ticked
+    assert 'font-weight:600">press <code' in following
+    assert markup.SOFT in last
+    assert markup.SOFT not in markup.steps(["a", "b"])

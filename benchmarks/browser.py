@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A headless Chromium with the page open, and what can be measured of it."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+FLAGS = (
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--enable-unsafe-swiftshader",
+)
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+OPEN_S = 120.0
+KILOBYTE, MEGABYTE = 1024, 2**20
+COUNT = """() => {
+  const viewer = window.__viserMutable;
+  const memory = window.__viserTestpoints.rendererInfo.memory;
+  let objects = 0;
+  viewer.scene.traverse(() => { objects += 1; });
+  return {objects, geometries: memory.geometries, textures: memory.textures,
+          waiting: viewer.messageQueue.length};
+}"""
+"""viser keeps scene, renderer and queue of messages there for its own tests."""
+
+
+class PageSize(NamedTuple):
+    """What the open page holds, after its garbage was collected.
+
+    Attributes:
+        heap_mb: objects of its JavaScript.
+        renderer_mb: memory of its process, with what the collector keeps for later.
+        elements: nodes of the document.
+        listeners: event listeners.
+        objects: of the scene.
+        geometries, textures: kept by the graphics processor.
+        waiting: messages that came and were not handled yet.
+    """
+
+    heap_mb: float
+    renderer_mb: float
+    elements: int
+    listeners: int
+    objects: int
+    geometries: int
+    textures: int
+    waiting: int
+
+
+class OpenPage:
+    """The page, as a headless Chromium shows it.
+
+    Args:
+        browser: of playwright.
+        page: of playwright.
+    """
+
+    def __init__(self, browser, page):
+        self._page = page
+        self._session = page.context.new_cdp_session(page)
+        processes = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")
+        renderers = [p["id"] for p in processes["processInfo"] if p["type"] == "renderer"]
+        self._renderer = max(renderers, key=resident_mb)
+
+    def size(self) -> PageSize:
+        """Collect garbage, then look."""
+        self._session.send("HeapProfiler.collectGarbage")
+        heap = self._session.send("Runtime.getHeapUsage")
+        document = self._session.send("Memory.getDOMCounters")
+        return PageSize(
+            heap_mb=heap["usedSize"] / MEGABYTE,
+            renderer_mb=resident_mb(self._renderer),
+            elements=document["nodes"],
+            listeners=document["jsEventListeners"],
+            **self._page.evaluate(COUNT),
+        )
+
+    def wait(self, seconds: float) -> None:
+        """Let it go on."""
+        self._page.wait_for_timeout(1e3 * seconds)
+
+
+def chromium() -> str | None:
+    """Path of the browser, None without one."""
+    return next((found for name in NAMES if (found := shutil.which(name))), None)
+
+
+@contextmanager
+def open_page(url: str, width: int, height: int) -> Iterator[OpenPage]:
+    """A browser with a fresh profile, and the page open in it."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium(), args=list(FLAGS))
+        try:
+            page = browser.new_page(viewport={"width": width, "height": height})
+            page.set_default_timeout(1e3 * OPEN_S)
+            page.goto(url)
+            page.wait_for_function("window.__viserMutable && window.__viserMutable.scene")
+            yield OpenPage(browser, page)
+        finally:
+            browser.close()
+
+
+def resident_mb(process: int) -> float:
+    """Memory of a process that is in use, on Linux."""
+    for line in Path(f"/proc/{process}/status").read_text(encoding="utf-8").splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) / KILOBYTE
+    return float("nan")

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""However much is observed, the page keeps no more: histories, scene, controls, messages."""
+
+import numpy as np
+import pytest
+from dashboard.browser import free_port
+
+from intent_recognition.dashboard.cell import CellState, Drawn, NodeHealth, Posterior, Predicted
+from intent_recognition.dashboard.commands import Commands
+from intent_recognition.dashboard.lesson import Lesson
+from intent_recognition.dashboard.page import Page
+from intent_recognition.dashboard.puppet import Puppet
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from sim_bridge.urdf import lwr_urdf
+
+STEP_S = 0.2
+LABELS = ("a", "b", "none"), ("a", "b", "c", "none")
+
+
+class Watched:
+    """A page without a browser, fed with a movement that never ends."""
+
+    def __init__(self, harness):
+        self.now_s = 0.0
+        self.rng = np.random.default_rng(0)
+        self.state = state = CellState(description=lwr_urdf())
+
+        def tell(ok, text):
+            self.page.tell(ok, text)
+
+        commands = Commands(harness.probe, tell)
+        puppet = Puppet(harness.probe, state)
+        lesson = Lesson(puppet, commands, tell, self.rng)
+        self.page = Page(
+            "127.0.0.1",
+            free_port(),
+            state,
+            commands,
+            puppet,
+            lesson,
+            bags=(),
+            models=lambda: (),
+            play=None,
+            stop=None,
+            clock=lambda: self.now_s,
+        )
+
+    def observe(self, count: int) -> None:
+        """So many observations, each followed by an update of the page."""
+        state, rng = self.state, self.rng
+        for k in range(count):
+            self.now_s += STEP_S
+            labels = LABELS[k // 40 % len(LABELS)]
+            chances = rng.dirichlet(np.ones(len(labels)))
+            state.take_joints(JOINT_NAMES, rng.normal(size=7), self.now_s)
+            state.take_wrist(rng.normal(size=3), self.now_s)
+            state.take_posterior(Posterior(labels, chances, chances), self.now_s)
+            path = rng.normal(size=(2 + k % 30, 3))
+            state.drawn = Drawn(path, path, rng.normal(size=(30 * (1 + k % 7), 3)))
+            state.predicted = Predicted("a", JOINT_NAMES, rng.normal(size=(2 + k % 50, 7)))
+            state.drawn_at_s = state.predicted_at_s = self.now_s
+            state.active, state.teaching = labels[k % 2], f"recorded {k}"
+            state.nodes["arm"] = NodeHealth(k // 100 % 3, f"step {k}", {"rate x [Hz]": str(k)}, 0.0)
+            if k % 50 == 0:
+                self.page.tell(True, f"remark {k}")
+            self.page.update()
+
+    def sizes(self) -> dict[str, int]:
+        """How much of everything is kept, by the state and by viser."""
+        server, state = self.page._server, self.state
+        buffer = server._websock_server.get_message_buffer()
+        return {
+            "wrist path": len(state._wrist_past),
+            "past posteriors": len(state._past),
+            "things in the scene": len(server.scene._handle_from_node_name),
+            "controls": len(server.gui._gui_input_handle_from_uuid),
+            "containers": len(server.gui._container_handle_from_uuid),
+            "messages kept": len(buffer.message_from_id),
+            "keys of messages": len(buffer.id_from_redundancy_key),
+        }
+
+
+@pytest.fixture
+def watched(harness):
+    """The page, closed afterwards."""
+    watched = Watched(harness)
+    yield watched
+    watched.page.close()
+
+
+def test_the_page_keeps_no_more_after_many_observations(watched):
+    watched.observe(480)
+    before = watched.sizes()
+    watched.observe(480)
+    assert watched.sizes() == before
+    assert before["things in the scene"] > 10
