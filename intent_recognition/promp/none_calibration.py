@@ -36,6 +36,8 @@ TAIL_RATE = 2.373
 """Rate at which a normal distribution's tail falls there, d(-log(1 - Phi(z)))/dz at z = 2."""
 ENOUGH = 5
 """Demonstrations from which on a task takes part, where two tasks have as many."""
+PLENTY = 10
+"""Demonstrations from which on one more of a task is not worth calibrating again."""
 MAX_CALIBRATED = 120
 """Demonstrations followed, at most."""
 N_IMAGINED = 40
@@ -113,6 +115,20 @@ def settled_tasks(counts: Sequence[int]) -> np.ndarray:
     """Numbers of the tasks with `ENOUGH` demonstrations; of all where fewer than two have."""
     enough = np.flatnonzero(np.asarray(counts) >= ENOUGH)
     return enough if len(enough) > 1 else np.arange(len(counts))
+
+
+def is_outdated(before: Mapping[str, int], now: Mapping[str, int]) -> bool:
+    """Whether a calibration learned from so many demonstrations of each task should be made anew.
+
+    It should where other tasks take part by now, or more of those that had few.
+    """
+
+    def part(counts: Mapping[str, int]) -> dict[str, int]:
+        labels = sorted(counts)
+        settled = settled_tasks([counts[label] for label in labels])
+        return {labels[k]: min(counts[labels[k]], PLENTY) for k in settled}
+
+    return part(before) != part(now)
 
 
 def _imagined(library: TaskLibrary, departed: np.ndarray) -> list[np.ndarray]:

@@ -9,13 +9,14 @@
       models/0001.npz, ...   the model after each change, to go back to
 
 A recording is learned by adding its statistics to the model (`promp.training.add_statistics`), in
-milliseconds; a folder without a model learns from all its recordings once there are enough.
+milliseconds; a folder without a model learns from all its recordings once there are enough. How
+much evidence against `none` counts is learned again while tasks have few recordings.
 """
 
 import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from intent_recognition.errors import (
     TrainingError,
     describe,
 )
+from intent_recognition.promp.none_calibration import calibrate_none, is_outdated
 from intent_recognition.promp.training import Trained, add_statistics, learn_gathered
 from intent_recognition.promp.training_settings import TrainingSettings
 from intent_recognition.storage.dofs import DofSpec
@@ -196,7 +198,13 @@ class TaskFolder:
         reference = trained.reference
         found = gather_bags([bag], model.dofs, reference.settings, reference=reference)
         _check(found, bag)
-        return add_statistics(trained, found.gathered.tasks, found.gathered.used)
+        more = add_statistics(trained, found.gathered.tasks, found.gathered.used)
+        before, now = ({label: s.n for label, s in t.tasks.items()} for t in (trained, more))
+        if not is_outdated(before, now):
+            return more
+        strength = more.chosen.recognition_strength
+        calibration = calibrate_none(more.library, more.tasks, reference, strength)
+        return replace(more, library=replace(more.library, none_calibration=calibration))
 
     def _first(self) -> Trained | None:
         """Learn from all recordings, if there are enough by now."""

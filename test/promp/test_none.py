@@ -15,7 +15,12 @@ from intent_recognition.promp.bank import make_hypotheses, start_bank
 from intent_recognition.promp.held_out import prefix_log_evidence
 from intent_recognition.promp.library import READ_AS_IT_IS
 from intent_recognition.promp.none import departure, none_primitive
-from intent_recognition.promp.none_calibration import calibrate, calibrate_none, settled_tasks
+from intent_recognition.promp.none_calibration import (
+    calibrate,
+    calibrate_none,
+    is_outdated,
+    settled_tasks,
+)
 from intent_recognition.promp.observations import BankRun, merge
 from intent_recognition.promp.recognition import read_factor, task_posterior
 from intent_recognition.promp.statistics import merge_statistics, summarize
@@ -172,6 +177,22 @@ def test_tasks_take_part_in_the_calibration_from_five_demonstrations_on():
     assert settled_tasks([3, 13, 5, 20]).tolist() == [1, 2, 3]
     assert settled_tasks([3, 4, 20]).tolist() == [0, 1, 2]
     assert settled_tasks([2]).tolist() == [0]
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "outdated"),
+    [
+        ({"a": 2}, {"a": 3}, True),
+        ({"a": 3, "b": 3}, {"a": 3, "b": 3, "c": 1}, True),
+        ({"a": 13, "b": 9}, {"a": 13, "b": 9, "c": 1}, False),
+        ({"a": 13, "b": 9, "c": 3}, {"a": 13, "b": 9, "c": 4}, False),
+        ({"a": 13, "b": 9, "c": 4}, {"a": 13, "b": 9, "c": 5}, True),
+        ({"a": 13, "b": 9}, {"a": 13, "b": 10}, True),
+        ({"a": 13, "b": 10}, {"a": 14, "b": 11}, False),
+    ],
+)
+def test_calibrated_again_while_those_who_take_part_are_few(before, now, outdated):
+    assert is_outdated(before, now) is outdated
 
 
 def test_a_vague_new_task_does_not_make_the_others_wait(recordings, monkeypatch):

@@ -16,6 +16,7 @@ from intent_recognition.errors import (
     ResourceBusyError,
     TrainingError,
 )
+from intent_recognition.promp.none_calibration import calibrate_none
 from intent_recognition.storage.dofs import DofEntry, DofSpec
 from intent_recognition.storage.gather import gather_bags
 from intent_recognition.storage.model import load_model, load_trained
@@ -68,6 +69,16 @@ def test_adding_equals_learning_at_the_same_reference(started):
         assert np.allclose(
             np.ravel(model.library.weight_mean[k]), np.ravel(statistics.mean), atol=1e-12
         )
+
+
+def test_evidence_against_none_is_read_as_by_training_anew(started):
+    """A first model of two recordings knows nothing of unknown movements; the next ones tell."""
+    _, trained = load_trained(started[0].model_path)
+    strength = trained.chosen.recognition_strength
+    anew = calibrate_none(trained.library, trained.tasks, trained.reference, strength)
+    assert np.allclose(trained.library.none_calibration, anew, rtol=1e-6)
+    first = load_model(started[0].path / "models" / "0001.npz").library
+    assert not np.allclose(first.none_calibration, anew, rtol=0.1)
 
 
 def test_undo_brings_the_model_before_back_and_keeps_the_recording(started, tmp_path):
