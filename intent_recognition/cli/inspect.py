@@ -16,6 +16,7 @@ from intent_recognition.cli.inspect_tables import print_bag, print_folder, print
 from intent_recognition.cli.recordings import busy
 from intent_recognition.errors import BagError, describe
 from intent_recognition.promp.forecast import Forecast
+from intent_recognition.promp.prediction import least_end_std
 from intent_recognition.storage.demonstrations import find_bags
 from intent_recognition.storage.inspect import BagSummary, inspect_bag
 from intent_recognition.storage.model import Model, load_model
@@ -93,6 +94,7 @@ def model_json(model: Model) -> dict:
                 "median_duration_s": float(library.durations_s[k]),
                 "log_duration_std": float(library.log_duration_std[k]),
                 "prior": float(library.task_prior[k]),
+                "least_end_std": least_end_std(library.forecast, k),
             }
             for k, label in enumerate(library.labels)
         },

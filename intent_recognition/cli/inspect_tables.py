@@ -13,6 +13,7 @@ from rich.table import Table
 
 from intent_recognition.errors import BagError
 from intent_recognition.promp.forecast import Forecast
+from intent_recognition.promp.prediction import least_end_std
 from intent_recognition.storage.inspect import BagSummary, TopicSummary
 from intent_recognition.storage.mcap_scan import Damage
 from intent_recognition.storage.model import Model
@@ -112,7 +113,14 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             **{key: _brief(value) for key, value in origin.items()},
         },
     )
-    tasks = _table("task", ">demonstrations", ">median [s]", ">2.5 % to 97.5 % [s]", ">prior")
+    tasks = _table(
+        "task",
+        ">demonstrations",
+        ">median [s]",
+        ">2.5 % to 97.5 % [s]",
+        ">prior",
+        ">end std, least",
+    )
     low, high = (
         np.exp(library.log_duration_mean + factor * library.log_duration_std) for factor in (-2, 2)
     )
@@ -123,6 +131,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             f"{library.durations_s[k]:.2f}",
             f"{low[k]:.2f} to {high[k]:.2f}",
             f"{library.task_prior[k]:.3f}",
+            f"{least_end_std(library.forecast, k):.3f}",
         )
     console.print(tasks)
     dofs = _table("agent", "degree of freedom", "unit", ">noise std")

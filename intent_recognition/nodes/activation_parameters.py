@@ -17,6 +17,7 @@ from intent_recognition.nodes.runtime import parameter
 from intent_recognition.promp.activation_settings import ActivationSettings
 from intent_recognition.promp.decision import DecisionSettings
 from intent_recognition.promp.posture import start_mean
+from intent_recognition.promp.prediction import least_end_std
 from intent_recognition.promp.pretrigger import PretriggerSettings
 
 DOUBLES = Parameter.Type.DOUBLE_ARRAY
@@ -112,6 +113,7 @@ class ActivationParameters:
             for name, said in (FIXED | AT_REST | ANY_TIME).items()
         }
         self.rate_hz = self._values["command_rate"]
+        self._least_end_std: dict[str, float] = {}
 
     def changed(self, changes: Changes) -> "ActivationParameters":
         """The same with other values.
@@ -133,9 +135,15 @@ class ActivationParameters:
         """
         names = tuple(name for name in self._values["joint_names"] if name)
         if self._values["model"]:
-            return _read_model(self._values["model"], names)
+            names, starts, self._least_end_std = _read_model(self._values["model"], names)
+            return names, starts
         self._check_pretrigger()
         return names, {}
+
+    def never_certain(self) -> dict[str, float]:
+        """Tasks of the model that are never acted on, and how uncertain their ends stay [rad]."""
+        limit = self._values["max_end_std"]
+        return {label: std for label, std in self._least_end_std.items() if std > limit}
 
     def settings(self, names: tuple[str, ...], starts: dict[str, np.ndarray]) -> ActivationSettings:
         """How to act, for these joints.
@@ -211,8 +219,12 @@ class ActivationParameters:
         return scaled_limits(limits, self._values["velocity_scale"])
 
 
-def _read_model(path: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], dict[str, np.ndarray]]:
-    """Joint names of a model file, and where each task begins: label to (n,) [rad].
+def _read_model(
+    path: str, names: tuple[str, ...]
+) -> tuple[tuple[str, ...], dict[str, np.ndarray], dict[str, float]]:
+    """Joint names of a model file, where each task begins, and how uncertain its end stays.
+
+    Begins are label to (n,) [rad], ends label to the least standard deviation [rad].
 
     Raises:
         ArgumentError: its joints differ from `names`.
@@ -228,4 +240,6 @@ def _read_model(path: str, names: tuple[str, ...]) -> tuple[tuple[str, ...], dic
             )
         )
     starts = {label: start_mean(model.library, k) for k, label in enumerate(model.labels)}
-    return of_model, starts
+    forecast = model.library.forecast
+    ends = {label: least_end_std(forecast, k) for k, label in enumerate(model.labels)}
+    return of_model, starts, ends

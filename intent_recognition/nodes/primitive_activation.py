@@ -78,6 +78,13 @@ class PrimitiveActivation(ManagedNode):
         names, self._starts = self._settings.joints()
         if names:
             self._set_joints(names)
+        for task, std in self._settings.never_certain().items():
+            self.diagnostics.value(f"never certain enough: {task} [rad]", f"{std:.2f}")
+            self.get_logger().warning(
+                f"{task} will not be acted on: its predicted end is never surer than {std:.2f} rad"
+                " (standard deviation), and max_end_std asks for less. Teach it more alike, or"
+                " raise max_end_std where such a spread is safe."
+            )
 
     def activate(self) -> None:
         """Begin to act, from a clean state."""

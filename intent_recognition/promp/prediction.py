@@ -88,3 +88,18 @@ def dof_variance(design: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     blocks = covariance.reshape(n_dofs, n_basis, n_dofs, n_basis)
     own = np.einsum("dkdl->dkl", blocks)
     return np.einsum("tk,dkl,tl->td", design, own, design, optimize=True)
+
+
+def least_end_std(forecast: Forecast, task: int) -> float:
+    """How uncertain the end of a task stays, however much is seen.
+
+    Standard deviation of the controlled DOF where it is largest, the observed weights and the
+    controlled agent's start being known exactly: what demonstrations differ in that neither tells.
+    """
+    n, size = forecast.n_controlled, forecast.n_observed_weights
+    known = Gaussian(np.zeros(size), np.zeros((size, size)))
+    covariance = controlled_weights(
+        forecast, task, known, StartPosture(np.zeros(n), np.zeros(n))
+    ).covariance
+    variance = dof_variance(forecast.basis.design_matrix(np.ones(1)), covariance)
+    return float(np.sqrt(np.max(variance + forecast.control_noise_variance())))

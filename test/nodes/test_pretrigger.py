@@ -124,3 +124,13 @@ def test_it_needs_a_model(harness):
     overrides = [Parameter("pretrigger_threshold", value=0.7)]
     with pytest.raises(ArgumentError, match="pretrigger_threshold"):
         PrimitiveActivation(parameter_overrides=overrides)
+
+
+@pytest.mark.parametrize(("limit", "told"), [(1e-5, True), (10.0, False)])
+def test_tasks_whose_ends_are_never_certain_enough_are_told_at_start(harness, path, limit, told):
+    graph = AheadGraph(harness, path, max_end_std=limit)
+    values = graph.report()[1]
+    for task in TASKS:
+        key = f"never certain enough: {task} [rad]"
+        assert (key in values) == told
+        assert not told or float(values[key]) >= 0.0

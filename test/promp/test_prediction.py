@@ -16,6 +16,7 @@ from intent_recognition.promp.prediction import (
     StartPosture,
     controlled_weights,
     dof_variance,
+    least_end_std,
     rollout,
 )
 from intent_recognition.promp.recognition import task_posterior
@@ -216,3 +217,24 @@ def test_known_truth_lies_where_the_posterior_says(rng):
         errors.append(error @ np.linalg.solve(covariance, error))
     assert np.mean(errors) == pytest.approx(d, abs=4 * np.sqrt(2 * d / 300))
     assert np.var(errors) == pytest.approx(2 * d, rel=0.5)
+
+
+@settings(max_examples=15)
+@given(seeds)
+def test_no_end_is_surer_than_with_everything_else_known(seed):
+    rng = np.random.default_rng(seed)
+    library = make_library(rng, n_tasks=2, n_basis=7, groups=(2,), n_controlled=2)
+    forecast, task = library.forecast, 1
+    least = least_end_std(forecast, task)
+    row, noise = forecast.basis.design_matrix(np.ones(1)), forecast.control_noise_variance()
+    joint = Gaussian(forecast.weight_mean[task], forecast.weight_covariance[task])
+    size, total = forecast.n_observed_weights, joint.mean.size
+    start = np.kron(np.eye(2), forecast.basis.design_matrix(np.zeros(1)))
+    seen = np.vstack([np.eye(total)[:size], np.hstack([np.zeros((2, size)), start])])
+    exact = np.diag(np.r_[np.full(size, 1e-10), noise])
+    given_all, _ = condition(joint, seen, seen @ joint.mean, exact)
+    variance = dof_variance(row, given_all.covariance[size:, size:]) + noise
+    assert least == pytest.approx(np.sqrt(variance.max()), rel=1e-3)
+    unknown = Gaussian(joint.mean[:size], joint.covariance[:size, :size])
+    prior = dof_variance(row, controlled_weights(forecast, task, unknown).covariance) + noise
+    assert least <= np.sqrt(prior.max())
