@@ -129,7 +129,9 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
             end = time.monotonic() + LAST_MOTION_S / args.rate
             spin_until(lambda: time.monotonic() > end, 2 * LAST_MOTION_S / args.rate, "the end")
         processes.check(may_end=("coworker_sim",))
+        log = observer.log()
         if args.dashboard:
+            observer.close()
             _leave_open(args, console, executor, interrupted, processes)
         if pace.slowest < args.rate:
             console.print(
@@ -137,7 +139,7 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
                 style="yellow",
                 highlight=False,
             )
-        return observer.log()
+        return log
     finally:
         executor.shutdown()
         observer.destroy_node()

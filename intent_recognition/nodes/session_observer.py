@@ -39,7 +39,7 @@ class SessionObserver(Node):
         self._joints: list[tuple[int, np.ndarray]] = []
         self._predictions: list[tuple] = []
         self._paths: list[tuple[int, np.ndarray]] = []
-        for kind, topic, handle, profile in (
+        topics = (
             (PoseStamped, "mocap/wrist/pose", self._take_wrist, qos.SENSOR),
             (JointState, "intent/tasks", self._take_tasks, qos.STATE),
             (String, "intent/active_task", self._take_active, qos.LATCHED),
@@ -47,8 +47,13 @@ class SessionObserver(Node):
             (JointTrajectory, "intent/robot_trajectory", self._take_prediction, qos.COMMAND),
             (Path, "intent/human_path", self._take_path, qos.COMMAND),
             (String, "coworker/task", self._take_truth, qos.STATE),
-        ):
-            self.create_subscription(kind, topic, handle, profile)
+        )
+        self._heard = [self.create_subscription(*topic) for topic in topics]
+
+    def close(self) -> None:
+        """Hear no more: what comes after the session is not part of it."""
+        while self._heard:
+            self.destroy_subscription(self._heard.pop())
 
     def graph_is_complete(self) -> bool:
         """Whether every node that is needed before the human moves has found the others."""
@@ -99,8 +104,13 @@ class SessionObserver(Node):
         self._wrist.append((stamp_ns(message), position_array(message.pose)))
 
     def _take_tasks(self, message: JointState) -> None:
-        self._labels = tuple(message.name)
-        self._tasks.append((stamp_ns(message), np.array(message.position)))
+        if not self._tasks:
+            self._labels = tuple(message.name)
+        row = np.array(message.position)
+        if tuple(message.name) != self._labels:  # a task was taught, or taken back
+            told = dict(zip(message.name, message.position, strict=True))
+            row = np.array([told.get(label, 0.0) for label in self._labels])
+        self._tasks.append((stamp_ns(message), row))
 
     def _take_active(self, message: String) -> None:
         if self._active or message.data:
