@@ -35,6 +35,9 @@ SOURCE = "mug"
 OTHER_AHEAD_M = 0.2
 """Where the other container is, from this one's opening, when the lip is chosen."""
 
+USUAL_HEIGHT_M = 0.1
+"""Of any cup, for standard features that are to tell how far is thrown without knowing the cup."""
+
 
 class Known(NamedTuple):
     """What a method knows of one container.
@@ -57,11 +60,13 @@ class Samples(NamedTuple):
         features: (N, d).
         labels: (N,), 0 or 1.
         objects: (N,) index of the pouring container.
+        unit_throw: (N,) what a throw is measured in, if it is to be learned; in filling only.
     """
 
     features: np.ndarray
     labels: np.ndarray
     objects: np.ndarray
+    unit_throw: np.ndarray | None = None
 
 
 def annotated_source() -> WarpSource:
@@ -119,13 +124,13 @@ def filling_samples(
         trials: all of them.
         known: what the method knows, by object index.
         upright: measure to the pouring container as if it stood upright.
-        throw: tell the classifier how far is thrown, too.
+        throw: let the classifier learn how far is thrown, too.
     """
     table = trials.tables[FILLING]
     objects = table["object"].astype(int)
     second_index = CONTAINER_NAMES.index(SECOND)
     second, true_second = known[second_index], container(second_index)
-    features = [np.empty(0)] * len(objects)
+    features, unit_throw = np.empty((len(objects), 8)), np.empty(len(objects))
     for index in np.unique(objects):
         rows, cup = np.flatnonzero(objects == index), known[index]
         lip = np.column_stack([table[f"lip_{axis}_m"][rows] for axis in "xyz"])
@@ -135,7 +140,10 @@ def filling_samples(
         state = FillingState(
             table["fluid_m3"][rows], table["second_fluid_m3"][rows], FILLING_TILT_RAD, offset
         )
-        found = FillingConstraint.features(state, cup.references, second.references, throw=throw)
-        for row, values in zip(rows, found, strict=True):
-            features[row] = values
-    return Samples(np.array(features), table["success"], objects)
+        own, other = cup.references, second.references
+        features[rows] = FillingConstraint.features(state, own, other)
+        known_height = own._replace(height_m=USUAL_HEIGHT_M) if own is NO_REFERENCES else own
+        unit_throw[rows] = FillingConstraint.unit_throw(
+            state._replace(offset_m=lip), known_height, other
+        )
+    return Samples(features, table["success"], objects, unit_throw if throw else None)

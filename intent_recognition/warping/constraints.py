@@ -17,8 +17,8 @@ from intent_recognition.warping.parameters import PouringParameters
 RIDGE = 0.1
 """Penalty on weights per standard deviation of a feature: 50 samples may be separable."""
 
-
-N_WITH_THROW = 11
+THROWS = np.linspace(0.0, 1.8, 13)
+"""Tried when it is learned how far is thrown."""
 
 
 class References(NamedTuple):
@@ -101,13 +101,19 @@ class PouringConstraint:
 
 @dataclass(frozen=True)
 class FillingConstraint:
-    """Probability that nothing ends up beside the second container; `learn` makes one."""
+    """Probability that nothing ends up beside the second container; `learn` makes one.
+
+    Attributes:
+        model: of the features.
+        throw: how far beyond the lip it lands, in `unit_throw`; 0 as in the paper.
+    """
 
     model: LogisticModel
+    throw: float = 0.0
 
     @staticmethod
     def features(
-        state: FillingState, cup: References, second: References, *, throw: bool = False
+        state: FillingState, cup: References, second: References, *, throw: float = 0.0
     ) -> np.ndarray:
         """Features (n, 8): offsets and their squares, and amounts and tilt, all as ratios.
 
@@ -119,14 +125,9 @@ class FillingConstraint:
             state: n states.
             cup: the first container.
             second: the other one.
-            throw: three more columns (n, 11), which are ours: how far what runs down the first
-                container's wall and falls is thrown, sqrt(height of the first x height above the
-                second) / radius of the second, its square, and its product with the offset along.
+            throw: take the offset along to where it lands, so many `unit_throw` ahead of the lip.
         """
-        offset = np.asarray(state.offset_m, dtype=float)
-        if offset.ndim != 2 or offset.shape[1] != 3:
-            cure = "One row per state: along, across, up."
-            raise ShapeError(describe("offset_m", "shape (n, 3)", offset.shape, cure))
+        offset = _offsets(state)
         along, across = (offset[:, :2] / second.opening_radius_m).T
         columns = (
             along,
@@ -138,25 +139,52 @@ class FillingConstraint:
             np.asarray(state.fluid_m3, dtype=float) / cup.volume_m3,
             np.asarray(state.tilt_rad, dtype=float) / cup.tilt_rad,
         )
-        if throw:
-            fall = cup.height_m * np.maximum(offset[:, 2], 0.0)
-            thrown = np.sqrt(fall) / second.opening_radius_m
-            columns = (*columns, thrown, thrown**2, thrown * along)
-        return _stack(columns)
+        ahead = throw * FillingConstraint.unit_throw(state, cup, second)
+        return landing(_stack(columns), ahead)
 
-    @property
-    def throw(self) -> bool:
-        """Whether the features it learned from say how far is thrown."""
-        return len(self.model.weights) == N_WITH_THROW
+    @staticmethod
+    def unit_throw(state: FillingState, cup: References, second: References) -> np.ndarray:
+        """What a throw is measured in (n,): sqrt(height of the first x height above) / radius.
+
+        Ours. What slides down a wall without friction is as fast as the square root of its length,
+        and falls as long as that of the height.
+        """
+        above = np.maximum(_offsets(state)[:, 2], 0.0)
+        return np.sqrt(cup.height_m * above) / second.opening_radius_m
 
     @classmethod
     def learn(cls, features: np.ndarray, filled: np.ndarray) -> "FillingConstraint":
-        """Learn from features (n, 8) or (n, 11) and labels (n,), 1 where nothing fell beside.
+        """Learn from features (n, 8) without throw and labels (n,), 1 where nothing fell beside.
 
         Raises:
             TrainingError: only one label is present.
         """
         return cls(fit_logistic(features, filled, ridge=RIDGE))
+
+    @classmethod
+    def learn_throw(
+        cls, features: np.ndarray, unit_throw: np.ndarray, filled: np.ndarray
+    ) -> "FillingConstraint":
+        """Learn how far is thrown as well: the throw under which the labels are most probable.
+
+        Args:
+            features: (n, 8) without throw.
+            unit_throw: (n,).
+            filled: labels (n,), 1 where nothing fell beside.
+
+        Raises:
+            TrainingError: only one label is present.
+        """
+
+        def learned(throw: float) -> tuple[float, LogisticModel]:
+            moved = landing(features, throw * unit_throw)
+            model = fit_logistic(moved, filled, ridge=RIDGE)
+            odds = model.log_odds(moved)
+            return float(np.sum(filled * odds - np.logaddexp(0.0, odds))), model
+
+        found = [learned(float(throw)) for throw in THROWS]
+        best = max(range(len(found)), key=lambda k: found[k][0])
+        return cls(found[best][1], float(THROWS[best]))
 
     def probability(self, state: FillingState, cup: References, second: References) -> np.ndarray:
         """Probability (n,) that all that is poured ends up in the second container."""
@@ -194,6 +222,23 @@ def references(parameters: PouringParameters) -> References:
         parameters.height_m,
         parameters.tilt_reference_rad,
     )
+
+
+def landing(features: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    """Features (n, 8) of filling with the offset along moved ahead by (n,), in radii."""
+    moved = np.array(features)
+    moved[:, 0] += ahead
+    moved[:, 1] = moved[:, 0] ** 2
+    return moved
+
+
+def _offsets(state: FillingState) -> np.ndarray:
+    """Offsets (n, 3) of n states, checked."""
+    offset = np.asarray(state.offset_m, dtype=float)
+    if offset.ndim != 2 or offset.shape[1] != 3:
+        cure = "One row per state: along, across, up."
+        raise ShapeError(describe("offset_m", "shape (n, 3)", offset.shape, cure))
+    return offset
 
 
 def _stack(columns: tuple[np.ndarray, ...]) -> np.ndarray:

@@ -68,7 +68,9 @@ def learn_constraints(cup: str, seen_as: Callable[[str], Seen]) -> Constraints:
     filled = FillingState(filling["fluid_m3"], filling["second_fluid_m3"], FILLING_TILT_RAD, offset)
     return Constraints(
         PouringConstraint.learn(features, (pouring["poured"] > 0.0).astype(float)),
-        FillingConstraint.learn(
-            FillingConstraint.features(filled, own, second, throw=True), filling["success"]
+        FillingConstraint.learn_throw(
+            FillingConstraint.features(filled, own, second),
+            FillingConstraint.unit_throw(filled, own, second),
+            filling["success"],
         ),
     )

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.kinematics.forward import frame_poses
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import TIME_STEP_S, LwrArm
 from sim_bridge.containers import Container
 from sim_bridge.pouring.table import PouringTable
 from sim_bridge.pouring.task_space import OPENING_M, Grasp, PourPath, joint_path, seen_path
@@ -40,6 +40,8 @@ class Poured:
         through_wall: how many balls went into or through a wall.
         strongest_pull_n: of the demonstrator's hand; 0 where nobody led.
         saturated_steps: how often a torque was at its limit.
+        touched_s: how long the cup touched the second container.
+        strongest_touch_n: how hard at most.
     """
 
     times_s: np.ndarray
@@ -53,6 +55,8 @@ class Poured:
     through_wall: int
     strongest_pull_n: float
     saturated_steps: int
+    touched_s: float
+    strongest_touch_n: float
 
     @property
     def caught(self) -> int:
@@ -178,7 +182,8 @@ class _Led:
 def _run(
     arm: LwrArm, table: PouringTable, drive: Callable[[LwrArm], None], duration_s: float
 ) -> Poured:
-    arm.before_step.append(drive)
+    touches: list[float] = []
+    arm.before_step += [drive, lambda _: touches.append(table.touch_n())]
     states, poses, counts = [], [], []
     samples = round((duration_s + LAST_WAIT_S) * 1000.0 / SAMPLE_STEPS) + 1
     for k in range(samples):
@@ -201,4 +206,6 @@ def _run(
         table.through_wall,
         drive.strongest_pull_n,
         arm.saturated_steps,
+        TIME_STEP_S * int(np.count_nonzero(touches)),
+        max(touches, default=0.0),
     )

@@ -134,6 +134,8 @@ def labels_of(cup: Container, name: str, second: str, poured: "Poured") -> dict[
         "balls": str(poured.n_balls),
         "spilled": str(poured.spilled),
         "kept": str(poured.kept),
+        "touched_s": f"{poured.touched_s:.3f}",
+        "strongest_touch_n": f"{poured.strongest_touch_n:.3f}",
     }
 
 

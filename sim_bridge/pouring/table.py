@@ -15,11 +15,17 @@ from sim_bridge.balls.hollow import Hollow
 from sim_bridge.balls.tilting import WallGuard
 from sim_bridge.balls.world import CONTACT_BREAKING_M, DENSITY_KG_M3, BallWorld
 from sim_bridge.containers import Container
+from sim_bridge.pouring.outside import shell_pieces, solid_pieces
 from sim_bridge.pouring.task_space import OPENING_M, Grasp
 
 SOLVER_ITERATIONS = 15
 CUP_MASS_KG = 0.25
 BALL_DAMPING = 0.05
+OUTSIDE_MASS_KG = 1e-3
+OUTSIDE_LINK, OUTSIDE_GROUP = 0, 64
+"""Each container is a body that balls collide with, and a link with its true outside, which
+collides with that of the other container and with nothing else. A filter on one side does not
+keep others off: those need one as well."""
 
 
 class PouringTable:
@@ -54,15 +60,15 @@ class PouringTable:
             contactBreakingThreshold=CONTACT_BREAKING_M, numSolverIterations=SOLVER_ITERATIONS
         )
         pose = _pose_of(*arm.hand_pose()) @ self.grasp.cup_in_hand
-        self._cup_body = self._container(self.cup, CUP_MASS_KG, pose)
+        self._cup_body = self._container(self.cup, solid_pieces(cup), CUP_MASS_KG, pose)
         stand = np.eye(4)
         stand[:3, 3] = OPENING_M - second.opening_centre
         self._second_pose = stand
-        second_body = self._container(self.second, 0.0, stand)
-        # Two hundred convex pieces against two hundred: the path keeps the two apart instead.
-        self._client.setCollisionFilterPair(self._cup_body, second_body, -1, -1, 0)
+        self._second_body = self._container(self.second, shell_pieces(second), 0.0, stand)
+        self._client.setCollisionFilterPair(self._cup_body, self._second_body, -1, -1, 0)
         for link in range(-1, self._client.getNumJoints(arm.body)):
             self._client.setCollisionFilterPair(arm.body, self._cup_body, link, -1, 0)
+            self._pass_outsides(arm.body, link)
         self._hold(self.grasp.cup_in_hand)
         with BallWorld(self.cup, ball_radius_m) as world:
             inside = settled(world, n_balls, rng)
@@ -87,6 +93,13 @@ class PouringTable:
         position, orientation = self._client.getBasePositionAndOrientation(self._cup_body)
         return _pose_of(np.array(position), np.array(orientation))
 
+    def touch_n(self) -> float:
+        """How hard the cup's outside presses on the second container's now [N]."""
+        contacts = self._client.getContactPoints(
+            self._cup_body, self._second_body, OUTSIDE_LINK, OUTSIDE_LINK
+        )
+        return float(sum(contact[9] for contact in contacts))
+
     def look(self) -> tuple[np.ndarray, np.ndarray]:
         """Which balls are in the cup and which in the second container, (N,) of bool each.
 
@@ -105,21 +118,49 @@ class PouringTable:
         world = np.array([locate(ball)[0] for ball in self._balls]).reshape(-1, 3)
         return (world - pose[:3, 3]) @ pose[:3, :3]
 
-    def _container(self, hollow: Hollow, mass_kg: float, pose: np.ndarray) -> int:
+    def _container(
+        self, hollow: Hollow, outside: list[np.ndarray], mass_kg: float, pose: np.ndarray
+    ) -> int:
+        client = self._client
         with TemporaryDirectory(prefix="pouring_") as folder:
-            path = Path(folder) / "walls.obj"
-            write_obj(wall_pieces(hollow), path)
-            shape = self._client.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path))
-            body = self._client.createMultiBody(
+            shapes = []
+            for name, pieces in (("walls", wall_pieces(hollow)), ("outside", outside)):
+                path = Path(folder) / f"{name}.obj"
+                write_obj(pieces, path)
+                shape = client.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path))
+                shapes.append(shape)
+            body = client.createMultiBody(
                 mass_kg,
-                shape,
+                shapes[0],
                 basePosition=pose[:3, 3].tolist(),
                 baseOrientation=Rotation.from_matrix(pose[:3, :3]).as_quat().tolist(),
+                linkMasses=[OUTSIDE_MASS_KG if mass_kg else 0.0],
+                linkCollisionShapeIndices=[shapes[1]],
+                linkVisualShapeIndices=[-1],
+                linkPositions=[(0.0, 0.0, 0.0)],
+                linkOrientations=[(0.0, 0.0, 0.0, 1.0)],
+                linkInertialFramePositions=[(0.0, 0.0, 0.0)],
+                linkInertialFrameOrientations=[(0.0, 0.0, 0.0, 1.0)],
+                linkParentIndices=[0],
+                linkJointTypes=[pybullet.JOINT_FIXED],
+                linkJointAxis=[(0.0, 0.0, 1.0)],
             )
-        self._client.changeDynamics(
-            body, -1, lateralFriction=0.0, restitution=0.0, linearDamping=0.0, angularDamping=0.0
-        )
+        client.setCollisionFilterGroupMask(body, OUTSIDE_LINK, OUTSIDE_GROUP, OUTSIDE_GROUP)
+        self._pass_outsides(body)
+        for link in (-1, OUTSIDE_LINK):
+            client.changeDynamics(
+                body,
+                link,
+                lateralFriction=0.0,
+                restitution=0.0,
+                linearDamping=0.0,
+                angularDamping=0.0,
+            )
         return body
+
+    def _pass_outsides(self, body: int, link: int = -1) -> None:
+        """Let a body's link collide with all but the containers' outsides."""
+        self._client.setCollisionFilterGroupMask(body, link, 1, ~OUTSIDE_GROUP)
 
     def _hold(self, cup_in_hand: np.ndarray) -> None:
         client, arm = self._client, self._arm
@@ -154,6 +195,7 @@ class PouringTable:
                 linearDamping=BALL_DAMPING,
                 angularDamping=0.0,
             )
+            self._pass_outsides(ball)
             balls.append(ball)
         return balls
 

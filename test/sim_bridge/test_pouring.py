@@ -90,6 +90,7 @@ def test_a_pour_loses_no_ball(led):
     )
     assert (result.n_balls, result.caught, result.kept, result.spilled) == (5, 5, 0, 0)
     assert result.through_wall == 0
+    assert result.touched_s == result.strongest_touch_n == 0.0
     assert result.in_cup[0] == 5
     assert np.all(np.diff(result.in_cup) <= 0)
     assert (result.strongest_pull_n > 0.0) == led

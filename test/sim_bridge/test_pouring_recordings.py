@@ -28,7 +28,9 @@ def poured(order):
     times = np.arange(0.0, path.times_s[-1], 0.01)
     q, none = joints(times), np.zeros((len(times), 7))
     counts = np.zeros(len(times), dtype=int)
-    return path, Poured(times, q, joints(times, 1), none, path, counts, counts, 40, 0, 8.0, 0)
+    return path, Poured(
+        times, q, joints(times, 1), none, path, counts, counts, 40, 0, 8.0, 0, 0.0, 0.0
+    )
 
 
 def test_joints_tell_the_pour():

@@ -58,8 +58,8 @@ def test_a_larger_scene_has_the_same_features(size):
         size * fill.offset_m,
     )
     np.testing.assert_allclose(
-        FillingConstraint.features(larger, scaled(CUP, size), scaled(SECOND, size), throw=True),
-        FillingConstraint.features(fill, CUP, SECOND, throw=True),
+        FillingConstraint.features(larger, scaled(CUP, size), scaled(SECOND, size), throw=0.7),
+        FillingConstraint.features(fill, CUP, SECOND, throw=0.7),
     )
 
 
@@ -100,18 +100,35 @@ def test_filling_is_likely_over_the_middle_and_not_beside():
     assert np.all(found[1:] < 0.1)
 
 
-def test_the_throw_is_known_where_it_was_learned():
+def test_a_throw_moves_the_offset_along_to_where_it_lands():
     states = filling_states(100)
     plain = FillingConstraint.features(states, CUP, SECOND)
-    thrown = FillingConstraint.features(states, CUP, SECOND, throw=True)
-    np.testing.assert_array_equal(thrown[:, :8], plain)
-    np.testing.assert_allclose(thrown[:, 8] ** 2, 0.1 * states.offset_m[:, 2] / 0.06**2)
-    labels = (states.offset_m[:, 0] > 0.0).astype(float)
-    for features in (plain, thrown):
-        learned = FillingConstraint.learn(features, labels)
-        assert learned.throw == (features is thrown)
-        found = learned.probability(states, CUP, SECOND)
-        np.testing.assert_array_equal(found, learned.model.probability(features))
+    unit = FillingConstraint.unit_throw(states, CUP, SECOND)
+    np.testing.assert_allclose(unit**2, 0.1 * states.offset_m[:, 2] / 0.06**2)
+    thrown = FillingConstraint.features(states, CUP, SECOND, throw=0.6)
+    np.testing.assert_allclose(thrown[:, 0], plain[:, 0] + 0.6 * unit)
+    np.testing.assert_allclose(thrown[:, 1], thrown[:, 0] ** 2)
+    np.testing.assert_array_equal(thrown[:, 2:], plain[:, 2:])
+
+
+def test_the_throw_is_learned_and_holds_for_another_cup():
+    true_throw = 0.75
+
+    def filled(states, cup):
+        along = FillingConstraint.features(states, cup, SECOND, throw=true_throw)[:, :4:2]
+        return (np.linalg.norm(along, axis=1) < 1.0).astype(float)
+
+    seen, other = filling_states(400), filling_states(400, seed=1)
+    features = FillingConstraint.features(seen, CUP, SECOND)
+    unit = FillingConstraint.unit_throw(seen, CUP, SECOND)
+    learned = FillingConstraint.learn_throw(features, unit, filled(seen, CUP))
+    assert abs(learned.throw - true_throw) < 0.16
+    bowl = CUP._replace(height_m=0.04)
+    found = learned.probability(other, bowl, SECOND) > 0.5
+    plain = FillingConstraint.learn(features, filled(seen, CUP))
+    without = plain.probability(other, bowl, SECOND) > 0.5
+    truth = filled(other, bowl).astype(bool)
+    assert np.mean(found == truth) > max(0.93, np.mean(without == truth) + 0.02)
 
 
 def test_tilting_on_the_way_is_risky_and_over_the_opening_is_not():
