@@ -5,6 +5,7 @@ The shipped trials and recorded pours are scored whole; some of both are simulat
 processes.
 """
 
+import os
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -53,9 +54,16 @@ def pouring() -> Iterator[Result]:
     """All that is required of task constraints and of pouring with the arm."""
     trials = read_trials(share_path(TRIALS_FILE))
     yield from _constraints(trials)
-    with ProcessPoolExecutor(JOBS, get_context("spawn")) as pool:
+    with ProcessPoolExecutor(JOBS, get_context("spawn"), _quiet) as pool:
         yield from _fresh_trials(pool, trials)
         yield from _pours(pool)
+
+
+def _quiet() -> None:
+    """Keep what Bullet prints out of the lines and the JSON; errors come back as exceptions."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
 
 
 def _constraints(trials: Trials) -> Iterator[Result]:
