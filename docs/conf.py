@@ -43,6 +43,9 @@ myst_heading_anchors = 4
 myst_fence_as_directive = ["math"]
 html_math_renderer = "drawings"
 
+highlight_language = "text"
+smartquotes_action = "qe"  # but not dashes: `--json` is an option
+
 html_theme = "furo"
 html_title = f"{project} {release}"
 html_static_path = ["static"]

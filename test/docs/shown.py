@@ -11,6 +11,7 @@ PAGES = (
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "bags/README.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
 )
+CONTINUED = re.compile(r"\\\n *#?")
 BLOCK = re.compile(r"^ *```(?:bash|sh|shell|console)\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 
 
@@ -30,7 +31,7 @@ def commands() -> list[Shown]:
     found = []
     for page in PAGES:
         for block in BLOCK.findall(page.read_text(encoding="utf-8")):
-            for line in block.replace("\\\n", " ").splitlines():
+            for line in CONTINUED.sub(" ", block).splitlines():
                 found += _commands_of(str(page.relative_to(ROOT)), line)
     return found
 

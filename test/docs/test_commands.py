@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every command that README and docs show is right, and those that can be run are run."""
+"""Every command that README and docs show is right: names, options, files; see test_run.py."""
 
 import importlib.util
 import re
-import shutil
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from docs.shown import ROOT, commands, inline_commands, nodes
@@ -21,17 +19,6 @@ SYSTEM = {
 """Other people's programs: their options are theirs."""
 ROS2 = {"bag": ("record", "play", "info"), "topic": ("list", "hz", "echo"), "node": ("list",)}
 ROS2 |= {"param": ("set", "get", "describe", "list"), "lifecycle": ("set", "get", "nodes")}
-
-NOT_RUN = {
-    "demo": "takes minutes; test/cli/test_demo.py",
-    "experiments": "takes minutes; test/cli/test_experiments.py (but `--list`, which is run)",
-    "record": "needs a running graph; test/cli/test_record_play.py",
-    "play": "needs a running graph; test/cli/test_record_play.py",
-    "teach": "needs a running graph; test/cli/test_teach.py",
-    "undo": "needs a library that was taught; test/cli/test_teach.py",
-    "warp": "needs meshes of one's own; test/cli/test_warp.py",
-}
-"""Commands that are only parsed, and why. Nothing but `intent` is run."""
 
 SHOWN = commands()
 NODES = nodes()
@@ -72,8 +59,6 @@ def test_what_stands_in_the_text_exists(shown):
 
 
 def test_all_exceptions_are_needed():
-    shown = {words[1] for words in (s.words for s in SHOWN) if words[0] == "intent"}
-    assert set(NOT_RUN) <= shown & set(cli.COMMANDS)
     assert {s.words[0] for s in SHOWN} >= SYSTEM
 
 
@@ -122,7 +107,10 @@ def check_ros2(words):
         assert {word.partition(":=")[0] for word in rest[2:]} <= declared
     elif kind == "run":
         assert rest[0] == "intent_recognition"
-        check_node(rest[1], rest[2:])
+        if rest[1] == "intent":
+            check_intent(rest[1:])
+        else:
+            check_node(rest[1], rest[2:])
     elif kind == "service":
         assert rest[0] == "call"
         node, _, service = rest[1].strip("/").partition("/")
@@ -149,69 +137,3 @@ def check_paths(words):
         path = word.rpartition(":=")[2].rpartition(":")[2]
         if path.partition("/")[0] in REPOSITORY and "/" in path and before not in WRITTEN:
             assert (ROOT / path).exists(), path
-
-
-def can_be_run(words):
-    redirected = {">", "|"} & set(words)
-    if words[0] != "intent" or redirected or words[1] == "--print-completion":
-        return False
-    return words[1] not in NOT_RUN or words[1:] == ("experiments", "--list")
-
-
-RUN = sorted({s.words for s in SHOWN if can_be_run(s.words)})
-MODELS = re.compile(r"\w+\.npz")
-
-
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory):
-    """A folder where everything the commands name is there, with few recordings of each task."""
-    folder = tmp_path_factory.mktemp("bench")
-    toolbox = ROOT / "bags" / "toolbox"
-    bags = sorted(bag for bag in (toolbox / "train").iterdir() if re.search(r"_0[0-2]$", bag.name))
-    two_tasks = [bag for bag in bags if not bag.name.startswith("screw")]
-    for target, found in (
-        ("bags/toolbox/train", bags),
-        ("bags/toolbox/test", sorted(toolbox.glob("test/*_00"))),
-        ("demos", two_tasks),
-    ):
-        (folder / target).mkdir(parents=True)
-        for bag in found:
-            (folder / target / bag.name).symlink_to(bag)
-    for name in sorted(
-        {w for words in RUN for w in words if "give_bracket" in w or w == "new_bag"}
-    ):
-        if not name.endswith("_saved"):
-            (folder / name).parent.mkdir(exist_ok=True)
-            (folder / name).symlink_to(toolbox / "test" / "plate_handover_00")
-    (folder / "config").symlink_to(ROOT / "config")
-    shutil.copy(ROOT / "config" / "dofs.yaml", folder / "my_dofs.yaml")
-    model = folder / "learned_first.npz"
-    train = ["train", *map(str, bags), "--output", str(model)]
-    assert cli.main(train) == 0
-    for name in sorted({w for words in RUN for w in words if MODELS.fullmatch(w)}):
-        shutil.copy(model, folder / name)
-    return folder
-
-
-def faster(words):
-    """The same command with what makes it take seconds, beside that there are few recordings."""
-    if words[0] != "evaluate":
-        return words
-    folds = () if "--protocol" in words else ("--protocol", "kfold:2")
-    return (*words, "--unknown-tasks", "off", "--basis", "8", *folds)
-
-
-@pytest.mark.parametrize("words", RUN, ids=" ".join)
-def test_it_runs(words, bench, monkeypatch, capsys):
-    monkeypatch.chdir(bench)
-    if words[1] in ("--help", "--version"):
-        with pytest.raises(SystemExit) as ended:
-            cli.main(words[1:])
-        code = ended.value.code
-    else:
-        code = cli.main(faster(words[1:]))
-    assert code == 0, capsys.readouterr().err
-    assert capsys.readouterr().out
-    for before, word in pairwise(words):
-        if before in WRITTEN and not word.startswith("--"):
-            assert Path(word).exists(), word

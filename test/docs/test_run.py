@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands that README and docs show are run, as far as they can be.
+
+Those of `intent` in this process; nodes, recorder and player as processes that come up and end on
+Ctrl-C; completion in a shell. What stays unrun, and why, is in `NOT_RUN` and `test_commands.py`.
+"""
+
+import os
+import re
+import shlex
+import socket
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from docs.shown import BLOCK, ROOT, commands
+from ros_harness import NodeProcess
+
+from intent_recognition.cli import main as cli
+from intent_recognition.nodes.graph import GRAPHS, NODES, resolve
+
+WRITTEN = ("--output", "--report", "--json", "--record")
+NOT_RUN = {
+    "demo": "takes minutes; test/cli/test_demo.py",
+    "experiments": "takes minutes; test/cli/test_experiments.py (but `--list`, which is run)",
+    "teach": "needs a person and a running graph; test/cli/test_teach.py",
+    "undo": "needs a library that was taught; test/cli/test_teach.py",
+}
+"""Commands of `intent` that are only parsed, and why."""
+UNTIL_CTRL_C = {"record": "bag_recorder", "play": "bag_player"}
+"""Commands of `intent` that are a node."""
+
+INTENT = "intent_recognition.cli.main"
+IN_A_WORKSPACE = ("ros2", "run", "intent_recognition", "intent")
+EVERY = {shown.words for shown in commands()}
+SHOWN = sorted(w[3:] if w[:4] == IN_A_WORKSPACE else w for w in EVERY)
+
+
+def runs_here(words):
+    """Whether it is a command of `intent` that ends by itself."""
+    if words[0] != "intent" or {">", "|"} & set(words) or words[1] == "--print-completion":
+        return False
+    if words[1:] == ("experiments", "--list"):
+        return True
+    return words[1] not in NOT_RUN and words[1] not in UNTIL_CTRL_C
+
+
+def faster(words):
+    """The same command with what makes it take seconds, beside that there are few recordings."""
+    if words[0] != "evaluate":
+        return words
+    folds = () if "--protocol" in words else ("--protocol", "kfold:2")
+    return (*words, "--unknown-tasks", "off", "--basis", "8", *folds)
+
+
+@pytest.mark.parametrize("words", [w for w in SHOWN if runs_here(w)], ids=" ".join)
+def test_it_runs(words, bench, monkeypatch, capsys):
+    monkeypatch.chdir(bench)
+    if words[1] in ("--help", "--version"):
+        with pytest.raises(SystemExit) as ended:
+            cli.main(words[1:])
+        code = ended.value.code
+    else:
+        code = cli.main(faster(words[1:]))
+    assert code == 0, capsys.readouterr().err
+    assert capsys.readouterr().out
+    for before, word in pairwise(words):
+        if before in WRITTEN and not word.startswith("--"):
+            assert Path(word).exists(), word
+
+
+def test_all_exceptions_are_needed():
+    shown = {words[1] for words in SHOWN if words[0] == "intent"}
+    assert set(NOT_RUN) | set(UNTIL_CTRL_C) <= shown & set(cli.COMMANDS)
+
+
+def node_of(words):
+    """Name of the node that a command is, and what follows; None for other commands."""
+    if words[0] == "intent" and words[1] in UNTIL_CTRL_C:
+        return UNTIL_CTRL_C[words[1]], words[1:]
+    if words[:3] == ("ros2", "run", "intent_recognition"):
+        return words[3], words[4:]
+    return (words[0], words[1:]) if words[0] in NODES else None
+
+
+@pytest.mark.parametrize("words", [w for w in SHOWN if node_of(w)], ids=" ".join)
+def test_it_comes_up_and_ends_on_ctrl_c(words, bench, tmp_path, monkeypatch, harness):
+    name, arguments = node_of(words)
+    monkeypatch.chdir(tmp_path if words[1] == "record" else bench)
+    module = INTENT if words[0] == "intent" else NODES[name].module
+    heard = harness.collect(DiagnosticArray, "/diagnostics")
+    with NodeProcess(module, *map(free_port, arguments)) as node:
+        harness.spin_until(
+            lambda: (
+                node.process.poll() is not None
+                or any(status.name == name for message in heard for status in message.status)
+            ),
+            what=f"diagnostics of {name}",
+        )
+        assert node.stop() == 0, node.errors
+    assert "Traceback" not in node.errors
+
+
+def free_port(argument):
+    """A port that nothing listens on, for the page's."""
+    if not argument.startswith("port:="):
+        return argument
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"port:={probe.getsockname()[1]}"
+
+
+LAUNCHED = [words for words in SHOWN if words[:2] == ("ros2", "launch")]
+
+
+@pytest.mark.parametrize("words", LAUNCHED, ids=" ".join)
+def test_what_is_launched_is_complete(words, bench):
+    """Launch itself is not installable here; with these arguments it has all that it needs."""
+    given = dict(word.split(":=", 1) for word in words[4:])
+    calls = resolve(words[3].removesuffix(".launch.py"), given)
+    assert {call.name for call in calls} <= set(GRAPHS[words[3].split(".")[0]].nodes)
+    for name in ("model", "dofs", "params_file"):
+        assert name not in given or (bench / given[name]).exists()
+
+
+def blocks_of(page):
+    return BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    "block", [b for b in blocks_of("docs/shell.md") if "completion" in b], ids=lambda b: b[:50]
+)
+def test_completion_is_installed_as_shown(block, tmp_path):
+    environment = os.environ | {"HOME": str(tmp_path), "PATH": _path_with_intent(tmp_path)}
+    script = block + "\ncomplete -p intent || true"
+    done = subprocess.run(
+        ["bash", "--norc", "-e", "-c", script],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    assert done.returncode == 0, done.stderr
+    targets = re.findall(r"> ~/(\S+)", block)
+    assert all("intent" in (tmp_path / t).read_text(encoding="utf-8") for t in targets)
+    assert targets or "intent" in done.stdout
+
+
+def _path_with_intent(folder):
+    """A PATH on which `intent` is this checkout's."""
+    program = folder / "bin" / "intent"
+    program.parent.mkdir()
+    start = f"import sys; from {INTENT} import main; sys.exit(main())"
+    program.write_text(
+        f'#!/bin/sh\nexec {shlex.quote(sys.executable)} -c "{start}" "$@"\n', encoding="utf-8"
+    )
+    program.chmod(0o755)
+    return f"{program.parent}:{os.environ['PATH']}"
+
+
+MODULES = [w for w in SHOWN if w[:2] == ("python", "-m") and w[2].startswith("sim_bridge")]
+
+
+@pytest.mark.parametrize("words", MODULES, ids=" ".join)
+def test_generators_take_the_options_shown(words):
+    """They take minutes to an hour: test/sim_bridge runs parts of them."""
+    done = subprocess.run(
+        [sys.executable, "-m", words[2], "--help"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert all(word in done.stdout for word in words[3:] if word.startswith("--"))
+
+
+@pytest.mark.parametrize("words", [w for w in SHOWN if w[0] == "make"], ids=" ".join)
+def test_make_knows_what_to_do(words, tmp_path):
+    """What the targets do is run by the tests of commands, site, reference and benchmarks."""
+    done = subprocess.run(
+        [*words, "--dry-run", f"VENV={tmp_path}"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout
