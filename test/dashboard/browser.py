@@ -16,6 +16,7 @@ from benchmarks import browser
 
 WIDTH, HEIGHT, PANEL = 1280, 800, 390
 DEADLINE_S = 120.0
+FRAMES_HZ = 8.0
 DRAG_STEPS, DRAG_STEP_MS = 12, 60
 PIXEL = """([node, x, y, z]) => {
   const viewer = window.__viserMutable;
@@ -138,6 +139,8 @@ def visitor():
     with sync_playwright() as driver:
         opened = driver.chromium.launch(executable_path=chromium(), args=list(browser.FLAGS))
         try:
-            yield Visitor(opened.new_page(viewport={"width": WIDTH, "height": HEIGHT}))
+            page = opened.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+            browser.calm(page, FRAMES_HZ)
+            yield Visitor(page)
         finally:
             opened.close()

@@ -36,6 +36,7 @@ def cell():
             process.stop()
 
 
+@pytest.mark.slow
 def test_what_is_dragged_on_the_page_moves_in_the_graph(cell, harness):
     wrist, hand = Wrist(harness), Hand(harness)
     with visitor() as person:
