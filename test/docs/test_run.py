@@ -8,6 +8,7 @@ Ctrl-C; completion in a shell. What stays unrun, and why, is in `NOT_RUN` and `t
 import os
 import re
 import shlex
+import signal
 import socket
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from ros_harness import NodeProcess
 from intent_recognition.cli import main as cli
 from intent_recognition.nodes.graph import GRAPHS, NODES, resolve
 
+LONG_S = 120.0
 WRITTEN = ("--output", "--report", "--json", "--record")
 NOT_RUN = {
     "demo": "takes minutes; test/cli/test_demo.py",
@@ -89,7 +91,7 @@ def node_of(words):
 @pytest.mark.parametrize("words", [w for w in SHOWN if node_of(w)], ids=" ".join)
 def test_it_comes_up_and_ends_on_ctrl_c(words, bench, tmp_path, monkeypatch, harness):
     name, arguments = node_of(words)
-    monkeypatch.chdir(tmp_path if words[1] == "record" else bench)
+    monkeypatch.chdir(tmp_path if words[:2] == ("intent", "record") else bench)
     module = INTENT if words[0] == "intent" else NODES[name].module
     heard = harness.collect(DiagnosticArray, "/diagnostics")
     with NodeProcess(module, *map(free_port, arguments)) as node:
@@ -98,9 +100,12 @@ def test_it_comes_up_and_ends_on_ctrl_c(words, bench, tmp_path, monkeypatch, har
                 node.process.poll() is not None
                 or any(status.name == name for message in heard for status in message.status)
             ),
+            deadline_s=LONG_S,
             what=f"diagnostics of {name}",
         )
-        assert node.stop() == 0, node.errors
+        if node.process.poll() is None:
+            node.process.send_signal(signal.SIGINT)
+        assert node.wait(LONG_S) == 0, node.errors
     assert "Traceback" not in node.errors
 
 
