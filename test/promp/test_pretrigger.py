@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from promp.test_activation import HOME, LABELS, STEP_NS, World
+from promp.activation_world import HOME, LABELS, STEP_NS, World
 
 from intent_recognition.errors import IntentError
 from intent_recognition.promp.activation_settings import Mode
