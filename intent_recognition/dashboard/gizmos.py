@@ -72,5 +72,6 @@ class Gizmos:
             visible=False,
         )
         scene.add_label(f"{name}/name", NAMES[kind, body], anchor="top-center")
-        scene.add_icosphere(f"{name}/ball", BALL_M, COLOURS[body], opacity=0.8)
+        if kind == GOALS:
+            scene.add_icosphere(f"{name}/ball", BALL_M, COLOURS[body], opacity=0.8)
         return gizmo

@@ -174,7 +174,7 @@ def _details(values: Mapping[str, str]) -> str:
 def _chip(label: str, colours: Mapping[str, str]) -> str:
     return (
         f'<span style="background:{colours.get(label, STALE)};color:white;border-radius:9px;'
-        f'padding:.08em .6em;font-weight:600">{readable(label)}</span>'
+        f'padding:.08em .6em;font-weight:600;white-space:nowrap">{readable(label)}</span>'
     )
 
 

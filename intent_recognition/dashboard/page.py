@@ -27,6 +27,7 @@ from intent_recognition.report.drawing import task_colours
 TITLE = "intent recognition"
 BRAND = (18, 27, 36)
 """A slate that no task has; the page draws it lighter."""
+PANEL_PIXELS = 400.0
 PANEL_PERIOD_S = 0.1
 SLOW_PERIOD_S = 1.0
 TOLD_S = 6.0
@@ -81,6 +82,7 @@ class Page:
         self._scene = Scene(self._server)
         gui = self._server.gui
         gui.main_panel.dock_right()
+        gui.main_panel.set_width(PANEL_PIXELS)
         gui.configure_theme(
             control_width="large",
             show_logo=False,

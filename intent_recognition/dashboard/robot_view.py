@@ -14,8 +14,8 @@ ROOT = "/robot"
 LARGEST_PATH = 16
 """Points of a drawn hand path."""
 
-COLOUR_KEPT = 0.15
-"""Of a robot's own colour so much is left: colours are for tasks, and many robots are orange."""
+LIGHTER = 0.35
+"""A robot is drawn in greys, what is colourful nearer to white: colours are for tasks."""
 
 
 class RobotView:
@@ -68,7 +68,7 @@ def _tip(urdf: yourdfpy.URDF) -> str:
 
 
 def greyed(description: str) -> str:
-    """A URDF whose materials are nearly grey, as bright as they were."""
+    """A URDF whose materials are grey, what was colourful a little lighter."""
 
     def grey(found: re.Match) -> str:
         try:
@@ -76,7 +76,7 @@ def greyed(description: str) -> str:
         except ValueError:
             return found[0]
         bright = 0.3 * red + 0.59 * green + 0.11 * blue
-        mixed = [bright + COLOUR_KEPT * (part - bright) for part in (red, green, blue)]
-        return 'rgba="' + " ".join(f"{number:.3f}" for number in (*mixed, *rest)) + '"'
+        bright += LIGHTER * (1.0 - bright) * (max(red, green, blue) - min(red, green, blue))
+        return 'rgba="' + " ".join(f"{number:.3f}" for number in (*[bright] * 3, *rest)) + '"'
 
     return re.sub(r'rgba="([^"]*)"', grey, description)
