@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from promp.simulation import START_NS, Recording, make_library, minimum_jerk, simulate
+from promp.online_stream import episodes, feed, going_back, humans, learned, movement, same, shifted
+from promp.simulation import START_NS, make_library
 from scipy.stats import multivariate_normal
 
 from intent_recognition.errors import DofError
@@ -13,71 +14,21 @@ from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.bank import make_hypotheses, start_bank
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.observations import Observation, merge, run_bank
-from intent_recognition.promp.online import Estimate, IntentEstimator
+from intent_recognition.promp.online import IntentEstimator
 from intent_recognition.promp.prediction import rollout
 from intent_recognition.promp.recognition import task_posterior
-from intent_recognition.promp.training import TrainingSettings, learn
 
 
 @pytest.fixture(scope="module")
 def truth() -> TaskLibrary:
     """What the simulated humans do."""
-    rng = np.random.default_rng(5)
-    return make_library(rng, n_tasks=3, n_basis=10, spread=0.03, noise_std=0.001)
+    return humans()
 
 
 @pytest.fixture(scope="module")
 def library(truth) -> TaskLibrary:
     """Learned from recordings, cut where the online detector would cut them."""
     return learned(truth)
-
-
-def learned(truth: TaskLibrary) -> TaskLibrary:
-    rng = np.random.default_rng(6)
-    recordings = [
-        movement(truth, i % truth.n_tasks, rng, name=f"demo_{i}") for i in range(12 * truth.n_tasks)
-    ]
-    return learn(recordings, TrainingSettings(n_basis=10))[0]
-
-
-def feed(estimator: IntentEstimator, observations) -> list[Estimate]:
-    estimates = []
-    for observation in observations:
-        assert estimator.reason_to_reject(observation) is None
-        estimates.append(estimator.observe(observation))
-    return estimates
-
-
-def movement(library: TaskLibrary, task: int, rng, **options) -> Recording:
-    return simulate(library, task, rng, **{"rest_before_s": 0.8, "rest_after_s": 0.8} | options)
-
-
-def shifted(observations, seconds: float) -> list[Observation]:
-    return [o._replace(stamp_ns=o.stamp_ns + round(seconds * 1e9)) for o in observations]
-
-
-def episodes(estimates: list[Estimate]) -> list[list[Estimate]]:
-    """The stretches in which a movement is under way."""
-    found: list[list[Estimate]] = []
-    before = False
-    for estimate in estimates:
-        if estimate.moving and not before:
-            found.append([])
-        if estimate.moving:
-            found[-1].append(estimate)
-        before = estimate.moving
-    return found
-
-
-def same(one: Estimate, other: Estimate, tolerance: float = 0.0) -> None:
-    assert (one.stamp_ns, one.moving, one.onset_ns) == (
-        other.stamp_ns,
-        other.moving,
-        other.onset_ns,
-    )
-    for name in ("probabilities", "phase", "log_evidence"):
-        a, b = getattr(one, name), getattr(other, name)
-        np.testing.assert_allclose(a, b, rtol=tolerance, atol=tolerance, err_msg=name)
 
 
 def test_each_task_is_recognised_before_its_end(library, truth, rng):
@@ -321,20 +272,6 @@ def test_reset_forgets_everything(library, truth, rng):
         same(a, b)
 
 
-def going_back(start: Observation, goal: np.ndarray) -> list[Observation]:
-    """The hand goes to `goal` in 20 s, too slowly to count as moving, and rests a while."""
-    shares = minimum_jerk(np.linspace(0.0, 1.1, 440))
-    m = len(goal)
-    return [
-        Observation(
-            start.stamp_ns + 50_000_000 * (i + 1),
-            0,
-            start.values[:m] + s * (goal - start.values[:m]),
-        )
-        for i, s in enumerate(shares)
-    ]
-
-
 def test_several_interactions_in_one_stream_are_told_apart(library, truth, rng):
     tasks = [2, 0, 1, 1]
     stream = list(merge(movement(truth, tasks[0], rng, rest_after_s=1.2).observed))
@@ -365,135 +302,3 @@ def test_a_hesitation_does_not_end_the_movement(library, truth, rng, pause_s):
         found = [e for e in episodes(estimates) if len(e) > 5]
         assert len(found) == 1
         assert (found[0][-1].stamp_ns - found[0][0].onset_ns) * 1e-9 > 1.6 + pause_s
-
-
-def unlike(rng: np.random.Generator, amplitude: float = 0.4) -> list[Observation]:
-    """A random smooth movement, three sines that begin from rest."""
-    times = np.arange(-0.8, 2.0, 0.02)
-    going = np.clip(times, 0.0, None)
-    values = np.zeros((len(times), 3))
-    for dof in range(3):
-        for _ in range(2):
-            size, rate = amplitude * rng.normal(), rng.uniform(2.0, 6.0)
-            values[:, dof] += size * (1 - np.cos(rate * going))
-    values += 0.001 * rng.normal(size=values.shape)
-    stamps = START_NS + np.round((times - times[0]) * 1e9).astype(np.int64)
-    return [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
-
-
-def test_none_wins_for_movements_unlike_the_tasks(library):
-    wins = 0
-    for seed in range(20):
-        estimates = feed(IntentEstimator(library), unlike(np.random.default_rng(seed)))
-        episode = max(episodes(estimates), key=len)
-        late = episode[int(0.6 * len(episode))]
-        wins += int(np.argmax(late.probabilities)) == library.n_tasks
-    assert wins == 20
-
-
-def test_no_robot_trajectory_while_none_leads(library):
-    estimator = IntentEstimator(library)
-    led = 0
-    for observation in unlike(np.random.default_rng(0)):
-        estimate = estimator.observe(observation)
-        if estimate.moving and int(np.argmax(estimate.probabilities)) == library.n_tasks:
-            led += 1
-            assert estimator.predict_controlled() is None
-            assert estimator.predict_observed().task == "none"
-    assert led > 10
-
-
-def test_rest_with_noise_is_never_a_movement(library, rng):
-    stamps = START_NS + np.arange(3000) * 10_000_000
-    values = 0.002 * rng.normal(size=(3000, 3))
-    stream = [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
-    assert not any(e.moving for e in feed(IntentEstimator(library), stream))
-
-
-def test_a_movement_that_never_ends_does_not_keep_the_estimator(library):
-    """Running on past its task it is given up, and the memory with it."""
-    times = np.arange(0.0, 30.0, 0.02)
-    values = 0.3 * np.stack([np.sin(3 * times), np.cos(3 * times), np.sin(2 * times)], axis=1)
-    estimator = IntentEstimator(library)
-    stream = [
-        Observation(START_NS + round(t * 1e9), 0, v) for t, v in zip(times, values, strict=True)
-    ]
-    estimates = feed(estimator, stream)
-    assert not estimates[-1].moving
-    assert all((e.stamp_ns - e.onset_ns) * 1e-9 < 10.0 for e in estimates if e.moving)
-
-
-@pytest.mark.parametrize(
-    ("observation", "reason"),
-    [
-        (Observation(START_NS, 0, np.zeros(2)), "wrong_size"),
-        (Observation(START_NS, 0, np.zeros((1, 3))), "wrong_size"),
-        (Observation(START_NS, 0, np.array([0.0, np.nan, 0.0])), "not_finite"),
-        (Observation(START_NS, 0, np.array([0.0, np.inf, 0.0])), "not_finite"),
-        (Observation(0, 0, np.zeros(3)), "zero_stamp"),
-        (Observation(-5, 0, np.zeros(3)), "zero_stamp"),
-        (Observation(START_NS, 0, np.zeros(3), np.full((3, 3), np.nan)), "bad_covariance"),
-        (Observation(START_NS, 0, np.zeros(3), np.eye(2)), "bad_covariance"),
-        (Observation(START_NS, 0, np.zeros(3), -np.eye(3)), "bad_covariance"),
-        (Observation(START_NS, 0, np.zeros(3), np.zeros((3, 3))), None),
-        (Observation(START_NS, 0, np.zeros(3), np.eye(3)), None),
-    ],
-)
-def test_unusable_observations_are_told_by_reason(library, observation, reason):
-    assert IntentEstimator(library).reason_to_reject(observation) == reason
-
-
-def test_stamps_must_increase_within_a_signal_but_not_between_signals(rng):
-    library = make_library(rng, groups=(2, 1), n_basis=4)
-    estimator = IntentEstimator(library)
-    estimator.observe(Observation(START_NS + 100, 0, np.zeros(2)))
-    for stamp in (START_NS + 100, START_NS + 99):
-        again = Observation(stamp, 0, np.zeros(2))
-        assert estimator.reason_to_reject(again) == "stamp_not_increasing"
-    assert estimator.reason_to_reject(Observation(START_NS + 99, 1, np.zeros(1))) is None
-    assert estimator.reason_to_reject(Observation(START_NS + 101, 0, np.zeros(2))) is None
-
-
-def lost_marker(truth: TaskLibrary, rng) -> tuple[list[Observation], list[Observation]]:
-    """A movement in which the second tracker dies half-way for good, and one after it."""
-    first = movement(truth, 0, rng, duration_s=2.0, rest_after_s=3.0)
-    second = movement(truth, 1, rng, duration_s=2.0, rest_before_s=1.5)
-    dies = START_NS + round(1.8e9)
-    before = [o for o in merge(first.observed) if o.group == 0 or o.stamp_ns < dies]
-    later = [o for o in merge(second.observed) if o.group == 0]
-    before += going_back(before[-1], later[0].values)
-    return before, shifted(later, (before[-1].stamp_ns - START_NS) * 1e-9 + 0.02)
-
-
-def test_a_tracker_lost_in_mid_movement_does_not_block_the_next_one(rng):
-    truth = make_library(rng, groups=(2, 1), n_basis=8, spread=0.03, noise_std=0.001)
-    estimator = IntentEstimator(learned(truth))
-    before, later = lost_marker(truth, rng)
-    assert not feed(estimator, before)[-1].moving
-    episode = max(episodes(feed(estimator, later)), key=len)
-    assert int(np.argmax(episode[len(episode) // 2].probabilities)) == 1
-    expected = later[0].stamp_ns + round(1.5e9)
-    assert abs(episode[0].onset_ns - expected) < 0.3e9
-
-
-def test_a_duplicate_stamp_of_a_tracker_long_silent_is_still_rejected(rng):
-    library = make_library(rng, groups=(2, 1), n_basis=4)
-    estimator = IntentEstimator(library)
-    silent = Observation(START_NS, 1, np.zeros(1))
-    estimator.observe(silent)
-    for step in range(300):
-        estimator.observe(Observation(START_NS + step * 20_000_000, 0, np.zeros(2)))
-    assert estimator.reason_to_reject(silent) == "stamp_not_increasing"
-
-
-def test_the_distribution_behind_an_estimate_is_symmetric_and_positive_definite(
-    library, truth, rng
-):
-    estimator = IntentEstimator(library)
-    for observation in merge(movement(truth, 0, rng).observed):
-        estimate = estimator.observe(observation)
-        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.5:
-            break
-    observed: Gaussian = estimator._observed(0)
-    assert np.array_equal(observed.covariance, observed.covariance.T)
-    assert np.linalg.eigvalsh(observed.covariance).min() > 0
