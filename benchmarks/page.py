@@ -49,7 +49,7 @@ START_S = 60.0
 SETTLED_S = 8.0
 INTERACTION_S = 6.0
 LISTEN_S = 0.2
-MOST_CPU = 0.25
+MOST_CPU, LEAST_HZ = 0.25, 24.0
 MOST_MB, MOST_COUNT = 4.0, 20.0
 SERVER, TEACHER = "dashboard", "task_teacher"
 
@@ -90,7 +90,7 @@ def page(library: TaskLibrary) -> Iterator[str | Result]:
         return
     yield "The page, open in a browser"
     samples = list(watch(library, SHORT_S, SHORT_STEP_S))
-    yield cost(samples)
+    yield from cost(samples)
     yield from counts(_after_warming(samples))
 
 
@@ -119,18 +119,19 @@ def watch(library: TaskLibrary, seconds: float, step_s: float) -> Iterator[Sampl
                     )
 
 
-def cost(samples: Sequence[Sample]) -> Result:
-    """The share of a core that the server takes for one page."""
+def cost(samples: Sequence[Sample]) -> Iterator[Result]:
+    """The share of a core that the server takes for one page, and whether it kept its rate."""
     rates = [sample.rate_hz for sample in samples]
-    return Result(
+    yield Result(
         "page at 25 Hz with one browser, its process",
         100 * float(np.mean([sample.cpu for sample in samples])),
         100 * MOST_CPU,
         "at most",
         "% of a core",
-        f"over {samples[-1].at_s:.0f} s beside the running demo;"
-        f" {np.mean(rates):.1f} updates a second, lowest {min(rates):.1f}",
+        f"over {samples[-1].at_s:.0f} s beside the running demo",
     )
+    remark = f"lowest {min(rates):.1f}; fewer on a busy machine, and the share means little then"
+    yield Result("... its updates", float(np.mean(rates)), LEAST_HZ, "at least", "Hz", remark)
 
 
 def counts(samples: Sequence[Sample]) -> Iterator[Result]:
@@ -284,7 +285,7 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stdout.write(sample.line() + "\n")
         sys.stdout.flush()
     later = _after_warming(samples)
-    results = [cost(samples), *growth(later), *counts(later)]
+    results = [*cost(samples), *growth(later), *counts(later)]
     sys.stdout.write("\n" + "\n".join(result.line().rstrip() for result in results) + "\n")
     if args.json:
         content = {
