@@ -38,6 +38,10 @@ OWN_SHARE = 0.5
 """Share of a task's own covariance in the one it is recognised by (docs/forecast.md)."""
 AMPLITUDE_WORTH = 4.0
 """Demonstrations' worth of the assumption that a DOF varies alike at all phases."""
+FEW = 3.5
+"""Demonstrations below which their scatter tells little, neither how much varies nor how long."""
+DEVIATION_WIDTH = 0.1
+"""How long in phase deviations are taken to last then."""
 
 
 class Scatter(NamedTuple):
@@ -98,7 +102,8 @@ def weight_floor(weights: np.ndarray) -> np.ndarray:
 def structured_target(own: Scatter, pooled: Scatter, floor: np.ndarray) -> StructuredTarget:
     """Fit a task's target to the deviations of all demonstrations from their tasks' means.
 
-    The task's own demonstrations count fully; all others together count `OTHERS_WORTH`.
+    The task's own demonstrations count fully; all others together count `OTHERS_WORTH`. Where they
+    are fewer than `FEW` in all, deviations are taken to be larger than was seen, and smooth.
 
     Args:
         own: scatter of the task the target is for.
@@ -110,12 +115,14 @@ def structured_target(own: Scatter, pooled: Scatter, floor: np.ndarray) -> Struc
     variance = np.diag(scatter).reshape(n_dofs, -1)
     typical = variance.mean(axis=1, keepdims=True)
     weight = demonstrations / (demonstrations + AMPLITUDE_WORTH)
+    doubt = (FEW / max(demonstrations, 2.0)) ** 6
     amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
     n_basis = amplitude.shape[1]
     scale = amplitude.ravel()
     scaled = (scatter / np.outer(scale, scale)).reshape(n_dofs, n_basis, n_dofs, n_basis)
     phase = np.linspace(0.0, 1.0, n_basis)
-    kernel = np.exp(-0.5 * ((phase[:, None] - phase) / PHASE_WIDTH) ** 2)
+    distance = phase[:, None] - phase
+    kernel = np.exp(-0.5 * (distance / PHASE_WIDTH) ** 2)
     kernel /= kernel.sum(axis=1, keepdims=True)
     local = np.einsum("dkek->kde", scaled)
     dofs = np.einsum("kl,lde->kde", kernel, local)
@@ -124,6 +131,9 @@ def structured_target(own: Scatter, pooled: Scatter, floor: np.ndarray) -> Struc
     basis = np.einsum("dkdl->kl", scaled) / n_dofs
     spread = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
     basis /= np.outer(spread, spread)
+    smooth = np.exp(-0.5 * (distance / DEVIATION_WIDTH) ** 2)
+    basis = (basis + doubt * smooth) / (1.0 + doubt)
+    amplitude = amplitude * np.sqrt(1.0 + doubt)
     return StructuredTarget(amplitude, symmetrize(dofs), symmetrize(basis), floor)
 
 

@@ -6,6 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from intent_recognition.gaussian.normal import gaussian, log_density
+from intent_recognition.promp import prior
 from intent_recognition.promp.prior import (
     Scatter,
     leave_one_out_targets,
@@ -124,6 +126,34 @@ def test_predictive_covariance_covers_the_next_demonstration(rng):
         error = drawn[n] - mean
         errors.append(error @ np.linalg.solve(covariance, error))
     assert np.mean(errors) == pytest.approx(2.0, abs=4 * np.sqrt(4 / 4000))
+
+
+def left_out_log_density(rng, n: int) -> float:
+    """Mean over tasks of how probable one more demonstration is, smooth ones drawn at random."""
+    phase = np.linspace(0.0, 1.0, 12)
+    smooth = np.exp(-0.5 * ((phase[:, None] - phase) / 0.2) ** 2)
+    true = np.kron([[1.0, 0.5], [0.5, 1.0]], smooth) + 1e-4 * np.eye(24)
+    density = []
+    for _ in range(30):
+        draws = rng.multivariate_normal(np.zeros(24), true, size=n + 1)
+        learned = gaussian(draws[1:].mean(axis=0), shrunk(draws[1:].reshape(n, 2, 12), 1.0))
+        density.append(log_density(learned, draws[0]))
+    return float(np.mean(density))
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_few_demonstrations_of_one_task_are_not_taken_for_all_there_is(monkeypatch, n):
+    doubted = left_out_log_density(np.random.default_rng(n), n)
+    monkeypatch.setattr(prior, "FEW", 0.0)
+    taken_as_they_are = left_out_log_density(np.random.default_rng(n), n)
+    assert doubted > taken_as_they_are + 10.0
+
+
+def test_many_demonstrations_leave_no_doubt(monkeypatch, rng):
+    weights = rng.normal(size=(20, 2, 6))
+    doubted = target_of(weights)
+    monkeypatch.setattr(prior, "FEW", 0.0)
+    np.testing.assert_allclose(doubted, target_of(weights), atol=1e-3 * np.abs(doubted).max())
 
 
 def test_a_dof_that_never_moved_gets_a_floor():
