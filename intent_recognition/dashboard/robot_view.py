@@ -10,10 +10,12 @@ import viser
 import yourdfpy
 from viser.extras import ViserUrdf
 
-ROOT = "/robot"
-LARGEST_PATH = 16
-"""Points of a drawn hand path."""
+from intent_recognition.kinematics.chain import Chain, joint_poses, tip_positions
 
+ROOT = "/robot"
+LARGEST_PATH = 32
+"""Points of a drawn hand path."""
+TURNING, SHIFTING = ("revolute", "continuous"), ("prismatic",)
 LIGHTER = 0.35
 """A robot is drawn in greys, what is colourful nearer to white: colours are for tasks."""
 
@@ -28,10 +30,9 @@ class RobotView:
 
     def __init__(self, server: viser.ViserServer, description: str):
         self._urdf = yourdfpy.URDF.load(io.StringIO(greyed(description)))
-        self._view = ViserUrdf(server, self._urdf, root_node_name=ROOT)
-        self._other = yourdfpy.URDF.load(io.StringIO(description), load_meshes=False)
+        self._view = _MovingUrdf(server, self._urdf, root_node_name=ROOT)
         self._joints = tuple(self._view.get_actuated_joint_names())
-        self._tip = _tip(self._urdf)
+        self._chain = longest_chain(self._urdf)
         self._shown: np.ndarray | None = None
 
     @property
@@ -43,28 +44,68 @@ class RobotView:
         """Move the arm; joints that are not in `positions` [rad] stay at zero."""
         q = np.array([positions.get(name, 0.0) for name in self._joints])
         if self._shown is None or np.max(np.abs(q - self._shown)) > 1e-4:
-            self._view.update_cfg(q)
+            self._view.move(self._joints, q)
             self._shown = q
 
     def hand_path(self, joints: Sequence[str], positions: np.ndarray) -> np.ndarray:
         """Positions of the last link (T', 3) [m] along a joint trajectory (T, d) [rad]."""
         chosen = np.unique(np.linspace(0, len(positions) - 1, LARGEST_PATH).round().astype(int))
-        path = []
-        for row in positions[chosen]:
-            values = dict(zip(joints, row, strict=True))
-            self._other.update_cfg(np.array([values.get(name, 0.0) for name in self._joints]))
-            path.append(self._other.get_transform(self._tip)[:3, 3].copy())
-        return np.array(path)
+        values = joint_values(self._chain, joints, positions[chosen])
+        return tip_positions(chain_of(self._chain), values)
 
 
-def _tip(urdf: yourdfpy.URDF) -> str:
-    """The link at the end of the longest chain of joints."""
-    parents = {joint.child: joint.parent for joint in urdf.joint_map.values()}
+class _MovingUrdf(ViserUrdf):
+    """The same, told where to be 25 times a second: only what moves is sent."""
 
-    def depth(link: str) -> int:
-        return 1 + depth(parents[link]) if link in parents else 0
+    def __init__(self, server: viser.ViserServer, urdf: yourdfpy.URDF, **options):
+        super().__init__(server, urdf, **options)
+        self._all = tuple(urdf.joint_map.values())
+        self._local = chain_of(self._all)
+        self.update_cfg(np.zeros(len(urdf.actuated_joint_names)))  # fixed joints, once
 
-    return max(urdf.link_map, key=depth)
+    def move(self, names: Sequence[str], positions: np.ndarray) -> None:
+        """Turn and shift the joints of these names (d,), [rad or m]."""
+        values = joint_values(self._all, names, positions[None])[0]
+        wxyz, position = joint_poses(self._local, values)
+        for k, frame in enumerate(self._joint_frames):
+            if self._all[k].type in TURNING:
+                frame.wxyz = wxyz[k]
+            elif self._all[k].type in SHIFTING:
+                frame.position = position[k]
+
+
+def joint_values(
+    chain: Sequence[yourdfpy.Joint], names: Sequence[str], positions: np.ndarray
+) -> np.ndarray:
+    """Values of a chain's joints (T, n), from those of named joints (T, d); zero where unnamed."""
+    values = np.zeros((len(positions), len(chain)))
+    for k, joint in enumerate(chain):
+        copied = joint.mimic
+        name = joint.name if copied is None else copied.joint
+        if name in names:
+            values[:, k] = positions[:, list(names).index(name)]
+        if copied is not None:
+            values[:, k] = (copied.multiplier or 1.0) * values[:, k] + (copied.offset or 0.0)
+    return values
+
+
+def chain_of(joints: Sequence[yourdfpy.Joint]) -> Chain:
+    """Joints of a URDF, one the child of the other, as numbers."""
+    none = np.zeros(3)
+    origins = [np.eye(4) if joint.origin is None else joint.origin for joint in joints]
+    turns = [joint.axis if joint.type in TURNING else none for joint in joints]
+    shifts = [joint.axis if joint.type in SHIFTING else none for joint in joints]
+    return Chain(np.array(origins), np.array(turns), np.array(shifts))
+
+
+def longest_chain(urdf: yourdfpy.URDF) -> tuple[yourdfpy.Joint, ...]:
+    """The joints from the base to the link that most of them move."""
+    above = {joint.child: joint for joint in urdf.joint_map.values()}
+
+    def chain(link: str) -> tuple[yourdfpy.Joint, ...]:
+        return (*chain(above[link].parent), above[link]) if link in above else ()
+
+    return max((chain(link) for link in urdf.link_map), key=len)
 
 
 def greyed(description: str) -> str:

@@ -1,19 +1,61 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robot is drawn in greys, so that colours are left for tasks."""
+"""Where the drawn robot and hand path are, beside yourdfpy's own forward kinematics."""
 
-from intent_recognition.dashboard.robot_view import greyed
-from sim_bridge.urdf import lwr_urdf
+import io
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+yourdfpy = pytest.importorskip("yourdfpy")
+pytest.importorskip("viser")
+
+from intent_recognition.dashboard.robot_view import (  # noqa: E402
+    chain_of,
+    joint_values,
+    longest_chain,
+)
+from intent_recognition.kinematics.chain import joint_poses, tip_positions  # noqa: E402
+from sim_bridge.urdf import lwr_urdf  # noqa: E402
+
+FINGERS = """<robot name="fingers">
+  <link name="base"/><link name="rail"/><link name="left"/><link name="tip"/><link name="right"/>
+  <joint name="along" type="prismatic"><parent link="base"/><child link="rail"/>
+    <origin xyz="0.1 0 0.2" rpy="0 0.3 0"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="open" type="revolute"><parent link="rail"/><child link="left"/>
+    <origin xyz="0 0 0.1" rpy="0.5 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="bend" type="revolute"><parent link="left"/><child link="tip"/>
+    <origin xyz="0 0.2 0"/><axis xyz="1 0 0"/><mimic joint="open" multiplier="-0.5" offset="0.1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="held" type="fixed"><parent link="rail"/><child link="right"/></joint>
+</robot>"""
 
 
-def test_materials_become_grey_and_keep_their_opacity():
-    text = greyed('<color rgba="1 0.5 0 0.7"/>')
-    red, green, blue, opacity = text.split('"')[1].split()
-    assert red == green == blue
-    assert float(opacity) == 0.7
-    assert greyed('<color rgba="1 x 0"/>') == '<color rgba="1 x 0"/>'
+@pytest.mark.parametrize("description", [lwr_urdf(world=True), FINGERS], ids=["lwr", "fingers"])
+def test_the_tip_is_where_yourdfpy_has_it(description):
+    urdf = yourdfpy.URDF.load(io.StringIO(description), load_meshes=False)
+    names = urdf.actuated_joint_names
+    q = np.random.default_rng(3).uniform(-0.8, 0.8, size=(5, len(names)))
+    chain = longest_chain(urdf)
+    tips = tip_positions(chain_of(chain), joint_values(chain, names, q))
+    for row, tip in zip(q, tips, strict=True):
+        urdf.update_cfg(row)
+        np.testing.assert_allclose(
+            tip, urdf.get_transform(chain[-1].child, urdf.base_link)[:3, 3], atol=1e-9
+        )
 
 
-def test_nothing_but_the_materials_changes():
-    before, after = lwr_urdf(), greyed(lwr_urdf())
-    assert before.count("<joint") == after.count("<joint")
-    assert before.split("rgba")[0] == after.split("rgba")[0]
+@pytest.mark.parametrize("description", [lwr_urdf(world=True), FINGERS], ids=["lwr", "fingers"])
+def test_each_joint_is_where_yourdfpy_has_it(description):
+    urdf = yourdfpy.URDF.load(io.StringIO(description), load_meshes=False)
+    names, joints = urdf.actuated_joint_names, tuple(urdf.joint_map.values())
+    q = np.random.default_rng(4).uniform(-0.8, 0.8, size=len(names))
+    wxyz, positions = joint_poses(chain_of(joints), joint_values(joints, names, q[None])[0])
+    urdf.update_cfg(q)
+    for joint, turn, position in zip(joints, wxyz, positions, strict=True):
+        expected = urdf.get_transform(joint.child, joint.parent)
+        turned = Rotation.from_quat(np.roll(turn, -1)).as_matrix()
+        np.testing.assert_allclose(turned, expected[:3, :3], atol=1e-9)
+        np.testing.assert_allclose(position, expected[:3, 3], atol=1e-9)

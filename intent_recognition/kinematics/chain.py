@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Forward kinematics of any chain of joints, batched over joint vectors.
+
+A joint is a fixed pose in its parent's frame, followed by a turn about an axis or a shift along it,
+as in a URDF.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.errors import ShapeError, describe
+
+
+class Chain(NamedTuple):
+    """n joints, from the base on; those that do not move are among them.
+
+    Attributes:
+        origins: poses in the frame of the joint before, (n, 4, 4) [m].
+        turns: axes of revolute joints, unit vectors, zero for the others, (n, 3).
+        shifts: axes of prismatic joints, alike, (n, 3).
+    """
+
+    origins: np.ndarray
+    turns: np.ndarray
+    shifts: np.ndarray
+
+
+def tip_positions(chain: Chain, values: np.ndarray) -> np.ndarray:
+    """Positions of the last joint's frame in the base frame, (T, 3) [m].
+
+    Args:
+        chain: n joints.
+        values: of its joints, (T, n) [rad or m]; those of fixed joints do not count.
+
+    Raises:
+        ShapeError: values do not fit the chain.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    if values.ndim != 2 or values.shape[1] != len(chain.origins):
+        cure = "Give one column per joint of the chain."
+        raise ShapeError(describe("values", f"(T, {len(chain.origins)})", values.shape, cure))
+    tips = np.zeros((len(values), 3))
+    for joint in reversed(range(len(chain.origins))):
+        moved = Rotation.from_rotvec(values[:, joint, None] * chain.turns[joint]).apply(tips)
+        moved += values[:, joint, None] * chain.shifts[joint]
+        origin = chain.origins[joint]
+        tips = moved @ origin[:3, :3].T + origin[:3, 3]
+    return tips
+
+
+def joint_poses(chain: Chain, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each joint's frame is in that of its parent: quaternions wxyz (n, 4), positions (n, 3).
+
+    The joints need not follow one another.
+
+    Args:
+        chain: n joints.
+        values: (n,) [rad or m]; those of fixed joints do not count.
+    """
+    values = np.asarray(values, dtype=np.float64)[:, None]
+    rotations = Rotation.from_matrix(chain.origins[:, :3, :3])
+    turned = rotations * Rotation.from_rotvec(values * chain.turns)
+    positions = chain.origins[:, :3, 3] + rotations.apply(values * chain.shifts)
+    return np.roll(turned.as_quat(), 1, axis=1), positions
