@@ -23,12 +23,11 @@ def random_path(seed, count=20):
 
 
 def short_pour(end_deg):
-    """Over the second container, tilted, held and most of the way back, from rest to rest."""
+    """Over the second container, lowered and tilted, held and most of the way back, at rest."""
     times = np.linspace(0.0, 4.6, 93)
-    back = minimum_jerk((times - 3.0) / 1.6)
-    tilt = np.deg2rad(end_deg) * (minimum_jerk(times / 1.8) - 0.7 * back)
-    offset = np.tile([-0.02, 0.0, 0.03], (len(times), 1))
-    return PourPath(times, offset, tilt)
+    over = minimum_jerk(times / 1.8) - 0.7 * minimum_jerk((times - 3.0) / 1.6)
+    offset = np.array([-0.02, 0.0, 0.15]) + over[:, None] * [0.0, 0.0, -0.12]
+    return PourPath(times, offset, np.deg2rad(end_deg) * over)
 
 
 @given(st.integers(0, 1000))
