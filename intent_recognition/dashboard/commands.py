@@ -44,7 +44,9 @@ class Commands:
 
     def can_switch_help(self) -> bool:
         """Whether there is an activation to switch on and off."""
-        return self.offers(f"{ACTIVATION}/change_state", ChangeState)
+        return self.offers(f"{ACTIVATION}/change_state", ChangeState) and self.offers(
+            f"{ACTIVATION}/get_state", GetState
+        )
 
     def can_guide(self) -> bool:
         """Whether there is an arm that can be guided by hand."""
@@ -60,10 +62,22 @@ class Commands:
         self._call(f"{ARM}/gravity_compensation", SetBool, request, None)
 
     def robot_helps(self, enabled: bool, done: Tell | None = None) -> None:
-        """Activate or deactivate `primitive_activation` through its lifecycle."""
+        """Activate or deactivate `primitive_activation`, unless that is what it is already."""
         wanted = Transition.TRANSITION_ACTIVATE if enabled else Transition.TRANSITION_DEACTIVATE
         request = ChangeState.Request(transition=Transition(id=wanted))
-        self._call(f"{ACTIVATION}/change_state", ChangeState, request, done)
+
+        def switch(future: Future) -> None:
+            self._told_state(future)
+            if self.helping == enabled:
+                (done or self._tell)(True, "")
+            else:
+                self._call(f"{ACTIVATION}/change_state", ChangeState, request, done)
+
+        client = self._client(f"{ACTIVATION}/get_state", GetState)
+        if client.service_is_ready():
+            client.call_async(GetState.Request()).add_done_callback(switch)
+        else:
+            (done or self._tell)(False, f"nobody offers {ACTIVATION}/get_state")
 
     def ask_for_help(self) -> None:
         """Ask the activation whether it is active, whoever switched it; `helping` follows."""

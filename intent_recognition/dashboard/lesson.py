@@ -23,7 +23,7 @@ class Lesson:
         rng: source of the variation between demonstrations.
 
     Attributes:
-        busy: something is being shown or recorded.
+        busy: something is being shown, recorded or learned.
         recording: something is being recorded.
         recorded: demonstrations since the last time something was learned.
         learned: whether something was.
@@ -72,6 +72,8 @@ class Lesson:
 
     def learn(self) -> None:
         """Learn what was recorded; the robot helps again afterwards."""
+        self.busy = True
+        self._say(True, "learning")
         self._commands.trigger(f"{TEACHER}/learn", self._learned)
 
     def undo(self) -> None:
@@ -134,6 +136,7 @@ class Lesson:
         self._say(False, text)
 
     def _learned(self, ok: bool, text: str) -> None:
+        self.busy = False
         self._say(ok, text)
         if ok:
             self.recorded, self.learned = 0, True
