@@ -8,6 +8,7 @@ import time
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition.cli.recordings import busy
@@ -83,7 +84,7 @@ def _table(done: list[Done]) -> Table:
     table = Table(title="pours with the references of a scan")
     table.add_column("pair")
     for name in ("opening [mm]", "height [mm]", "tilt [deg]", "spill expected"):
-        table.add_column(name, justify="right")
+        table.add_column(escape(name), justify="right")
     for name in ("in", "left in cup", "spilled"):
         table.add_column(name, justify="right")
     for one in done:

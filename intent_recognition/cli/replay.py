@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition.cli.console import make_console
@@ -142,7 +143,7 @@ def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None
     labels = (*library.labels, NONE)
     table = Table(title=f"{len(rows)} observations")
     for column in ("time [s]", *labels, "phase", "active"):
-        table.add_column(column, justify="right")
+        table.add_column(escape(column), justify="right")
     for row in rows[:: max(1, len(rows) // PRINTED_ROWS)]:
         best = max(row["probabilities"], key=row["probabilities"].get)
         table.add_row(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition import __version__
@@ -165,10 +166,10 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
     """A table of the tasks and one line on the regularisation."""
     table = Table(title=f"learned from {report.n_used} demonstrations")
     for column in ("task", "demonstrations", "duration [s]", "spread of duration"):
-        table.add_column(column, justify="left" if column == "task" else "right")
+        table.add_column(escape(column), justify="left" if column == "task" else "right")
     for index, label in enumerate(library.labels):
         table.add_row(
-            label,
+            escape(label),
             str(library.n_demonstrations[index]),
             f"{library.durations_s[index]:.2f}",
             f"x {np.exp(library.log_duration_std[index]):.2f}",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition import __version__
@@ -152,7 +153,7 @@ def print_components(console: Console, found: Relabelled) -> None:
     """What was tried, what was taken, and how pure it is where labels are known."""
     table = Table(title="left-out prediction")
     for column in ("components", "nll [nats per sample]", "error [std]", ""):
-        table.add_column(column, justify="right")
+        table.add_column(escape(column), justify="right")
     for tried in found.choice.tried:
         taken = "taken" if tried is found.choice.chosen else ""
         table.add_row(

@@ -53,6 +53,7 @@ def test_keys_are_the_contract_s_and_stamps_the_recording_s(replay, bag):
         assert abs(sum(row["probabilities"].values()) - 1.0) < 1e-9
         assert row["phase"]["none"] == 0.0
     assert "task_1" in text and f"{len(rows)} observations" in text
+    assert "time [s]" in text
     assert 15 < len([line for line in text.splitlines() if "│" in line]) < 50
 
 

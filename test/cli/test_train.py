@@ -47,6 +47,7 @@ def test_it_learns_writes_and_tells(train, recorded):
     for word in ("task_0", "task_1", "learned from 8 demonstrations", "regularisation", "wrote"):
         assert word in text, text
     assert str(output) in text.replace("\n", "")
+    assert "duration [s]" in text
 
 
 def test_a_script_gets_what_was_learned_and_left_out(train, recorded, tmp_path):
