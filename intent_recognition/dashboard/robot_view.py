@@ -33,6 +33,7 @@ class RobotView:
         self._view = _MovingUrdf(server, self._urdf, root_node_name=ROOT)
         self._joints = tuple(self._view.get_actuated_joint_names())
         self._chain = longest_chain(self._urdf)
+        self._poses = chain_of(self._chain)
         self._shown: np.ndarray | None = None
 
     @property
@@ -51,11 +52,11 @@ class RobotView:
         """Positions of the last link (T', 3) [m] along a joint trajectory (T, d) [rad]."""
         chosen = np.unique(np.linspace(0, len(positions) - 1, LARGEST_PATH).round().astype(int))
         values = joint_values(self._chain, joints, positions[chosen])
-        return tip_positions(chain_of(self._chain), values)
+        return tip_positions(self._poses, values)
 
 
 class _MovingUrdf(ViserUrdf):
-    """The same, told where to be 25 times a second: only what moves is sent."""
+    """A drawn URDF that is told where to be 25 times a second: only what moves is sent."""
 
     def __init__(self, server: viser.ViserServer, urdf: yourdfpy.URDF, **options):
         super().__init__(server, urdf, **options)

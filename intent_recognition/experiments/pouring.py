@@ -55,8 +55,8 @@ class Recorded:
         n_balls: in the cup at the start.
         through_wall: balls that went into or through a wall.
         risk: of a spill, expected before it was executed.
-        touched_s: how long the cup touched the second container; None if the bag does not say.
-        strongest_touch_n: how hard at most; None likewise.
+        touched_s: how long the cup touched the second container.
+        strongest_touch_n: how hard at most.
     """
 
     order: Order
@@ -66,8 +66,8 @@ class Recorded:
     n_balls: int
     through_wall: int
     risk: float
-    touched_s: float | None
-    strongest_touch_n: float | None
+    touched_s: float
+    strongest_touch_n: float
 
 
 def run(settings: Settings) -> Outcome:
@@ -96,7 +96,7 @@ def run(settings: Settings) -> Outcome:
         ),
         findings=_findings(numbers, repeated),
         blocks=_blocks(pours, skill, demonstrations, repeated),
-        conditions=(*_CONDITIONS, *(_UNTOUCHED if pours[0].touched_s is None else ())),
+        conditions=_CONDITIONS,
         numbers=numbers,
     )
 
@@ -119,9 +119,6 @@ _CONDITIONS = (
 )
 
 
-_UNTOUCHED = ("When the recorded pours were made the two containers passed through each other.",)
-
-
 def pair_name(pair: int) -> str:
     """Such as "mug into tumbler"."""
     return " into ".join(name.replace("_", " ") for name in PAIRS[pair])
@@ -138,9 +135,8 @@ def read_recorded(folder: Path) -> list[Recorded]:
         path, labels = read_pour(note.parent)
         order = Order(int(labels["seed"]), int(labels["pair"]), labels["manner"])
         counts = (int(labels[n]) for n in ("spilled", "kept", "balls", "through_wall"))
-        told = (labels.get(name) for name in ("touched_s", "strongest_touch_n"))
-        touch = (None if one is None else float(one) for one in told)
-        found.append(Recorded(order, path, *counts, float(labels["risk"]), *touch))
+        measured = (float(labels[n]) for n in ("risk", "touched_s", "strongest_touch_n"))
+        found.append(Recorded(order, path, *counts, *measured))
     if not found:
         cure = "Make them with `python -m sim_bridge.generate --scenario pours`."
         raise BagError(describe(str(folder), "recorded pours", "none", cure))
@@ -249,8 +245,6 @@ def _findings(numbers: dict, repeated: Sequence) -> tuple[Finding, ...]:
 
 def _touches(numbers: dict, manner: str) -> str:
     touched, hardest = numbers[f"touched_s_{manner}"], numbers[f"strongest_touch_n_{manner}"]
-    if None in touched:
-        return "not recorded"
     return f"{np.count_nonzero(touched)} (at most {max(hardest):.1f} N)"
 
 
