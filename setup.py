@@ -60,6 +60,7 @@ setup(
     maintainer_email="maintainers@example.org",
     python_requires=">=3.10",
     packages=find_packages(include=[f"{PACKAGE}*", "sim_bridge*"]),
+    package_data={"": ["*.pyi", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (SHARE, ["package.xml"]),
@@ -71,6 +72,7 @@ setup(
     install_requires=[
         "embreex; platform_machine == 'x86_64'",
         "matplotlib",
+        "lazy-loader>=0.4",
         "lz4",
         "mcap>=1.1",
         "mcap-ros2-support>=0.5",
@@ -105,7 +107,7 @@ setup(
         "docs": ["sphinx>=7", "myst-parser>=3", "furo", "matplotlib>=3.8"],
         "test": ["pytest", "hypothesis"],
     },
-    zip_safe=True,
+    zip_safe=False,
     entry_points={
         "console_scripts": [
             "intent = intent_recognition.cli.main:main",

@@ -8,10 +8,9 @@ import numpy as np
 from dtaidistance import dtw_ndim
 
 from benchmarks.measure import Result, seconds_of_both
-from intent_recognition.alignment.align import AlignmentSettings, align
-from intent_recognition.alignment.warp import Warp
-from intent_recognition.experiments.time_warping import dtw_maps
-from intent_recognition.experiments.timed import Timed, demonstrations
+from intent_recognition.alignment import AlignmentSettings, Warp, align
+from intent_recognition.experiments.alignment.time_warping import dtw_maps
+from intent_recognition.experiments.alignment.timed import Timed, demonstrations
 
 N_DEMONSTRATIONS = 40
 N_SAMPLES = 200

@@ -19,9 +19,14 @@ import numpy as np
 from benchmarks import bank_peers as peers
 from benchmarks.measure import Result
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
-from intent_recognition.promp.bank import Hypotheses, fixed_hypotheses, make_hypotheses
-from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.observations import BankRun, make_memory
+from intent_recognition.filtering import (
+    BankRun,
+    Hypotheses,
+    fixed_hypotheses,
+    make_hypotheses,
+    make_memory,
+)
+from intent_recognition.promp import TaskLibrary
 
 PHASE = 0.4
 BATCH = 16
@@ -207,6 +212,7 @@ def _pruned(library: TaskLibrary, hypotheses: Hypotheses, full_s: float) -> Resu
         0.2,
         "at most",
         "of it",
-        f"{library.n_tasks + 1 - len(run.tasks_aside)} tasks left at the end; {1e3 * late_s:.1f} ms"
-        f" an observation, whole movement {1e3 * mean(times):.0f}, longest {1e3 * max(times):.0f}",
+        f"{library.n_tasks + 1 - len(run.pruned_tasks)} tasks left at the end;"
+        f" {1e3 * late_s:.1f} ms an observation, whole movement {1e3 * mean(times):.0f},"
+        f" longest {1e3 * max(times):.0f}",
     )

@@ -17,9 +17,9 @@ import numpy as np
 
 from benchmarks.measure import Result
 from benchmarks.synthetic import START_NS, movement, synthetic_library
-from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.observations import Observation
-from intent_recognition.promp.online import IntentEstimator
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.recognition import IntentEstimator
+from intent_recognition.signals import Observation
 
 PERIOD_NS = 10_000_000
 

@@ -8,10 +8,9 @@ from scipy.stats import multivariate_normal
 
 from benchmarks.measure import Result
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
-from intent_recognition.promp.bank import fixed_hypotheses
-from intent_recognition.promp.filter_block import FilterBlock, make_state
-from intent_recognition.promp.observations import BankRun
-from intent_recognition.promp.recognition import task_posterior
+from intent_recognition.filtering import BankRun, fixed_hypotheses
+from intent_recognition.gaussian import GaussianBatch, make_state
+from intent_recognition.recognition import task_posterior
 
 N_UPDATES = 1_000_000
 NOISE_VARIANCE = 1e-8
@@ -26,7 +25,7 @@ def numerics(n_updates: int = N_UPDATES) -> Iterator[Result]:
     rng = np.random.default_rng(7)
     library = synthetic_library(rng, 1, n_controlled=0)
     prior = library.observed_covariance[[1, 1]]
-    block = FilterBlock(make_state(np.zeros(prior.shape[:2]), prior, N_BASIS), N_BASIS)
+    block = GaussianBatch(make_state(np.zeros(prior.shape[:2]), prior, N_BASIS), N_BASIS)
     noise, dofs, values = NOISE_VARIANCE * np.eye(N_OBSERVED), np.arange(N_OBSERVED), np.zeros(3)
     gram = np.zeros((N_BASIS, N_BASIS))
     smallest, asymmetry = np.inf, 0.0
@@ -37,7 +36,7 @@ def numerics(n_updates: int = N_UPDATES) -> Iterator[Result]:
         gram += rows[:, 0].T @ rows[:, 0]
         for row in rows[:, :, None]:
             block.condition(dofs, row, values, noise)
-        block.fold()
+        block.apply_downdates()
         covariance = block.covariance
         asymmetry = max(asymmetry, np.abs(covariance - covariance.transpose(0, 2, 1)).max())
         smallest = min(smallest, np.linalg.eigvalsh(covariance).min())

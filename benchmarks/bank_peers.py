@@ -13,7 +13,7 @@ from filterpy.kalman import KalmanFilter
 from movement_primitives.promp import ProMP
 from simdkalman.primitives import update
 
-from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp import TaskLibrary
 
 NOT_OBSERVED = 1e6
 Peer = Callable[[], tuple[np.ndarray, np.ndarray]]

@@ -19,8 +19,8 @@ from benchmarks.reading import reading
 from benchmarks.recognition import unknown_tasks
 from benchmarks.training import training
 from benchmarks.warping import warping
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.share import share_path
-from intent_recognition.storage import load_dofs, read_demonstrations
 
 TRAINING = "bags/toolbox/train"
 HELD_OUT = "bags/toolbox/test"

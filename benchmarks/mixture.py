@@ -11,15 +11,27 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.mixture import GaussianMixture
 
 from benchmarks.measure import Result, seconds
-from intent_recognition.gaussian.mixture import CovariancePrior, fit_mixture, log_joint, one_hot
-from intent_recognition.gaussian.span import affine_span
-from intent_recognition.gaussian.starts import kmeans_starts
-from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.components import choose_components, purity
-from intent_recognition.promp.examples import Example, cut_to_movement, make_example
-from intent_recognition.promp.mixture import BASIS, RIDGE, mixture_features
-from intent_recognition.promp.training_settings import TrainingSettings
-from intent_recognition.storage import Demonstration
+from intent_recognition.gaussian import (
+    CovariancePrior,
+    affine_span,
+    fit_mixture,
+    kmeans_starts,
+    log_joint,
+    one_hot,
+)
+from intent_recognition.learning import (
+    BASIS,
+    RIDGE,
+    Example,
+    TrainingSettings,
+    choose_components,
+    cut_to_movement,
+    make_example,
+    mixture_features,
+    purity,
+)
+from intent_recognition.promp import NormalizedRBFBasis
+from intent_recognition.signals import Demonstration
 
 N_COMPONENTS = range(1, 11)
 FLOOR = 1e-2

@@ -24,21 +24,17 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from benchmarks.measure import Result
+from intent_recognition.demonstrations import load_dofs
+from intent_recognition.model import Model, save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import (
-    TrajectoryBuilder,
-    stamp_ns,
-    to_pose,
-    to_stamp,
-)
+from intent_recognition.nodes.conversions import TrajectoryBuilder, stamp_ns, to_pose, to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.runtime import make_executor, settle
-from intent_recognition.nodes.wire import OdometryWire
-from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.storage import Demonstration, load_dofs
-from intent_recognition.storage.model import Model, save_model
-from intent_recognition.tracking.ingest import TrackedPose
+from intent_recognition.nodes.serialized import SerializedOdometry
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.signals import Demonstration
+from intent_recognition.tracking import TrackedPose
 
 N_POINTS, N_JOINTS = 50, 7
 ANSWER_TIMEOUT_S = 0.05
@@ -240,7 +236,7 @@ def _keeping_up(model: Path, recorded: Demonstration) -> Iterator[Result]:
         seconds = signal.seconds(int(signal.stamps_ns[0]))
         at_s = np.arange(int(FAST_S * FAST_HZ) + 1) / FAST_HZ
         path = np.stack([np.interp(at_s, seconds, c) for c in signal.values.T], axis=1)
-        wire = OdometryWire("wrist", "world", 4e-4)
+        wire = SerializedOdometry("wrist", "world", 4e-4)
         covariance = 4e-6 * np.eye(3)
         sent, start_s = 0, time.time()
         while (now_s := time.time() - start_s) < FAST_S:

@@ -8,11 +8,12 @@ from itertools import pairwise
 from pathlib import Path
 
 from benchmarks.measure import Result
-from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.training import TrainingSettings, learn
-from intent_recognition.report.evaluation import evaluate
-from intent_recognition.storage import Demonstration, load_dofs, read_demonstrations
-from intent_recognition.storage.model import Model, save_model
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.evaluation import evaluate
+from intent_recognition.learning import TrainingSettings, learn
+from intent_recognition.model import Model, save_model
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.signals import Demonstration
 
 
 def bags_to_model(folder: Path) -> tuple[Result, TaskLibrary, list[Demonstration]]:

@@ -7,15 +7,11 @@ from functools import partial
 from statistics import median
 
 from benchmarks.measure import Result, seconds
-from intent_recognition.kinematics.lwr import LWR_LIMITS
-from intent_recognition.kinematics.path import make_path
-from intent_recognition.kinematics.plan import Reference
-from intent_recognition.kinematics.planning import plan_interaction
-from intent_recognition.kinematics.retiming import NominalTiming
-from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.observations import merge
-from intent_recognition.promp.online import IntentEstimator
-from intent_recognition.storage import Demonstration
+from intent_recognition.kinematics import LWR_LIMITS
+from intent_recognition.motion import NominalTiming, Reference, make_path, plan_interaction
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.recognition import IntentEstimator
+from intent_recognition.signals import Demonstration, merge
 
 PLAN_AFTER_S = 1.0
 

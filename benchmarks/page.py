@@ -29,13 +29,13 @@ from rclpy.node import Node
 from benchmarks.browser import PageSize, chromium, open_page, resident_mb
 from benchmarks.measure import Result
 from benchmarks.offline import bags_to_model
-from intent_recognition.cli.processes import NodeProcesses
+from intent_recognition.demonstrations import load_dofs
+from intent_recognition.model import Model, save_model
 from intent_recognition.nodes.graph import resolve
+from intent_recognition.nodes.processes import NodeProcesses
 from intent_recognition.nodes.runtime import make_executor
-from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.share import node_environment, share_path
-from intent_recognition.storage import load_dofs
-from intent_recognition.storage.model import Model, save_model
 from sim_bridge.coworker import parse_task_list
 
 WIDTH, HEIGHT = 800, 500

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measure import Result
-from intent_recognition.experiments.constraint_features import (
+from intent_recognition.experiments.pouring.constraint_features import (
     LABEL,
     METHODS,
     POINT,
@@ -26,13 +26,29 @@ from intent_recognition.experiments.constraint_features import (
     know_all,
     pouring_samples,
 )
-from intent_recognition.experiments.constraints import AREA, GAIN, NOVEL, TRIALS_FILE, score
-from intent_recognition.experiments.pouring import BAR_SPILLED, of_manner, read_recorded
+from intent_recognition.experiments.pouring.constraints import AREA, GAIN, NOVEL, TRIALS_FILE, score
+from intent_recognition.experiments.pouring.experiment import BAR_SPILLED, of_manner, read_recorded
 from intent_recognition.share import share_path
-from sim_bridge.balls.table import Trials, read_trials
-from sim_bridge.balls.trials import COLUMNS, FILLING, POURING, TRIALS_PER_OBJECT, Block, make
+from sim_bridge.balls import (
+    COLUMNS,
+    FILLING,
+    POURING,
+    TRIALS_PER_OBJECT,
+    Block,
+    Trials,
+    make,
+    read_trials,
+)
 from sim_bridge.containers import CONTAINER_NAMES
-from sim_bridge.pouring.executed import MEAN, SAMPLE, UNWARPED, Order, execute, learn_skill, planned
+from sim_bridge.scenarios.pouring import (
+    MEAN,
+    SAMPLE,
+    UNWARPED,
+    Order,
+    execute,
+    learn_skill,
+    planned,
+)
 
 JOBS = 2
 SETS_PER_OBJECT = 3

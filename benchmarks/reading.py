@@ -11,11 +11,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from benchmarks.measure import Result, seconds_of_both
+from intent_recognition.bags import FLUSH_PERIOD_S, BagReader, BagWriter, PoseColumns
+from intent_recognition.demonstrations import find_bags, load_dofs, read_demonstrations
 from intent_recognition.share import share_path
-from intent_recognition.storage import BagReader, BagWriter, load_dofs, read_demonstrations
-from intent_recognition.storage.bag_writer import FLUSH_PERIOD_S
-from intent_recognition.storage.columns import PoseColumns
-from intent_recognition.storage.demonstrations import find_bags
 
 TOPICS = {"PoseStamped": "/mocap/wrist/pose", "JointState": "/joint_states"}
 RECORDING = "bags/toolbox/test/plate_handover_00"

@@ -4,9 +4,9 @@
 from collections.abc import Iterator, Sequence
 
 from benchmarks.measure import Result
-from intent_recognition.promp.training import TrainingSettings
-from intent_recognition.report.evaluation import evaluate, make_folds
-from intent_recognition.storage import Demonstration
+from intent_recognition.evaluation import evaluate, make_folds
+from intent_recognition.learning import TrainingSettings
+from intent_recognition.signals import Demonstration
 
 PROTOCOL = "kfold:3"
 

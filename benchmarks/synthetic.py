@@ -3,10 +3,8 @@
 
 import numpy as np
 
-from intent_recognition.alignment.onset import OnsetSettings
-from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.observations import Observation
+from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary
+from intent_recognition.signals import Observation, OnsetSettings
 
 N_OBSERVED = 3
 N_BASIS = 20

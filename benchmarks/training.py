@@ -10,17 +10,20 @@ import numpy as np
 from movement_primitives.promp import ProMP
 
 from benchmarks.measure import Result, seconds
-from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.examples import Recorded, make_examples
-from intent_recognition.promp.fitting import library_from_statistics
-from intent_recognition.promp.gathering import gather
-from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.signals import Signal
-from intent_recognition.promp.statistics import TaskStatistics, summarize
-from intent_recognition.promp.training import Trained, add_demonstration, learn
-from intent_recognition.promp.training_settings import TrainingSettings
-from intent_recognition.promp.weights import fit_weights_together
-from intent_recognition.storage import Demonstration
+from intent_recognition.learning import (
+    Recorded,
+    TaskStatistics,
+    Trained,
+    TrainingSettings,
+    accumulate,
+    add_demonstration,
+    learn,
+    library_from_statistics,
+    make_examples,
+    summarize,
+)
+from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary, fit_weights_together
+from intent_recognition.signals import Demonstration, Signal
 
 N_DEMONSTRATIONS = 40
 N_SAMPLES = 100
@@ -63,7 +66,7 @@ def training(demonstrations: Sequence[Recorded]) -> Iterator[Result]:
 
 def _anew(demonstrations: Sequence[Recorded], like: Trained) -> TaskLibrary:
     """From all at the reference and hyperparameters of another."""
-    tasks = gather(demonstrations, TrainingSettings(), like.reference).tasks
+    tasks = accumulate(demonstrations, TrainingSettings(), like.reference).tasks
     return library_from_statistics(tasks, like.reference, like.chosen)
 
 

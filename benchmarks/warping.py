@@ -9,15 +9,25 @@ import numpy as np
 
 from benchmarks.measure import Result, seconds
 from intent_recognition.errors import ArgumentError
-from intent_recognition.storage.objects import find_object, load_object
-from intent_recognition.storage.targets import load_target
-from intent_recognition.warping.object_model import ObjectCloud
-from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
-from intent_recognition.warping.wall_checks import check_wall
-from intent_recognition.warping.warp import Mapping, WarpSource, prepare_source, warp
-from sim_bridge.containers import CONTAINER_NAMES, Container, make_container
-from sim_bridge.containers.measured import Measured, measure_mesh
-from sim_bridge.containers.scan import scan
+from intent_recognition.objects import find_object, load_object, load_target
+from intent_recognition.warping import (
+    Mapping,
+    ObjectCloud,
+    PouringParameters,
+    WarpSource,
+    check_wall,
+    pouring_parameters,
+    prepare_source,
+    warp,
+)
+from sim_bridge.containers import (
+    CONTAINER_NAMES,
+    Container,
+    Measured,
+    make_container,
+    measure_mesh,
+    scan,
+)
 
 SEEDS = (1, 2, 3)
 HELD_OUT_SEEDS = (1001, 1002, 1003, 1004, 1005)

@@ -5,7 +5,7 @@ ros2 launch intent_recognition demo.launch.py model:=toolbox.npz dashboard:=true
 """
 
 from intent_recognition.nodes.launching import describe_graph
-from sim_bridge.urdf import lwr_urdf
+from sim_bridge.arm import lwr_urdf
 
 
 def generate_launch_description():

@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-from intent_recognition.storage import BagWriter
+from intent_recognition.bags.writer import BagWriter
 
 POSE = "geometry_msgs/msg/PoseStamped"
 JOINTS = "sensor_msgs/msg/JointState"

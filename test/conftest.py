@@ -8,15 +8,20 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).resolve().parents[1]
 DOMAINS = range(60, 102)
+WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+RUN = os.getppid() if "PYTEST_XDIST_WORKER" in os.environ else os.getpid()
+"""One number for all workers of a run, so that no two of them share a domain."""
 LOGS = tempfile.mkdtemp(prefix="intent_recognition_test_log_")
 atexit.register(shutil.rmtree, LOGS, ignore_errors=True)
 
 os.environ.update(
-    ROS_DOMAIN_ID=str(DOMAINS[os.getpid() % len(DOMAINS)]),
+    ROS_DOMAIN_ID=str(DOMAINS[(RUN + WORKER) % len(DOMAINS)]),
     ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
     ROS_PYTHON_CHECK_FIELDS="1",
     ROS_LOG_DIR=LOGS,
@@ -28,6 +33,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in nodes: small matrice
 for path in (str(ROOT), str(ROOT / "test")):
     if path not in sys.path:
         sys.path.insert(0, path)
+
+
+settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
+settings.load_profile("untimed")
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """A generator of its own for each test."""
+    return np.random.default_rng(7)
 
 
 @pytest.fixture(scope="session")

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 from bag_builder import JOINTS, LWR, POSE
-from promp.simulation import Recording, make_library, simulate
+from simulation import Recording, make_library, simulate
 
+from intent_recognition.bags.writer import BagWriter
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
+from intent_recognition.demonstrations.stream import POSITION_FIELDS
+from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.model.file import Model
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.observations import merge
-from intent_recognition.promp.training import TrainingSettings, learn
-from intent_recognition.storage import BagWriter
-from intent_recognition.storage.dofs import DofEntry, DofSpec
-from intent_recognition.storage.model import Model
-from intent_recognition.storage.stream import POSITION_FIELDS
+from intent_recognition.signals.observation import merge
 
 WRIST = DofEntry("mocap/wrist/pose", POSE, fields=POSITION_FIELDS, unit="m")
 TOOL = DofEntry("tracker/tool", POSE, fields=("pose.position.x", "pose.position.z"), unit="m")

@@ -12,7 +12,8 @@ from benchmarks.bank_memory import growth, long_run
 from benchmarks.bank_numerics import one_movement
 from benchmarks.measure import Result
 from benchmarks.synthetic import synthetic_library
-from intent_recognition.promp.bank import condition_bank, fixed_hypotheses, start_bank
+from intent_recognition.filtering.bank import condition_bank, start_bank
+from intent_recognition.filtering.hypotheses import fixed_hypotheses
 from intent_recognition.promp.basis import NormalizedRBFBasis
 
 

@@ -1,103 +1,208 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Imports run one way, and the library stays free of ROS, physics, plots and the web page."""
+"""Imports run one way between rooms, and the library stays free of ROS, physics and plots.
+
+A room is a folder with an `__init__.py`; in `experiments` and `sim_bridge/scenarios` each folder is
+a room of its own. A room whose `__init__.py` has an `__all__` has a face: other rooms import from
+the room, not from its files.
+"""
 
 import ast
 import graphlib
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-LIBRARY = "intent_recognition"
-TIERS = (
-    {"errors"},
-    {"gaussian", "kinematics"},
-    {"promp", "alignment", "warping", "tracking"},
-    {"experiments", "report", "storage"},
-    {"nodes", "cli", "dashboard"},
+LIBRARY, SIMULATION = "intent_recognition", "sim_bridge"
+BUILDINGS = (LIBRARY, SIMULATION)
+STOREYS = (  # of the library, from the ground up; rooms of one storey may not form a cycle
+    {"errors", "share"},
+    {"gaussian", "signals", "kinematics", "bags"},
+    {"promp", "alignment", "tracking", "warping", "motion"},
+    {"filtering", "objects"},
+    {"learning", "recognition"},
+    {"activation", "demonstrations", "model"},
+    {"evaluation"},
+    {"report"},
+    {"experiments"},
+    {"nodes", "dashboard", "cli"},
 )
-TIER = {room: tier for tier, rooms in enumerate(TIERS) for room in rooms}
-TOP = len(TIERS) - 1
-MAY_USE_SIM_BRIDGE = {"experiments", "cli"}
+STOREY = {room: storey for storey, rooms in enumerate(STOREYS) for room in rooms}
+SUITES = ("intent_recognition.experiments", "sim_bridge.scenarios")
+"""Folders whose own folders are rooms."""
+MAY_USE_SIMULATION = {"experiments", "cli"}
+MAY_USE_ROS = {"nodes", "dashboard", "cli"}
+MAY_PLOT = {"report", "experiments"}
 ROS = ("rclpy", "rosgraph_msgs", "builtin_interfaces", "rcl_interfaces", "launch", "launch_ros")
+PHYSICS = ("pybullet", "pybullet_utils", "pybullet_data")
 HEAVY = ("rclpy", "pybullet", "matplotlib", "viser")
 
 
-def sources():
-    return sorted(path for top in (LIBRARY, "sim_bridge") for path in (ROOT / top).rglob("*.py"))
+class Import(NamedTuple):
+    """One name that a file takes from a module of ours, or a module of others."""
+
+    file: str
+    module: str
+    name: str
 
 
-def module_name(path):
+def module_name(path: Path) -> str:
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def imports(path):
-    """Full names of the modules a file imports anywhere, also inside functions."""
+@cache
+def sources() -> dict[str, Path]:
+    paths = (path for top in BUILDINGS for path in (ROOT / top).rglob("*.py"))
+    return {module_name(path): path for path in sorted(paths)}
+
+
+def room_of(module: str) -> str:
+    """`intent_recognition.promp` of any module below it."""
+    parts = module.split(".")
+    depth = 3 if ".".join(parts[:2]) in SUITES else 2
+    return ".".join(parts[:depth])
+
+
+def storey_of(module: str) -> int:
+    parts = module.split(".")
+    return STOREY[parts[1]] if len(parts) > 1 else len(STOREYS)
+
+
+@cache
+def imports() -> tuple[Import, ...]:
+    """What every file imports anywhere, also inside functions."""
+    return tuple(found for module, path in sources().items() for found in _imports(module, path))
+
+
+def _imports(file: str, path: Path) -> Iterator[Import]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            yield from (Import(file, alias.name, "") for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative imports are not used here"
-            if node.module in (LIBRARY, "sim_bridge"):
-                yield from (f"{node.module}.{alias.name}" for alias in node.names)
-            else:
-                yield node.module
+            assert node.level == 0, f"{file}: relative imports are not used here"
+            for alias in node.names:
+                full = f"{node.module}.{alias.name}"
+                is_module = full in sources()
+                yield Import(
+                    file, full if is_module else node.module, "" if is_module else alias.name
+                )
 
 
-def room_of(name):
-    """Room of a module of the library; the package itself counts as `errors`."""
-    parts = name.split(".")
-    return parts[1] if len(parts) > 1 and parts[1] in TIER else "errors"
+def ours() -> list[Import]:
+    return [found for found in imports() if found.module.split(".")[0] in BUILDINGS]
 
 
-def is_ros(name):
-    top = name.split(".")[0]
-    return top in ROS or top.endswith(("_msgs", "_srvs"))
+def has_face(room: str) -> bool:
+    path = sources().get(room)
+    return path is not None and path.name == "__init__.py" and "__all__" in path.read_text()
 
 
-def violations(path):
-    module = module_name(path)
-    in_library = module.split(".")[0] == LIBRARY
-    room = room_of(module) if in_library else None
-    is_node = room in ("nodes", "dashboard") or module.startswith("sim_bridge.nodes")
-    for name in imports(path):
-        top = name.split(".")[0]
-        if top == LIBRARY and in_library and TIER[room_of(name)] > TIER[room]:
-            yield f"{module} imports {name}, which lies above it"
-        if top == LIBRARY and not in_library and TIER[room_of(name)] == TOP and not is_node:
-            yield f"{module} imports {name}: only nodes may"
-        if top == "sim_bridge" and in_library and room not in MAY_USE_SIM_BRIDGE:
-            yield f"{module} imports {name}: only {sorted(MAY_USE_SIM_BRIDGE)} may"
-        if is_ros(name) and not is_node and room != "cli":
-            yield f"{module} imports {name}: ROS belongs into nodes"
-        if top in ("pybullet", "pybullet_utils", "pybullet_data") and in_library:
-            yield f"{module} imports {name}: physics belongs into sim_bridge"
-        if top == "matplotlib" and room != "report":
-            yield f"{module} imports {name}: plots belong into report"
-        if top == "viser" and room != "dashboard":
-            yield f"{module} imports {name}: the page belongs into dashboard"
+def told(violations: list[Import]) -> list[str]:
+    return [f"{v.file} imports {v.module} {v.name}".rstrip() for v in violations]
 
 
-@pytest.mark.parametrize("path", sources(), ids=module_name)
-def test_imports_point_downward(path):
-    assert list(violations(path)) == []
+def test_every_room_has_a_storey_and_says_what_it_is_for():
+    rooms = {p.parent.name: p for p in (ROOT / LIBRARY).glob("*/__init__.py")}
+    assert set(rooms) <= set(STOREY)
+    inits = [p for top in BUILDINGS for p in (ROOT / top).rglob("__init__.py")]
+    silent = [str(p) for p in inits if not ast.get_docstring(ast.parse(p.read_text()))]
+    assert silent == []
 
 
-def test_modules_have_no_cycle():
-    paths = {module_name(path): path for path in sources()}
-    graph = {name: set(imports(path)) & set(paths) - {name} for name, path in paths.items()}
+def test_no_import_points_upward():
+    upward = [
+        found
+        for found in ours()
+        if found.file.startswith(LIBRARY + ".")
+        and found.module.startswith(LIBRARY + ".")
+        and storey_of(found.module) > storey_of(found.file)
+    ]
+    assert told(upward) == []
+
+
+def test_rooms_have_no_cycle():
+    graph: dict[str, set[str]] = {}
+    for found in ours():
+        here, there = room_of(found.file), room_of(found.module)
+        if here not in BUILDINGS:  # the public face imports from everywhere, lazily
+            graph.setdefault(here, set()).update({there} - {here})
     list(graphlib.TopologicalSorter(graph).static_order())
 
 
-def test_every_room_has_a_tier():
-    folders = {p.parent.name for p in (ROOT / LIBRARY).glob("*/__init__.py")}
-    assert folders <= set(TIER)
+def test_files_have_no_cycle():
+    graph: dict[str, set[str]] = {name: set() for name in sources()}
+    for found in ours():
+        graph[found.file].add(found.module)
+    for name in BUILDINGS:
+        graph[name].clear()
+    list(graphlib.TopologicalSorter(graph).static_order())
 
 
-def loaded_after_importing(modules):
+def test_rooms_import_from_a_room_not_from_its_files():
+    inside = [
+        found
+        for found in ours()
+        if found.file not in BUILDINGS
+        and room_of(found.file) != (room := room_of(found.module))
+        and found.module != room
+        and has_face(room)
+    ]
+    assert told(inside) == []
+
+
+def test_a_face_lists_what_there_is():
+    for name, init in sources().items():
+        if init.name == "__init__.py" and name not in BUILDINGS:
+            stub = init.with_suffix(".pyi")  # of a room that loads lazily
+            tree = ast.parse((stub if stub.is_file() else init).read_text())
+            listed = [
+                ast.literal_eval(node.value)
+                for node in tree.body
+                if isinstance(node, ast.Assign) and node.targets[0].id == "__all__"
+            ]
+            taken = [
+                alias.name for n in tree.body if isinstance(n, ast.ImportFrom) for alias in n.names
+            ]
+            assert sorted(*listed or [[]]) == sorted(taken), name
+
+
+def test_ros_physics_plots_and_page_stay_in_their_rooms():
+    wrong = []
+    for found in imports():
+        top, room = found.module.split(".")[0], (found.file.split(".") + [""])[1]
+        in_library = found.file.startswith(LIBRARY)
+        is_node = (in_library and room in MAY_USE_ROS) or found.file.startswith("sim_bridge.nodes")
+        is_ros = top in ROS or top.endswith(("_msgs", "_srvs"))
+        if (
+            (in_library and top == SIMULATION and room not in MAY_USE_SIMULATION)
+            or (is_ros and not is_node)
+            or (in_library and top in PHYSICS)
+            or (top == "matplotlib" and not (in_library and room in MAY_PLOT))
+            or (top == "viser" and not (in_library and room == "dashboard"))
+        ):
+            wrong.append(found)
+    assert told(wrong) == []
+
+
+def test_the_simulation_knows_no_nodes_but_in_its_nodes():
+    wrong = [
+        found
+        for found in ours()
+        if found.file.startswith(SIMULATION)
+        and found.module.startswith(LIBRARY)
+        and storey_of(found.module) == len(STOREYS) - 1
+        and not found.file.startswith("sim_bridge.nodes")
+    ]
+    assert told(wrong) == []
+
+
+def loaded_after_importing(modules: list[str]) -> list[str]:
     """Which of the heavy packages a fresh Python has loaded after importing `modules`."""
     code = (
         f"import importlib, sys\nfor name in {modules!r}: importlib.import_module(name)\n"
@@ -110,21 +215,8 @@ def loaded_after_importing(modules):
     return run.stdout.split()
 
 
-def library_modules(*without):
-    names = [module_name(path) for path in (ROOT / LIBRARY).rglob("*.py")]
-    return sorted(
-        name for name in names if room_of(name) not in without and not name.endswith("__main__")
-    )
-
-
-def test_package_and_rooms_load_nothing_heavy():
-    rooms = [module_name(p) for p in (ROOT / LIBRARY).rglob("__init__.py")]
-    assert loaded_after_importing(sorted(rooms)) == []
-
-
-def test_library_modules_load_nothing_heavy():
-    assert loaded_after_importing(library_modules("nodes", "dashboard", "report")) == []
-
-
-def test_report_loads_no_ros_and_no_physics():
-    assert set(loaded_after_importing(library_modules("nodes", "dashboard"))) <= {"matplotlib"}
+@pytest.mark.parametrize("without", [("nodes", "dashboard")], ids=["all but nodes and page"])
+def test_library_loads_nothing_heavy(without):
+    names = [name for name in sources() if name.startswith(LIBRARY)]
+    names = [name for name in names if (name.split(".") + [""])[1] not in without]
+    assert loaded_after_importing(names) == []

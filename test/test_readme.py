@@ -10,7 +10,7 @@ import yaml
 from docs.shown import nodes
 
 from intent_recognition.cli.main import make_parser
-from intent_recognition.storage.dofs import DofSpec, load_dofs
+from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -16,18 +16,16 @@ from matplotlib import pyplot as plt
 from PIL import Image
 from scene import HEIGHT, LEFT, WIDTH, Camera, learned
 
-from intent_recognition.gaussian.tube import tube_rings
-from intent_recognition.kinematics.forward import hand_position
-from intent_recognition.promp.decision import DecisionSettings, DecisionState, decide
-from intent_recognition.promp.library import NONE, TaskLibrary
-from intent_recognition.promp.online import IntentEstimator
-from intent_recognition.report.drawing import INK, readable, task_colours
+from intent_recognition.bags import BagReader
+from intent_recognition.demonstrations import iter_observations, load_dofs, read_demonstrations
+from intent_recognition.gaussian import tube_rings
+from intent_recognition.kinematics import hand_position
+from intent_recognition.promp import NONE, TaskLibrary
+from intent_recognition.recognition import DecisionSettings, DecisionState, IntentEstimator, decide
+from intent_recognition.report import INK, readable, task_colours
 from intent_recognition.share import share_path
-from intent_recognition.storage import BagReader, load_dofs, read_demonstrations
-from intent_recognition.storage.stream import iter_observations
 from sim_bridge.arm import LwrArm
-from sim_bridge.objects import ToolboxObjects
-from sim_bridge.teaching_path import teaching_times
+from sim_bridge.scenarios.toolbox import ToolboxObjects, teaching_times
 
 FRAMES_PER_S = 12
 BEFORE_S, AFTER_S, HOLD_FRAMES = 0.25, 0.9, 14

@@ -15,20 +15,17 @@ import numpy as np
 import pybullet
 from matplotlib import pyplot as plt
 
-from intent_recognition.kinematics.forward import hand_position
-from intent_recognition.promp.bank import make_hypotheses
-from intent_recognition.promp.decision import DecisionSettings, DecisionState, decide
-from intent_recognition.promp.forecast_run import Forecasts
-from intent_recognition.promp.library import NONE, TaskLibrary
-from intent_recognition.promp.online import IntentEstimator
-from intent_recognition.promp.prediction import controlled_weights
-from intent_recognition.promp.training import learn
-from intent_recognition.report.drawing import task_colours
+from intent_recognition.bags import BagReader
+from intent_recognition.demonstrations import iter_observations, load_dofs, read_demonstrations
+from intent_recognition.filtering import TaskFilters, make_hypotheses
+from intent_recognition.kinematics import hand_position
+from intent_recognition.learning import learn
+from intent_recognition.promp import NONE, TaskLibrary, controlled_weights
+from intent_recognition.recognition import DecisionSettings, DecisionState, IntentEstimator, decide
+from intent_recognition.report import task_colours
 from intent_recognition.share import share_path
-from intent_recognition.storage import BagReader, load_dofs, read_demonstrations
-from intent_recognition.storage.stream import iter_observations
 from sim_bridge.arm import LwrArm
-from sim_bridge.objects import ToolboxObjects
+from sim_bridge.scenarios.toolbox import ToolboxObjects
 
 WIDTH, HEIGHT, DPI = 1600, 1100, 100
 LEFT = 170  # columns of the picture left away
@@ -99,11 +96,11 @@ def watch(library: TaskLibrary, bag: Path) -> Moment:
 def rest_of_both(library: TaskLibrary, task: str, seen, estimate) -> tuple[np.ndarray, np.ndarray]:
     """Sampled rest of the human's movement (n, T, 3) and of the robot's (n, T, 7)."""
     index, rng = library.labels.index(task), np.random.default_rng(1)
-    forecasts = Forecasts(library, make_hypotheses(library), estimate.onset_ns)
+    task_filters = TaskFilters(library, make_hypotheses(library), estimate.onset_ns)
     for observation in seen:
-        forecasts.observe(observation)
-    basis, observed = library.forecast.basis, forecasts[index].observed_weights()
-    controlled = controlled_weights(library.forecast, index, observed)
+        task_filters.observe(observation)
+    basis, observed = library.primitives.basis, task_filters[index].observed_weights()
+    controlled = controlled_weights(library.primitives, index, observed)
     design = basis.design_matrix(np.linspace(estimate.phase[index], 1.0, N_POINTS))
     paths = []
     for weights in (observed, controlled):

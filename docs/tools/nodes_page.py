@@ -17,10 +17,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
-from intent_recognition.promp.training import learn
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.learning import learn
+from intent_recognition.model import Model, save_model
 from intent_recognition.share import share_path
-from intent_recognition.storage import load_dofs, read_demonstrations
-from intent_recognition.storage.model import Model, save_model
 
 NAMESPACE = "/elsewhere"
 """Names that do not begin with it are absolute."""

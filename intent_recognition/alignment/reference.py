@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.promp.signals import Signal
+from intent_recognition.signals import Signal
 
 MIN_SAMPLES = 4
 SMALLEST_SCALE = 0.01

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp import NormalizedRBFBasis
 
 MAX_LOG_RATE = 6.0
 """Largest absolute log rate of a warp: beyond it, double precision would no longer tell phases."""

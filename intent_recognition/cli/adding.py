@@ -6,19 +6,24 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.recordings import DEFAULTS, all_left_out, busy, gather_all, print_found
+from intent_recognition.cli.recordings import (
+    DEFAULTS,
+    accumulate_all,
+    all_left_out,
+    busy,
+    print_found,
+)
+from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import ArgumentError, TrainingError, describe
-from intent_recognition.promp.gathering import Gathered
-from intent_recognition.promp.training import (
+from intent_recognition.learning import (
+    Accumulated,
     Trained,
     TrainingReport,
+    TrainingSettings,
     add_statistics,
     choose_again,
 )
-from intent_recognition.promp.training_settings import TrainingSettings
-from intent_recognition.storage.dofs import load_dofs
-from intent_recognition.storage.gather import Run
-from intent_recognition.storage.model import Model, check_dofs, load_trained
+from intent_recognition.model import Model, Run, check_dofs, load_trained
 
 
 def add_adding_options(parser: argparse.ArgumentParser) -> None:
@@ -52,30 +57,36 @@ def add_to_model(
     _check_settings(args.add, settings, trained.reference.settings)
     if args.dofs is not None:
         check_dofs(model, load_dofs(args.dofs), str(args.dofs))
-    found = gather_all(
+    found = accumulate_all(
         args.bags, model.dofs, settings, console, run=run, reference=trained.reference
     )
     print_found(console, found)
-    gathered = found.gathered
-    if not gathered.n_used:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in gathered.rejected[:3])
+    accumulated = found.accumulated
+    if not accumulated.n_used:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in accumulated.rejected[:3])
         raise TrainingError(
             describe("BAG", "a demonstration that can be added", reasons, "Check the labels.")
         )
     with busy(console, "adding"):
-        more = add_statistics(trained, gathered.tasks, gathered.used)
+        more = add_statistics(trained, accumulated.tasks, accumulated.used)
     tried = (more.chosen,)
     if args.choose_again:
         with busy(console, "choosing the regularisation"):
             more, tried = choose_again(more)
-    report = _report(more, gathered, tried)._replace(rejected=all_left_out(found))
+    report = _report(more, accumulated, tried)._replace(rejected=all_left_out(found))
     return Model(more.library, model.dofs), report
 
 
-def _report(more: Trained, gathered: Gathered, tried: tuple) -> TrainingReport:
+def _report(more: Trained, accumulated: Accumulated, tried: tuple) -> TrainingReport:
     n_used = sum(task.n for task in more.tasks.values())
     return TrainingReport(
-        gathered.used, gathered.rejected, more.chosen, tried, n_used, gathered.n_rejected, more
+        accumulated.used,
+        accumulated.rejected,
+        more.chosen,
+        tried,
+        n_used,
+        accumulated.n_rejected,
+        more,
     )
 
 

@@ -16,8 +16,8 @@ from intent_recognition.cli.demo_session import END_SIGNALS, interrupt, run_sess
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.recordings import busy
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
-from intent_recognition.promp.training import TrainingSettings
-from intent_recognition.storage.model import load_model, load_trained, save_model
+from intent_recognition.learning import TrainingSettings
+from intent_recognition.model import load_model, load_trained, save_model
 
 SCENARIOS = ("toolbox", "pouring")
 DEFAULT_INTERACTIONS = 40
@@ -174,10 +174,9 @@ def _train(path: Path, console: Console) -> Path:
 
 def _report(args, log, plan, first_ns: int, wall_s: float, console: Console) -> int:
     """Score, print the table, write the report; returns the exit code."""
-    from intent_recognition.experiments.session_scoring import score_session
-    from intent_recognition.report.demo_report import write_demo_report
-    from intent_recognition.report.interaction_table import table_lines
-    from intent_recognition.report.summary import summarise, summary_line, to_json
+    from intent_recognition.evaluation import summarise, summary_line, to_json
+    from intent_recognition.experiments.toolbox.session_scoring import score_session
+    from intent_recognition.report import table_lines, write_demo_report
 
     records, traces = score_session(log, plan, first_ns)
     summary = summarise(records)

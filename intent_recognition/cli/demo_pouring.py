@@ -15,8 +15,7 @@ from intent_recognition.cli.recordings import busy
 from intent_recognition.share import share_path
 
 if TYPE_CHECKING:
-    from sim_bridge.pouring.executed import Order, Planned
-    from sim_bridge.pouring.pour import Poured
+    from sim_bridge.scenarios.pouring import Order, Planned, Poured
 
 DEFAULT_POURS = 2
 MANY_SPILLED = 2.0
@@ -47,14 +46,14 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
 
 
 def _orders(args: argparse.Namespace) -> "list[Order]":
-    from sim_bridge.pouring.executed import MEAN, PAIRS, Order
+    from sim_bridge.scenarios.pouring import MEAN, PAIRS, Order
 
     count = min(args.interactions or DEFAULT_POURS, len(PAIRS))
     return [Order(args.seed, pair, MEAN) for pair in range(count)]
 
 
 def _pour(order: "Order", console: Console) -> Done:
-    from sim_bridge.pouring.executed import PAIRS, execute, learn_skill, planned
+    from sim_bridge.scenarios.pouring import PAIRS, execute, learn_skill, planned
 
     names = " into ".join(PAIRS[order.pair]).replace("_", " ")
     with busy(console, f"pouring from {names}"):
@@ -64,7 +63,7 @@ def _pour(order: "Order", console: Console) -> Done:
 
 
 def _numbers(order: "Order", plan: "Planned", poured: "Poured") -> dict[str, object]:
-    from sim_bridge.pouring.executed import PAIRS
+    from sim_bridge.scenarios.pouring import PAIRS
 
     cup, second = PAIRS[order.pair]
     return {

@@ -40,8 +40,8 @@ def run_session(args: argparse.Namespace, model: Path, console: Console):
     """
     import rclpy
 
-    from intent_recognition.cli.processes import NodeProcesses
-    from intent_recognition.experiments.session_scoring import first_sample_ns
+    from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
+    from intent_recognition.nodes.processes import NodeProcesses
     from intent_recognition.share import node_environment
     from sim_bridge.coworker import parse_task_list, plan_session
 
@@ -164,7 +164,7 @@ def _calls(args: argparse.Namespace, model: Path, tasks: Sequence[str]) -> dict[
     Raises:
         ResourceBusyError: the folder to record to exists.
     """
-    from sim_bridge.scene import HOME
+    from sim_bridge.scenarios.toolbox import HOME
 
     if args.record and args.record.exists():
         raise ResourceBusyError(

@@ -26,12 +26,11 @@ from intent_recognition.cli.unlabelled import (
     mixture_of,
     n_components,
 )
+from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.promp.decision import DecisionSettings
-from intent_recognition.report.evaluation import Fold, evaluate, make_folds
-from intent_recognition.report.scoring import PHASES
-from intent_recognition.storage.demonstration import Demonstration
-from intent_recognition.storage.dofs import load_dofs
+from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds
+from intent_recognition.recognition import DecisionSettings
+from intent_recognition.signals import Demonstration
 
 
 def add_parser(subparsers) -> None:
@@ -123,7 +122,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         write_json(args.json, result, indent=2)
     if args.report:
-        from intent_recognition.report.evaluation_report import write_evaluation_report
+        from intent_recognition.report import write_evaluation_report
 
         names = ", ".join(path.name for path in args.bags)
         with busy(console, "writing the report"):

@@ -127,7 +127,7 @@ def _write(
     numbers: dict,
     extra: Path | None,
 ) -> Path:
-    from intent_recognition.report.experiments_report import write_experiments_report, write_figures
+    from intent_recognition.report import write_experiments_report, write_figures
 
     folder.mkdir(parents=True, exist_ok=True)
     for name, outcome in outcomes.items():

@@ -14,12 +14,10 @@ from intent_recognition.cli.console import make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_tables import print_bag, print_folder, print_model
 from intent_recognition.cli.recordings import busy
+from intent_recognition.demonstrations import BagSummary, find_bags, inspect_bag
 from intent_recognition.errors import BagError, describe
-from intent_recognition.promp.forecast import Forecast
-from intent_recognition.promp.prediction import least_end_std
-from intent_recognition.storage.demonstrations import find_bags
-from intent_recognition.storage.inspect import BagSummary, inspect_bag
-from intent_recognition.storage.model import Model, load_model
+from intent_recognition.model import Model, load_model
+from intent_recognition.promp import AlignedPrimitives, least_end_std
 
 CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
 
@@ -94,7 +92,7 @@ def model_json(model: Model) -> dict:
                 "median_duration_s": float(library.durations_s[k]),
                 "log_duration_std": float(library.log_duration_std[k]),
                 "prior": float(library.task_prior[k]),
-                "least_end_std": least_end_std(library.forecast, k),
+                "least_end_std": least_end_std(library.primitives, k),
             }
             for k, label in enumerate(library.labels)
         },
@@ -112,15 +110,15 @@ def model_json(model: Model) -> dict:
     }
 
 
-def _aligned_json(forecast: Forecast | None) -> dict | None:
+def _aligned_json(primitives: AlignedPrimitives | None) -> dict | None:
     """The primitives over reference phase as plain values."""
-    if forecast is None:
+    if primitives is None:
         return None
     return {
-        "n_basis": forecast.basis.n_basis,
-        "noise_scale": forecast.noise_scale,
-        "largest_lead_std": float(forecast.progress.lead_std.max()),
-        "lead_correlation": forecast.progress.correlation,
+        "n_basis": primitives.basis.n_basis,
+        "noise_scale": primitives.noise_scale,
+        "largest_lead_std": float(primitives.phase_deviation.deviation_std.max()),
+        "lead_correlation": primitives.phase_deviation.correlation,
     }
 
 

@@ -11,12 +11,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from intent_recognition.bags import Damage
+from intent_recognition.demonstrations import BagSummary, TopicSummary
 from intent_recognition.errors import BagError
-from intent_recognition.promp.forecast import Forecast
-from intent_recognition.promp.prediction import least_end_std
-from intent_recognition.storage.inspect import BagSummary, TopicSummary
-from intent_recognition.storage.mcap_scan import Damage
-from intent_recognition.storage.model import Model
+from intent_recognition.model import Model
+from intent_recognition.promp import AlignedPrimitives, least_end_std
 
 FIRST_PLAUSIBLE_NS = 1_000_000_000 * 86_400 * 365
 GAPS_SHOWN = 5
@@ -85,13 +84,14 @@ def print_folder(
     console.print(f"{len(found)} bags: {escape(counts)}", highlight=False)
 
 
-def _prediction(forecast: Forecast | None) -> str:
+def _prediction(primitives: AlignedPrimitives | None) -> str:
     """What trajectories are predicted from."""
-    if forecast is None:
+    if primitives is None:
         return "at steady progress"
+    deviation_std = primitives.phase_deviation.deviation_std.max()
     return (
-        f"aligned, {forecast.basis.n_basis} functions, noise scale {forecast.noise_scale:.3g},"
-        f" leads up to {100 * forecast.progress.lead_std.max():.2g} % of the movement (std)"
+        f"aligned, {primitives.basis.n_basis} functions, noise scale {primitives.noise_scale:.3g},"
+        f" phase deviations up to {100 * deviation_std:.2g} % of the movement (std)"
     )
 
 
@@ -131,7 +131,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             f"{library.durations_s[k]:.2f}",
             f"{low[k]:.2f} to {high[k]:.2f}",
             f"{library.task_prior[k]:.3f}",
-            f"{least_end_std(library.forecast, k):.3f}",
+            f"{least_end_std(library.primitives, k):.3f}",
         )
     console.print(tasks)
     dofs = _table("agent", "degree of freedom", "unit", ">noise std")

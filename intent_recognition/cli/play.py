@@ -8,9 +8,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from intent_recognition.bags import BagReader
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.node_arguments import add_node_options, node_arguments
-from intent_recognition.storage.bag_reader import BagReader
 
 SECONDS = "{task.completed:.1f} of {task.total:.1f} s"
 SHOWN_EVERY_S = 0.2

@@ -19,13 +19,11 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
 from intent_recognition.errors import BagError, ResourceBusyError, describe
-from intent_recognition.promp.gathering import Reference
-from intent_recognition.promp.training_settings import SEGMENTATIONS, TrainingSettings
-from intent_recognition.storage.demonstration import Demonstration, Rejection
-from intent_recognition.storage.demonstrations import find_bags, iter_demonstrations
-from intent_recognition.storage.dofs import DofSpec
-from intent_recognition.storage.gather import FromBags, Run, gather_bags, list_bags
+from intent_recognition.learning import SEGMENTATIONS, Reference, TrainingSettings
+from intent_recognition.model import FromBags, Run, accumulate_bags, list_bags
+from intent_recognition.signals import Demonstration, Rejection
 
 DEFAULTS = TrainingSettings()
 
@@ -113,7 +111,7 @@ def read_all(
     return demonstrations, rejections
 
 
-def gather_all(
+def accumulate_all(
     paths: Sequence[Path],
     dofs: DofSpec,
     settings: TrainingSettings,
@@ -130,7 +128,7 @@ def gather_all(
     total = len(list_bags(paths)[0])
     with progress_bar(console) as bar:
         task = bar.add_task("reading bags", total=total)
-        found = gather_bags(
+        found = accumulate_bags(
             paths,
             dofs,
             settings,
@@ -138,7 +136,7 @@ def gather_all(
             run=run,
             progress=lambda n_bags: bar.update(task, advance=n_bags),
         )
-    if not found.gathered.n_used and not found.gathered.n_rejected:
+    if not found.accumulated.n_used and not found.accumulated.n_rejected:
         raise nothing_read(found.rejections)
     return found
 
@@ -210,15 +208,15 @@ def print_left_out(
 def all_left_out(found: FromBags) -> tuple[tuple[str, str], ...]:
     """(recording, reason) of what could not be read and of what could not be learned from."""
     unread = [(r.path, f"{r.topic}: {r.reason}" if r.topic else r.reason) for r in found.rejections]
-    return (*unread, *found.gathered.rejected)
+    return (*unread, *found.accumulated.rejected)
 
 
 def print_found(console: Console, found: FromBags) -> None:
     """Say what of the bags could not be used and why."""
-    gathered = found.gathered
+    accumulated = found.accumulated
     print_left_out(console, found.rejections, found.n_rejections)
-    reasons = [f"{name}: {reason}" for name, reason in gathered.rejected]
-    print_left_out(console, reasons, gathered.n_rejected)
+    reasons = [f"{name}: {reason}" for name, reason in accumulated.rejected]
+    print_left_out(console, reasons, accumulated.n_rejected)
     print_dropped_counts(console, found.dropped)
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from rich.console import Console
 
+from intent_recognition.bags import RecoveryReport, recover_bag
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_tables import damage_line
 from intent_recognition.cli.recordings import busy
-from intent_recognition.storage.recover import RecoveryReport, recover_bag
 
 
 def add_parser(subparsers) -> None:

@@ -3,29 +3,20 @@
 
 import argparse
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from intent_recognition.bags import BagReader
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.recordings import check_output, progress_bar, write_json
 from intent_recognition.errors import BagError, describe
-from intent_recognition.promp.decision import (
-    DecisionSettings,
-    DecisionState,
-    decide,
-    uncertain_end,
-)
-from intent_recognition.promp.library import NONE, TaskLibrary
-from intent_recognition.promp.online import IntentEstimator
-from intent_recognition.storage.bag_reader import BagReader
-from intent_recognition.storage.model import Model, load_model
-from intent_recognition.storage.stream import iter_samples
+from intent_recognition.evaluation import replay
+from intent_recognition.model import load_model
+from intent_recognition.promp import NONE, TaskLibrary
 
 PRINTED_ROWS = 20
 
@@ -88,54 +79,6 @@ def run(args: argparse.Namespace) -> int:
     if dropped:
         console.print(f"messages dropped: {dropped}", style="yellow", highlight=False)
     return 0
-
-
-def replay(
-    reader: BagReader,
-    model: Model,
-    rejected: Counter[str] | None = None,
-    settings: DecisionSettings | None = None,
-    held_back: dict[str, str] | None = None,
-) -> Iterator[dict]:
-    """One dictionary per observation: stamp, probabilities, phase, active task.
-
-    Args:
-        reader: the recording.
-        model: the trained model; its own DOF file says what is read.
-        rejected: counts what is dropped, by reason.
-        settings: of the activation's decision; the node's defaults when None.
-        held_back: takes, by task, the last reason for which a recognised one was not active.
-    """
-    rejected = Counter() if rejected is None else rejected
-    settings = settings or DecisionSettings()
-    held_back = {} if held_back is None else held_back
-    unit = "/".join(dict.fromkeys(entry.unit for entry in model.dofs.controlled))
-    estimator, state = IntentEstimator(model.library), DecisionState()
-    labels = (*model.library.labels, NONE)
-    for controlled, observation in iter_samples(reader, model.dofs, rejected=rejected):
-        if controlled:
-            estimator.observe_controlled(observation)
-            continue
-        reason = estimator.reason_to_reject(observation)
-        if reason is not None:
-            rejected[reason] += 1
-            continue
-        estimate = estimator.observe(observation)
-        end_std = None
-        if estimate.moving and np.argmax(estimate.probabilities) < model.library.n_tasks:
-            end_std = estimator.predicted_end_std()
-        state, active = decide(
-            settings, state, labels, estimate.probabilities, end_std, estimate.log_evidence
-        )
-        reason = uncertain_end(settings, state, end_std, unit)
-        if reason:
-            held_back[state.candidate] = reason
-        yield {
-            "stamp": estimate.stamp_ns,
-            "probabilities": dict(zip(labels, estimate.probabilities.tolist(), strict=True)),
-            "phase": dict(zip(labels, estimate.phase.tolist(), strict=True)),
-            "active_task": active,
-        }
 
 
 def print_rows(console: Console, library: TaskLibrary, rows: list[dict]) -> None:

@@ -15,11 +15,11 @@ from intent_recognition.cli.adding import add_adding_options, add_to_model
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.recordings import (
+    accumulate_all,
     add_recording_options,
     all_left_out,
     busy,
     check_output,
-    gather_all,
     print_found,
     training_settings,
     write_json,
@@ -32,11 +32,10 @@ from intent_recognition.cli.unlabelled import (
     train_unlabelled,
 )
 from intent_recognition.cli.workers import add_worker_options, workers
-from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.training import TrainingReport, TrainingSettings, learn_gathered
-from intent_recognition.storage.dofs import load_dofs
-from intent_recognition.storage.gather import Run
-from intent_recognition.storage.model import Model, save_model
+from intent_recognition.demonstrations import load_dofs
+from intent_recognition.learning import TrainingReport, TrainingSettings, learn_accumulated
+from intent_recognition.model import Model, Run, save_model
+from intent_recognition.promp import TaskLibrary
 
 
 def add_parser(subparsers) -> None:
@@ -150,14 +149,14 @@ def train(
         IntentError: nothing can be read or learned.
     """
     dofs = load_dofs(dofs_path)
-    found = gather_all(bags, dofs, settings, console, run=run)
+    found = accumulate_all(bags, dofs, settings, console, run=run)
     provenance = {
         "package_version": __version__,
         "created": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "bags": list(found.gathered.used),
+        "bags": list(found.accumulated.used),
     }
     with busy(console, "learning"):
-        library, report = learn_gathered(found.gathered, provenance)
+        library, report = learn_accumulated(found.accumulated, provenance)
     print_found(console, found)
     return Model(library, dofs), report._replace(rejected=all_left_out(found))
 

@@ -10,11 +10,11 @@ from rich.console import Console
 from rich.table import Table
 
 from intent_recognition.cli.recordings import print_left_out
+from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.errors import BagError, describe
-from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.transitions import count_transitions, smoothed_transitions
-from intent_recognition.storage.model import Model
-from intent_recognition.storage.task_sequences import read_task_sequences
+from intent_recognition.learning import count_transitions, smoothed_transitions
+from intent_recognition.model import Model
+from intent_recognition.promp import TaskLibrary
 
 
 def add_sessions_option(parser: argparse.ArgumentParser) -> None:

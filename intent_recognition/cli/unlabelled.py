@@ -19,18 +19,19 @@ from intent_recognition.cli.recordings import (
     progress_bar,
     read_all,
 )
+from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.promp.components import MAX_COMPONENTS
-from intent_recognition.promp.training import TrainingReport, learn
-from intent_recognition.promp.training_settings import TrainingSettings
-from intent_recognition.promp.unlabelled import (
+from intent_recognition.learning import (
+    MAX_COMPONENTS,
     Relabelled,
+    TrainingReport,
+    TrainingSettings,
     label_by_components,
+    learn,
     with_mixture_weights,
 )
-from intent_recognition.storage.demonstration import Demonstration
-from intent_recognition.storage.dofs import load_dofs
-from intent_recognition.storage.model import Model
+from intent_recognition.model import Model
+from intent_recognition.signals import Demonstration
 
 SEED = 0
 """Of the starts of EM: the same recordings give the same components."""

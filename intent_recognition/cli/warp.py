@@ -15,12 +15,16 @@ from intent_recognition.cli.console import make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.recordings import busy
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.storage.objects import find_object, load_object
-from intent_recognition.storage.targets import N_POINTS, load_target
-from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
-from intent_recognition.warping.parts import Part
-from intent_recognition.warping.wall_checks import check_wall
-from intent_recognition.warping.warp import WarpedObject, prepare_source, warp
+from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
+from intent_recognition.warping import (
+    Part,
+    PouringParameters,
+    WarpedObject,
+    check_wall,
+    pouring_parameters,
+    prepare_source,
+    warp,
+)
 
 ROWS = (
     ("opening radius", "opening_radius_m", 1e3, "mm"),
@@ -118,7 +122,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         make_console().print(_table(args, warped, parameters, taken_s))
     if args.report:
-        from intent_recognition.report.warp_report import write_warp_report
+        from intent_recognition.report import write_warp_report
 
         with busy(Console(stderr=True), "writing the report"):
             path = write_warp_report(args.report, source, warped, parameters, content)

@@ -12,7 +12,7 @@ from functools import partial
 from multiprocessing import get_context
 
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
-from intent_recognition.storage.gather import Run
+from intent_recognition.model import Run
 
 AHEAD = 3
 """Pieces of work per worker that are under way, so that none waits and results do not pile up."""

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import viser
 
-from intent_recognition.cli.replay import replay
+from intent_recognition.bags import BagReader
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.replay_tab import names_of
 from intent_recognition.dashboard.watch_tab import probability_plot, set_content
 from intent_recognition.errors import IntentError
-from intent_recognition.report.drawing import task_colours
-from intent_recognition.storage.bag_reader import BagReader
-from intent_recognition.storage.model import load_model
+from intent_recognition.evaluation import replay
+from intent_recognition.model import load_model
+from intent_recognition.report import task_colours
 
 PLOTTED = 400
 ABOUT = "Both models watch one recording, off line: which knows the task sooner, and surer?"

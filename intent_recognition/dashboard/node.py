@@ -11,19 +11,19 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from intent_recognition.bags import BagReader
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.dashboard.lesson import Lesson
 from intent_recognition.dashboard.listener import Listener
 from intent_recognition.dashboard.page import Page
 from intent_recognition.dashboard.puppet import Puppet
+from intent_recognition.demonstrations import find_bags
 from intent_recognition.errors import BagError, IntentError, describe
+from intent_recognition.model import load_model
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.runtime import Diagnostics, parameter
 from intent_recognition.share import share_path
-from intent_recognition.storage.bag_reader import BagReader
-from intent_recognition.storage.demonstrations import find_bags
-from intent_recognition.storage.model import load_model
 
 MOST_BAGS = 500
 MOST_MODELS = 50

@@ -22,7 +22,7 @@ from intent_recognition.dashboard.scene import Scene
 from intent_recognition.dashboard.teach_tab import TeachTab
 from intent_recognition.dashboard.watch_tab import WatchTab, set_content
 from intent_recognition.errors import ResourceBusyError, describe
-from intent_recognition.report.drawing import task_colours
+from intent_recognition.report import task_colours
 
 TITLE = "intent recognition"
 BRAND = (18, 27, 36)

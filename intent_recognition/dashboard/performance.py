@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from intent_recognition.kinematics.blending import Offset
+from intent_recognition.motion import Offset
 
 REST_S = 0.9
 """Both rest so long before and after: the onset is found from rest."""

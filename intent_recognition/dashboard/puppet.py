@@ -13,8 +13,7 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.performance import Performance, arm_motion
 from intent_recognition.errors import KinematicsError
-from intent_recognition.kinematics.inverse import reach_position
-from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.kinematics import JOINT_NAMES, reach_position
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import build_joint_trajectory, to_pose, to_stamp
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import viser
 
+from intent_recognition.bags import read_metadata
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.commands import ESTIMATOR, Commands
 from intent_recognition.dashboard.watch_tab import set_content
 from intent_recognition.errors import BagError
 from intent_recognition.nodes.bag_player import BagPlayer
-from intent_recognition.storage.bag_metadata import read_metadata
 
 RATES = {"0.25 x": 0.25, "0.5 x": 0.5, "1 x": 1.0, "2 x": 2.0, "4 x": 4.0}
 NO_BAGS = ("Start the page with `-p bags:=FOLDER`, or record one: `intent record --output BAG`.",)

@@ -10,7 +10,7 @@ import viser
 import yourdfpy
 from viser.extras import ViserUrdf
 
-from intent_recognition.kinematics.chain import Chain, joint_poses, tip_positions
+from intent_recognition.kinematics import Chain, joint_poses, tip_positions
 
 ROOT = "/robot"
 LARGEST_PATH = 32

@@ -9,8 +9,7 @@ import yourdfpy
 
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.robot_view import RobotView
-from intent_recognition.kinematics.forward import frame_poses
-from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.kinematics import JOINT_NAMES, frame_poses
 
 INK = (29, 39, 51)
 SOFT = (135, 146, 160)

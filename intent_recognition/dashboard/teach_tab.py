@@ -14,7 +14,7 @@ from intent_recognition.dashboard.lesson import Lesson
 from intent_recognition.dashboard.puppet import Puppet
 from intent_recognition.dashboard.scene import rgb
 from intent_recognition.dashboard.watch_tab import set_content
-from intent_recognition.kinematics.forward import hand_position
+from intent_recognition.kinematics import hand_position
 
 REST_M = np.array([1.05, 0.0, 0.25])
 WRIST_GOAL_M = np.array([0.78, 0.22, 0.42])

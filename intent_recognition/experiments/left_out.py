@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mixtures of interaction primitives, each demonstration left out: what both their experiments do.
 
-The mixture is that of `promp.mixture`, fitted in the coordinates of all demonstrations. The one
+The mixture is that of `learning.mixture`, fitted in the coordinates of all demonstrations. The one
 left out is predicted as the paper does it: the component that the observation makes most probable,
 conditioned on the observation (Ewerton et al. 2015, Eq. 11-13, Algorithm 2).
 """
@@ -12,32 +12,32 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from intent_recognition.gaussian.mixture import (
+from intent_recognition.evaluation import sample
+from intent_recognition.gaussian import (
     Components,
     CovariancePrior,
+    Gaussian,
     log_joint,
     maximisation,
 )
-from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.promp.components import (
-    Tried,
-    predict_left_out,
-    score,
-    smallest_within_one_error,
-)
-from intent_recognition.promp.examples import Recorded, cut_to_movement, make_examples
-from intent_recognition.promp.mixture import (
+from intent_recognition.learning import (
     BASIS,
     MIN_MEMBERS,
     RIDGE,
     SAMPLED_PHASES,
     Clustering,
     Features,
+    Recorded,
+    Tried,
     cluster,
     condition_mixture,
+    cut_to_movement,
+    make_examples,
     mixture_features,
+    predict_left_out,
+    score,
+    smallest_within_one_error,
 )
-from intent_recognition.report.baselines import sample
 
 PHASES = np.linspace(0.0, 1.0, SAMPLED_PHASES)
 """Phases of all trajectories here, (S,)."""
@@ -52,8 +52,8 @@ PATH_NOISE_STD_M = 0.01
 PREDICTION_STRENGTH = 1.0
 """Demonstrations that the diagonal target is worth to predict with.
 
-To tell patterns apart a covariance needs much help (`promp.mixture.STRENGTH`); that much would take
-most of the correlation between the agents away, which is what predicts.
+To tell patterns apart a covariance needs much help (`learning.mixture.STRENGTH`); that much would
+take most of the correlation between the agents away, which is what predicts.
 """
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.report.html import Block
+from intent_recognition.report import Block
 from intent_recognition.share import share_path
 
 

@@ -1,1 +1,62 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Gaussian distributions: every way to condition them (dense, batched, delayed), and mixtures."""
+
+from intent_recognition.gaussian.batch import GaussianBatch, make_state, pending_shape, state_width
+from intent_recognition.gaussian.linalg import (
+    LOG_2_PI,
+    cholesky,
+    log_normalizer,
+    solve_lower,
+    symmetrize,
+)
+from intent_recognition.gaussian.mixture import (
+    EMPTY,
+    Components,
+    CovariancePrior,
+    MixtureFit,
+    batches,
+    fit_mixture,
+    log_joint,
+    maximisation,
+    one_hot,
+)
+from intent_recognition.gaussian.normal import (
+    Gaussian,
+    Regression,
+    condition,
+    log_density,
+    regression,
+)
+from intent_recognition.gaussian.span import affine_span
+from intent_recognition.gaussian.starts import kmeans_starts
+from intent_recognition.gaussian.tube import tube_faces, tube_rings
+
+__all__ = [
+    "EMPTY",
+    "LOG_2_PI",
+    "Components",
+    "CovariancePrior",
+    "Gaussian",
+    "GaussianBatch",
+    "MixtureFit",
+    "Regression",
+    "affine_span",
+    "batches",
+    "cholesky",
+    "condition",
+    "fit_mixture",
+    "kmeans_starts",
+    "log_density",
+    "log_joint",
+    "log_normalizer",
+    "make_state",
+    "maximisation",
+    "one_hot",
+    "pending_shape",
+    "regression",
+    "solve_lower",
+    "state_width",
+    "symmetrize",
+    "tube_faces",
+    "tube_rings",
+]

@@ -1,2 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm's forward and inverse kinematics and its limits; no simulator."""
+"""The arm: forward and inverse kinematics and its limits; no simulator."""
+
+from intent_recognition.kinematics.chain import Chain, joint_poses, tip_positions
+from intent_recognition.kinematics.forward import (
+    forward_kinematics,
+    frame_poses,
+    hand_position,
+    jacobian,
+)
+from intent_recognition.kinematics.inverse import Branch, inverse_kinematics, reach_position, solve
+from intent_recognition.kinematics.limits import JointLimits, check_position, position_violation
+from intent_recognition.kinematics.lwr import (
+    DEFAULT_ACCELERATION_RAD_S2,
+    DH,
+    JOINT_NAMES,
+    LWR_LIMITS,
+    N_JOINTS,
+)
+
+__all__ = [
+    "DEFAULT_ACCELERATION_RAD_S2",
+    "DH",
+    "JOINT_NAMES",
+    "LWR_LIMITS",
+    "N_JOINTS",
+    "Branch",
+    "Chain",
+    "JointLimits",
+    "check_position",
+    "forward_kinematics",
+    "frame_poses",
+    "hand_position",
+    "inverse_kinematics",
+    "jacobian",
+    "joint_poses",
+    "position_violation",
+    "reach_position",
+    "solve",
+    "tip_positions",
+]

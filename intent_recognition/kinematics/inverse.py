@@ -14,11 +14,7 @@ import numpy as np
 
 from intent_recognition.errors import KinematicsError, ShapeError, describe
 from intent_recognition.kinematics.forward import forward_kinematics, jacobian, joint_vector
-from intent_recognition.kinematics.limits import (
-    JointLimits,
-    clamp_position,
-    within_position_limits,
-)
+from intent_recognition.kinematics.limits import JointLimits, clamp_position, within_position_limits
 from intent_recognition.kinematics.lwr import (
     FOREARM_M,
     HAND_OFFSET_M,

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+"""The ROS 2 nodes: they translate between messages and the library, and do not think."""
 
 import os
 

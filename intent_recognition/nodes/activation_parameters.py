@@ -8,17 +8,19 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from intent_recognition.activation import ActivationSettings, PretriggerSettings
 from intent_recognition.errors import ArgumentError, IntentError, describe
-from intent_recognition.kinematics.limits import JointLimits
-from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2, JOINT_NAMES, LWR_LIMITS
-from intent_recognition.kinematics.planning import scaled_limits
+from intent_recognition.kinematics import (
+    DEFAULT_ACCELERATION_RAD_S2,
+    JOINT_NAMES,
+    LWR_LIMITS,
+    JointLimits,
+)
+from intent_recognition.motion import scaled_limits
 from intent_recognition.nodes.live_parameters import Changes
 from intent_recognition.nodes.runtime import parameter
-from intent_recognition.promp.activation_settings import ActivationSettings
-from intent_recognition.promp.decision import DecisionSettings
-from intent_recognition.promp.posture import start_mean
-from intent_recognition.promp.prediction import least_end_std
-from intent_recognition.promp.pretrigger import PretriggerSettings
+from intent_recognition.promp import least_end_std
+from intent_recognition.recognition import DecisionSettings, start_mean
 
 DOUBLES = Parameter.Type.DOUBLE_ARRAY
 
@@ -43,7 +45,7 @@ def check_trajectory(times_s: np.ndarray, positions: np.ndarray, rest) -> None:
 
 
 @dataclass(frozen=True)
-class _Said:
+class ParameterSpec:
     """What is declared of a parameter, but its name."""
 
     default: object
@@ -53,41 +55,47 @@ class _Said:
 
 
 FIXED = {
-    "model": _Said("", "Model file whose joints to check; empty: none."),
-    "command_rate": _Said(25.0, "Updates of a running motion [Hz].", 1.0, 200.0),
-    "joint_names": _Said([], "Joint names; empty: from model or prediction."),
-    "lower": _Said(DOUBLES, "Lower position limits [rad]; empty: the LWR's."),
-    "upper": _Said(DOUBLES, "Upper position limits [rad]; empty: the LWR's."),
-    "velocity": _Said(DOUBLES, "Velocity limits [rad/s]; empty: the LWR's."),
+    "model": ParameterSpec("", "Model file whose joints to check; empty: none."),
+    "command_rate": ParameterSpec(25.0, "Updates of a running motion [Hz].", 1.0, 200.0),
+    "joint_names": ParameterSpec([], "Joint names; empty: from model or prediction."),
+    "lower": ParameterSpec(DOUBLES, "Lower position limits [rad]; empty: the LWR's."),
+    "upper": ParameterSpec(DOUBLES, "Upper position limits [rad]; empty: the LWR's."),
+    "velocity": ParameterSpec(DOUBLES, "Velocity limits [rad/s]; empty: the LWR's."),
 }
 """Read once, at the start."""
 
 AT_REST = {
-    "home": _Said(DOUBLES, "Posture to return to [rad]; empty: the first seen."),
-    "acceleration_limit": _Said(
+    "home": ParameterSpec(DOUBLES, "Posture to return to [rad]; empty: the first seen."),
+    "acceleration_limit": ParameterSpec(
         DEFAULT_ACCELERATION_RAD_S2, "Acceleration limit of every joint [rad/s^2].", 0.1, 1000.0
     ),
-    "velocity_scale": _Said(0.9, "Share of the velocity limits to use.", 0.01, 1.0),
+    "velocity_scale": ParameterSpec(0.9, "Share of the velocity limits to use.", 0.01, 1.0),
 }
 """May change while no motion is under way: a plan is made for one set of limits."""
 
 ANY_TIME = {
-    "threshold": _Said(0.9, "Probability a task must reach.", 0.501, 1.0),
-    "n_observations": _Said(5, "Observations on end it must hold.", 1, 10000),
-    "max_end_std": _Said(0.35, "Largest predicted end-point std [rad].", 1e-6, 1e6),
-    "release_below": _Said(0.5, "Let go of a task less probable than this.", 0.0, 0.5),
-    "min_evidence": _Said(0.6, "Share of the movement's own evidence it must have.", 0.0, 0.99),
-    "timeout": _Said(0.5, "Silence that stops a motion [s].", 0.01, 60.0),
-    "hold_time": _Said(1.0, "Stay at the end this long [s].", 0.0, 3600.0),
-    "switch_lead": _Said(0.05, "Commands take over so far ahead [s].", 0.0, 1.0),
-    "max_joint_state_age": _Said(0.25, "Older joint states are stale [s].", 0.001, 10.0),
-    "max_tracking_error": _Said(0.4, "Largest distance to the reference [rad].", 0.001, 10.0),
-    "max_lateness": _Said(3.0, "A prediction over for longer is outdated [s].", 0.0, 1e9),
-    "pretrigger_threshold": _Said(
+    "threshold": ParameterSpec(0.9, "Probability a task must reach.", 0.501, 1.0),
+    "n_observations": ParameterSpec(5, "Observations on end it must hold.", 1, 10000),
+    "max_end_std": ParameterSpec(0.35, "Largest predicted end-point std [rad].", 1e-6, 1e6),
+    "release_below": ParameterSpec(0.5, "Let go of a task less probable than this.", 0.0, 0.5),
+    "min_evidence": ParameterSpec(
+        0.6, "Share of the movement's own evidence it must have.", 0.0, 0.99
+    ),
+    "timeout": ParameterSpec(0.5, "Silence that stops a motion [s].", 0.01, 60.0),
+    "hold_time": ParameterSpec(1.0, "Stay at the end this long [s].", 0.0, 3600.0),
+    "switch_lead": ParameterSpec(0.05, "Commands take over so far ahead [s].", 0.0, 1.0),
+    "max_joint_state_age": ParameterSpec(0.25, "Older joint states are stale [s].", 0.001, 10.0),
+    "max_tracking_error": ParameterSpec(
+        0.4, "Largest distance to the reference [rad].", 0.001, 10.0
+    ),
+    "max_lateness": ParameterSpec(3.0, "A prediction over for longer is outdated [s].", 0.0, 1e9),
+    "pretrigger_threshold": ParameterSpec(
         0.0, "Go ahead for a next task at least so probable; 0: never. Needs a model.", 0.0, 1.0
     ),
-    "pretrigger_timeout": _Said(10.0, "Wait there for the human at most so long [s].", 0.1, 3600.0),
-    "return_home": _Said(True, "Go home after each interaction."),
+    "pretrigger_timeout": ParameterSpec(
+        10.0, "Wait there for the human at most so long [s].", 0.1, 3600.0
+    ),
+    "return_home": ParameterSpec(True, "Go home after each interaction."),
 }
 """May change at any time, and hold from the next observation or plan on."""
 
@@ -229,7 +237,7 @@ def _read_model(
     Raises:
         ArgumentError: its joints differ from `names`.
     """
-    from intent_recognition.storage.model import load_model  # only when a model is named
+    from intent_recognition.model import load_model
 
     model = load_model(path)
     of_model = tuple(model.controlled_names)
@@ -240,6 +248,6 @@ def _read_model(
             )
         )
     starts = {label: start_mean(model.library, k) for k, label in enumerate(model.labels)}
-    forecast = model.library.forecast
-    ends = {label: least_end_std(forecast, k) for k, label in enumerate(model.labels)}
+    primitives = model.library.primitives
+    ends = {label: least_end_std(primitives, k) for k, label in enumerate(model.labels)}
     return of_model, starts, ends

@@ -9,17 +9,20 @@ from rclpy.node import Node
 from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 
+from intent_recognition.demonstrations import DofEntry, extract, is_raw_pose
 from intent_recognition.errors import MessageError
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import message_class, stamp_ns, to_joint_state
 from intent_recognition.nodes.observation_input import human_topic
 from intent_recognition.nodes.runtime import Diagnostics
-from intent_recognition.promp.observations import Observation
-from intent_recognition.promp.online import IntentEstimator, Prediction
-from intent_recognition.promp.posture import POSTURE_OUTSIDE, POSTURE_UNKNOWN
-from intent_recognition.promp.transitions import TaskMemory
-from intent_recognition.storage.dofs import DofEntry, extract
-from intent_recognition.storage.signals import is_raw_pose
+from intent_recognition.recognition import (
+    POSTURE_OUTSIDE,
+    POSTURE_UNKNOWN,
+    IntentEstimator,
+    Prediction,
+    TaskMemory,
+)
+from intent_recognition.signals import Observation
 
 POSTURES = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST,

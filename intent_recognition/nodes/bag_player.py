@@ -20,13 +20,11 @@ from rclpy.qos import (
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
+from intent_recognition.bags import BagReader, RawMessage, TopicInfo, policy
 from intent_recognition.errors import BagError, describe
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
-from intent_recognition.storage.bag_metadata import TopicInfo
-from intent_recognition.storage.bag_reader import BagReader, RawMessage
-from intent_recognition.storage.qos_profiles import policy
 
 DEPTH = 1000
 IN_MEMORY_BYTES = 2**26

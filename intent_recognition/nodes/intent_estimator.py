@@ -11,7 +11,10 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
+from intent_recognition.demonstrations import DofSpec, load_dofs
 from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.filtering import group_dofs
+from intent_recognition.model import Model, check_dofs, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
 from intent_recognition.nodes.lifecycle import ManagedNode
@@ -25,13 +28,10 @@ from intent_recognition.nodes.markers import (
 )
 from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.runtime import Diagnostics, elapsed_s, parameter, run
-from intent_recognition.nodes.wire import NamedVectorWire, TrajectoryWire
-from intent_recognition.promp.library import NONE
-from intent_recognition.promp.observations import Observation, group_dofs
-from intent_recognition.promp.online import Estimate, IntentEstimator, Prediction
-from intent_recognition.promp.transitions import FORGET_AFTER_S
-from intent_recognition.storage.dofs import DofSpec, load_dofs
-from intent_recognition.storage.model import Model, check_dofs, load_model
+from intent_recognition.nodes.serialized import SerializedNamedVector, SerializedTrajectory
+from intent_recognition.promp import NONE
+from intent_recognition.recognition import FORGET_AFTER_S, Estimate, IntentEstimator, Prediction
+from intent_recognition.signals import Observation
 
 STREAM_TIMEOUT_S = 0.5
 CHECK_PERIOD_S = 0.1
@@ -41,7 +41,7 @@ _OK, _WARN = 0, 1
 
 
 class IntentEstimatorNode(ManagedNode):
-    """Translates messages to `promp.online.IntentEstimator` and its estimates to messages."""
+    """Translates messages to `recognition.IntentEstimator` and its estimates to messages."""
 
     def __init__(self, **kwargs):
         super().__init__("intent_estimator", **kwargs)
@@ -126,8 +126,8 @@ class IntentEstimatorNode(ManagedNode):
             forget_after_s=self._forget_after_s,
             start_posture=self._start_posture,
         )
-        self._wire = TrajectoryWire(self._model.controlled_names)
-        self._task_wire = NamedVectorWire((*self._model.labels, NONE))
+        self._wire = SerializedTrajectory(self._model.controlled_names)
+        self._task_wire = SerializedNamedVector((*self._model.labels, NONE))
         self._marker_builder = MarkerBuilder(self._model.labels)
         self._shown = next(
             (g for g, e in enumerate(self._model.dofs.observed) if has_position(e)), None
@@ -286,7 +286,7 @@ class IntentEstimatorNode(ManagedNode):
             check_dofs(self._model, model.dofs, str(self.get_parameter("model").value))
             self._estimator.swap(model.library)
             self._model = model
-            self._task_wire = NamedVectorWire((*model.labels, NONE))
+            self._task_wire = SerializedNamedVector((*model.labels, NONE))
             self._marker_builder.set_labels(model.labels)
             self._next_task.update(self._estimator)
         except IntentError as error:

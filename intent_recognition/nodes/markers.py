@@ -9,13 +9,12 @@ from nav_msgs.msg import Path
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from intent_recognition.gaussian.tube import tube_faces, tube_rings
+from intent_recognition.demonstrations import POSITION_FIELDS, DofEntry
+from intent_recognition.gaussian import tube_faces, tube_rings
 from intent_recognition.nodes.conversions import to_point, to_stamp
-from intent_recognition.promp.observations import Observation
-from intent_recognition.promp.online import Prediction
-from intent_recognition.report.drawing import INK, NONE_COLOUR, readable, task_colours
-from intent_recognition.storage.dofs import DofEntry
-from intent_recognition.storage.stream import POSITION_FIELDS
+from intent_recognition.recognition import Prediction
+from intent_recognition.report import INK, NONE_COLOUR, readable, task_colours
+from intent_recognition.signals import Observation
 
 TUBE_OPACITY = 0.15
 LIFETIME_S = 2

@@ -15,14 +15,9 @@ from intent_recognition.errors import ArgumentError, MessageError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
-from intent_recognition.nodes.wire import OdometryWire
+from intent_recognition.nodes.serialized import SerializedOdometry
 from intent_recognition.nodes.wire_reading import read_pose
-from intent_recognition.tracking.ingest import (
-    IngestSettings,
-    IngestState,
-    Rejected,
-    ingest_pose,
-)
+from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
 
 LIVE = {
     "max_speed": "max_speed_m_s",
@@ -53,7 +48,7 @@ class MocapIngest(Node):
             body: self.create_publisher(Odometry, f"human/{body}", qos.SENSOR) for body in bodies
         }
         self._wires = {
-            body: OdometryWire(body, self._settings.world_frame, variance) for body in bodies
+            body: SerializedOdometry(body, self._settings.world_frame, variance) for body in bodies
         }
         self._inputs = [
             self.create_subscription(

@@ -15,11 +15,15 @@ from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.clouds import cloud_arrays, to_labelled_cloud
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
-from intent_recognition.storage.objects import find_object, load_object
-from intent_recognition.warping.normals import with_estimated_normals
-from intent_recognition.warping.object_model import ObjectCloud
-from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
-from intent_recognition.warping.warp import prepare_source, warp
+from intent_recognition.objects import find_object, load_object
+from intent_recognition.warping import (
+    ObjectCloud,
+    PouringParameters,
+    pouring_parameters,
+    prepare_source,
+    warp,
+    with_estimated_normals,
+)
 
 INPUT = "object/cloud"
 CLOUD = "object/labelled_cloud"

@@ -10,15 +10,19 @@ from rclpy.node import Node
 from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from intent_recognition.demonstrations import (
+    DofEntry,
+    DofSpec,
+    ObservationReader,
+    is_raw_pose,
+    observation_readers,
+)
 from intent_recognition.errors import MessageError
 from intent_recognition.nodes.backlog import Backlog
 from intent_recognition.nodes.conversions import message_class, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.wire_reading import read_odometry
-from intent_recognition.promp.observations import Observation
-from intent_recognition.storage.dofs import DofEntry, DofSpec
-from intent_recognition.storage.measuring import Instrument, observed_instruments
-from intent_recognition.storage.signals import is_raw_pose
+from intent_recognition.signals import Observation
 
 INPUT = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST,
@@ -66,9 +70,9 @@ class ObservationInput:
 
     def open(self) -> None:
         """Subscribe."""
-        by_topic: dict[str, list[Instrument]] = {}
-        for instrument in observed_instruments(self._dofs):
-            by_topic.setdefault(instrument.entry.topic, []).append(instrument)
+        by_topic: dict[str, list[ObservationReader]] = {}
+        for observation_reader in observation_readers(self._dofs):
+            by_topic.setdefault(observation_reader.entry.topic, []).append(observation_reader)
         for topic, instruments in by_topic.items():
             entry = instruments[0].entry
             raw = is_raw_pose(topic, entry.type)
@@ -88,7 +92,7 @@ class ObservationInput:
         """Those there are."""
         return self._backlog.subscriptions
 
-    def _on_odometry(self, instruments: list[Instrument], data: bytes) -> None:
+    def _on_odometry(self, instruments: list[ObservationReader], data: bytes) -> None:
         """Take a tracked pose; its twist is differentiated from poses, so it is no evidence."""
         start_s = time.perf_counter()
         try:
@@ -99,7 +103,7 @@ class ObservationInput:
         self.frame = frame_id or self.frame
         self._take(instruments, lambda i: i.observe_pose(stamp, pose, covariance), start_s)
 
-    def _on_message(self, instruments: list[Instrument], message: object) -> None:
+    def _on_message(self, instruments: list[ObservationReader], message: object) -> None:
         start_s = time.perf_counter()
         stamped = hasattr(message, "header")
         stamp = stamp_ns(message) if stamped else self._node.get_clock().now().nanoseconds
@@ -107,22 +111,22 @@ class ObservationInput:
 
     def _take(
         self,
-        instruments: list[Instrument],
-        read: Callable[[Instrument], Observation],
+        instruments: list[ObservationReader],
+        read: Callable[[ObservationReader], Observation],
         start_s: float,
     ) -> None:
         topic = instruments[0].entry.topic
         self._diagnostics.tick(topic)
         used = False
-        for instrument in instruments:
+        for observation_reader in instruments:
             try:
-                observation = read(instrument)
+                observation = read(observation_reader)
             except MessageError as error:
                 self._diagnostics.reject("missing_dof", str(error))
                 continue
             if self._use(observation, topic):
                 used = True
-                if len(observation.values) < len(instrument.entry.names):
+                if len(observation.values) < len(observation_reader.entry.names):
                     self._diagnostics.tick(f"{topic}, in part")
         if used:
             self._diagnostics.latency(time.perf_counter() - start_s)

@@ -10,8 +10,9 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.activation import Activation, Command, Mode, Prediction
 from intent_recognition.errors import ArgumentError, IntentError, describe
-from intent_recognition.kinematics.path import make_path
+from intent_recognition.motion import make_path
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_parameters import (
     ANY_TIME,
@@ -29,18 +30,12 @@ from intent_recognition.nodes.conversions import (
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, run
-from intent_recognition.promp.activation import Activation
-from intent_recognition.promp.activation_settings import (
-    Command,
-    Mode,
-    Prediction,
-)
 
 _OK, _WARN = 0, 1
 
 
 class PrimitiveActivation(ManagedNode):
-    """Translates messages to `promp.activation.Activation` and its commands to messages.
+    """Translates messages to `activation.Activation` and its commands to messages.
 
     Joint names come from the model file, or from the first acceptable trajectory when no model
     is given. All times are those of the node's clock, so that it works on simulated time.

@@ -11,10 +11,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.experiments.session_log import SessionLog
+from intent_recognition.evaluation import SessionLog
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns, trajectory_arrays
-from intent_recognition.promp.library import NONE
+from intent_recognition.promp import NONE
 
 EVERY_PATH_NS = 100_000_000
 

@@ -11,13 +11,12 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from intent_recognition.demonstrations import DofSpec, load_dofs
 from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
+from intent_recognition.model import WAIT, Change, TaskFolder, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.runtime import parameter, run
 from intent_recognition.nodes.topic_recorder import TopicRecorder, answer
-from intent_recognition.storage.dofs import DofSpec, load_dofs
-from intent_recognition.storage.model import load_model
-from intent_recognition.storage.task_folder import WAIT, Change, TaskFolder
 
 OK, WARN = 0, 1
 ESTIMATOR = "intent_estimator"
@@ -117,7 +116,7 @@ class TaskTeacher(TopicRecorder):
             BagError: nothing is being recorded.
         """
         bag = self.close_bag().path
-        self.folder.set_aside(bag)
+        self.folder.prune(bag)
         text = f"{bag.name} is not learned, and kept in undone"
         self._say(OK, text)
         return text

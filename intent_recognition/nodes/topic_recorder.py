@@ -17,12 +17,11 @@ from rclpy.qos import (
 )
 from std_srvs.srv import Trigger
 
+from intent_recognition.bags import BagWriter, DiskFullError, rosbag2_profile
 from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.runtime import Diagnostics
-from intent_recognition.storage.bag_writer import BagWriter, DiskFullError
-from intent_recognition.storage.qos_profiles import rosbag2_profile
 
 DISCOVERY_PERIOD_S = 0.1
 FLUSH_PERIOD_S = 0.5

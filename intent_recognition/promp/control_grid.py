@@ -10,9 +10,8 @@ products of matrices. The outcome is the same.
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from intent_recognition.gaussian.linalg import cholesky, symmetrize
-from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.promp.forecast import Forecast
+from intent_recognition.gaussian import Gaussian, cholesky, symmetrize
+from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.prediction import StartPosture, Trajectory
 
 
@@ -20,17 +19,17 @@ class ControlGrid:
     """T evenly spaced phases of one task from start to end, or its end alone.
 
     Args:
-        forecast: the learned primitives.
+        primitives: the learned primitives.
         task: number of the task.
         n_points: T; 1 is the end.
     """
 
-    def __init__(self, forecast: Forecast, task: int, n_points: int):
+    def __init__(self, primitives: AlignedPrimitives, task: int, n_points: int):
         self.phase = np.linspace(1.0, 0.0, n_points)[::-1]
-        self._n_controlled = forecast.n_controlled
-        self._noise = forecast.control_noise_variance()
-        basis, (matrix, offset, covariance) = forecast.basis, forecast.recovery[task]
-        shape = (forecast.n_controlled, basis.n_basis)
+        self._n_controlled = primitives.n_controlled
+        self._noise = primitives.control_noise_variance()
+        basis, (matrix, offset, covariance) = primitives.basis, primitives.recovery[task]
+        shape = (primitives.n_controlled, basis.n_basis)
         matrix, offset = matrix.reshape(*shape, -1), offset.reshape(shape)
         covariance = covariance.reshape(*shape, *shape)
         design, slope = basis.design_matrix(self.phase), basis.derivative_matrix(self.phase)

@@ -7,15 +7,15 @@ from functools import cached_property
 
 import numpy as np
 
-from intent_recognition.alignment.onset import OnsetSettings
-from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.gaussian import Gaussian
+from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.forecast import Forecast
-from intent_recognition.promp.progress import STEADY
+from intent_recognition.promp.phase_deviation import STEADY
+from intent_recognition.signals import OnsetSettings
 
 NONE = "none"
 """Label of the hypothesis that the movement is none of the known tasks."""
-READ_AS_IT_IS = (1.0, 0.0, 1.0, 0.0)
+IDENTITY_CALIBRATION = (1.0, 0.0, 1.0, 0.0)
 """Calibration that leaves a Bayes factor alone."""
 
 
@@ -76,10 +76,10 @@ class TaskLibrary:
     observed_groups: tuple[int, ...]
     onset: tuple[OnsetSettings, ...]
     duration_evidence: float = 1.0
-    none_calibration: np.ndarray = field(default_factory=lambda: np.array(READ_AS_IT_IS))
+    none_calibration: np.ndarray = field(default_factory=lambda: np.array(IDENTITY_CALIBRATION))
     recognition_covariance: np.ndarray | None = None
     recognition_noise_scale: float | None = None
-    aligned: Forecast | None = None
+    aligned: AlignedPrimitives | None = None
     provenance: Mapping[str, object] = field(default_factory=dict)
 
     @property
@@ -125,9 +125,9 @@ class TaskLibrary:
         return np.concatenate([known, self.none_covariance[None]])
 
     @cached_property
-    def forecast(self) -> Forecast:
+    def primitives(self) -> AlignedPrimitives:
         """The primitives that trajectories are predicted from."""
-        return self.aligned or Forecast(
+        return self.aligned or AlignedPrimitives(
             self.basis,
             self.n_observed,
             self.weight_mean,

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.gaussian.linalg import cholesky, symmetrize
-from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.gaussian import Gaussian, cholesky, symmetrize
+from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.forecast import Forecast
 
 
 class Trajectory(NamedTuple):
@@ -35,22 +34,22 @@ class StartPosture(NamedTuple):
 
 
 def controlled_weights(
-    forecast: Forecast, task: int, observed: Gaussian, start: StartPosture | None = None
+    primitives: AlignedPrimitives, task: int, observed: Gaussian, start: StartPosture | None = None
 ) -> Gaussian:
     """Controlled weights given the task and the filtered observed weights.
 
-    N(A m_o + b, C + A P_o A^T), exact (`Forecast.recovery`). A start posture is one more
+    N(A m_o + b, C + A P_o A^T), exact (`AlignedPrimitives.recovery`). A start posture is one more
     observation of the controlled weights at phase 0; it moves the trajectory only, never the task.
     """
-    matrix, offset, covariance = forecast.recovery[task]
+    matrix, offset, covariance = primitives.recovery[task]
     mean = matrix @ observed.mean + offset
     covariance = symmetrize(covariance + matrix @ observed.covariance @ matrix.T)
     if start is None:
         return Gaussian(mean, covariance)
-    row = forecast.basis.design_matrix(np.zeros(1))
-    design = np.kron(np.eye(forecast.n_controlled), row)
+    row = primitives.basis.design_matrix(np.zeros(1))
+    design = np.kron(np.eye(primitives.n_controlled), row)
     cross = covariance @ design.T
-    noise = np.diag(start.variance + forecast.control_noise_variance())
+    noise = np.diag(start.variance + primitives.control_noise_variance())
     factor = cholesky(symmetrize(design @ cross) + noise, name="start posture covariance")
     scaled = np.linalg.solve(factor, cross.T)
     innovation = np.linalg.solve(factor, start.position - design @ mean)
@@ -90,16 +89,16 @@ def dof_variance(design: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return np.einsum("tk,dkl,tl->td", design, own, design, optimize=True)
 
 
-def least_end_std(forecast: Forecast, task: int) -> float:
+def least_end_std(primitives: AlignedPrimitives, task: int) -> float:
     """How uncertain the end of a task stays, however much is seen.
 
     Standard deviation of the controlled DOF where it is largest, the observed weights and the
     controlled agent's start being known exactly: what demonstrations differ in that neither tells.
     """
-    n, size = forecast.n_controlled, forecast.n_observed_weights
+    n, size = primitives.n_controlled, primitives.n_observed_weights
     known = Gaussian(np.zeros(size), np.zeros((size, size)))
     covariance = controlled_weights(
-        forecast, task, known, StartPosture(np.zeros(n), np.zeros(n))
+        primitives, task, known, StartPosture(np.zeros(n), np.zeros(n))
     ).covariance
-    variance = dof_variance(forecast.basis.design_matrix(np.ones(1)), covariance)
-    return float(np.sqrt(np.max(variance + forecast.control_noise_variance())))
+    variance = dof_variance(primitives.basis.design_matrix(np.ones(1)), covariance)
+    return float(np.sqrt(np.max(variance + primitives.control_noise_variance())))

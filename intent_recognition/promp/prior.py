@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.gaussian.linalg import symmetrize
+from intent_recognition.gaussian import symmetrize
 
 FLOOR_OF_RANGE = 1e-3
 """Smallest standard deviation of a weight, in parts of its DOF's range over all demonstrations.
@@ -30,13 +30,13 @@ FLOOR_OF_RANGE = 1e-3
 It keeps the covariance positive definite when demonstrations are identical or very few.
 """
 
-OTHERS_WORTH = 5.0
+OTHERS_SAMPLE_SIZE = 5.0
 """Demonstrations that all other tasks together are worth in a task's target."""
 PHASE_WIDTH = 0.15
 """How far in phase the correlation over DOFs is averaged."""
-OWN_SHARE = 0.5
+OWN_COVARIANCE_SHARE = 0.5
 """Share of a task's own covariance in the one it is recognised by (docs/forecast.md)."""
-AMPLITUDE_WORTH = 4.0
+AMPLITUDE_SAMPLE_SIZE = 4.0
 """Demonstrations' worth of the assumption that a DOF varies alike at all phases."""
 FEW = 3.5
 """Demonstrations below which their scatter tells little, neither how much varies nor how long."""
@@ -102,8 +102,9 @@ def weight_floor(weights: np.ndarray) -> np.ndarray:
 def structured_target(own: Scatter, pooled: Scatter, floor: np.ndarray) -> StructuredTarget:
     """Fit a task's target to the deviations of all demonstrations from their tasks' means.
 
-    The task's own demonstrations count fully; all others together count `OTHERS_WORTH`. Where they
-    are fewer than `FEW` in all, deviations are taken to be larger than was seen, and smooth.
+    The task's own demonstrations count fully; all others together count `OTHERS_SAMPLE_SIZE`.
+    Where they are fewer than `FEW` in all, deviations are taken to be larger than was seen, and
+    smooth.
 
     Args:
         own: scatter of the task the target is for.
@@ -114,7 +115,7 @@ def structured_target(own: Scatter, pooled: Scatter, floor: np.ndarray) -> Struc
     n_dofs = len(floor)
     variance = np.diag(scatter).reshape(n_dofs, -1)
     typical = variance.mean(axis=1, keepdims=True)
-    weight = demonstrations / (demonstrations + AMPLITUDE_WORTH)
+    weight = demonstrations / (demonstrations + AMPLITUDE_SAMPLE_SIZE)
     doubt = (FEW / max(demonstrations, 2.0)) ** 6
     amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
     n_basis = amplitude.shape[1]
@@ -200,7 +201,9 @@ def recognition_covariances(
         n = scatter.freedom + 1
         target = structured_target(scatter, pooled, floor).covariance()
         mine = shrunk_covariance(scatter.matrix, n, target, strength)
-        covariances.append(OWN_SHARE * mine + (1.0 - OWN_SHARE) * (1.0 + 1.0 / n) * shared)
+        covariances.append(
+            OWN_COVARIANCE_SHARE * mine + (1.0 - OWN_COVARIANCE_SHARE) * (1.0 + 1.0 / n) * shared
+        )
     return np.array(covariances)
 
 
@@ -216,7 +219,7 @@ def _borrow(own: Scatter, pooled: Scatter) -> tuple[np.ndarray, float]:
     covariance without bias; these estimates are averaged by the demonstrations they are worth.
     """
     others = float(pooled.freedom - own.freedom)
-    borrowed = min(OTHERS_WORTH, others)
+    borrowed = min(OTHERS_SAMPLE_SIZE, others)
     share = borrowed / others if others else 0.0
     worth = own.freedom + borrowed
     return ((1.0 - share) * own.matrix + share * pooled.matrix) / worth, worth

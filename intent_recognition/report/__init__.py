@@ -1,1 +1,63 @@
 # SPDX-License-Identifier: Apache-2.0
+"""Pages and figures: drawing and writing, neither training nor scoring."""
+
+from intent_recognition.report.demo_report import write_demo_report
+from intent_recognition.report.drawing import (
+    INK,
+    NONE_COLOUR,
+    PALETTE,
+    PAPER_COLOUR,
+    SOFT,
+    new_figure,
+    readable,
+    styled,
+    task_colours,
+    task_markers,
+    to_png,
+    to_svg,
+)
+from intent_recognition.report.evaluation_report import write_evaluation_report
+from intent_recognition.report.experiments_report import write_experiments_report, write_figures
+from intent_recognition.report.figures import hand_error_figure
+from intent_recognition.report.html import (
+    Block,
+    Column,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Row,
+    Table,
+    Text,
+)
+from intent_recognition.report.interaction_table import table_lines
+from intent_recognition.report.warp_report import write_warp_report
+
+__all__ = [
+    "INK",
+    "NONE_COLOUR",
+    "PALETTE",
+    "PAPER_COLOUR",
+    "SOFT",
+    "Block",
+    "Column",
+    "Figure",
+    "KeyNumber",
+    "KeyNumbers",
+    "Row",
+    "Table",
+    "Text",
+    "hand_error_figure",
+    "new_figure",
+    "readable",
+    "styled",
+    "table_lines",
+    "task_colours",
+    "task_markers",
+    "to_png",
+    "to_svg",
+    "write_demo_report",
+    "write_evaluation_report",
+    "write_experiments_report",
+    "write_figures",
+    "write_warp_report",
+]

@@ -6,8 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
+from intent_recognition.evaluation import (
+    CM_PER_M,
+    CONDITIONS,
+    PAPER_HAND_ERROR,
+    PAPER_RECOGNISED,
+    DemoSummary,
+    HandError,
+    InteractionRecord,
+    Trace,
+    reliability_bins,
+    summary_line,
+    usable,
+)
 from intent_recognition.report import figures
-from intent_recognition.report.calibration import reliability_bins
 from intent_recognition.report.drawing import NONE, readable, to_svg
 from intent_recognition.report.figures_evaluation import reliability_figure
 from intent_recognition.report.figures_interaction import (
@@ -29,17 +41,6 @@ from intent_recognition.report.html import (
     write_page,
 )
 from intent_recognition.report.interaction_table import FIELDS, cells
-from intent_recognition.report.summary import (
-    CM_PER_M,
-    CONDITIONS,
-    PAPER_HAND_ERROR,
-    PAPER_RECOGNISED,
-    DemoSummary,
-    HandError,
-    InteractionRecord,
-    summary_line,
-)
-from intent_recognition.report.traces import Trace, usable
 
 MISSES_SHOWN = 3
 TITLE = "Toolbox assembly with a simulated coworker"

@@ -4,10 +4,7 @@
 import numpy as np
 
 from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_figure, styled
-from intent_recognition.warping.parameters import PouringParameters
-from intent_recognition.warping.parts import Part
-from intent_recognition.warping.rim import Rim
-from intent_recognition.warping.warp import WarpedObject
+from intent_recognition.warping import Part, PouringParameters, Rim, WarpedObject
 
 PART_COLOURS = {Part.CONTAINER: PALETTE[0], Part.RIM: PALETTE[1], Part.HANDLE: PALETTE[2]}
 MM = 1e3

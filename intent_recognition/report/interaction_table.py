@@ -4,7 +4,7 @@
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from intent_recognition.report.summary import CM_PER_M, InteractionRecord
+from intent_recognition.evaluation import CM_PER_M, InteractionRecord
 
 NOTHING = "-"
 

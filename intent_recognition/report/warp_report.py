@@ -18,8 +18,7 @@ from intent_recognition.report.html import (
     Table,
     write_page,
 )
-from intent_recognition.warping.parameters import PouringParameters
-from intent_recognition.warping.warp import WarpedObject, WarpSource
+from intent_recognition.warping import PouringParameters, WarpedObject, WarpSource
 
 
 def write_warp_report(

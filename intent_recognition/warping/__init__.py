@@ -1,2 +1,69 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warped parameters: what one annotated object tells about the next."""
+
+from intent_recognition.warping.clipping import half_volume_angle, surface_volume
+from intent_recognition.warping.constraints import (
+    NO_REFERENCES,
+    RIDGE,
+    FillingConstraint,
+    FillingState,
+    PouringConstraint,
+    PouringState,
+    References,
+    landing,
+    references,
+    spill_risk,
+)
+from intent_recognition.warping.logistic import fit_logistic
+from intent_recognition.warping.normals import with_estimated_normals
+from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
+from intent_recognition.warping.object_warp import (
+    Mapping,
+    WarpedObject,
+    WarpSource,
+    prepare_source,
+    warp,
+)
+from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
+from intent_recognition.warping.parts import Part
+from intent_recognition.warping.primitives import (
+    WarpedPrimitive,
+    from_warped,
+    to_warped,
+    warped_scale,
+)
+from intent_recognition.warping.rim import Rim
+from intent_recognition.warping.wall_checks import check_wall
+
+__all__ = [
+    "NO_REFERENCES",
+    "RIDGE",
+    "AnnotatedObject",
+    "FillingConstraint",
+    "FillingState",
+    "Mapping",
+    "ObjectCloud",
+    "Part",
+    "PouringConstraint",
+    "PouringParameters",
+    "PouringState",
+    "References",
+    "Rim",
+    "WarpSource",
+    "WarpedObject",
+    "WarpedPrimitive",
+    "check_wall",
+    "fit_logistic",
+    "from_warped",
+    "half_volume_angle",
+    "landing",
+    "pouring_parameters",
+    "prepare_source",
+    "references",
+    "spill_risk",
+    "surface_volume",
+    "to_warped",
+    "warp",
+    "warped_scale",
+    "with_estimated_normals",
+]

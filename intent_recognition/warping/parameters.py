@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.warping.clipping import half_volume_angle
-from intent_recognition.warping.warp import WarpedObject
+from intent_recognition.warping.object_warp import WarpedObject
 
 Parameter = Callable[[WarpedObject], float | np.ndarray]
 FAR_M = 100.0

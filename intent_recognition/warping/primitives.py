@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from intent_recognition.errors import ShapeError, TrainingError, describe
-from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.weights import fit_weights
+from intent_recognition.promp import NormalizedRBFBasis, fit_weights
 from intent_recognition.warping.constraints import References
 
 WARPED_NAMES = ("along", "across", "up", "tilt")

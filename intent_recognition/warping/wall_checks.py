@@ -6,7 +6,7 @@ import numpy as np
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.warping.cavity import Cavity
 from intent_recognition.warping.object_model import ObjectCloud
-from intent_recognition.warping.warp import WarpedObject
+from intent_recognition.warping.object_warp import WarpedObject
 
 N_AROUND = 36
 N_DOWN = 24

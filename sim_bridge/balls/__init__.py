@@ -1,2 +1,47 @@
 # SPDX-License-Identifier: Apache-2.0
 """Containers with balls for a fluid: tilting, pouring and catching, each in a world of its own."""
+
+from sim_bridge.balls.collision import HULL_MARGIN_M, wall_pieces, write_obj
+from sim_bridge.balls.fluid import ball_radius_m, hollow_of, settled
+from sim_bridge.balls.hollow import Hollow, offset
+from sim_bridge.balls.table import Trials, read_trials
+from sim_bridge.balls.tilting import WallGuard, level_axes
+from sim_bridge.balls.trials import (
+    COLUMNS,
+    FILLING,
+    FILLING_TILT_RAD,
+    POURING,
+    SECOND,
+    TRIALS_PER_OBJECT,
+    Block,
+    container,
+    make,
+)
+from sim_bridge.balls.world import CONTACT_BREAKING_M, DENSITY_KG_M3, BallWorld
+
+__all__ = [
+    "COLUMNS",
+    "CONTACT_BREAKING_M",
+    "DENSITY_KG_M3",
+    "FILLING",
+    "FILLING_TILT_RAD",
+    "HULL_MARGIN_M",
+    "POURING",
+    "SECOND",
+    "TRIALS_PER_OBJECT",
+    "BallWorld",
+    "Block",
+    "Hollow",
+    "Trials",
+    "WallGuard",
+    "ball_radius_m",
+    "container",
+    "hollow_of",
+    "level_axes",
+    "make",
+    "offset",
+    "read_trials",
+    "settled",
+    "wall_pieces",
+    "write_obj",
+]

@@ -20,14 +20,7 @@ import numpy as np
 from intent_recognition import __version__
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
 from sim_bridge.balls.table import write_trials
-from sim_bridge.balls.trials import (
-    COLUMNS,
-    CONTAINER_SEED,
-    TRIALS_PER_OBJECT,
-    Block,
-    blocks,
-    make,
-)
+from sim_bridge.balls.trials import COLUMNS, CONTAINER_SEED, TRIALS_PER_OBJECT, Block, blocks, make
 
 
 def generate(

@@ -1,7 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ten cups and bowls with known geometry."""
 
-from sim_bridge.containers.container import Container, Sections
-from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
+from sim_bridge.containers.container import Container
+from sim_bridge.containers.generate import CONTAINER_NAMES, SHAPES, build_container, make_container
+from sim_bridge.containers.measured import Measured, measure_mesh
+from sim_bridge.containers.scanning import scan
+from sim_bridge.containers.surfaces import TUBE_CORNERS
 
-__all__ = ["CONTAINER_NAMES", "Container", "Sections", "make_container"]
+__all__ = [
+    "CONTAINER_NAMES",
+    "SHAPES",
+    "TUBE_CORNERS",
+    "Container",
+    "Measured",
+    "build_container",
+    "make_container",
+    "measure_mesh",
+    "scan",
+]

@@ -5,11 +5,11 @@ import sys
 
 import numpy as np
 
+from intent_recognition.objects import FOLDER, save_object
 from intent_recognition.share import share_path
-from intent_recognition.storage.objects import FOLDER, save_object
-from intent_recognition.warping.object_model import AnnotatedObject
+from intent_recognition.warping import AnnotatedObject
 from sim_bridge.containers.generate import make_container
-from sim_bridge.containers.scan import Camera, scan
+from sim_bridge.containers.scanning import Camera, scan
 
 N_AROUND, ALL_AROUND = 8, Camera(elevation_rad=(-0.9, 1.2))
 N_INTO, STRAIGHT_INTO = 4, Camera(elevation_rad=(1.3, 1.55))

@@ -11,8 +11,7 @@ from functools import cached_property
 import numpy as np
 import trimesh
 
-from intent_recognition.warping.clipping import half_volume_angle
-from intent_recognition.warping.parts import Part
+from intent_recognition.warping import Part, half_volume_angle
 
 RIM_BAND_M = 0.0025
 HANDLE_GAP_M = 0.0008

@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.warping.clipping import surface_volume
+from intent_recognition.warping import surface_volume
 from sim_bridge.containers.container import Container, Sections
 from sim_bridge.containers.surfaces import close_rings, swept_tube
 

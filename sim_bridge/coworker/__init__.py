@@ -2,7 +2,13 @@
 """The simulated coworker: wrist movements as pure functions of a random generator."""
 
 from sim_bridge.coworker.demonstration import WristDemonstration, plan_demonstration
-from sim_bridge.coworker.reach import Reach, draw_reach, reach_positions
+from sim_bridge.coworker.hardness import (
+    TEST_COUNTS,
+    TRAINING_COUNTS,
+    demonstration_rng,
+    nearest_mean_labels,
+)
+from sim_bridge.coworker.reach import Reach, bow_profile, draw_hesitations, minimum_jerk
 from sim_bridge.coworker.session import (
     Interaction,
     SessionPlan,
@@ -10,21 +16,31 @@ from sim_bridge.coworker.session import (
     parse_task_list,
     plan_session,
 )
-from sim_bridge.coworker.styles import STYLES, TaskStyle
-from sim_bridge.coworker.timeline import WristSamples
+from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
+from sim_bridge.coworker.timeline import RATE_HZ, WristSamples, sample_wrist
 
 __all__ = [
+    "HOLD",
+    "PLATE",
+    "RATE_HZ",
+    "SCREW",
     "STYLES",
+    "TASKS",
+    "TEST_COUNTS",
+    "TRAINING_COUNTS",
     "Interaction",
     "Reach",
     "SessionPlan",
     "SessionTiming",
-    "TaskStyle",
     "WristDemonstration",
     "WristSamples",
-    "draw_reach",
+    "bow_profile",
+    "demonstration_rng",
+    "draw_hesitations",
+    "minimum_jerk",
+    "nearest_mean_labels",
     "parse_task_list",
     "plan_demonstration",
     "plan_session",
-    "reach_positions",
+    "sample_wrist",
 ]

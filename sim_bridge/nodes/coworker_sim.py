@@ -14,8 +14,7 @@ from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.nodes.qos import SENSOR, STATE
 from intent_recognition.nodes.runtime import Diagnostics, run
 from intent_recognition.nodes.runtime import parameter as declare
-from sim_bridge.coworker import SessionPlan, SessionTiming, parse_task_list, plan_session
-from sim_bridge.coworker.timeline import RATE_HZ
+from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_session
 
 parameter = partial(declare, read_only=True)
 """The session is planned at the start; nothing of it changes afterwards."""

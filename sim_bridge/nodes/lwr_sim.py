@@ -17,24 +17,23 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.errors import (
-    ArgumentError,
-    ResourceBusyError,
-    TrajectoryError,
-    describe,
-)
-from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError, describe
+from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
-from sim_bridge.arm import TIME_STEP_S, LwrArm, SensorNoise
-from sim_bridge.controllers import ControllerGains
-from sim_bridge.gripper import make_gripper
-from sim_bridge.pacing import Pacer
-from sim_bridge.scene import HOME
-from sim_bridge.spread_control import SpreadControl
-from sim_bridge.trajectory_command import RejectedTrajectoryError, TrajectoryCommand
-from sim_bridge.trajectory_follower import TrajectoryFollower
-from sim_bridge.urdf import lwr_urdf
+from sim_bridge.arm import (
+    TIME_STEP_S,
+    ControllerGains,
+    LwrArm,
+    Pacer,
+    RejectedTrajectoryError,
+    SensorNoise,
+    SpreadControl,
+    TrajectoryCommand,
+    TrajectoryFollower,
+    lwr_urdf,
+)
+from sim_bridge.scenarios.toolbox import HOME, make_gripper
 
 TICK_S = 0.002
 STEP_NS = 1_000_000

@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 
 from intent_recognition.cli import demo
-from intent_recognition.storage.model import load_trained
+from intent_recognition.model.file import load_trained
 
 START_S, END_S = 60.0, 300.0
 

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, write_bag, write_session
 
+from intent_recognition.bags.writer import BagWriter
 from intent_recognition.cli.inspect_tables import moment
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.errors import BagError, ModelError
-from intent_recognition.promp.training import TrainingSettings, learn
-from intent_recognition.storage import BagWriter, load_dofs, read_demonstrations
-from intent_recognition.storage.model import Model, load_model, save_model
+from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.model.file import Model, load_model, save_model
 
 
 def row_of(output: str, start: str) -> list[str]:

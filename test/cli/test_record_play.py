@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_harness import NodeProcess
 
+from intent_recognition.bags.reader import BagReader
 from intent_recognition.cli import play, record
 from intent_recognition.cli.node_arguments import node_arguments, yaml_value
 from intent_recognition.errors import BagError, ResourceBusyError
-from intent_recognition.storage import BagReader
 
 INTENT = "intent_recognition.cli.main"
 

@@ -6,8 +6,8 @@ import json
 import pytest
 from bag_builder import raw, write_bag
 
+from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import BagError, ResourceBusyError
-from intent_recognition.storage import BagReader
 
 
 def test_a_truncated_bag_is_saved_up_to_the_cut(run_command, tmp_path):

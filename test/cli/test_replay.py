@@ -9,13 +9,14 @@ from bag_builder import START_NS, TEXT
 from cli.recorded import DOFS, TRUTH
 from model_builder import learned_model, perform, write_recording
 
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.bags.writer import BagWriter
+from intent_recognition.demonstrations.stream import iter_observations
 from intent_recognition.errors import BagError, ModelError, ResourceBusyError
-from intent_recognition.promp.decision import DecisionSettings
-from intent_recognition.promp.observations import merge
-from intent_recognition.promp.online import IntentEstimator
-from intent_recognition.storage import BagReader, BagWriter
-from intent_recognition.storage.model import save_model
-from intent_recognition.storage.stream import iter_observations
+from intent_recognition.model.file import save_model
+from intent_recognition.recognition.decision import DecisionSettings
+from intent_recognition.recognition.estimator import IntentEstimator
+from intent_recognition.signals.observation import merge
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +71,7 @@ def test_the_right_task_becomes_active_and_ends(replay, bag):
 def test_why_a_recognised_task_never_was_active_is_said(replay, bag, monkeypatch):
     assert "not activated" not in replay(bag)[1]
     strict = DecisionSettings(max_end_std_rad=1e-6)
-    monkeypatch.setattr("intent_recognition.cli.replay.DecisionSettings", lambda: strict)
+    monkeypatch.setattr("intent_recognition.evaluation.replaying.DecisionSettings", lambda: strict)
     _, text, rows = replay(bag)
     assert {row["active_task"] for row in rows} == {""}
     assert "not activated: recognised task_1, but the predicted end is uncertain" in text
@@ -78,7 +79,7 @@ def test_why_a_recognised_task_never_was_active_is_said(replay, bag, monkeypatch
 
 def test_numbers_are_the_estimator_s(replay, bag, model):
     rows = replay(bag)[2]
-    from intent_recognition.storage.model import load_model
+    from intent_recognition.model.file import load_model
 
     estimator = IntentEstimator(load_model(model).library)
     for row, observation in zip(rows, iter_observations(BagReader(bag), DOFS), strict=True):

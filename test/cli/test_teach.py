@@ -10,10 +10,10 @@ from model_builder import make_dofs, perform, true_library, write_recording
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 
+from intent_recognition.model.task_folder import TaskFolder
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
-from intent_recognition.promp.observations import merge
-from intent_recognition.storage.task_folder import TaskFolder
+from intent_recognition.signals.observation import merge
 
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)

@@ -12,7 +12,7 @@ from model_builder import GLOVE, make_dofs
 
 from intent_recognition import __version__
 from intent_recognition.errors import BagError, DofError, ResourceBusyError, TrainingError
-from intent_recognition.storage.model import load_model
+from intent_recognition.model.file import load_model
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ from cli.recorded import write_all
 from model_builder import GLOVE, make_dofs
 
 from intent_recognition.errors import ArgumentError, DofError, ModelError, TrainingError
-from intent_recognition.promp.fitting import library_from_statistics
-from intent_recognition.storage.gather import gather_bags
-from intent_recognition.storage.model import load_model, load_trained, save_model
+from intent_recognition.learning.fitting import library_from_statistics
+from intent_recognition.model.file import load_model, load_trained, save_model
+from intent_recognition.model.from_bags import accumulate_bags
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +42,10 @@ def test_added_bags_are_as_good_as_learned_anew(train, first, recorded):
     more = load_model(path).library
     assert "learned from 8 demonstrations" in text
     parts = [recorded / "bags" / f"demo_{k:02d}" for k in range(8)]
-    every = gather_bags(parts, before.dofs, trained.reference.settings, reference=trained.reference)
-    expected = library_from_statistics(every.gathered.tasks, trained.reference, trained.chosen)
+    every = accumulate_bags(
+        parts, before.dofs, trained.reference.settings, reference=trained.reference
+    )
+    expected = library_from_statistics(every.accumulated.tasks, trained.reference, trained.chosen)
     np.testing.assert_allclose(more.weight_mean, expected.weight_mean, atol=1e-10)
     np.testing.assert_allclose(more.weight_covariance, expected.weight_covariance, atol=1e-10)
     np.testing.assert_allclose(more.noise_variance, expected.noise_variance, rtol=1e-10)

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from cli.recorded import write_all
 
+from intent_recognition.bags.writer import BagWriter
 from intent_recognition.errors import BagError
-from intent_recognition.promp.transitions import count_transitions, smoothed_transitions
-from intent_recognition.storage import BagWriter
-from intent_recognition.storage.model import load_model
+from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
+from intent_recognition.model.file import load_model
 
 STRING = "std_msgs/msg/String"
 ORDERS = (("task_0", "task_1") * 5, ("task_1", "task_0", "dance", "task_1"))

@@ -12,12 +12,12 @@ import pytest
 from cli.recorded import DOFS, spoil, write_all
 
 from intent_recognition.cli.workers import workers
+from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.errors import ArgumentError, DofError, IntentError, ResourceBusyError
-from intent_recognition.promp.training_settings import TrainingSettings
-from intent_recognition.storage import gather
-from intent_recognition.storage.dofs import load_dofs
-from intent_recognition.storage.gather import gather_bags, spread
-from intent_recognition.storage.model import load_model
+from intent_recognition.learning.settings import TrainingSettings
+from intent_recognition.model import from_bags as accumulate
+from intent_recognition.model.file import load_model
+from intent_recognition.model.from_bags import accumulate_bags, spread
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +31,8 @@ def recorded(tmp_path_factory):
 @pytest.fixture
 def small_parts(monkeypatch):
     """Three bags settle the reference; the rest is read two at a time."""
-    monkeypatch.setattr(gather, "REFERENCE_RECORDINGS", 3)
-    monkeypatch.setattr(gather, "BATCH", 2)
+    monkeypatch.setattr(accumulate, "REFERENCE_RECORDINGS", 3)
+    monkeypatch.setattr(accumulate, "BATCH", 2)
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def assert_same(found, expected):
         ours, theirs = getattr(expected, field.name), getattr(found, field.name)
         if isinstance(ours, np.ndarray | float):
             np.testing.assert_allclose(theirs, ours, rtol=1e-12, atol=0, err_msg=field.name)
-        elif field.name == "progress":
+        elif field.name == "phase_deviation":
             for one, other in zip(theirs, ours, strict=True):
                 np.testing.assert_allclose(one, other, rtol=1e-12, atol=0)
         elif is_dataclass(ours) and field.name == "aligned":
@@ -175,6 +175,6 @@ def test_the_reference_is_settled_by_bags_spread_over_all():
 def test_a_reference_is_found_behind_many_bags_that_cannot_be_used(recorded, small_parts):
     """Five spoiled bags come before any good one; all good ones are learned from."""
     bad = [recorded / "spoiled"] * 3
-    found = gather_bags([*bad, recorded / "bags"], DOFS, TrainingSettings(n_basis=8))
-    assert found.gathered.n_used == 8
-    assert found.n_rejections + found.gathered.n_rejected == 15
+    found = accumulate_bags([*bad, recorded / "bags"], DOFS, TrainingSettings(n_basis=8))
+    assert found.accumulated.n_used == 8
+    assert found.n_rejections + found.accumulated.n_rejected == 15

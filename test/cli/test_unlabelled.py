@@ -10,7 +10,7 @@ from cli.recorded import DOFS, TRUTH, write_all
 from model_builder import perform, write_recording
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.storage.model import load_model
+from intent_recognition.model.file import load_model
 
 
 @pytest.fixture(scope="module")

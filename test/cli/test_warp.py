@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from intent_recognition.cli.main import main
-from sim_bridge.containers import make_container
+from sim_bridge.containers.generate import make_container
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from intent_recognition.dashboard.lesson import Lesson
 from intent_recognition.dashboard.page import Page
 from intent_recognition.dashboard.puppet import Puppet
 from intent_recognition.kinematics.lwr import JOINT_NAMES
-from sim_bridge.urdf import lwr_urdf
+from sim_bridge.arm.urdf import lwr_urdf
 
 STEP_S = 0.2
 LABELS = ("a", "b", "none"), ("a", "b", "c", "none")

@@ -11,8 +11,8 @@ import pytest
 from dashboard.browser import chromium, free_port, visitor
 from ros_harness import NodeProcess
 
-from intent_recognition.storage.model import load_model
-from intent_recognition.storage.task_folder import LEARN, TaskFolder
+from intent_recognition.model.file import load_model
+from intent_recognition.model.task_folder import LEARN, TaskFolder
 
 REACHES, REACH_S = 4, 20.0
 NODES = {

@@ -10,13 +10,9 @@ from scipy.spatial.transform import Rotation
 yourdfpy = pytest.importorskip("yourdfpy")
 pytest.importorskip("viser")
 
-from intent_recognition.dashboard.robot_view import (  # noqa: E402
-    chain_of,
-    joint_values,
-    longest_chain,
-)
+from intent_recognition.dashboard.robot_view import chain_of, joint_values, longest_chain  # noqa: E402
 from intent_recognition.kinematics.chain import joint_poses, tip_positions  # noqa: E402
-from sim_bridge.urdf import lwr_urdf  # noqa: E402
+from sim_bridge.arm.urdf import lwr_urdf  # noqa: E402
 
 FINGERS = """<robot name="fingers">
   <link name="base"/><link name="rail"/><link name="left"/><link name="tip"/><link name="right"/>

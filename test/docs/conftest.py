@@ -11,7 +11,7 @@ import trimesh
 from docs.shown import ROOT, commands
 
 from intent_recognition.cli import main as cli
-from sim_bridge.containers import make_container
+from sim_bridge.containers.generate import make_container
 
 MODELS = re.compile(r"\b\w+\.npz\b")
 POSE = "{topic: /mocap/wrist/pose, type: geometry_msgs/msg/PoseStamped"

@@ -6,9 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.experiments import assembly
-from intent_recognition.experiments.assembly_aligned import aligned_evidence, spread_rows
-from intent_recognition.experiments.assembly_scores import (
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.experiments.assembly import experiment as assembly
+from intent_recognition.experiments.assembly.aligned import aligned_evidence, spread_rows
+from intent_recognition.experiments.assembly.scores import (
     N_OBSERVATIONS,
     TRUTH_PHASES,
     at_phase,
@@ -19,18 +20,13 @@ from intent_recognition.experiments.assembly_scores import (
     spread_observations,
     watch,
 )
-from intent_recognition.experiments.assembly_study import (
-    arrival_s,
-    fold_numbers,
-    study,
-)
+from intent_recognition.experiments.assembly.study import arrival_s, fold_numbers, study
 from intent_recognition.experiments.outcome import Settings
+from intent_recognition.filtering.hypotheses import fixed_hypotheses
 from intent_recognition.gaussian.normal import Gaussian, log_density
-from intent_recognition.promp.bank import fixed_hypotheses
+from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.share import share_path
-from intent_recognition.storage import load_dofs
-from intent_recognition.storage.model import Model, load_model, save_model
-from sim_bridge.assembly.styles import TASKS
+from sim_bridge.scenarios.assembly.styles import TASKS
 
 
 @pytest.fixture(scope="module")

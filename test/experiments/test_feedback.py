@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.feedback import run
+from intent_recognition.experiments.feedback.experiment import run
 from intent_recognition.experiments.outcome import Settings
 
 

@@ -3,8 +3,9 @@
 
 import pytest
 
-from intent_recognition.experiments.hardness import compare, compare_folds
-from intent_recognition.storage import load_dofs, read_demonstrations
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.experiments.toolbox.hardness import compare, compare_folds
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,8 @@ from intent_recognition.experiments.left_out import (
     to_predict_with,
     try_numbers,
 )
-from intent_recognition.promp.signals import Signal
-from intent_recognition.storage import Demonstration
+from intent_recognition.signals.demonstration import Demonstration
+from intent_recognition.signals.signal import Signal
 
 
 def demonstration(name: str, goal: np.ndarray, response: np.ndarray) -> Demonstration:

@@ -4,12 +4,13 @@
 import numpy as np
 import pytest
 
-from intent_recognition.experiments import pole
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.pole import experiment as pole
 from intent_recognition.report.html import Page, Section, render
 from intent_recognition.share import share_path
-from intent_recognition.storage import load_dofs, read_demonstrations
-from sim_bridge.pole.geometry import fingertip, way_of
+from sim_bridge.scenarios.pole.geometry import fingertip, way_of
 
 
 @pytest.fixture(scope="module")

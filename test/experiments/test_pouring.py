@@ -6,7 +6,7 @@ import pytest
 
 from intent_recognition.errors import BagError
 from intent_recognition.experiments.outcome import Settings
-from intent_recognition.experiments.pouring import PAIRS, pair_name, read_recorded, run
+from intent_recognition.experiments.pouring.experiment import PAIRS, pair_name, read_recorded, run
 
 
 @pytest.fixture(scope="module")

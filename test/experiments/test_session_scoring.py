@@ -4,11 +4,11 @@
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.session_log import SessionLog
-from intent_recognition.experiments.session_scoring import first_sample_ns, score_session
+from intent_recognition.evaluation.session_log import SessionLog
+from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns, score_session
 from intent_recognition.kinematics.inverse import inverse_kinematics
-from sim_bridge.coworker import plan_session
-from sim_bridge.scene import HOME, handover_point, handover_rotation, pose
+from sim_bridge.coworker.session import plan_session
+from sim_bridge.scenarios.toolbox.scene import HOME, handover_point, handover_rotation, pose
 
 FIRST_NS = 7_000_000_000
 TASK = "plate_handover"

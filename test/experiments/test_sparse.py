@@ -6,10 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.experiments import noise, sparse
-from intent_recognition.experiments.noise_scores import DMP, DMP_CARRIED, PROMP
 from intent_recognition.experiments.outcome import Settings
-from intent_recognition.experiments.sketch_models import (
+from intent_recognition.experiments.sketches import noise, sparse
+from intent_recognition.experiments.sketches.curves import N_SAMPLES, PHASE, PIXEL, sketch_pairs
+from intent_recognition.experiments.sketches.differentiation import SavitzkyGolay
+from intent_recognition.experiments.sketches.models import (
     Candidate,
     folds,
     learn_dmp,
@@ -18,8 +19,8 @@ from intent_recognition.experiments.sketch_models import (
     prior,
     squared_errors,
 )
-from intent_recognition.experiments.sketches import N_SAMPLES, PHASE, PIXEL, sketch_pairs
-from intent_recognition.experiments.sparse_conditioning import (
+from intent_recognition.experiments.sketches.noise_scores import DMP, DMP_CARRIED, PROMP
+from intent_recognition.experiments.sketches.sparse_conditioning import (
     CLOSEST,
     SplineChoice,
     curves_of,
@@ -27,7 +28,6 @@ from intent_recognition.experiments.sparse_conditioning import (
     sparse_phases,
     spline_predictor,
 )
-from intent_recognition.promp.differentiation import SavitzkyGolay
 
 
 @pytest.fixture
@@ -86,7 +86,7 @@ def test_noise_carried_through_an_invertible_filter_loses_nothing(pairs, rng):
     rows, noise_covariance, _ = observation(learned, Candidate(0.1, 0.01), 30)
     seen = rows @ distribution.mean + 0.1 * rng.normal(size=30)
     mixed = rng.normal(size=(30, 30)) + 5.0 * np.eye(30)
-    from intent_recognition.experiments.sketch_models import predictor
+    from intent_recognition.experiments.sketches.models import predictor
 
     matrix, offset = predictor(distribution, rows, noise_covariance, learned.controlled)
     other, shift = predictor(

@@ -4,8 +4,9 @@
 import numpy as np
 import pytest
 
-from intent_recognition.experiments import toolbox, toolbox_study
 from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.toolbox import experiment as toolbox
+from intent_recognition.experiments.toolbox import study as toolbox_study
 from intent_recognition.report.html import Page, Section, render
 
 

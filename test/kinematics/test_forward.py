@@ -102,7 +102,7 @@ def test_wrong_shape(bad):
 
 def test_matches_pybullet():
     """Link states of the generated URDF agree to PyBullet's single-precision storage."""
-    from sim_bridge.arm import LwrArm
+    from sim_bridge.arm.arm import LwrArm
 
     rng = np.random.default_rng(3)
     with LwrArm() as arm:

@@ -13,14 +13,14 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, trajectory_arrays
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
-from intent_recognition.promp.observations import Observation, merge
-from intent_recognition.promp.online import IntentEstimator
-from intent_recognition.promp.posture import POSTURE_USED, start_mean
-from intent_recognition.promp.transitions import HABIT_TRUST
-from intent_recognition.storage.model import save_model
+from intent_recognition.recognition.estimator import IntentEstimator
+from intent_recognition.recognition.start_posture import POSTURE_USED, start_mean
+from intent_recognition.recognition.transitions import HABIT_TRUST
+from intent_recognition.signals.observation import Observation, merge
 
 DOFS = make_dofs(WRIST)
 RING = np.array([[0.04, 0.92, 0.04], [0.04, 0.04, 0.92], [0.92, 0.04, 0.04], [1 / 3] * 3])

@@ -13,12 +13,13 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from intent_recognition.bags.definitions import serialize
+from intent_recognition.bags.metadata import TopicInfo
+from intent_recognition.bags.qos_profiles import rosbag2_profile
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.bags.writer import BagWriter
 from intent_recognition.nodes.bag_player import BagPlayer, player_qos, shift_stamp
 from intent_recognition.nodes.qos import LATCHED, SENSOR
-from intent_recognition.storage import BagReader, BagWriter
-from intent_recognition.storage.bag_metadata import TopicInfo
-from intent_recognition.storage.definitions import serialize
-from intent_recognition.storage.qos_profiles import rosbag2_profile
 
 POSE = "geometry_msgs/msg/PoseStamped"
 START_NS = 1_700_000_000_000_000_000

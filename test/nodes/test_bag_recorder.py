@@ -17,10 +17,10 @@ from std_msgs.msg import Empty, String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
+from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import BagError
 from intent_recognition.nodes.bag_recorder import BagRecorder
 from intent_recognition.nodes.qos import LATCHED, SENSOR, STATE
-from intent_recognition.storage import BagReader
 
 MODULE = "intent_recognition.nodes.bag_recorder"
 

@@ -13,15 +13,17 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.cli.replay import replay
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.evaluation.replaying import replay
+from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import message_class, stamp_ns
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
-from intent_recognition.promp.training import TrainingSettings, learn
 from intent_recognition.share import share_path
-from intent_recognition.storage import BagReader, load_dofs, read_demonstrations
-from intent_recognition.storage.model import Model, load_model, save_model
 
 
 class Example(NamedTuple):

@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
+from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     stamp_ns,
@@ -31,10 +32,9 @@ from intent_recognition.nodes.conversions import (
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.markers import colour
 from intent_recognition.promp.library import NONE
-from intent_recognition.promp.observations import Observation, merge
-from intent_recognition.promp.online import CLOCK_RESET_AFTER, IntentEstimator
+from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEstimator
 from intent_recognition.report.drawing import task_colours
-from intent_recognition.storage.model import Model, save_model
+from intent_recognition.signals.observation import Observation, merge
 
 COVARIANCE = np.eye(3) * 4e-6
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)

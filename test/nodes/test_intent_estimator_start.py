@@ -9,10 +9,10 @@ import yaml
 from model_builder import GLOVE, WRIST, make_dofs, true_library
 from ros_harness import NodeProcess
 
+from intent_recognition.demonstrations.dofs import DofEntry
+from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes.intent_estimator import main
 from intent_recognition.nodes.observation_input import human_topic
-from intent_recognition.storage.dofs import DofEntry
-from intent_recognition.storage.model import Model, save_model
 
 DOFS = make_dofs(WRIST, GLOVE)
 

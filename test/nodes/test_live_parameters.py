@@ -8,6 +8,8 @@ from model_builder import learned_model, make_dofs
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
+from intent_recognition.activation.settings import Mode
+from intent_recognition.model.file import save_model
 from intent_recognition.nodes.activation_parameters import ANY_TIME, AT_REST
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.bag_recorder import BagRecorder
@@ -18,8 +20,6 @@ from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from intent_recognition.nodes.task_teacher import TaskTeacher
-from intent_recognition.promp.activation_settings import Mode
-from intent_recognition.storage.model import save_model
 from sim_bridge.nodes.coworker_sim import CoworkerSim
 from sim_bridge.nodes.lwr_sim import LwrSim
 

@@ -14,10 +14,10 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.clouds import LABEL, cloud_arrays, to_labelled_cloud
 from intent_recognition.nodes.conversions import stamp_ns, to_stamp
 from intent_recognition.nodes.object_warper import ObjectWarper
-from intent_recognition.storage.objects import find_object, load_object
+from intent_recognition.objects.file import find_object, load_object
 from intent_recognition.warping.object_model import ObjectCloud
+from intent_recognition.warping.object_warp import prepare_source, warp
 from intent_recognition.warping.parameters import pouring_parameters
-from intent_recognition.warping.warp import prepare_source, warp
 
 T0 = 1_700_000_000_123_456_789
 

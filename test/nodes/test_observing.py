@@ -12,15 +12,16 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from intent_recognition.cli.replay import replay
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.bags.writer import BagWriter
+from intent_recognition.demonstrations.dofs import DofEntry
+from intent_recognition.evaluation.replaying import replay
+from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import message_class, stamp_ns
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
-from intent_recognition.promp.observations import merge
-from intent_recognition.storage import BagReader, BagWriter
-from intent_recognition.storage.dofs import DofEntry
-from intent_recognition.storage.model import Model, load_model, save_model
+from intent_recognition.signals.observation import merge
 
 FLAT = replace(WRIST, fields=("pose.position.x", "pose.position.z"))
 ELBOW = DofEntry("mocap/elbow/pose", POSE, fields=("pose.position.y",), unit="m")

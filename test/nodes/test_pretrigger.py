@@ -12,11 +12,11 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_joint_state
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
-from intent_recognition.promp.posture import start_mean
-from intent_recognition.storage.model import save_model
+from intent_recognition.recognition.start_posture import start_mean
 
 TASKS = LABELS[:2]
 AHEAD = HOME + np.array([0.3, -0.2, 0.1, -0.2, 0.0, -0.1, 0.4])

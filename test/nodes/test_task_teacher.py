@@ -12,13 +12,13 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.model.file import Model, save_model
+from intent_recognition.model.task_folder import TaskFolder
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.task_teacher import TaskTeacher
-from intent_recognition.promp.observations import merge
-from intent_recognition.storage.model import Model, save_model
-from intent_recognition.storage.task_folder import TaskFolder
+from intent_recognition.signals.observation import merge
 
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)
@@ -153,7 +153,7 @@ def test_without_an_estimator_it_learns_all_the_same(harness, tmp_path, model):
 
 def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
     from intent_recognition.errors import ModelError
-    from intent_recognition.storage.model import load_model
+    from intent_recognition.model.file import load_model
 
     bare = load_model(model)
     save_model(tmp_path / "bare.npz", Model(bare.library, bare.dofs))

@@ -5,19 +5,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from promp.plain import observed_weights
-from promp.simulation import make_library, simulate
+from plain import observed_weights
+from simulation import make_library, simulate
 
-from intent_recognition.alignment.onset import OnsetSettings, at_rest, is_slow
-from intent_recognition.promp.bank import make_hypotheses
+from intent_recognition.filtering.bank_run import BankRun
+from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.promp.control_grid import ControlGrid
-from intent_recognition.promp.observations import BankRun, merge
-from intent_recognition.promp.prediction import (
-    StartPosture,
-    controlled_weights,
-    rollout,
-)
-from intent_recognition.promp.recognition import task_posterior
+from intent_recognition.promp.prediction import StartPosture, controlled_weights, rollout
+from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.signals.observation import merge
+from intent_recognition.signals.onset import OnsetSettings, at_rest, is_slow
 
 
 @pytest.mark.parametrize("with_start", [False, True])
@@ -40,9 +37,9 @@ def test_a_grid_predicts_what_the_weights_do(rng, with_start, prune, n_points):
             plain = observed_weights(run.bank, posterior.scale_weights, task)
             np.testing.assert_allclose(moments.mean, plain.mean, rtol=1e-9, atol=1e-12)
             np.testing.assert_allclose(moments.covariance, plain.covariance, rtol=1e-8, atol=1e-12)
-            weights = controlled_weights(library.forecast, task, plain, start)
+            weights = controlled_weights(library.primitives, task, plain, start)
             expected = rollout(library.basis, weights, phase, 1.7, noise)
-            found = ControlGrid(library.forecast, task, n_points).predict(moments, 1.7, start)
+            found = ControlGrid(library.primitives, task, n_points).predict(moments, 1.7, start)
             for ours, theirs in zip(found, expected, strict=True):
                 np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-10)
 

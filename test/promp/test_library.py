@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from promp.simulation import make_library
+from simulation import make_library
 
-from intent_recognition.promp.observations import group_dofs
+from intent_recognition.filtering.bank_run import group_dofs
 
 
 def test_sizes_and_blocks(rng):
@@ -27,7 +27,7 @@ def test_sizes_and_blocks(rng):
 def test_recovery_splits_the_joint_covariance_exactly(rng):
     library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=5)
     split = library.n_observed_weights
-    for task, (matrix, offset, rest) in enumerate(library.forecast.recovery):
+    for task, (matrix, offset, rest) in enumerate(library.primitives.recovery):
         mean, covariance = library.primitive(task)
         s_oo = covariance[:split, :split]
         np.testing.assert_allclose(matrix @ s_oo, covariance[split:, :split], atol=1e-10)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from promp.simulation import minimum_jerk
+from simulation import minimum_jerk
 
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.promp.basis import NormalizedRBFBasis

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ShapeError
+from intent_recognition.evaluation.session_summary import InteractionRecord, summarise, summary_line
 from intent_recognition.report.demo_report import demo_page, write_demo_report
 from intent_recognition.report.evaluation_report import (
     evaluation_page,
@@ -18,7 +19,6 @@ from intent_recognition.report.evaluation_report import (
 )
 from intent_recognition.report.html import Figure, KeyNumbers, Row, Table, render
 from intent_recognition.report.interaction_table import cells
-from intent_recognition.report.summary import InteractionRecord, summarise, summary_line
 
 LABELS = ["hold_screwdriver", "plate_handover", "screw_handover", "none"]
 

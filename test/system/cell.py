@@ -14,6 +14,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.bags.reader import BagReader
 from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes import qos
@@ -21,9 +22,8 @@ from intent_recognition.nodes.conversions import joint_values, stamp_ns, to_pose
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
-from intent_recognition.storage import BagReader
 from sim_bridge.nodes.lwr_sim import LwrSim
-from sim_bridge.scene import handover_point
+from sim_bridge.scenarios.toolbox.scene import handover_point
 
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 SECOND_NS = 1_000_000_000

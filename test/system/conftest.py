@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from intent_recognition.promp.training import TrainingSettings, learn
-from intent_recognition.storage import read_demonstrations
-from intent_recognition.storage.dofs import load_dofs
-from intent_recognition.storage.model import Model, save_model
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.model.file import Model, save_model
 
 
 @pytest.fixture(scope="session")

@@ -8,15 +8,16 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.cli.replay import replay
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.evaluation.replaying import replay
+from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
-from intent_recognition.promp.training import TrainingSettings, learn
-from intent_recognition.storage import BagReader, read_demonstrations
-from intent_recognition.storage.model import Model, load_model, save_model
 
 MIXTURES = {
     "wrist and glove": make_dofs(WRIST, GLOVE),

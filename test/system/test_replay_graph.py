@@ -4,15 +4,16 @@
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from intent_recognition.cli.replay import replay
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.bags.writer import BagWriter
+from intent_recognition.evaluation.replaying import replay
+from intent_recognition.model.file import load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.graph import resolve
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
-from intent_recognition.storage import BagReader, BagWriter
-from intent_recognition.storage.model import load_model
 
 KINDS = {
     "mocap_ingest": MocapIngest,

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from promp.simulation import minimum_jerk
+from simulation import minimum_jerk
 from system.cell import Cell, Wrist, path_distance, recorded, without
 
 from intent_recognition.kinematics.lwr import JOINT_NAMES

@@ -18,7 +18,7 @@ from intent_recognition.nodes.graph import resolve
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
-from sim_bridge.scene import HOME
+from sim_bridge.scenarios.toolbox.scene import HOME
 
 KINDS = {
     "mocap_ingest": MocapIngest,

@@ -3,8 +3,8 @@
 
 import pytest
 
-from intent_recognition.storage.objects import find_object, load_object
-from intent_recognition.warping.warp import WarpSource, prepare_source
+from intent_recognition.objects.file import find_object, load_object
+from intent_recognition.warping.object_warp import WarpSource, prepare_source
 
 
 @pytest.fixture(scope="session")

@@ -7,14 +7,14 @@ import trimesh
 from scan_builder import scanned
 
 from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
-from intent_recognition.storage.targets import load_target, mesh_target
+from intent_recognition.objects.targets import load_target, mesh_target
 from intent_recognition.warping.normals import with_estimated_normals
 from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
+from intent_recognition.warping.object_warp import prepare_source, warp
 from intent_recognition.warping.parameters import pouring_parameters
 from intent_recognition.warping.wall_checks import check_wall
-from intent_recognition.warping.warp import prepare_source, warp
-from sim_bridge.containers import make_container
-from sim_bridge.containers.scan import scan
+from sim_bridge.containers.generate import make_container
+from sim_bridge.containers.scanning import scan
 
 
 def mug_mesh() -> trimesh.Trimesh:

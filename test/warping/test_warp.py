@@ -10,14 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.object_model import ObjectCloud
-from intent_recognition.warping.parameters import (
-    lip_point,
-    pouring_parameters,
-    tilt_reference,
-)
+from intent_recognition.warping.object_warp import warp
+from intent_recognition.warping.parameters import lip_point, pouring_parameters, tilt_reference
 from intent_recognition.warping.parts import Part
-from intent_recognition.warping.warp import warp
-from sim_bridge.containers import CONTAINER_NAMES, make_container
+from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 
 names = st.sampled_from(CONTAINER_NAMES)
 seeds = st.integers(0, 3)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The motions of the activation as commands: planned from the reference in force, then in force."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from intent_recognition.activation.arm_tracking import ArmTracking
+from intent_recognition.activation.settings import ActivationSettings, Command, Prediction
+from intent_recognition.motion import (
+    JointPlan,
+    NominalTiming,
+    Reference,
+    brake_plan,
+    home_plan,
+    plan_interaction,
+    stop_plan,
+)
+
+
+class Motions:
+    """Plans from where the arm's reference will be when a command takes over.
+
+    Args:
+        settings: limits and how plans are made.
+        arm: gets every command.
+        reject: called with (reason, text) where no plan keeps the limits.
+        counts: gets how often plans were made, slowed and clamped.
+    """
+
+    def __init__(
+        self,
+        settings: ActivationSettings,
+        arm: ArmTracking,
+        reject: Callable[[str, str], None],
+        counts: Counter[str],
+    ):
+        self.settings, self._arm = settings, arm
+        self._reject, self._counts = reject, counts
+
+    def interact(
+        self,
+        now_ns: int,
+        prediction: Prediction,
+        start_ns: int,
+        start: Reference,
+        progress: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> Command | None:
+        """Follow a prediction from a reference on; None where no plan keeps the limits.
+
+        Args:
+            now_ns: now.
+            prediction: what to follow.
+            start_ns: when the command takes over.
+            start: the reference then.
+            progress: phase, phase rate [1/s] and its derivative [1/s^2] then.
+        """
+        settings = self.settings
+        onset_s = (prediction.onset_ns - start_ns) * 1e-9
+        plan = plan_interaction(
+            prediction.path,
+            NominalTiming(onset_s, prediction.path.duration_s),
+            start,
+            *progress[:2],
+            settings.limits,
+            settings.plan,
+            phase_acceleration=progress[2],
+        )
+        if plan is None:
+            self._reject("infeasible", f"no plan for {prediction.label} keeps the limits")
+            return None
+        self._counts["planned"] += 1
+        self._counts["slowed"] += plan.slowed
+        self._counts["clamped"] += bool(plan.clamped)
+        return self._arm.send(now_ns, Command(start_ns, plan))
+
+    def stop(self, now_ns: int, executed: Prediction | None) -> Command:
+        """Stop along the path of what is executed, or straight on where that is nothing."""
+        start_ns = self._arm.switch_ns(now_ns)
+        return self._arm.send(now_ns, Command(start_ns, self._stop_plan(start_ns, executed)))
+
+    def go_home(
+        self, now_ns: int, target: np.ndarray, executed: Prediction | None
+    ) -> Command | None:
+        """Go to a posture, braking first where no plan starts from this motion.
+
+        None where the command under way goes home already.
+        """
+        if self._arm.current.plan.kind == "home" and self._arm.under_way(now_ns):
+            return None
+        start_ns = self._arm.switch_ns(now_ns)
+        start, settings = self._arm.current.at(start_ns), self.settings
+        plan = home_plan(start, target, settings.limits, settings.plan)
+        if plan is None:
+            plan = self._stop_plan(start_ns, executed)
+        return self._arm.send(now_ns, Command(start_ns, plan))
+
+    def go_ahead(
+        self, now_ns: int, start_ns: int, start: Reference, target: np.ndarray
+    ) -> Command | None:
+        """Go to where a task begins; None where no plan keeps the limits."""
+        settings = self.settings
+        plan = home_plan(start, target, settings.limits, settings.plan)
+        if plan is None or plan.clamped:
+            self._reject("infeasible", "no plan to the start of the expected task keeps the limits")
+            return None
+        return self._arm.send(now_ns, Command(start_ns, replace(plan, kind="pretrigger")))
+
+    def _stop_plan(self, start_ns: int, executed: Prediction | None) -> JointPlan:
+        current = self._arm.current
+        start = current.at(start_ns)
+        phase, rate, acceleration = current.phase_at(start_ns)
+        limits, settings = self.settings.limits, self.settings.plan
+        if executed is None or current.plan.kind == "home":
+            return brake_plan(start, phase, limits, settings)
+        return stop_plan(
+            executed.path, start, phase, rate, limits, settings, phase_acceleration=acceleration
+        )

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where to start a descent: the best coarse warp of all, by dynamic programming.
+
+A local method (Maeda et al. 2014, Eq. 15-16) ends in the nearest minimum: an oscillation one period
+off stays one period off. The search looks at every monotone path on a coarse lattice under the same
+cost, deviations and rates alike, for all demonstrations at once.
+"""
+
+import numpy as np
+
+from intent_recognition.alignment.fit import WarpProblem
+from intent_recognition.alignment.warp import midpoints
+
+STEPS = 32
+"""Reference intervals of the lattice."""
+FINENESS = 4
+"""Recorded intervals for each reference interval."""
+MOVES = np.array([1, 2, 3, 4, 5, 6, 8, 11])
+"""Recorded intervals a reference interval may take: rates from 1/4 to 11/4."""
+
+ABSOLUTE_PER_ROOT = 0.8
+"""Mean absolute over root mean square deviation of a Gaussian: L1 over DOFs from their L2."""
+
+
+def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> np.ndarray:
+    """Parameters (n, K + 1) of smooth warps near the best coarse paths.
+
+    Args:
+        problem: data and prior.
+        rate_std: prior standard deviation of the log rate.
+        rate_correlation: its correlation length in phase.
+    """
+    at = np.linspace(0, len(problem.reference) - 1, STEPS + 1).round().astype(int)
+    reference = (problem.reference[at] - problem.reference.mean(axis=0)).astype(np.float32)
+    n = problem.curves.coefficients.shape[1]
+    recorded = np.linspace(0.0, 1.0, STEPS * FINENESS + 1)
+    values, _ = problem.curves.at(np.broadcast_to(recorded, (n, recorded.size)))
+    values = (values - values.mean(axis=1, keepdims=True)).astype(np.float32)
+    squares = np.sum(reference**2, axis=-1)[..., None] + np.sum(values**2, axis=-1)[:, None]
+    squares -= 2.0 * (reference @ np.swapaxes(values, 1, 2))
+    distance = np.sqrt(np.maximum(squares, 0.0, out=squares), out=squares)
+    n_moving = np.count_nonzero(np.any(problem.reference != 0.0, axis=0))
+    share = problem.n_independent / (STEPS + 1)
+    distance *= np.float32(ABSOLUTE_PER_ROOT * np.sqrt(n_moving) * share)
+    paths = _best_paths(distance, rate_std, rate_correlation, problem.end_std)
+    return _smoothed(problem, recorded[paths])
+
+
+def _best_paths(
+    distance: np.ndarray, rate_std: float, rate_correlation: float, end_std: float
+) -> np.ndarray:
+    """Recorded index at each reference step, (n, STEPS + 1), of least total cost.
+
+    Args:
+        distance: (n, STEPS + 1, J).
+        rate_std: prior standard deviation of the log rate.
+        rate_correlation: steps within twice this share one draw of it.
+        end_std: prior standard deviation of both ends.
+    """
+    n, _, size = distance.shape
+    each = min(1.0, 1.0 / (2.0 * rate_correlation * STEPS))
+    penalty = (0.5 * each * (np.log(MOVES / FINENESS) / rate_std) ** 2).astype(np.float32)
+    recorded = np.linspace(0.0, 1.0, size)
+    widest = MOVES[-1]
+    padded = np.full((n, widest + size), np.inf, dtype=np.float32)
+    padded[:, widest:] = distance[:, 0] + 0.5 * (recorded / end_std) ** 2
+    choice = np.empty((STEPS, n, size), dtype=np.int8)
+    for step in range(STEPS):
+        best = padded[:, widest - MOVES[0] : widest - MOVES[0] + size] + penalty[0]
+        taken = choice[step]
+        taken[:] = 0
+        for k in range(1, len(MOVES)):
+            tried = padded[:, widest - MOVES[k] : widest - MOVES[k] + size] + penalty[k]
+            np.copyto(taken, k, where=tried < best)
+            np.minimum(best, tried, out=best)
+        padded[:, widest:] = best + distance[:, step + 1]
+    final = padded[:, widest:] + 0.5 * ((1.0 - recorded) / end_std) ** 2
+    path = np.empty((n, STEPS + 1), dtype=np.intp)
+    path[:, -1] = np.argmin(final, axis=1)
+    rows = np.arange(n)
+    for step in reversed(range(STEPS)):
+        path[:, step] = path[:, step + 1] - MOVES[choice[step, rows, path[:, step + 1]]]
+    return path
+
+
+def _smoothed(problem: WarpProblem, paths: np.ndarray) -> np.ndarray:
+    """Parameters of smooth warps along coarse paths (n, STEPS + 1).
+
+    The log rates of the path, regressed on the basis with the prior's shape as ridge.
+    """
+    phase = midpoints(len(problem.basis) + 1)
+    middle = (np.arange(STEPS) + 0.5) / STEPS
+    design = np.stack([np.interp(middle, phase, column) for column in problem.basis.T], axis=1)
+    precision = problem.prior_precision
+    rates = np.diff(paths, axis=1) * STEPS
+    ridge = precision * (np.trace(design.T @ design) / np.trace(precision))
+    # Rates of single steps are quantised; their running mean over three steps is not far off.
+    mean = np.stack([np.interp(middle, middle, r) for r in rates])
+    mean[:, 1:-1] = (rates[:, :-2] + rates[:, 1:-1] + rates[:, 2:]) / 3.0
+    regression = np.linalg.solve(design.T @ design + 0.3 * ridge, design.T)
+    weights = (regression @ np.log(mean)[..., None])[..., 0]
+    return np.concatenate([paths[:, :1], weights], axis=1)

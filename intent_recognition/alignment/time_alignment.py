@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Time alignment of the demonstrations of one task (Maeda et al. 2014, part III-E).
+
+People run through one movement at different speeds. Each demonstration gets a `Warp` that brings it
+onto a template: one of the demonstrations (the paper's way), a trajectory of the caller's, or the
+mean of the aligned demonstrations, found in turns with the warps and kept at their average timing.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.alignment.fit import (
+    Curves,
+    WarpProblem,
+    descend,
+    recorded_phase,
+    total_cost,
+)
+from intent_recognition.alignment.reference import (
+    Template,
+    choose_reference,
+    resample,
+    typical_deviation,
+)
+from intent_recognition.alignment.search import search
+from intent_recognition.alignment.warp import MAX_LOG_RATE, Warp, slope_basis
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+
+ROUGH_ITERATIONS = 4
+"""Steps of a descent that is there to tell the scales only."""
+ENOUGH_FOR_SCALES = 16
+"""Demonstrations, evenly picked, that tell them: a scale is a median over demonstrations."""
+
+
+@dataclass(frozen=True)
+class AlignmentSettings:
+    """What warps are like before anything is seen, and how they are looked for.
+
+    Attributes:
+        rate_std: prior standard deviation of the log rate (0.2: speeds from 0.8 to 1.2 times the
+            reference's are usual). Smaller values keep recordings more as they are.
+        rate_correlation: phase over which a deviation of the rate lasts (Matern 3/2 length).
+        end_std: prior standard deviation of the recorded phases at both ends of the reference.
+        n_independent: samples of a demonstration that count as independent evidence.
+        n_basis: basis functions of the log rate.
+        n_grid: even phases at which trajectories are compared.
+        smoothing: width of the kernel trajectories are smoothed with, in phase.
+        n_iterations: most steps of one descent.
+        n_means: rounds of warps and mean, for the reference "mean".
+
+    Raises:
+        ArgumentError: a setting is out of range.
+    """
+
+    rate_std: float = 0.2
+    rate_correlation: float = 0.1
+    end_std: float = 0.05
+    n_independent: float = 30.0
+    n_basis: int = 12
+    n_grid: int = 61
+    smoothing: float = 0.01
+    n_iterations: int = 10
+    n_means: int = 4
+
+    def __post_init__(self):
+        for name in ("rate_std", "rate_correlation", "end_std", "n_independent", "smoothing"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ArgumentError(
+                    describe(name, "a positive number", value, "Start from the default.")
+                )
+        for name, least in (("n_basis", 3), ("n_grid", 33), ("n_iterations", 1), ("n_means", 1)):
+            value = getattr(self, name)
+            if value < least:
+                raise ArgumentError(
+                    describe(name, f"at least {least}", value, "Start from the default.")
+                )
+
+    @property
+    def basis(self) -> np.ndarray:
+        """Basis functions of the log rate between grid points, (G - 1, K)."""
+        return slope_basis(self.n_basis, self.n_grid)
+
+
+class Alignment(NamedTuple):
+    """Warps of the demonstrations and what they lead to.
+
+    Attributes:
+        warps: one per demonstration.
+        template: the reference; a later demonstration is brought onto it by `align_to`.
+        index: which demonstration the reference is, None if it is none of them.
+        aligned: the smoothed demonstrations at even reference phases, (n, G, D).
+    """
+
+    warps: tuple[Warp, ...]
+    template: Template
+    index: int | None
+    aligned: np.ndarray
+
+    def reference_phase(self, demonstration: int, recorded: np.ndarray) -> np.ndarray:
+        """Phases to learn a demonstration's samples at, same shape as its recorded phases.
+
+        What was recorded before the reference begins or after it ends lies outside [0, 1].
+        """
+        return self.warps[demonstration].inverse(recorded)
+
+
+def align(
+    trajectories: Sequence[np.ndarray],
+    reference: str | int | np.ndarray = "mean",
+    settings: AlignmentSettings | None = None,
+) -> Alignment:
+    """Bring the demonstrations of one task onto a common timing.
+
+    DOFs count by how far demonstrations still differ in them when aligned, so units do not matter
+    and what everybody does alike sets the pace. These scales are estimated on the way.
+
+    Args:
+        trajectories: n arrays (T_i, D) at even recorded phases from 0 to 1, DOFs of any units; or
+            one array (n, T, D).
+        reference: "mean", "medoid" (the demonstration most like the others), the number of a
+            demonstration, or a trajectory (T, D).
+        settings: priors and search.
+
+    Raises:
+        ShapeError: no trajectories, or trajectories that do not fit each other.
+        ArgumentError: a value is not finite, or the reference is unknown.
+    """
+    settings = settings or AlignmentSettings()
+    samples = resample(trajectories, settings.n_grid, settings.smoothing)
+    values, index = choose_reference(samples, reference, settings.smoothing)
+    rough = Template(values, typical_deviation(samples, samples - values))
+    if isinstance(reference, str) and reference == "mean":
+        template, index = _mean_template(samples, rough, settings), None
+    else:
+        some = samples[:: -(-len(samples) // ENOUGH_FOR_SCALES)]
+        parameters = _fit(some, rough, settings, ROUGH_ITERATIONS)
+        deviations = _warped(some, parameters, settings) - values
+        template = Template(values, typical_deviation(samples, deviations))
+    parameters = _fit(samples, template, settings, settings.n_iterations)
+    aligned = _warped(samples, parameters, settings)
+    return Alignment(_warps(parameters, settings), template, index, aligned)
+
+
+def align_to(
+    template: Template,
+    trajectories: Sequence[np.ndarray],
+    settings: AlignmentSettings | None = None,
+) -> tuple[Warp, ...]:
+    """Warps that bring demonstrations onto a known template.
+
+    Each is independent of the others: it comes out the same alone, in company, and of `align` when
+    it found the template.
+
+    Args:
+        template: reference and scales, of `align`.
+        trajectories: as in `align`.
+        settings: those the template was made with.
+
+    Raises:
+        ShapeError: trajectories fit neither each other nor the template.
+        ArgumentError: a value is not finite.
+    """
+    settings = settings or AlignmentSettings()
+    samples = resample(trajectories, settings.n_grid, settings.smoothing)
+    if template.values.shape != samples.shape[1:]:
+        raise ShapeError(
+            describe(
+                "template.values",
+                f"shape {samples.shape[1:]}",
+                template.values.shape,
+                "Use the settings and DOFs it was made with.",
+            )
+        )
+    return _warps(_fit(samples, template, settings, settings.n_iterations), settings)
+
+
+def _fit(
+    samples: np.ndarray, template: Template, settings: AlignmentSettings, n_iterations: int
+) -> np.ndarray:
+    """Parameters of the warps, (n, K + 1), none of higher cost than the identity."""
+    problem = _problem(samples, template, settings)
+    start = search(problem, settings.rate_std, settings.rate_correlation)
+    parameters, cost = descend(problem, start, n_iterations)
+    identity = np.zeros_like(parameters)
+    return np.where((cost < total_cost(problem, identity))[:, None], parameters, identity)
+
+
+def _mean_template(
+    samples: np.ndarray, template: Template, settings: AlignmentSettings
+) -> Template:
+    """Mean and scales of the aligned demonstrations, from a first template on.
+
+    After each round the mean is moved to the demonstrations' average timing, so that it neither
+    keeps the medoid's own hesitations nor drifts.
+    """
+    grid = np.linspace(0.0, 1.0, settings.n_grid)
+    for _ in range(settings.n_means):
+        parameters = _fit(samples, template, settings, settings.n_iterations)
+        aligned = _warped(samples, parameters, settings)
+        mean = aligned.mean(axis=0)
+        scale = typical_deviation(samples, aligned - mean)
+        average = recorded_phase(settings.basis, parameters)[0].mean(axis=0)
+        columns = [np.interp(grid, average, column) for column in mean.T]
+        template = Template(np.stack(columns, axis=1), scale)
+    return template
+
+
+def _problem(samples: np.ndarray, template: Template, settings: AlignmentSettings) -> WarpProblem:
+    """What warps onto a template are fitted to."""
+    return WarpProblem(
+        Curves.through(samples / template.scale),
+        template.values / template.scale,
+        settings.basis,
+        _rate_precision(settings),
+        settings.end_std,
+        settings.n_independent,
+    )
+
+
+def _warps(parameters: np.ndarray, settings: AlignmentSettings) -> tuple[Warp, ...]:
+    """Warps of parameters (n, K + 1)."""
+    rates = np.clip(parameters[:, 1:] @ settings.basis.T, -MAX_LOG_RATE, MAX_LOG_RATE)
+    return tuple(Warp(row[0], rate) for row, rate in zip(parameters, rates, strict=True))
+
+
+def _warped(samples: np.ndarray, parameters: np.ndarray, settings: AlignmentSettings) -> np.ndarray:
+    """Demonstrations (n, G, D) at even reference phases."""
+    return Curves.through(samples).at(recorded_phase(settings.basis, parameters)[0])[0]
+
+
+@lru_cache(maxsize=16)
+def _rate_precision(settings: AlignmentSettings) -> np.ndarray:
+    """Prior precision of the weights, (K, K): a Matern 3/2 process of the log rate."""
+    centers = np.linspace(0.0, 1.0, settings.n_basis)
+    lag = np.sqrt(3.0) * np.abs(centers[:, None] - centers) / settings.rate_correlation
+    covariance = (1.0 + lag) * np.exp(-lag)
+    variance = np.einsum("tk,kl,tl->t", settings.basis, covariance, settings.basis)
+    return np.linalg.inv(covariance) * (np.mean(variance) / settings.rate_std**2)

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""MCAP bags: read, write, recover."""
+
+from intent_recognition.bags.cdr.columns import (
+    JOINT_STATE,
+    POSE,
+    Columns,
+    JointColumns,
+    PoseColumns,
+)
+from intent_recognition.bags.mcap.scan import Damage
+from intent_recognition.bags.messages import BagMessage
+from intent_recognition.bags.metadata import FILE_NAME, TopicInfo, read_metadata
+from intent_recognition.bags.qos_profiles import policy, rosbag2_profile
+from intent_recognition.bags.reader import BagReader, RawMessage, decode
+from intent_recognition.bags.recover import RecoveryReport, recover_bag
+from intent_recognition.bags.writer import FLUSH_PERIOD_S, BagWriter, DiskFullError
+
+__all__ = [
+    "FILE_NAME",
+    "FLUSH_PERIOD_S",
+    "JOINT_STATE",
+    "POSE",
+    "BagMessage",
+    "BagReader",
+    "BagWriter",
+    "Columns",
+    "Damage",
+    "DiskFullError",
+    "JointColumns",
+    "PoseColumns",
+    "RawMessage",
+    "RecoveryReport",
+    "TopicInfo",
+    "decode",
+    "policy",
+    "read_metadata",
+    "recover_bag",
+    "rosbag2_profile",
+]

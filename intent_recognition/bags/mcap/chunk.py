@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What stands inside of an MCAP chunk: decompressed, checked, its messages as columns."""
+
+import mmap
+import struct
+import zlib
+from collections.abc import Iterator
+from io import BytesIO
+from typing import NamedTuple
+
+import lz4.frame
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+
+from intent_recognition.bags.mcap.records import (
+    LEAST_MESSAGE,
+    MESSAGE,
+    MESSAGE_HEADER,
+    RECORD_HEADER,
+    gather,
+    record_positions,
+)
+
+CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, compression length
+PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError)
+CHECKSUM = "checksum of the chunk does not match"
+
+
+class Block(NamedTuple):
+    """One chunk, or one message outside of chunks.
+
+    Attributes:
+        offset: of the record in the file.
+        length: of its content, the 9 bytes of opcode and length not counted.
+        start_ns: log time of the first message, as the record's header says.
+        end_ns: log time of the last message.
+        is_chunk: chunk or bare message.
+        is_cut: the file ends inside of this chunk.
+    """
+
+    offset: int
+    length: int
+    start_ns: int
+    end_ns: int
+    is_chunk: bool = True
+    is_cut: bool = False
+
+
+class MessageTable(NamedTuple):
+    """The messages of one block in file order; n rows.
+
+    Attributes:
+        data: bytes of the block, decompressed.
+        channels: channel ids, uint16 (n,).
+        sequences: uint32 (n,).
+        log_times_ns: uint64 (n,).
+        publish_times_ns: uint64 (n,).
+        starts: where in `data` each payload begins, int64 (n,).
+        lengths: of the payloads, int64 (n,).
+    """
+
+    data: bytes | memoryview
+    channels: np.ndarray
+    sequences: np.ndarray
+    log_times_ns: np.ndarray
+    publish_times_ns: np.ndarray
+    starts: np.ndarray
+    lengths: np.ndarray
+
+    @classmethod
+    def empty(cls) -> "MessageTable":
+        """No message."""
+        kinds = (np.uint16, np.uint32, np.uint64, np.uint64, np.int64, np.int64)
+        return cls(b"", *(np.empty(0, kind) for kind in kinds))
+
+    def rows(self, keep: np.ndarray) -> "MessageTable":
+        """The messages that the mask (n,) or the indices name."""
+        return MessageTable(self.data, *(column[keep] for column in self[1:]))
+
+
+def read_messages(view: bytes | mmap.mmap, block: Block) -> MessageTable:
+    """The messages of one block, its checksum verified.
+
+    Of a chunk cut off by the end of the file all that can be decompressed is returned.
+
+    Raises:
+        ValueError, McapError, zstandard.ZstdError, struct.error, RuntimeError: it is damaged.
+            `PARSE_ERRORS` lists them all.
+    """
+    data = _block_data(view, block)
+    return message_table(data, message_positions(data, record_positions(data, block.is_cut)))
+
+
+def message_positions(data: bytes | memoryview, positions: np.ndarray) -> np.ndarray:
+    """Those of the records at `positions` (n,) that are messages."""
+    return positions[np.frombuffer(data, np.uint8)[positions] == MESSAGE]
+
+
+def message_table(data: bytes | memoryview, positions: np.ndarray) -> MessageTable:
+    """The messages at `positions` (n,)."""
+    heads = gather(data, positions, MESSAGE_HEADER.itemsize).view(MESSAGE_HEADER)
+    return MessageTable(
+        data,
+        heads["channel"],
+        heads["sequence"],
+        heads["log_ns"],
+        heads["publish_ns"],
+        positions + MESSAGE_HEADER.itemsize,
+        heads["length"].astype(np.int64) - LEAST_MESSAGE,
+    )
+
+
+def payloads(table: MessageTable, length: int) -> np.ndarray:
+    """Payloads of a table whose messages all have this length, uint8 (n, length).
+
+    Where they stand at equal distances they are not copied: only valid as long as `table.data`.
+    """
+    steps = np.diff(table.starts)
+    if length and steps.size and np.all(steps == steps[0]):
+        shape, strides = (table.starts.size, length), (int(steps[0]), 1)
+        return np.ndarray(shape, np.uint8, table.data, int(table.starts[0]), strides)
+    return gather(table.data, table.starts, length).view(np.uint8).reshape(-1, length)
+
+
+def read_definitions(view: bytes | mmap.mmap, block: Block) -> Iterator[Schema | Channel]:
+    """Schemas and channels inside of one block, in file order.
+
+    Raises:
+        ValueError and others: as `read_messages`.
+    """
+    data = _block_data(view, block)
+    for position in record_positions(data, block.is_cut).tolist():
+        opcode, length = RECORD_HEADER.unpack_from(data, position)
+        start = position + RECORD_HEADER.size
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            yield parse_definition(opcode, data[start : start + length])
+
+
+def parse_definition(opcode: int, data: bytes) -> Schema | Channel:
+    """The schema or channel of a record's content.
+
+    Raises:
+        ValueError and others: as `read_messages`.
+    """
+    stream = ReadDataStream(BytesIO(data))
+    return Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
+
+
+def chunk_content(view: bytes | mmap.mmap, block: Block) -> tuple[str, bytes, int]:
+    """Compression, compressed records and checksum (0 for none) of a chunk.
+
+    Raises:
+        ValueError, struct.error: it is damaged.
+    """
+    start = block.offset + RECORD_HEADER.size
+    _, _, _, crc, name_length = CHUNK_HEADER.unpack_from(view, start)
+    at = start + CHUNK_HEADER.size
+    compression = bytes(view[at : at + name_length]).decode()
+    return compression, view[at + name_length + 8 : start + block.length], crc
+
+
+def block_size(view: bytes | mmap.mmap, block: Block) -> int:
+    """Bytes of the records of a block, as a chunk says itself."""
+    if not block.is_chunk:
+        return RECORD_HEADER.size + block.length
+    return CHUNK_HEADER.unpack_from(view, block.offset + RECORD_HEADER.size)[2]
+
+
+def _block_data(view: bytes | mmap.mmap, block: Block) -> bytes:
+    """The records of a block; that of a bare message is its own."""
+    size = block_size(view, block)
+    if not block.is_chunk:
+        return bytes(view[block.offset : block.offset + size])
+    compression, content, crc = chunk_content(view, block)
+    data = decompress(compression, content, size, block.is_cut)
+    if not block.is_cut:
+        if len(data) != size:
+            raise ValueError(f"chunk of {len(data)} bytes says it has {size}")
+        if crc and zlib.crc32(data) != crc:
+            raise ValueError(CHECKSUM)
+    return data
+
+
+def decompress(compression: str, data: bytes, size: int, is_cut: bool = False) -> bytes:
+    """The records of a chunk; of one cut off, those bytes that can be had.
+
+    Raises:
+        ValueError and others: as `read_messages`.
+    """
+    if compression == "zstd":
+        if is_cut:
+            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+    if compression == "lz4":
+        if is_cut:
+            return lz4.frame.LZ4FrameDecompressor().decompress(data)
+        return lz4.frame.decompress(data)
+    if compression == "":
+        return data
+    raise ValueError(f"unknown compression {compression!r}")

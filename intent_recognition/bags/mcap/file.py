@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One MCAP file of a recording: its messages in the order of log time, up to or past damage."""
+
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
+from mmap import mmap
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from mcap.records import Channel, Schema
+
+from intent_recognition.bags.mcap.chunk import PARSE_ERRORS, Block, MessageTable, read_messages
+from intent_recognition.bags.mcap.group import GroupReader, groups
+from intent_recognition.bags.mcap.scan import Damage, open_view, scan_file
+from intent_recognition.bags.messages import RECOVER
+from intent_recognition.errors import BagError, describe
+
+
+class _Item(NamedTuple):
+    """One message; sorts by log time, then as recorded."""
+
+    log_time_ns: int
+    offset: int
+    index: int
+    publish_time_ns: int
+    sequence: int
+    data: bytes
+    channel: Channel
+
+
+class McapFile:
+    """A scanned file.
+
+    Args:
+        path: of the file.
+        tolerant: go on behind damage instead of raising.
+        damage: where a tolerant reader notes what it left out; shared with other files.
+
+    Raises:
+        BagError: the file cannot be opened or is empty.
+    """
+
+    def __init__(self, path: Path, *, tolerant: bool, damage: list[Damage]):
+        self.path = path
+        self.scan = scan_file(path)
+        self._tolerant = tolerant
+        self._damage = damage
+        damage.extend(self.scan.damage)
+
+    def schema(self, channel: Channel) -> Schema | None:
+        """The definition of a channel's type."""
+        return self.scan.schemas.get(channel.schema_id)
+
+    def channel_ids(self, topic: str) -> list[int]:
+        """Channels of a topic, its name without leading slash."""
+        return [c.id for c in self.scan.channels.values() if c.topic.lstrip("/") == topic]
+
+    def counts(self) -> Mapping[int, int]:
+        """Messages per channel; counted when the summary does not say."""
+        if self.scan.statistics and not self.scan.damage:
+            return dict(self.scan.statistics.channel_message_counts)
+        counts: Counter[int] = Counter()
+        with open_view(self.path) as view:
+            for block in self.scan.blocks:
+                try:
+                    table = read_messages(view, block)
+                except PARSE_ERRORS:
+                    continue
+                counts.update(table.channels.tolist())
+        return counts
+
+    def tables(self, wanted: Collection[int]) -> Iterator[MessageTable]:
+        """The messages of some channels block by block, in the order they were recorded.
+
+        Small blocks come together. A table's `data` is valid until the next is asked for.
+
+        Args:
+            wanted: ids of the channels.
+
+        Raises:
+            BagError: damage, as in `items`.
+        """
+        with open_view(self.path) as view:
+            reader = GroupReader(view, self.scan.channels.keys(), wanted)
+            for group in groups(view, sorted(self._usable(), key=lambda b: b.offset)):
+                table = self._group(reader, group)
+                if table is not None:
+                    yield table
+                    continue
+                for block in group:
+                    table = self._table(view, block)
+                    yield table.rows(np.isin(table.channels, list(wanted)))
+        self._raise_damage()
+
+    def items(self, wanted: set[str] | None) -> Iterator[_Item]:
+        """Messages of all topics, or those of `wanted` (no leading slash), by log time.
+
+        Raises:
+            BagError: damage; names the file, topics and time. Raised when it is reached, so
+                that what stands before it has been given out.
+        """
+        waiting: list[_Item] = []
+        with open_view(self.path) as view:
+            # Blocks that overlap in time are merged; only those are in memory at once.
+            for block in sorted(self._usable(), key=lambda b: (b.start_ns, b.offset)):
+                before = bisect_left(waiting, block.start_ns, key=lambda i: i.log_time_ns)
+                yield from waiting[:before]
+                del waiting[:before]
+                waiting += self._block_items(block, self._table(view, block), wanted)
+                waiting.sort()
+            yield from waiting
+        self._raise_damage()
+
+    def _usable(self) -> list[Block]:
+        """All blocks; a reader that is not tolerant stops at the first damage."""
+        scan = self.scan
+        if self._tolerant or not scan.damage:
+            return scan.blocks
+        return [b for b in scan.blocks if b.offset < scan.damage[0].offset and not b.is_cut]
+
+    def _block_items(
+        self, block: Block, table: MessageTable, wanted: set[str] | None
+    ) -> list[_Item]:
+        """The wanted messages of a block, sorted."""
+        channels = {
+            number: channel
+            for number, channel in self.scan.channels.items()
+            if wanted is None or channel.topic.lstrip("/") in wanted
+        }
+        rows = np.flatnonzero(np.isin(table.channels, list(channels)))
+        rows = rows[np.argsort(table.log_times_ns[rows], kind="stable")]
+        _, *columns = table.rows(rows)
+        data = table.data
+        return [
+            _Item(log_ns, block.offset, i, publish_ns, sequence, data[at : at + n], channels[c])
+            for i, c, sequence, log_ns, publish_ns, at, n in zip(
+                rows.tolist(), *(column.tolist() for column in columns), strict=True
+            )
+        ]
+
+    def _group(self, reader: GroupReader, blocks: list[Block]) -> MessageTable | None:
+        """Messages of several blocks; None where each had better be looked at by itself."""
+        if blocks[-1].is_cut:
+            return None
+        try:
+            return reader.read(blocks)
+        except PARSE_ERRORS:
+            return None
+
+    def _table(self, view: mmap, block: Block) -> MessageTable:
+        """Messages of a block whose topics are known; none of a broken one if tolerant."""
+        try:
+            table = read_messages(view, block)
+            times_ns = table.log_times_ns
+            if times_ns.size and not (
+                block.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= block.end_ns
+            ):
+                raise ValueError("times of the chunk and of its messages disagree")
+        except PARSE_ERRORS as error:
+            self._note(block, str(error), error)
+            return MessageTable.empty()
+        unknown = set(np.unique(table.channels).tolist()) - self.scan.channels.keys()
+        for number in sorted(unknown):
+            self._note(block, f"nothing tells the topic of channel {number}")
+        if unknown:
+            return table.rows(~np.isin(table.channels, list(unknown)))
+        return table
+
+    def _note(self, block: Block, reason: str, cause: Exception | None = None) -> None:
+        damage = Damage(block.offset, reason, block.start_ns, block.end_ns)
+        if not self._tolerant:
+            raise self._error(damage) from cause
+        if damage not in self._damage:
+            self._damage.append(damage)
+
+    def _raise_damage(self) -> None:
+        if self.scan.damage and not self._tolerant:
+            raise self._error(self.scan.damage[0])
+
+    def _error(self, damage: Damage) -> BagError:
+        topics = ", ".join(sorted(c.topic for c in self.scan.channels.values())) or "unknown"
+        until = f" to {damage.end_ns}" if damage.end_ns else ""
+        place = f"{self.path}: topics {topics}: time {damage.start_ns}{until} ns"
+        return BagError(
+            describe(f"{place}: byte {damage.offset}", "a whole recording", damage.reason, RECOVER)
+        )

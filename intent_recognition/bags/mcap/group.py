@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Small chunks read as one: a recorder writes two a second, each too small to be worth columns."""
+
+import mmap
+import zlib
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+import zstandard
+
+from intent_recognition.bags.mcap.chunk import (
+    CHECKSUM,
+    Block,
+    MessageTable,
+    block_size,
+    chunk_content,
+    decompress,
+    message_positions,
+    message_table,
+)
+from intent_recognition.bags.mcap.records import MESSAGE_HEADER, gather, record_positions
+
+GROUP_BYTES = 2**20
+LARGE_BYTES = 2**18
+"""From this size on, to decompress in place is faster than to copy."""
+UNKNOWN, KNOWN, WANTED = range(3)
+CHANNEL, LOG_NS = (MESSAGE_HEADER.fields[name][1] for name in ("channel", "log_ns"))
+LARGEST_RATIO = 2**16
+"""No compression does better; a larger size is damage, not worth the memory."""
+
+
+def groups(view: bytes | mmap.mmap, blocks: Iterable[Block]) -> Iterator[list[Block]]:
+    """Blocks that follow one another, about `GROUP_BYTES` of records each; a larger one alone."""
+    group: list[Block] = []
+    total = 0
+    for block in blocks:
+        size = block_size(view, block)
+        if group and (total + size > GROUP_BYTES or block.is_cut or group[-1].is_cut):
+            yield group
+            group, total = [], 0
+        group.append(block)
+        total += size
+    if group:
+        yield group
+
+
+class GroupReader:
+    """Reads groups of blocks to the same memory again and again, which is faster than new memory.
+
+    Args:
+        view: bytes of the file.
+        known: ids of all channels.
+        wanted: ids of those whose messages are read.
+    """
+
+    def __init__(self, view: bytes | mmap.mmap, known: Collection[int], wanted: Collection[int]):
+        self._view = view
+        self._kinds = np.full(2**16, UNKNOWN, np.uint8)  # by the number of the channel
+        self._kinds[list(known)] = KNOWN
+        self._kinds[list(wanted)] = WANTED
+        self._buffer = bytearray()
+        self._zstd = zstandard.ZstdDecompressor()
+
+    def read(self, blocks: Sequence[Block]) -> MessageTable:
+        """The wanted messages of whole blocks; the table's `data` is valid until the next call.
+
+        Raises:
+            ValueError and others: one of them is damaged, see `read_messages`, or a message of a
+                channel that is not known.
+        """
+        sizes = [block_size(self._view, block) for block in blocks]
+        for block, size in zip(blocks, sizes, strict=True):
+            if size > LARGEST_RATIO * block.length:
+                raise ValueError(f"{block.length} bytes say they are {size} decompressed")
+        if sum(sizes) > len(self._buffer):
+            self._buffer = bytearray(max(sum(sizes), GROUP_BYTES))
+        data = memoryview(self._buffer)[: sum(sizes)]
+        edges = np.cumsum([0, *sizes])
+        for block, (start, stop) in zip(blocks, pairwise(edges.tolist()), strict=True):
+            self._fill(block, data[start:stop])
+        positions = record_positions(data, is_cut=False)
+        begins = edges[:-1][np.diff(edges) > 0]
+        if np.any(positions[np.searchsorted(positions, begins, side="right") - 1] != begins):
+            raise ValueError("a chunk ends inside of a record")
+        positions = message_positions(data, positions)
+        self._check_times(blocks, data, positions, edges)
+        kinds = self._kinds[gather(data, positions + CHANNEL, 2).view("<u2")]
+        if not kinds.all():
+            raise ValueError("nothing tells the topic of a channel")
+        return message_table(data, positions[kinds == WANTED])
+
+    def _check_times(self, blocks, data: memoryview, positions: np.ndarray, edges) -> None:
+        """The times of the messages at `positions` (n,), in blocks between `edges`."""
+        log_ns = gather(data, positions + LOG_NS, 8).view("<u8")
+        first = np.searchsorted(positions, edges)
+        filled = np.flatnonzero(np.diff(first))
+        if not filled.size:
+            return
+        said = np.array([(block.start_ns, block.end_ns) for block in blocks], np.uint64)[filled]
+        if np.any(np.minimum.reduceat(log_ns, first[filled]) < said[:, 0]) or np.any(
+            np.maximum.reduceat(log_ns, first[filled]) > said[:, 1]
+        ):
+            raise ValueError("times of a chunk and of its messages disagree")
+
+    def _fill(self, block: Block, target: memoryview) -> None:
+        """Write the records of a block to its place."""
+        if not block.is_chunk:
+            target[:] = self._view[block.offset : block.offset + len(target)]
+            return
+        compression, content, crc = chunk_content(self._view, block)
+        if compression == "zstd" and len(target) >= LARGE_BYTES:
+            with self._zstd.stream_reader(content) as reader:
+                if reader.readinto(target) != len(target) or reader.read(1):
+                    raise ValueError(f"chunk of another size than {len(target)} bytes")
+        elif compression == "zstd":
+            target[:] = self._zstd.decompress(content, max_output_size=len(target))
+        else:
+            target[:] = decompress(compression, content, len(target))
+        if crc and zlib.crc32(target) != crc:
+            raise ValueError(CHECKSUM)

@@ -1,0 +1,305 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Walk an MCAP file record by record, through damage: what is whole, what is not, and where."""
+
+import mmap
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema, Statistics
+
+from intent_recognition.bags.mcap.chunk import (
+    CHUNK_HEADER,
+    PARSE_ERRORS,
+    Block,
+    parse_definition,
+    read_definitions,
+)
+from intent_recognition.bags.mcap.records import RECORD_HEADER
+from intent_recognition.errors import BagError, describe
+
+MAGIC = b"\x89MCAP0\r\n"
+FOOTER = struct.Struct("<QQI")
+INDEX_HEADER = struct.Struct("<HI")  # channel, bytes of the index that follows
+INDEX_RECORD = struct.Struct("<BQHI")  # the same with opcode and length before
+CHUNK, MESSAGE_INDEX = int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
+LONGEST_COMPRESSION = 16
+CHUNK_START = re.compile(
+    rb"(?=\x06.{36}(?:\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4|\x00\x00\x00\x00))", re.DOTALL
+)
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A part of the file that cannot be read; times are 0 when unknown."""
+
+    offset: int
+    reason: str
+    start_ns: int = 0
+    end_ns: int = 0
+
+
+@dataclass
+class Scan:
+    """What a walk over the file found.
+
+    Attributes:
+        blocks: where the messages are, in file order.
+        damage: what is broken, in file order; empty for a whole file.
+        schemas: by id. From the checked summary, else from wherever they stood.
+        channels: by id.
+        is_finished: the recording was closed in good order.
+        statistics: of the summary, None without it.
+    """
+
+    blocks: list[Block] = field(default_factory=list)
+    damage: list[Damage] = field(default_factory=list)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    is_finished: bool = False
+    statistics: Statistics | None = None
+
+
+def scan_file(path: Path) -> Scan:
+    """Find all chunks and definitions of a file; chunks are not decompressed yet.
+
+    Raises:
+        BagError: the file cannot be opened or is empty.
+    """
+    scan = Scan()
+    try:
+        with path.open("rb") as stream:
+            size = stream.seek(0, 2)
+            if size == 0:
+                raise BagError(
+                    describe(str(path), "an MCAP file", "an empty file", "Record again.")
+                )
+            with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as view:
+                _walk(view, scan)
+                _read_summary(view, scan)
+    except OSError as error:
+        raise BagError(describe(str(path), "a readable file", error, "Check the path.")) from error
+    return scan
+
+
+def open_view(path: Path) -> mmap.mmap:
+    """The bytes of a file for `read_messages`; close it after use."""
+    with path.open("rb") as stream:
+        return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+
+
+def _walk(view: mmap.mmap, scan: Scan) -> None:
+    position = previous = len(MAGIC)
+    if view[: len(MAGIC)] != MAGIC:
+        scan.damage.append(Damage(0, "the file does not begin as an MCAP file"))
+    while position < len(view):
+        after, previous = _pass_chunks(view, position, previous, scan)
+        if after != position:
+            position = after
+            continue
+        end = _read_record(view, position, scan)
+        if end is None:
+            found = _resynchronise(view, min(previous, position + 1), position)
+            _note_damage(view, position, found, scan)
+            if found is None:
+                return
+            previous = position = found
+            continue
+        if view[position] == Opcode.FOOTER:
+            scan.is_finished = True
+            if view[end : end + len(MAGIC)] != MAGIC:
+                scan.damage.append(Damage(end, "the file does not end as an MCAP file"))
+            return
+        # What a chunk's length spans is known to be right; of others only what follows shows it.
+        previous = end if view[position] == Opcode.CHUNK else position + 1
+        position = end
+
+
+def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: Scan) -> tuple[int, int]:
+    """Take in sound chunks and message indices from `position` on, most of a file, quickly.
+
+    Returns:
+        Where the first other record begins, and where to look for a chunk if it is none.
+    """
+    head, index, read = RECORD_HEADER.size, INDEX_HEADER.size, INDEX_RECORD.unpack_from
+    size, last = len(view), len(view) - INDEX_RECORD.size
+    while position <= last:
+        opcode, length, _, index_bytes = read(view, position)
+        end = position + head + length
+        if end > size:
+            break
+        if opcode == MESSAGE_INDEX:
+            if index_bytes != length - index:
+                break
+            previous = position + 1
+        elif opcode == CHUNK and (block := _chunk_block(view, position, length)):
+            scan.blocks.append(block)
+            previous = end
+        else:
+            break
+        position = end
+    return position, previous
+
+
+def _note_damage(view: mmap.mmap, position: int, found: int | None, scan: Scan) -> None:
+    last_ns = scan.blocks[-1].end_ns if scan.blocks else 0
+    if found is not None:
+        scan.damage.append(Damage(position, f"unreadable up to byte {found}", last_ns))
+        return
+    block = _cut_chunk(view, position)
+    if block:
+        scan.blocks.append(block)
+        last_ns = block.start_ns
+    reason = f"truncated or unreadable after byte {position} of {len(view)}"
+    scan.damage.append(Damage(position, reason, last_ns))
+
+
+def _read_record(view: mmap.mmap, position: int, scan: Scan) -> int | None:
+    """Take in the record at `position`; its end, or None when there is no sound record."""
+    start = position + RECORD_HEADER.size
+    if start > len(view):
+        return None
+    opcode, length = RECORD_HEADER.unpack_from(view, position)
+    if start + length > len(view):
+        return None
+    try:
+        sound = _take_record(view, position, opcode, length, scan)
+    except PARSE_ERRORS:
+        return None
+    return start + length if sound else None
+
+
+def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan: Scan) -> bool:
+    start = position + RECORD_HEADER.size
+    if opcode == Opcode.CHUNK:
+        block = _chunk_block(view, position, length)
+        if block:
+            scan.blocks.append(block)
+        return block is not None
+    if opcode == Opcode.MESSAGE:
+        if length < 22:
+            return False
+        (log_ns,) = struct.unpack_from("<Q", view, start + 6)
+        scan.blocks.append(Block(position, length, log_ns, log_ns, is_chunk=False))
+    elif opcode == Opcode.MESSAGE_INDEX:
+        return length >= 6 and struct.unpack_from("<I", view, start + 2)[0] == length - 6
+    elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+        _take_definition(parse_definition(opcode, bytes(view[start : start + length])), scan)
+    elif opcode == Opcode.FOOTER:
+        return length == FOOTER.size
+    elif opcode == Opcode.DATA_END:
+        return length == 4
+    elif opcode == Opcode.STATISTICS:
+        scan.statistics = Statistics.read(ReadDataStream(BytesIO(view[start : start + length])))
+    else:
+        return Opcode.HEADER <= opcode <= Opcode.DATA_END or opcode >= 0x80
+    return True
+
+
+def _chunk_block(view: mmap.mmap, position: int, length: int) -> Block | None:
+    """The chunk at `position` when its own lengths agree with `length`."""
+    start = position + RECORD_HEADER.size
+    head = CHUNK_HEADER.size
+    if length < head + 8:
+        return None
+    first, last, _, _, name_length = CHUNK_HEADER.unpack_from(view, start)
+    if name_length > LONGEST_COMPRESSION or length < head + name_length + 8:
+        return None
+    (data_length,) = struct.unpack_from("<Q", view, start + head + name_length)
+    if head + name_length + 8 + data_length != length:
+        return None
+    return Block(position, length, first, last)
+
+
+def _cut_chunk(view: mmap.mmap, position: int) -> Block | None:
+    """The chunk at `position` that the end of the file cuts off."""
+    start = position + RECORD_HEADER.size
+    if len(view) < start + CHUNK_HEADER.size + LONGEST_COMPRESSION + 8:
+        return None
+    opcode, length = RECORD_HEADER.unpack_from(view, position)
+    if (
+        opcode != Opcode.CHUNK
+        or start + length <= len(view)
+        or not CHUNK_START.match(view, position)
+    ):
+        return None
+    block = _chunk_block(view, position, length)
+    return block and Block(position, len(view) - start, block.start_ns, block.end_ns, is_cut=True)
+
+
+def _resynchronise(view: mmap.mmap, position: int, failed: int) -> int | None:
+    """Offset of the next chunk at or after `position`, but for the one that `failed`."""
+    for match in CHUNK_START.finditer(view, position):
+        at = match.start()
+        _, length = RECORD_HEADER.unpack_from(view, at)
+        if at == failed:
+            continue
+        whole = at + RECORD_HEADER.size + length <= len(view)
+        if (whole and _chunk_block(view, at, length)) or _cut_chunk(view, at):
+            return at
+    return None
+
+
+def _take_definition(found: Schema | Channel, scan: Scan) -> None:
+    known = scan.schemas if isinstance(found, Schema) else scan.channels
+    known.setdefault(found.id, found)
+
+
+def _read_summary(view: mmap.mmap, scan: Scan) -> None:
+    """Trust the summary's definitions when its checksum holds, else those inside the chunks."""
+    summary = _checked_summary(view) if scan.is_finished else None
+    if summary is None:
+        if scan.is_finished:
+            scan.damage.append(Damage(len(view), "checksum of the summary does not match"))
+        scan.statistics = None
+        _definitions_of_chunks(view, scan)
+        return
+    records = list(_summary_definitions(summary))
+    for found in records:
+        known = scan.schemas if isinstance(found, Schema) else scan.channels
+        known[found.id] = found
+    found_chunks = sum(block.is_chunk for block in scan.blocks)
+    if scan.statistics and not scan.damage and scan.statistics.chunk_count != found_chunks:
+        said = f"{scan.statistics.chunk_count} chunks were written, not all of them are found"
+        scan.damage.append(Damage(len(view), said))
+
+
+def _checked_summary(view: mmap.mmap) -> bytes | None:
+    footer = len(view) - len(MAGIC) - FOOTER.size
+    if footer < RECORD_HEADER.size:
+        return None
+    start, _, crc = FOOTER.unpack_from(view, footer)
+    if not 0 < start <= footer:
+        return None
+    summary = bytes(view[start : footer - RECORD_HEADER.size])
+    covered = bytes(view[start : footer + FOOTER.size - 4])
+    return summary if crc == 0 or zlib.crc32(covered) == crc else None
+
+
+def _summary_definitions(summary: bytes) -> Iterator[Schema | Channel]:
+    position = 0
+    while position + RECORD_HEADER.size <= len(summary):
+        opcode, length = RECORD_HEADER.unpack_from(summary, position)
+        start = position + RECORD_HEADER.size
+        position = start + length
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and position <= len(summary):
+            yield parse_definition(opcode, summary[start:position])
+
+
+def _definitions_of_chunks(view: mmap.mmap, scan: Scan) -> None:
+    for block in scan.blocks:
+        if not block.is_chunk:
+            continue
+        try:
+            records = list(read_definitions(view, block))
+        except PARSE_ERRORS:
+            continue
+        for found in records:
+            known = scan.schemas if isinstance(found, Schema) else scan.channels
+            known[found.id] = found

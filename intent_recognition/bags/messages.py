@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One message of a bag, raw and decoded, and the decoders of its types."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+from mcap.records import Schema
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.typesys import get_types_from_msg
+
+from intent_recognition.bags.cdr.fast_decode import fast_decoder
+from intent_recognition.bags.definitions import definition, jazzy_names, jazzy_types
+from intent_recognition.errors import MessageError, describe
+
+RECOVER = "Save what is left with `intent recover`."
+
+
+@dataclass(frozen=True)
+class RawMessage:
+    """One message as it was recorded; `data` are its CDR bytes."""
+
+    topic: str
+    type: str
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+    sequence: int = 0
+
+
+@dataclass(frozen=True)
+class BagMessage:
+    """One decoded message; `stamp_ns` is its header's stamp, or the log time without a header."""
+
+    topic: str
+    type: str
+    log_time_ns: int
+    stamp_ns: int
+    message: object
+
+
+def schema_decoder(schema: Schema) -> Callable[[bytes], object] | None:
+    """Function from CDR bytes to a message with the attributes of its type.
+
+    None when the definition is in a form that cannot be used.
+
+    Raises:
+        Exception: whatever the parser of definitions raises.
+    """
+    found = DecoderFactory().decoder_for("cdr", schema)
+    return fast_decoder(schema.name, found) if found and is_standard(schema) else found
+
+
+def is_standard(schema: Schema) -> bool:
+    """Whether the definition in the bag has the fields that Jazzy's has, comments aside."""
+    return schema.encoding == "ros2msg" and _same_fields(schema.name, bytes(schema.data))
+
+
+@lru_cache(maxsize=256)
+def _same_fields(type_name: str, text: bytes) -> bool:
+    if type_name not in jazzy_names():
+        return False
+    if text.decode(errors="replace") == definition(type_name).text:
+        return True
+    store = jazzy_types()
+    try:
+        found = get_types_from_msg(text.decode(), type_name)
+        return type_name in found and all(found[n] == store.fielddefs[n] for n in found)
+    except Exception:  # the parser of definitions raises what it meets; not ours to read fast
+        return False
+
+
+def decode(raw: RawMessage, decoder: Callable[[bytes], object]) -> BagMessage:
+    """Decode one raw message.
+
+    Raises:
+        MessageError: the bytes do not fit the type; names topic and time.
+    """
+    try:
+        message = decoder(raw.data)
+    except Exception as error:  # the decoder raises what struct, numpy and utf-8 raise
+        place = f"topic {raw.topic} at {raw.log_time_ns} ns"
+        raise MessageError(describe(place, f"a {raw.type}", error, RECOVER)) from error
+    return BagMessage(raw.topic, raw.type, raw.log_time_ns, stamp_of(message, raw), message)
+
+
+def stamp_of(message: object, raw: RawMessage) -> int:
+    """Stamp of the header in nanoseconds; the log time for a type without header."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is None:
+        return raw.log_time_ns
+    return stamp.sec * 1_000_000_000 + stamp.nanosec

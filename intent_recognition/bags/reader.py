@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Read a rosbag2 directory with MCAP storage: raw or decoded messages in the order of log time."""
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.bags.cdr.columns import Columns, ColumnsBuilder
+from intent_recognition.bags.definitions import Definition
+from intent_recognition.bags.files import find_files, find_metadata
+from intent_recognition.bags.mcap.chunk import Block
+from intent_recognition.bags.mcap.file import McapFile
+from intent_recognition.bags.mcap.scan import Damage
+from intent_recognition.bags.messages import (
+    RECOVER,
+    BagMessage,
+    RawMessage,
+    decode,
+    is_standard,
+    schema_decoder,
+)
+from intent_recognition.bags.metadata import TopicInfo, parse_qos
+from intent_recognition.errors import MessageError, describe
+
+
+class BagReader:
+    """A recorded bag; holds no file open between calls.
+
+    Args:
+        path: bag directory, or a single .mcap file.
+        tolerant: go on behind damage instead of raising; `damage` tells what was left out.
+
+    Attributes:
+        path: as given.
+        metadata: of metadata.yaml, or None when there is none (see `notes`).
+        is_finished: False when the recorder was killed.
+        damage: places that cannot be read; grows while a tolerant reader reads.
+        notes: what is odd but does no harm, as sentences.
+
+    Raises:
+        BagError: there is no readable MCAP file, or metadata.yaml is not a bag's.
+    """
+
+    def __init__(self, path: str | Path, *, tolerant: bool = False):
+        self.path = Path(path)
+        self.notes: list[str] = []
+        self.damage: list[Damage] = []
+        self.metadata, notes = find_metadata(self.path, tolerant=tolerant)
+        files, more = find_files(self.path, self.metadata, tolerant=tolerant)
+        self.notes.extend([*notes, *more])
+        self._files = [McapFile(f, tolerant=tolerant, damage=self.damage) for f in files]
+        self.is_finished = all(file.scan.is_finished for file in self._files)
+        if not self.is_finished:
+            self.notes.append("the recording was not closed; up to a second may be missing")
+
+    @property
+    def custom_data(self) -> dict[str, str]:
+        """Labels of the recording."""
+        return dict(self.metadata.custom_data) if self.metadata else {}
+
+    @property
+    def task(self) -> str | None:
+        """Label of the demonstration, None when it has none."""
+        return self.custom_data.get("task") or None
+
+    @property
+    def start_ns(self) -> int:
+        """Log time of the first message, 0 for an empty bag."""
+        return min((b.start_ns for b in self._blocks()), default=0)
+
+    @property
+    def end_ns(self) -> int:
+        """Log time of the last message, 0 for an empty bag."""
+        return max((b.end_ns for b in self._blocks()), default=0)
+
+    @cached_property
+    def topics(self) -> dict[str, TopicInfo]:
+        """All topics by their recorded name, with message counts."""
+        hashes = {t.name: t.type_hash for t in self.metadata.topics} if self.metadata else {}
+        topics: dict[str, TopicInfo] = {}
+        for file in self._files:
+            counts = file.counts()
+            for channel in file.scan.channels.values():
+                schema = file.schema(channel)
+                before = topics.get(channel.topic)
+                topics[channel.topic] = TopicInfo(
+                    channel.topic,
+                    schema.name if schema else "",
+                    counts.get(channel.id, 0) + (before.message_count if before else 0),
+                    channel.metadata.get("topic_type_hash") or hashes.get(channel.topic, ""),
+                    parse_qos(channel.metadata.get("offered_qos_profiles")),
+                )
+        return topics
+
+    @property
+    def message_count(self) -> int:
+        """Messages over all topics."""
+        return sum(topic.message_count for topic in self.topics.values())
+
+    def raw_messages(self, topics: Iterable[str] | None = None) -> Iterator[RawMessage]:
+        """All messages, or those of `topics`, ordered by log time, then as recorded.
+
+        Raises:
+            BagError: damage; names the file, topics and time. Raised when it is reached, so
+                that what stands before it has been given out.
+        """
+        wanted = None if topics is None else {topic.lstrip("/") for topic in topics}
+        for file in self._files:
+            for item in file.items(wanted):
+                schema = file.schema(item.channel)
+                yield RawMessage(
+                    item.channel.topic,
+                    schema.name if schema else "",
+                    item.log_time_ns,
+                    item.publish_time_ns,
+                    item.data,
+                    item.sequence,
+                )
+
+    def columns(self, topics: Iterable[str]) -> dict[str, Columns | None]:
+        """All messages of some topics as arrays, for PoseStamped and JointState.
+
+        The values are those of `messages`, bit for bit, in the same order.
+
+        Args:
+            topics: names, with or without leading slash.
+
+        Returns:
+            By topic name without leading slash; None where `messages` must do it: another type,
+            a definition of its own, big endian, more than a few different layouts, or bytes
+            that do not fit the type.
+
+        Raises:
+            BagError: damage; nothing is given out then.
+        """
+        names = dict.fromkeys(topic.lstrip("/") for topic in topics)
+        builders = {name: self._builder(name) for name in names}
+        for number, file in enumerate(self._files):
+            ids = {name: file.channel_ids(name) for name, builder in builders.items() if builder}
+            wanted = [i for own in ids.values() for i in own]
+            for table in file.tables(wanted) if wanted else ():
+                for name, own in ids.items():
+                    builder, part = builders[name], table
+                    if len(own) < len(wanted):
+                        part = table.rows(np.flatnonzero(np.isin(table.channels, own)))
+                    if builder and part.starts.size and not builder.add(number, part):
+                        builders[name] = None
+        return {name: builder and builder.columns() for name, builder in builders.items()}
+
+    def messages(self, topics: Iterable[str] | None = None) -> Iterator[BagMessage]:
+        """Decoded messages in the same order, of any type the bag defines.
+
+        Raises:
+            BagError: damage, as in `raw_messages`.
+            MessageError: a message cannot be decoded with the definition in the bag.
+        """
+        decoders: dict[tuple[str, str], Callable[[bytes], object]] = {}
+        for raw in self.raw_messages(topics):
+            key = (raw.topic, raw.type)
+            if key not in decoders:
+                decoders[key] = self.decoder(*key)
+            yield decode(raw, decoders[key])
+
+    def decoder(self, topic: str, type_name: str) -> Callable[[bytes], object]:
+        """Function from CDR bytes to a message with the attributes of its type.
+
+        Raises:
+            MessageError: the definition in the bag cannot be used.
+        """
+        try:
+            for file in self._files:
+                for schema in file.scan.schemas.values():
+                    if schema.name == type_name and (found := schema_decoder(schema)):
+                        return found
+        except Exception as error:  # the parser of definitions raises what it meets
+            raise self._no_decoder(topic, type_name, error) from error
+        raise self._no_decoder(topic, type_name, "no ros2msg definition of it")
+
+    def definition_of(self, topic: str) -> Definition | None:
+        """The definition the bag itself holds of a topic's type, None when it holds none."""
+        for file in self._files:
+            for channel in file.scan.channels.values():
+                schema = file.schema(channel)
+                if channel.topic == topic and schema is not None:
+                    text = schema.data.decode(errors="replace")
+                    return Definition(
+                        schema.name, text, self.topics[topic].type_hash, schema.encoding
+                    )
+        return None
+
+    def _no_decoder(self, topic: str, type_name: str, error: object) -> MessageError:
+        expected = f"a usable definition of {type_name or 'its type'}"
+        return MessageError(describe(f"{self.path}: topic {topic}", expected, error, RECOVER))
+
+    def _blocks(self) -> Iterator[Block]:
+        return (block for file in self._files for block in file.scan.blocks)
+
+    def _builder(self, name: str) -> ColumnsBuilder | None:
+        """Where the columns of a topic are collected, None if its type has none."""
+        schemas = [
+            file.schema(file.scan.channels[number])
+            for file in self._files
+            for number in file.channel_ids(name)
+        ]
+        types = {schema.name if schema and is_standard(schema) else "" for schema in schemas}
+        return ColumnsBuilder(types.pop()) if len(types) == 1 else None

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Save what can be saved from a truncated or damaged recording."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+
+from intent_recognition.bags.mcap.scan import Damage
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.bags.writer import BagWriter
+from intent_recognition.errors import BagError, describe
+
+
+@dataclass(frozen=True)
+class RecoveryReport:
+    """What was saved and what was not.
+
+    Attributes:
+        source: the damaged bag.
+        output: the new bag.
+        message_counts: messages saved, by topic.
+        start_ns: log time of the first message saved, 0 for none.
+        end_ns: log time of the last message saved.
+        damage: what was left out: byte offset, reason, log times.
+        notes: what else was odd, as sentences.
+    """
+
+    source: str
+    output: str
+    message_counts: Mapping[str, int] = field(default_factory=dict)
+    start_ns: int = 0
+    end_ns: int = 0
+    damage: tuple[Damage, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def message_count(self) -> int:
+        """Messages saved over all topics."""
+        return sum(self.message_counts.values())
+
+
+def recover_bag(source: str | Path, output: str | Path) -> RecoveryReport:
+    """Write a whole bag with every message of `source` whose checksum holds.
+
+    Damaged stretches are skipped up to the next whole chunk; of a chunk that the end of the file
+    cuts off, what can be decompressed is kept. Labels come from metadata.yaml when it is readable.
+
+    Args:
+        source: bag directory or .mcap file; it is not changed.
+        output: directory of the new bag; must not exist.
+
+    Raises:
+        BagError: there is no MCAP file, or not one message in it can be read.
+        ResourceBusyError: `output` exists already.
+    """
+    reader = BagReader(source, tolerant=True)
+    messages = reader.raw_messages()
+    first = next(messages, None)
+    if first is None:
+        why = reader.damage[0].reason if reader.damage else "the bag is empty"
+        raise BagError(describe(str(source), "a message that can be read", why, "Record it again."))
+    counts: Counter[str] = Counter()
+    last_ns = first.log_time_ns
+    with BagWriter(output, reader.custom_data, flush_period_s=None) as writer:
+        for topic in reader.topics.values():
+            found = reader.definition_of(topic.name)
+            writer.add_topic(topic.name, topic.type, topic.offered_qos_profiles, found)
+        for message in chain([first], messages):
+            writer.write(
+                message.topic,
+                message.type,
+                message.data,
+                message.log_time_ns,
+                message.publish_time_ns,
+                sequence=message.sequence,
+            )
+            counts[message.topic] += 1
+            last_ns = max(last_ns, message.log_time_ns)
+    damage = tuple(sorted(reader.damage, key=lambda found: found.offset))
+    notes = tuple(reader.notes)
+    return RecoveryReport(
+        str(source), str(output), dict(counts), first.log_time_ns, last_ns, damage, notes
+    )

@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write a rosbag2 directory with MCAP storage, so that a killed recorder loses a second at most."""
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Schema
+from mcap.writer import Writer
+
+from intent_recognition.bags.definitions import Definition, definition, serialize
+from intent_recognition.bags.metadata import BagMetadata, TopicInfo, dump_yaml, write_metadata
+from intent_recognition.errors import BagError, ResourceBusyError, describe
+
+FLUSH_PERIOD_S = 0.5
+MIN_FREE_BYTES = 16 * 2**20
+CHUNK_BYTES = 2**20
+
+
+class DiskFullError(BagError):
+    """The disk is (nearly) full; what was written until now is a complete bag."""
+
+
+class BagWriter:
+    """Writes raw CDR messages with their stamps into a new bag.
+
+    Every `flush_period_s` the chunk in progress is compressed and handed to the operating
+    system; definitions also stand outside the chunks, so that losing one chunk loses no other.
+
+    Args:
+        path: directory of the new bag; must not exist.
+        custom_data: labels, such as {"task": "plate_handover"}.
+        flush_period_s: longest time a message stays in memory; None writes by size alone, which
+            makes equal input give equal files.
+        min_free_bytes: recording stops, in good order, when less is left on the disk.
+        clock: seconds, monotonic.
+        disk_usage: gives an object with `free` in bytes for a path.
+
+    Raises:
+        ResourceBusyError: the directory exists already or cannot be made.
+        DiskFullError: too little space to begin.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        custom_data: Mapping[str, str] | None = None,
+        *,
+        flush_period_s: float | None = FLUSH_PERIOD_S,
+        min_free_bytes: int = MIN_FREE_BYTES,
+        clock: Callable[[], float] = time.monotonic,
+        disk_usage: Callable[[Path], object] = shutil.disk_usage,
+    ):
+        self.path = Path(path)
+        self.custom_data = {str(k): str(v) for k, v in (custom_data or {}).items()}
+        self._flush_period_s = flush_period_s
+        self._min_free_bytes = min_free_bytes
+        self._clock = clock
+        self._disk_usage = disk_usage
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._topics: dict[str, TopicInfo] = {}
+        self._counts: dict[str, int] = {}
+        self._first_ns: int | None = None
+        self._last_ns = 0
+        self._pending = 0
+        self._pending_bytes = 0
+        self.closed = False
+        self._open()
+
+    def __enter__(self) -> "BagWriter":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def message_count(self) -> int:
+        """Messages written so far, over all topics."""
+        return sum(self._counts.values())
+
+    def add_topic(
+        self,
+        topic: str,
+        type_name: str,
+        qos: Sequence[Mapping] = (),
+        found: Definition | None = None,
+    ) -> str:
+        """Declare a topic, once; `write` does it by itself when no QoS is to be kept.
+
+        Args:
+            topic: name, stored absolute.
+            type_name: "package/msg/Name".
+            qos: the publishers' QoS profiles in rosbag2's form.
+            found: definition of the type, looked up when not given.
+
+        Returns:
+            The name under which the topic is stored: absolute.
+
+        Raises:
+            MessageError: the type is unknown.
+            BagError: the topic was declared with another type.
+        """
+        name = "/" + topic.lstrip("/")
+        known = self._topics.get(name)
+        if known is None:
+            found = found or definition(type_name)
+            self._topics[name] = TopicInfo(name, type_name, 0, found.type_hash, tuple(qos))
+            self._counts[name] = 0
+            self._register(name, found, qos)
+        elif known.type != type_name:
+            cure = "Record the two under different names."
+            raise BagError(describe(f"topic {name}", f"type {known.type}", type_name, cure))
+        return name
+
+    def write(
+        self,
+        topic: str,
+        type_name: str,
+        data: bytes,
+        log_time_ns: int,
+        publish_time_ns: int | None = None,
+        *,
+        sequence: int = 0,
+    ) -> None:
+        """Append one serialised message, exactly as it is.
+
+        Args:
+            topic: name, stored absolute.
+            type_name: "package/msg/Name".
+            data: CDR bytes with their encapsulation header.
+            log_time_ns: when it was received.
+            publish_time_ns: when it was sent; the log time when not given.
+            sequence: number given by the publisher, 0 when unknown.
+
+        Raises:
+            DiskFullError: the disk is nearly full; the bag was closed in good order.
+            BagError: the bag is closed, or the topic has another type.
+        """
+        if self.closed:
+            raise BagError(describe(str(self.path), "an open bag", "a closed one", "Start anew."))
+        known = self._topics.get(topic)
+        name = topic if known and known.type == type_name else self.add_topic(topic, type_name)
+        sent = log_time_ns if publish_time_ns is None else publish_time_ns
+        self._guard(
+            lambda: self._writer.add_message(
+                self._channels[name], log_time_ns, data, sent, sequence
+            )
+        )
+        self._counts[name] += 1
+        self._first_ns = log_time_ns if self._first_ns is None else min(self._first_ns, log_time_ns)
+        self._last_ns = max(self._last_ns, log_time_ns)
+        self._pending += 1
+        self._pending_bytes += len(data)
+        self._flush_when_due()
+
+    def write_message(self, topic: str, type_name: str, message: object, log_time_ns: int) -> None:
+        """Serialise and append a message, without ROS.
+
+        Args:
+            topic: name, stored absolute.
+            type_name: "package/msg/Name".
+            message: a nested mapping of fields (left out = zero; times as integer nanoseconds),
+                or a message of `definitions.message_class(type_name)`.
+            log_time_ns: time of recording.
+
+        Raises:
+            MessageError: the message does not fit the type.
+        """
+        self.write(topic, type_name, serialize(type_name, message), log_time_ns)
+
+    def flush(self) -> None:
+        """Hand everything written so far to the operating system.
+
+        Raises:
+            DiskFullError: the disk is nearly full; the bag was closed in good order.
+        """
+        if self.closed:
+            return
+        self._guard(self._writer.flush)
+        self._pending = self._pending_bytes = 0
+        self._flushed_s = self._clock()
+        self._check_disk()
+
+    def close(self) -> None:
+        """Finish the file and write metadata.yaml; a second call does nothing.
+
+        Raises:
+            DiskFullError: the end of the file did not fit on the disk; what was flushed before
+                stays readable.
+        """
+        if self.closed:
+            return
+        self.closed = True
+        self._guard(self._writer.finish)
+        self._stream.close()
+        self._write_metadata()
+
+    def _open(self) -> None:
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self.path.mkdir()
+        except OSError as error:
+            cure = "Choose another output; existing recordings are never overwritten."
+            there = isinstance(error, FileExistsError)
+            got = f"{error.filename}, which is there" if there else error
+            raise ResourceBusyError(
+                describe("output", "a directory that can be made", got, cure)
+            ) from error
+        try:
+            free = self._disk_usage(self.path).free
+            if free < self._min_free_bytes:
+                raise self._disk_full(free)
+            self._stream = _SafeStream(self.path / f"{self.path.name}.mcap")
+        except (OSError, DiskFullError):
+            self.path.rmdir()
+            raise
+        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES)
+        self._guard(lambda: self._writer.start("ros2", "intent_recognition"))
+        self._flushed_s = self._clock()
+        self._write_metadata()
+
+    def _register(self, name: str, found: Definition, qos: Sequence[Mapping]) -> None:
+        """Add schema and channel to the chunk in progress, and once more outside of it."""
+        builder = RecordBuilder()
+        text, encoding = found.text.encode(), found.encoding
+        if found.type not in self._schemas:
+            number = self._writer.register_schema(found.type, encoding, text)
+            self._schemas[found.type] = number
+        number = self._schemas[found.type]
+        Schema(data=text, encoding=encoding, id=number, name=found.type).write(builder)
+        metadata = {
+            "offered_qos_profiles": dump_yaml([dict(p) for p in qos]).strip(),
+            "topic_type_hash": self._topics[name].type_hash,
+        }
+        channel = self._writer.register_channel(name, "cdr", number, metadata)
+        Channel(
+            id=channel, message_encoding="cdr", metadata=metadata, schema_id=number, topic=name
+        ).write(builder)
+        self._channels[name] = channel
+        self._guard(self._writer.flush)
+        self._guard(lambda: self._stream.write(builder.end()))
+
+    def _flush_when_due(self) -> None:
+        if self._flush_period_s is not None and (
+            self._clock() - self._flushed_s >= self._flush_period_s
+        ):
+            self.flush()
+        elif self._pending_bytes >= CHUNK_BYTES:
+            self._pending = self._pending_bytes = 0
+            self._check_disk()
+
+    def _check_disk(self) -> None:
+        free = self._disk_usage(self.path).free
+        if free < self._min_free_bytes:
+            self.close()
+            raise self._disk_full(free)
+
+    def _guard(self, action: Callable[[], object]) -> None:
+        """Do what writes to the file; a failing disk leaves a readable file behind."""
+        try:
+            action()
+        except OSError as error:
+            self.closed = True
+            self._stream.close()
+            lost = f"{error}; the last {self._pending} messages did not fit"
+            raise DiskFullError(
+                describe(str(self.path), "room on the disk", lost, "Free space, record again.")
+            ) from error
+
+    def _disk_full(self, free: int) -> DiskFullError:
+        need = f"at least {self._min_free_bytes / 2**20:.0f} MiB free"
+        cure = f"Free space. All {self.message_count} messages received until now are saved."
+        return DiskFullError(describe(str(self.path), need, f"{free / 2**20:.1f} MiB", cure))
+
+    def _write_metadata(self) -> None:
+        start = self._first_ns or 0
+        topics = tuple(
+            TopicInfo(t.name, t.type, self._counts[t.name], t.type_hash, t.offered_qos_profiles)
+            for t in self._topics.values()
+        )
+        write_metadata(
+            self.path,
+            BagMetadata(
+                files=(f"{self.path.name}.mcap",),
+                start_ns=start,
+                duration_ns=max(0, self._last_ns - start),
+                topics=topics,
+                custom_data=self.custom_data,
+            ),
+        )
+
+
+class _SafeStream:
+    """An unbuffered file whose failing write leaves the file as it was before it."""
+
+    def __init__(self, path: Path):
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        self._position = 0
+
+    def tell(self) -> int:
+        """Bytes written."""
+        return self._position
+
+    def flush(self) -> None:
+        """Nothing to do: nothing is held back."""
+
+    def write(self, data: bytes) -> int:
+        """Write all of `data`, or nothing and raise OSError."""
+        view = memoryview(data)
+        done = 0
+        try:
+            while done < len(view):
+                done += os.write(self._descriptor, view[done:])
+        except OSError:
+            os.ftruncate(self._descriptor, self._position)
+            raise
+        self._position += done
+        return done
+
+    def close(self) -> None:
+        """Close the file; a second call does nothing."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1

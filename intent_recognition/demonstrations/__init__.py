@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Demonstrations from recordings: the DOF file, readers, sessions, inspection."""
+
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, extract, load_dofs
+from intent_recognition.demonstrations.inspect import BagSummary, TopicSummary, inspect_bag
+from intent_recognition.demonstrations.measuring import ObservationReader, observation_readers
+from intent_recognition.demonstrations.reading import (
+    find_bags,
+    iter_demonstrations,
+    read_demonstrations,
+)
+from intent_recognition.demonstrations.sessions import MARKER_TOPIC, MARKER_TYPE
+from intent_recognition.demonstrations.signals import is_raw_pose
+from intent_recognition.demonstrations.stream import (
+    POSITION_FIELDS,
+    iter_observations,
+    iter_samples,
+)
+from intent_recognition.demonstrations.task_sequences import read_task_sequences
+
+__all__ = [
+    "MARKER_TOPIC",
+    "MARKER_TYPE",
+    "POSITION_FIELDS",
+    "BagSummary",
+    "DofEntry",
+    "DofSpec",
+    "ObservationReader",
+    "TopicSummary",
+    "extract",
+    "find_bags",
+    "inspect_bag",
+    "is_raw_pose",
+    "iter_demonstrations",
+    "iter_observations",
+    "iter_samples",
+    "load_dofs",
+    "observation_readers",
+    "read_demonstrations",
+    "read_task_sequences",
+]

@@ -1,0 +1,299 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The DOF file: which fields of which topics are the degrees of freedom of human and robot."""
+
+import os
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from intent_recognition.demonstrations.velocities import check_velocities
+from intent_recognition.errors import DofError, MessageError, describe
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+QUANTITIES = ("position", "velocity", "effort")
+KEYS = ("topic", "type", "fields", "joints", "unit", "quantity")
+VELOCITY_KEYS = (*KEYS, "of", "std")
+SIDES = ("observed", "controlled", "velocities")
+TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
+FIELD_PATH = re.compile(r"[A-Za-z_]\w*(\.\w+)*")
+
+
+@dataclass(frozen=True)
+class DofEntry:
+    """The degrees of freedom one topic carries.
+
+    Attributes:
+        topic: relative topic name, without a leading slash.
+        type: full message type, "package/msg/Name".
+        fields: attribute paths such as "pose.position.x"; a number in a path indexes an array.
+        joints: joint names of a JointState, in the order of the DOFs; excludes `fields`.
+        unit: unit of all DOFs of this entry.
+        quantity: what is read of each joint: "position", "velocity" or "effort".
+        of: names of the observed DOFs whose measured velocities these are; empty for positions.
+        std: standard deviation of each velocity, where a message brings no covariance; or None.
+    """
+
+    topic: str
+    type: str
+    fields: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    unit: str = ""
+    quantity: str = "position"
+    of: tuple[str, ...] = ()
+    std: float | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One name per DOF: the joint (with its quantity unless position), or topic and field."""
+        if self.joints:
+            suffix = "" if self.quantity == "position" else f".{self.quantity}"
+            return tuple(joint + suffix for joint in self.joints)
+        return tuple(f"{self.topic}.{field}" for field in self.fields)
+
+    def to_dict(self) -> dict[str, object]:
+        """The entry as it stands in a DOF file."""
+        chosen = {"joints": list(self.joints)} if self.joints else {"fields": list(self.fields)}
+        quantity = {} if self.quantity == "position" else {"quantity": self.quantity}
+        velocity = {"of": list(self.of)} if self.of else {}
+        if self.std is not None:
+            velocity["std"] = self.std
+        return {"topic": f"/{self.topic}", "type": self.type, **chosen, **quantity, **velocity} | {
+            "unit": self.unit
+        }
+
+
+@dataclass(frozen=True)
+class DofSpec:
+    """Observed (human) and controlled (robot) degrees of freedom, in the order of the model.
+
+    `velocities` are of observed DOFs and measured independently of their positions. They are
+    evidence online; training does not need them.
+    """
+
+    observed: tuple[DofEntry, ...]
+    controlled: tuple[DofEntry, ...]
+    velocities: tuple[DofEntry, ...] = ()
+
+    @property
+    def observed_names(self) -> tuple[str, ...]:
+        """Names of all observed DOFs, entry by entry."""
+        return tuple(name for entry in self.observed for name in entry.names)
+
+    @property
+    def controlled_names(self) -> tuple[str, ...]:
+        """Names of all controlled DOFs, entry by entry."""
+        return tuple(name for entry in self.controlled for name in entry.names)
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Type of every topic training needs, by topic name without leading slash."""
+        return {entry.topic: entry.type for entry in (*self.observed, *self.controlled)}
+
+    def to_dict(self) -> dict[str, list[dict[str, object]]]:
+        """Plain lists and dictionaries, as the DOF file and the model file hold them."""
+        sides = {side: [entry.to_dict() for entry in getattr(self, side)] for side in SIDES}
+        if not self.velocities:
+            del sides["velocities"]
+        return sides
+
+    @classmethod
+    def from_dict(cls, content: object, source: str = "dofs") -> "DofSpec":
+        """Check `content` and build the spec.
+
+        Args:
+            content: what `to_dict` or the YAML file gives.
+            source: name of the file, for messages.
+
+        Raises:
+            DofError: anything is missing, unknown, doubled or of the wrong kind.
+        """
+        if not isinstance(content, Mapping):
+            raise _error(source, "a mapping with the keys observed and controlled", content)
+        if unknown := sorted(set(map(str, content)) - set(SIDES)):
+            raise _error(source, f"only the keys {', '.join(SIDES)}", ", ".join(unknown))
+        spec = cls(
+            _entries(content, "observed", source, minimum=1),
+            _entries(content, "controlled", source, minimum=0),
+            _entries(content, "velocities", source, minimum=0),
+        )
+        _check_consistent(spec, source)
+        check_velocities(spec.observed, spec.velocities, source)
+        return spec
+
+
+def load_dofs(path: str | Path | None = None) -> DofSpec:
+    """Read a DOF file; without a path, the one this package ships.
+
+    Raises:
+        DofError: the file is missing, no YAML, or malformed; names the file, entry and key.
+    """
+    source = default_dofs_path() if path is None else Path(path)
+    try:
+        content = yaml.safe_load(source.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise _error(str(source), "a readable DOF file", error) from error
+    except yaml.YAMLError as error:
+        place = " ".join(str(error).split())
+        raise _error(str(source), "YAML", place) from error
+    return DofSpec.from_dict(content, str(source))
+
+
+def default_dofs_path() -> Path:
+    """Where the shipped `dofs.yaml` lies: installed share directory, else the source tree.
+
+    Raises:
+        DofError: the package was installed without its configuration.
+    """
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
+    installed = [Path(p, "share/intent_recognition/config") for p in prefixes if p]
+    source_tree = Path(__file__).resolve().parents[2] / "config"
+    for folder in (source_tree, *installed):
+        if (folder / "dofs.yaml").is_file():
+            return folder / "dofs.yaml"
+    raise _error("config/dofs.yaml", "the shipped file", "none found", "Install the package again.")
+
+
+def extract(entry: DofEntry, msg: object) -> np.ndarray:
+    """Values (d,) of the entry's DOFs in one decoded message (rclpy's or a bag's).
+
+    Raises:
+        MessageError: a joint or a field is missing, or is not a number. A JointState without
+            the quantity asked for (an empty `velocity`, say) counts as a missing joint.
+    """
+    if entry.joints:
+        return _joint_values(entry, msg)
+    return np.array([_field_value(entry, msg, field) for field in entry.fields], dtype=np.float64)
+
+
+def relative_topic(topic: str) -> str:
+    """The topic name without leading slash, as all files of this package compare it."""
+    return topic.lstrip("/")
+
+
+def _joint_values(entry: DofEntry, msg: object) -> np.ndarray:
+    try:
+        index = {name: i for i, name in enumerate(msg.name)}
+        column = getattr(msg, entry.quantity)
+    except AttributeError as error:
+        raise MessageError(
+            describe(entry.topic, entry.type, error, "Correct the type in the DOF file.")
+        ) from error
+    values = np.empty(len(entry.joints))
+    for row, joint in enumerate(entry.joints):
+        at = index.get(joint)
+        if at is None or at >= len(column):
+            has = ", ".join(index) if at is None else f"{len(column)} values for it"
+            raise MessageError(
+                describe(
+                    f"{entry.topic} {entry.quantity}",
+                    f"joint {joint}",
+                    has or "no joints",
+                    "Name the joints in the DOF file as the robot does.",
+                )
+            )
+        values[row] = column[at]
+    return values
+
+
+def _field_value(entry: DofEntry, msg: object, field: str) -> float:
+    value = msg
+    try:
+        for part in field.split("."):
+            value = value[int(part)] if part.isdigit() else getattr(value, part)
+        return float(value)
+    except (AttributeError, IndexError, TypeError, ValueError) as error:
+        raise MessageError(
+            describe(
+                f"{entry.topic}.{field}",
+                f"a number in {entry.type}",
+                error,
+                "Correct the field path in the DOF file.",
+            )
+        ) from error
+
+
+def _entries(content: Mapping, side: str, source: str, minimum: int) -> tuple[DofEntry, ...]:
+    listed = content.get(side)
+    if listed is None and minimum == 0:
+        return ()
+    if not isinstance(listed, list) or len(listed) < minimum:
+        raise _error(f"{source}: {side}", f"a list of at least {minimum} entries", listed)
+    keys = VELOCITY_KEYS if side == "velocities" else KEYS
+    return tuple(_entry(item, f"{source}: {side}[{i}]", keys) for i, item in enumerate(listed))
+
+
+def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
+    if not isinstance(item, Mapping):
+        raise _error(place, "a mapping with topic, type, fields or joints, and unit", item)
+    if unknown := sorted(set(map(str, item)) - set(keys)):
+        raise _error(place, f"only the keys {', '.join(keys)}", ", ".join(unknown))
+    texts = {key: _text(item, key, place) for key in ("topic", "type", "unit")}
+    if not TYPE_NAME.fullmatch(texts["type"]):
+        raise _error(f"{place}: type", "package/msg/Name", texts["type"])
+    if not relative_topic(texts["topic"]):
+        raise _error(f"{place}: topic", "a topic name", texts["topic"])
+    if ("fields" in item) == ("joints" in item):
+        raise _error(place, "either fields or joints", "both" if "fields" in item else "neither")
+    if "joints" in item and texts["type"] != JOINT_STATE:
+        raise _error(f"{place}: joints", f"type {JOINT_STATE}", texts["type"])
+    quantity = item.get("quantity", "position")
+    if quantity not in QUANTITIES or (quantity != "position" and "joints" not in item):
+        raise _error(f"{place}: quantity", f"{', '.join(QUANTITIES)}, with joints", quantity)
+    names = _names(item, "joints" if "joints" in item else "fields", place)
+    chosen = {"joints": names} if "joints" in item else {"fields": names}
+    if "of" in keys:
+        chosen |= {"of": _names(item, "of", place), "std": _std(item, place)}
+    return DofEntry(
+        relative_topic(texts["topic"]),
+        texts["type"],
+        unit=texts["unit"],
+        quantity=quantity,
+        **chosen,
+    )
+
+
+def _text(item: Mapping, key: str, place: str) -> str:
+    value = item.get(key)
+    if not isinstance(value, str) or not value:
+        raise _error(f"{place}: {key}", "a text", "nothing" if key not in item else value)
+    return value
+
+
+def _std(item: Mapping, place: str) -> float | None:
+    std = item.get("std")
+    number = isinstance(std, (int, float)) and not isinstance(std, bool)
+    if std is not None and not (number and 0.0 < std < np.inf):
+        raise _error(f"{place}: std", "a positive number", std)
+    return None if std is None else float(std)
+
+
+def _names(item: Mapping, key: str, place: str) -> tuple[str, ...]:
+    names: Sequence = item.get(key)
+    if not isinstance(names, list) or not names:
+        raise _error(f"{place}: {key}", "a list of names", names)
+    for name in names:
+        if not isinstance(name, str) or not name:
+            raise _error(f"{place}: {key}", "names", name)
+        if key == "fields" and not FIELD_PATH.fullmatch(name):
+            raise _error(f"{place}: {key}", "paths such as pose.position.x", name)
+    return tuple(names)
+
+
+def _check_consistent(spec: DofSpec, source: str) -> None:
+    names = [*spec.observed_names, *spec.controlled_names]
+    if doubled := sorted({name for name in names if names.count(name) > 1}):
+        raise _error(source, "every degree of freedom once", f"twice {', '.join(doubled)}")
+    for entry in (*spec.observed, *spec.controlled):
+        if spec.topics[entry.topic] != entry.type:
+            both = f"{entry.type} and {spec.topics[entry.topic]}"
+            raise _error(f"{source}: {entry.topic}", "one type per topic", both)
+
+
+def _error(argument: str, expected: str, got: object, cure: str = "") -> DofError:
+    cure = cure or "Correct the file; config/dofs.yaml of this package is an example."
+    return DofError(describe(argument, expected, got, cure))

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is in a recording, and what is wrong with it, as data."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.bags import BagMessage, BagReader, Damage, TopicInfo, decode
+from intent_recognition.demonstrations.sessions import SessionPart, find_marker_topic, split_session
+from intent_recognition.demonstrations.signals import clean_topic, is_raw_pose
+from intent_recognition.errors import BagError, MessageError
+from intent_recognition.signals import Rejection
+
+GAP_FACTOR = 3.0
+"""A step this many times longer than the topic's median step is a gap."""
+
+
+@dataclass(frozen=True)
+class TopicSummary:
+    """One topic of a recording.
+
+    Attributes:
+        name: as recorded.
+        type: full message type.
+        count: messages.
+        rate_hz: one over the median step of the stamps, 0 with fewer than two messages.
+        gaps: (stamp_ns before the gap, length in s) of every step longer than three medians.
+        longest_gap_s: longest step, 0 with fewer than two messages.
+        rejected: messages a node would drop, by reason (raw poses: outliers and bad stamps;
+            others: bad stamps).
+        not_finite: messages that hold NaN or infinity anywhere.
+        undecodable: messages that do not fit their type.
+    """
+
+    name: str
+    type: str
+    count: int
+    rate_hz: float = 0.0
+    gaps: tuple[tuple[int, float], ...] = ()
+    longest_gap_s: float = 0.0
+    rejected: Mapping[str, int] = field(default_factory=dict)
+    not_finite: int = 0
+    undecodable: int = 0
+
+
+@dataclass(frozen=True)
+class BagSummary:
+    """A whole recording.
+
+    Attributes:
+        path: of the bag.
+        task: its label, None without.
+        custom_data: all labels.
+        start_ns: log time of the first message.
+        end_ns: log time of the last message.
+        topics: one summary each, in the order recorded.
+        demonstrations: of a session bag, in order; empty for others.
+        unfinished: demonstrations of a session whose end is missing.
+        damage: what cannot be read.
+        notes: what else is odd, as sentences.
+    """
+
+    path: str
+    task: str | None
+    custom_data: Mapping[str, str]
+    start_ns: int
+    end_ns: int
+    topics: tuple[TopicSummary, ...]
+    demonstrations: tuple[SessionPart, ...] = ()
+    unfinished: tuple[Rejection, ...] = ()
+    damage: tuple[Damage, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the recording in seconds."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+    @property
+    def message_count(self) -> int:
+        """Messages over all topics."""
+        return sum(topic.count for topic in self.topics)
+
+
+def inspect_bag(path: str | Path) -> BagSummary:
+    """Summarise a bag; damage is reported in the summary, not raised.
+
+    Raises:
+        BagError: there is no readable MCAP file at all.
+    """
+    reader = BagReader(path, tolerant=True)
+    topics, markers = [], []
+    marker = find_marker_topic(reader)
+    for info in reader.topics.values():
+        messages, undecodable = _decoded(reader, info)
+        topics.append(_summarise(info, messages, undecodable))
+        if info.name.lstrip("/") == marker:
+            markers = messages
+    parts = list(split_session(markers, {}, str(path))) if markers else []
+    return BagSummary(
+        path=str(path),
+        task=reader.task,
+        custom_data=reader.custom_data,
+        start_ns=reader.start_ns,
+        end_ns=reader.end_ns,
+        topics=tuple(topics),
+        demonstrations=tuple(p for p in parts if isinstance(p, SessionPart)),
+        unfinished=tuple(p for p in parts if isinstance(p, Rejection)),
+        damage=tuple(reader.damage),
+        notes=tuple(reader.notes),
+    )
+
+
+def _decoded(reader: BagReader, info: TopicInfo) -> tuple[list[BagMessage], int]:
+    try:
+        decoder = reader.decoder(info.name, info.type)
+    except BagError:
+        return [], info.message_count
+    messages, undecodable = [], 0
+    for raw in reader.raw_messages([info.name]):
+        try:
+            messages.append(decode(raw, decoder))
+        except MessageError:
+            undecodable += 1
+    return messages, undecodable
+
+
+def _summarise(info: TopicInfo, messages: list[BagMessage], undecodable: int) -> TopicSummary:
+    rejected: Mapping[str, int] = {}
+    if messages and (hasattr(messages[0].message, "header") or is_raw_pose(info.name, info.type)):
+        rejected = clean_topic(info.name, info.type, messages).rejected
+    stamps = np.sort(np.array([m.stamp_ns for m in messages], dtype=np.int64))
+    steps_s = np.diff(stamps) * 1e-9
+    median_s = float(np.median(steps_s)) if steps_s.size else 0.0
+    at = np.flatnonzero(steps_s > GAP_FACTOR * median_s) if median_s > 0 else []
+    return TopicSummary(
+        name=info.name,
+        type=info.type,
+        count=info.message_count,
+        rate_hz=1.0 / median_s if median_s > 0 else 0.0,
+        gaps=tuple((int(stamps[i]), float(steps_s[i])) for i in at),
+        longest_gap_s=float(steps_s.max(initial=0.0)),
+        rejected=Counter(rejected),
+        not_finite=sum(not _is_finite(m.message) for m in messages),
+        undecodable=undecodable,
+    )
+
+
+def _is_finite(value: object) -> bool:
+    """Whether no number anywhere in a decoded message is NaN or infinite."""
+    if isinstance(value, float):
+        return bool(np.isfinite(value))
+    if isinstance(value, str | bytes | int) or value is None:
+        return True
+    if isinstance(value, list | tuple):
+        return all(_is_finite(item) for item in value)
+    names = getattr(type(value), "__slots__", None) or getattr(value, "__dict__", None)
+    if names is not None:
+        return all(_is_finite(getattr(value, name)) for name in names)
+    array = np.asarray(value)
+    return array.dtype.kind != "f" or bool(np.all(np.isfinite(array)))

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the messages of a bag to signals: stamps checked, poses through the tracker's ingest."""
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+
+from intent_recognition.bags import POSE, BagMessage, Columns, PoseColumns
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, relative_topic
+from intent_recognition.demonstrations.topic_values import Content, values_of
+from intent_recognition.signals import Signal
+from intent_recognition.tracking import (
+    NOT_FINITE,
+    STAMP_NOT_INCREASING,
+    ZERO_STAMP,
+    AcceptedPoses,
+    IngestSettings,
+    TrackedPose,
+    ingest_poses,
+)
+
+RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
+MISSING_DOF = "missing_dof"
+
+
+@dataclass(frozen=True)
+class TopicSamples:
+    """Accepted messages of one topic: decoded and checked; T of them.
+
+    Attributes:
+        stamps_ns: int64 (T,), strictly increasing.
+        log_times_ns: int64 (T,).
+        content: of all messages recorded, poses in the world frame.
+        rows: which of these were accepted, int64 (T,).
+        rejected: how many were not, by reason.
+    """
+
+    stamps_ns: np.ndarray
+    log_times_ns: np.ndarray
+    content: Content
+    rows: np.ndarray
+    rejected: Mapping[str, int]
+
+
+def is_raw_pose(topic: str, type_name: str) -> bool:
+    """Whether messages of this topic come straight from a tracker and need its checks."""
+    return type_name == POSE and RAW_POSE_TOPIC.fullmatch(relative_topic(topic)) is not None
+
+
+def clean_topic(
+    topic: str,
+    type_name: str,
+    messages: Sequence[BagMessage],
+    extrinsics: Mapping[str, tuple] | None = None,
+) -> TopicSamples:
+    """Drop what a node would drop: bad stamps, and for raw poses all that ingest rejects.
+
+    Poses come out in the world frame. Without `extrinsics` the frame of the recording counts as
+    the world: `world` where any message names it, else the frame most messages name.
+    """
+    decoded = [message.message for message in messages]
+    stamps_ns = np.array([message.stamp_ns for message in messages], np.int64)
+    log_times_ns = np.array([message.log_time_ns for message in messages], np.int64)
+    if is_raw_pose(topic, type_name):
+        accepted = _ingest(_pose_columns(stamps_ns, log_times_ns, decoded), extrinsics, True)
+        for k, row in enumerate(accepted.rows):
+            position, orientation = accepted.positions[k], accepted.orientations[k]
+            decoded[row] = _message(decoded[row].header, position, orientation)
+        rows, rejected = _longest_increasing(stamps_ns, accepted)
+    else:
+        rows, rejected = _increasing(stamps_ns)
+    return TopicSamples(stamps_ns[rows], log_times_ns[rows], decoded, rows, rejected)
+
+
+def clean_columns(
+    topic: str,
+    columns: Columns,
+    extrinsics: Mapping[str, tuple] | None = None,
+    *,
+    oriented: bool = True,
+) -> TopicSamples:
+    """The same from columns; orientations of raw poses are NaN unless `oriented`."""
+    stamps_ns = columns.stamps_ns
+    if isinstance(columns, PoseColumns) and is_raw_pose(topic, POSE):
+        accepted = _ingest(columns, extrinsics, oriented)
+        positions, orientations = np.full((2, stamps_ns.size, 4), np.nan)
+        positions[accepted.rows, :3] = accepted.positions
+        if oriented:
+            orientations[accepted.rows] = accepted.orientations
+        columns = replace(columns, positions=positions[:, :3], orientations=orientations)
+        rows, rejected = _longest_increasing(stamps_ns, accepted)
+    else:
+        rows, rejected = _increasing(stamps_ns)
+    return TopicSamples(stamps_ns[rows], columns.log_times_ns[rows], columns, rows, rejected)
+
+
+def signal_of(
+    entry: DofEntry, samples: TopicSamples, start_ns: int | None = None, end_ns: int | None = None
+) -> tuple[Signal, Counter[str]]:
+    """Values of the entry's DOFs between two stamps, and what was dropped on the way.
+
+    A message that lacks one of the joints, or holds NaN or infinity in one of the DOFs, is
+    dropped and counted.
+    """
+    inside = np.ones(samples.stamps_ns.size, bool)
+    if start_ns is not None:
+        inside &= samples.stamps_ns >= start_ns
+    if end_ns is not None:
+        inside &= samples.stamps_ns <= end_ns
+    stamps_ns = samples.stamps_ns[inside]
+    values, found = values_of(entry, samples.content, samples.rows[inside])
+    finite = found & np.all(np.isfinite(values), axis=1)
+    counts = {MISSING_DOF: np.sum(~found), NOT_FINITE: np.sum(found & ~finite)}
+    signal = Signal(entry.names, stamps_ns[finite], values[finite], entry.unit)
+    return signal, _counter(counts)
+
+
+def signals_of(
+    spec: DofSpec,
+    samples: Mapping[str, TopicSamples],
+    start_ns: int | None = None,
+    end_ns: int | None = None,
+    *,
+    count_topics: bool = True,
+) -> tuple[tuple[Signal, ...], tuple[Signal, ...], Counter[str]]:
+    """Observed and controlled signals of a bag or of a part of it, and all counts by reason.
+
+    `count_topics` includes what was dropped anywhere in the bag for its stamp or as an outlier;
+    of a session's demonstrations the first reports it, so that it is counted once.
+    """
+    rejected: Counter[str] = Counter()
+    for topic in spec.topics if count_topics else ():
+        rejected.update(samples[topic].rejected)
+    sides = []
+    for entries in (spec.observed, spec.controlled):
+        signals = []
+        for entry in entries:
+            signal, dropped = signal_of(entry, samples[entry.topic], start_ns, end_ns)
+            signals.append(signal)
+            rejected.update(dropped)
+        sides.append(tuple(signals))
+    return sides[0], sides[1], rejected
+
+
+def pose_message(header: object, pose: TrackedPose) -> SimpleNamespace:
+    """The world-frame pose with the attributes of a PoseStamped, for the field paths."""
+    return _message(header, pose.position, pose.orientation)
+
+
+def _message(header: object, position: np.ndarray, orientation: np.ndarray) -> SimpleNamespace:
+    x, y, z = position
+    qx, qy, qz, qw = orientation
+    return SimpleNamespace(
+        header=header,
+        pose=SimpleNamespace(
+            position=SimpleNamespace(x=x, y=y, z=z),
+            orientation=SimpleNamespace(x=qx, y=qy, z=qz, w=qw),
+        ),
+    )
+
+
+def _pose_columns(stamps_ns, log_times_ns, messages: Sequence[object]) -> PoseColumns:
+    """Columns of decoded PoseStamped messages."""
+    frames: dict[str, int] = {}
+    indices = [frames.setdefault(m.header.frame_id, len(frames)) for m in messages]
+    positions = [(p.x, p.y, p.z) for p in (m.pose.position for m in messages)]
+    orientations = [(q.x, q.y, q.z, q.w) for q in (m.pose.orientation for m in messages)]
+    return PoseColumns(
+        log_times_ns,
+        stamps_ns,
+        tuple(frames),
+        np.array(indices, np.int64),
+        np.array(positions, np.float64).reshape(-1, 3),
+        np.array(orientations, np.float64).reshape(-1, 4),
+    )
+
+
+def _ingest(
+    columns: PoseColumns, extrinsics: Mapping[str, tuple] | None, oriented: bool
+) -> AcceptedPoses:
+    return ingest_poses(
+        _settings(columns, extrinsics),
+        columns.stamps_ns,
+        columns.positions,
+        columns.orientations,
+        columns.frame_ids,
+        columns.frames,
+        oriented=oriented,
+    )
+
+
+def _settings(columns: PoseColumns, extrinsics: Mapping[str, tuple] | None) -> IngestSettings:
+    if extrinsics is not None:
+        return IngestSettings(extrinsics=extrinsics)
+    named, first, counts = np.unique(columns.frames, return_index=True, return_counts=True)
+    frames: Counter[str] = Counter()
+    for k in np.argsort(first):
+        frames[columns.frame_ids[named[k]]] += int(counts[k])
+    default = IngestSettings().world_frame
+    if not frames or default in {frame.removeprefix("/") for frame in frames}:
+        return IngestSettings()
+    return IngestSettings(world_frame=frames.most_common(1)[0][0])
+
+
+def _increasing(stamps_ns: np.ndarray) -> tuple[np.ndarray, Counter[str]]:
+    """Rows whose stamp is positive and later than all before, and counts of the others."""
+    positive = stamps_ns > 0
+    latest_ns = np.maximum.accumulate(np.where(positive, stamps_ns, 0))
+    before_ns = np.concatenate([[0], latest_ns[:-1]])[: stamps_ns.size]
+    accepted = positive & (stamps_ns > before_ns)
+    late = np.sum(positive & ~accepted)
+    return np.flatnonzero(accepted), _counter(
+        {ZERO_STAMP: np.sum(~positive), STAMP_NOT_INCREASING: late}
+    )
+
+
+def _longest_increasing(
+    stamps_ns: np.ndarray, accepted: AcceptedPoses
+) -> tuple[np.ndarray, Counter[str]]:
+    """Accepted rows; after a clock was set back the track goes on, but a signal cannot.
+
+    The longest part is kept.
+    """
+    rows, rejected = accepted.rows, accepted.rejected.copy()
+    breaks = np.flatnonzero(np.diff(stamps_ns[rows]) <= 0) + 1
+    if breaks.size:
+        edges = [0, *breaks.tolist(), rows.size]
+        longest = int(np.argmax(np.diff(edges)))
+        kept = rows[edges[longest] : edges[longest + 1]]
+        rejected[STAMP_NOT_INCREASING] += rows.size - kept.size
+        rows = kept
+    return rows, rejected
+
+
+def _counter(counts: Mapping[str, int]) -> Counter[str]:
+    """Only what did occur."""
+    return Counter({reason: int(count) for reason, count in counts.items() if count})

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scores: recognition, prediction, calibration, unknown movements, sessions."""
+
+from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
+from intent_recognition.evaluation.calibration import reliability_bins
+from intent_recognition.evaluation.protocol import Fold, evaluate, make_folds
+from intent_recognition.evaluation.replaying import replay
+from intent_recognition.evaluation.roc import GRID, on_grid, roc_curve
+from intent_recognition.evaluation.scoring import PHASES
+from intent_recognition.evaluation.session_log import SessionLog
+from intent_recognition.evaluation.session_summary import (
+    CM_PER_M,
+    CONDITIONS,
+    PAPER_HAND_ERROR,
+    PAPER_RECOGNISED,
+    DemoSummary,
+    HandError,
+    InteractionRecord,
+    summarise,
+    summary_line,
+    to_json,
+)
+from intent_recognition.evaluation.traces import Trace, usable
+
+__all__ = [
+    "CM_PER_M",
+    "CONDITIONS",
+    "GRID",
+    "PAPER_HAND_ERROR",
+    "PAPER_RECOGNISED",
+    "PHASES",
+    "DemoSummary",
+    "Fold",
+    "HandError",
+    "InteractionRecord",
+    "SessionLog",
+    "Trace",
+    "evaluate",
+    "make_folds",
+    "mean_of_task",
+    "nearest_neighbour",
+    "on_grid",
+    "reliability_bins",
+    "replay",
+    "roc_curve",
+    "sample",
+    "summarise",
+    "summary_line",
+    "to_json",
+    "usable",
+]

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well recognition and prediction do on recordings left out of training."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.evaluation.scoring import (
+    PHASES,
+    PREDICTION_FRACTIONS,
+    PREDICTION_NAMES,
+    RECOGNITION_FRACTIONS,
+    Collected,
+    collect,
+    score_demonstration,
+)
+from intent_recognition.evaluation.unknown_movements import compare, follow_unknown
+from intent_recognition.learning import Recorded, TrainingSettings, cut_to_movement, learn
+
+Fold = tuple[list[int], list[int]]
+
+
+def make_folds(n: int, protocol: str) -> list[Fold]:
+    """Indices to train and to test on, for `loo` or `kfold:K` (index modulo K).
+
+    Raises:
+        ArgumentError: an unknown protocol, or more folds than recordings.
+    """
+    name, _, argument = protocol.partition(":")
+    if name == "loo" and not argument:
+        k = n
+    elif name == "kfold" and argument.isdigit() and int(argument) >= 2:
+        k = int(argument)
+    else:
+        raise ArgumentError(
+            describe("protocol", "loo, kfold:K or holdout:FOLDER", protocol, "Choose one of these.")
+        )
+    if n < 2 or k > n:
+        raise ArgumentError(
+            describe("protocol", f"at least {max(k, 2)} recordings", n, "Record more, or lower K.")
+        )
+    return [([i for i in range(n) if i % k != f], list(range(f, n, k))) for f in range(k)]
+
+
+def evaluate(
+    demonstrations: Sequence[Recorded],
+    folds: Sequence[Fold],
+    settings: TrainingSettings,
+    *,
+    start_posture: bool = False,
+    both_starts: bool = False,
+    unknown_tasks: bool = False,
+    progress: Callable[[int], None] = lambda done: None,
+) -> dict:
+    """Train on each fold's rest, score on what was left out; the JSON of `intent evaluate`.
+
+    Args:
+        demonstrations: labelled recordings with the same DOFs.
+        folds: indices to train and to test on.
+        settings: how to learn.
+        start_posture: condition trajectories on the controlled agent's position at the start.
+        both_starts: predict with the start posture, too, under a key of its own.
+        unknown_tasks: leave every task out in turn, too, and see what becomes of its movements.
+        progress: called with the number of demonstrations scored so far.
+
+    Raises:
+        TrainingError: a fold cannot be learned from.
+    """
+    if settings.segmentation == "movement":
+        demonstrations = cut_to_movement(demonstrations)
+        settings = replace(settings, segmentation="recording")
+    collected = collect(both_starts)
+    done, units, labels = 0, (), set()
+    for train, test in folds:
+        training = [demonstrations[i] for i in train]
+        library, _ = learn(training, settings)
+        units = tuple(dict.fromkeys(library.controlled_units))
+        labels |= set(library.labels)
+        for index in test:
+            if demonstrations[index].task in library.labels:
+                score_demonstration(
+                    collected, library, training, demonstrations[index], start_posture
+                )
+            else:
+                _miss(collected)
+            done += 1
+            progress(done)
+    scored = sorted({index for train, test in folds for index in (*train, *test)})
+    unknown = []
+    if unknown_tasks:
+        unknown = follow_unknown(
+            [demonstrations[i] for i in scored], settings, lambda n: progress(done + n)
+        )
+    return {
+        "n_demonstrations": done,
+        "tasks": sorted(labels),
+        "unit": units[0] if len(units) == 1 else list(units),
+        **_tables(collected, units),
+        "none": {
+            **compare(collected.outcomes, unknown),
+            "accuracy": collected.recognitions.accuracy_beside_none(),
+        },
+    }
+
+
+def _miss(collected: Collected) -> None:
+    """A task that could not be learned without the recording left out is not recognised."""
+    for phase in PHASES:
+        for fraction in RECOGNITION_FRACTIONS:
+            collected.scores.add(phase, fraction, accuracy=0.0, log_loss=-np.log(1e-12))
+
+
+def _tables(collected: Collected, units: Sequence[str]) -> dict[str, object]:
+    """Means over the recordings, and calibration."""
+    scores, again = collected.scores, collected.with_start
+    content: dict[str, object] = {
+        "recognition": {
+            phase: scores.table(phase, RECOGNITION_FRACTIONS, units, ("accuracy", "log_loss"))
+            for phase in PHASES
+        },
+        "prediction": {
+            phase: scores.table(phase, PREDICTION_FRACTIONS, units, PREDICTION_NAMES)
+            for phase in PHASES
+        },
+    }
+    if again is not None:
+        content["prediction_with_start_posture"] = {
+            phase: again.table(phase, PREDICTION_FRACTIONS, units, PREDICTION_NAMES)
+            for phase in PHASES
+        }
+    content["reliability"] = collected.recognitions.reliability()
+    content["coverage"] = collected.spreads.table()
+    content["confusion"] = collected.recognitions.confusion()
+    return content

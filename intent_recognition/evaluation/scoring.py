@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scores of one recording left out of training, and their means over all of them."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import IntentError, describe
+from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
+from intent_recognition.evaluation.calibration import Recognitions, Spreads
+from intent_recognition.evaluation.unknown_movements import Outcome, Watch
+from intent_recognition.filtering import Hypotheses, MovementRun, fixed_hypotheses, make_hypotheses
+from intent_recognition.learning import Recorded
+from intent_recognition.promp import StartPosture, TaskLibrary
+from intent_recognition.recognition import TaskPosterior, task_posterior
+from intent_recognition.signals import merge
+
+RECOGNITION_FRACTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
+PREDICTION_FRACTIONS = (0.25, 0.5, 0.75, 1.0)
+TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
+PHASES = ("known_phase", "unknown_phase")
+SMALLEST_PROBABILITY = 1e-300
+UNLIKELY = 1e-3
+"""Tasks less probable than this are left out of the marginal prediction."""
+PREDICTION_NAMES = (
+    "rmse",
+    "rmse_inferred_task",
+    "rmse_future",
+    "rmse_mean_of_task",
+    "rmse_nearest_neighbour",
+    "end_rmse",
+    "coverage_2_sigma",
+    "nll",
+)
+
+
+class Scores:
+    """Sums of what is averaged over demonstrations, by phase knowledge, fraction and name."""
+
+    def __init__(self):
+        self._values: dict[tuple[str, float, str], list] = defaultdict(list)
+
+    def add(self, phase: str, fraction: float, **values) -> None:
+        """Add one demonstration's numbers (scalars, or (U,) arrays with one number per unit)."""
+        for name, value in values.items():
+            self._values[phase, fraction, name].append(value)
+
+    def table(
+        self, phase: str, fractions: Sequence[float], units: Sequence[str], names: Sequence[str]
+    ) -> dict[str, dict[str, object]]:
+        """Means over demonstrations: {fraction: {name: number}}, one number per unit if several."""
+        return {
+            str(fraction): {
+                name: _number(self._values[phase, fraction, name], units) for name in names
+            }
+            for fraction in fractions
+        }
+
+
+def _number(values: list, units: Sequence[str]):
+    if not values:
+        return None
+    mean = np.mean(np.array(values, dtype=np.float64), axis=0)
+    if mean.ndim == 0:
+        return float(mean)
+    numbers = [None if np.isnan(x) else float(x) for x in mean]
+    return numbers[0] if len(units) == 1 else dict(zip(units, numbers, strict=True))
+
+
+class Collected(NamedTuple):
+    """What is gathered over all recordings left out.
+
+    Attributes:
+        scores: means by phase knowledge, share observed and name.
+        with_start: of predictions that know the controlled agent's start posture; None: not asked.
+        recognitions: what was said about tasks.
+        spreads: errors in predicted standard deviations.
+        outcomes: what the decision made of each movement, progress unknown.
+    """
+
+    scores: Scores
+    with_start: Scores | None
+    recognitions: Recognitions
+    spreads: Spreads
+    outcomes: list[Outcome]
+
+
+def collect(both_starts: bool = False) -> Collected:
+    """An empty collection."""
+    return Collected(Scores(), Scores() if both_starts else None, Recognitions(), Spreads(), [])
+
+
+def score_demonstration(
+    collected: Collected,
+    library: TaskLibrary,
+    training: Sequence[Recorded],
+    test: Recorded,
+    start_posture: bool,
+) -> None:
+    """Add one left-out demonstration's scores.
+
+    Raises:
+        IntentError: the demonstration has no duration.
+    """
+    duration = (test.end_ns - test.start_ns) * 1e-9
+    if duration <= 0:
+        raise IntentError(describe(test.name, "a positive duration", duration, "Leave it out."))
+    times = TRUTH_PHASES * duration
+    truth = sample(test.controlled, test.start_ns, times)
+    posture = StartPosture(truth[0], np.zeros(library.n_controlled))
+    label = library.labels.index(test.task)
+    for phase in PHASES:
+        known = phase == "known_phase"
+        hypotheses = fixed_hypotheses(library, duration) if known else make_hypotheses(library)
+        watch = None if known else Watch(library)
+        for fraction, run in _snapshots(library, hypotheses, test, duration, watch):
+            posterior = task_posterior(run, hypotheses, fraction * duration)
+            probabilities = _without_none(posterior, hypotheses)
+            if fraction in RECOGNITION_FRACTIONS:
+                collected.scores.add(
+                    phase,
+                    fraction,
+                    accuracy=float(np.argmax(probabilities) == label),
+                    log_loss=-np.log(max(probabilities[label], SMALLEST_PROBABILITY)),
+                )
+                none = posterior.probabilities[-1] > posterior.probabilities[:-1].max()
+                collected.recognitions.add(
+                    phase, fraction, test.task, library.labels, probabilities, bool(none)
+                )
+            if fraction in PREDICTION_FRACTIONS:
+                case = _Case(library, run, posterior, label, times, truth)
+                baselines = _baseline_scores(library, training, test, fraction, truth, known)
+                mean, std = case.given_task(posture if start_posture else None)
+                own = _prediction_scores(
+                    case, mean, std, probabilities, fraction, posture if start_posture else None
+                )
+                collected.scores.add(phase, fraction, **own, **baselines)
+                collected.spreads.add(phase, (mean - truth) / std)
+                if collected.with_start is not None:
+                    mean, std = case.given_task(posture)
+                    own = _prediction_scores(case, mean, std, probabilities, fraction, posture)
+                    collected.with_start.add(phase, fraction, **own, **baselines)
+        if watch is not None:
+            collected.outcomes.append(watch.outcome(str(test.task)))
+
+
+class _Case(NamedTuple):
+    """One recording at one share observed: what is believed, and what was true."""
+
+    library: TaskLibrary
+    run: MovementRun
+    posterior: TaskPosterior
+    label: int
+    times: np.ndarray
+    truth: np.ndarray
+
+    def predict(
+        self, task_weights: np.ndarray, start: StartPosture | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation (T, Q) of the mixture over tasks (K,) and durations."""
+        likely = np.flatnonzero(task_weights > UNLIKELY)
+        moments = [self.run.task_filters[task].mixture_at(self.times, start) for task in likely]
+        share = task_weights[likely] / task_weights[likely].sum()
+        mean, square = (np.tensordot(share, part, axes=1) for part in map(np.array, zip(*moments)))
+        return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
+
+    def given_task(self, start: StartPosture | None) -> tuple[np.ndarray, np.ndarray]:
+        """The same given the true task."""
+        return self.predict(np.eye(self.library.n_tasks)[self.label], start)
+
+
+def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> np.ndarray:
+    """Probabilities of the K tasks, renormalised in logs: none may outweigh all by far, (K,)."""
+    log_task = (hypotheses.log_task_prior + posterior.log_evidence)[:-1]
+    return np.exp(log_task - np.logaddexp.reduce(log_task))
+
+
+def _snapshots(
+    library: TaskLibrary,
+    hypotheses: Hypotheses,
+    test: Recorded,
+    duration_s: float,
+    watch: Watch | None,
+) -> Iterator[tuple[float, MovementRun]]:
+    """The bank after each share of the movement's time, in order."""
+    fractions = sorted({*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS})
+    run = MovementRun(library, hypotheses, test.start_ns)
+    for observation in merge(test.observed):
+        elapsed = (observation.stamp_ns - test.start_ns) * 1e-9
+        if observation.stamp_ns > test.end_ns:
+            break
+        while fractions and elapsed > fractions[0] * duration_s + 1e-9:
+            yield fractions.pop(0), run
+        run.observe(observation)
+        if watch is not None:
+            watch.observe(run, elapsed)
+    for fraction in fractions:
+        yield fraction, run
+
+
+def per_unit(library: TaskLibrary, values: np.ndarray) -> np.ndarray:
+    """Means over the samples and the DOFs of each controlled unit, (U,), from (T, Q)."""
+    units = np.array(library.controlled_units)
+    if not values.size:
+        return np.full(len(dict.fromkeys(units)), np.nan)
+    return np.array([values[:, units == unit].mean() for unit in dict.fromkeys(units)])
+
+
+def _prediction_scores(
+    case: _Case,
+    mean: np.ndarray,
+    std: np.ndarray,
+    probabilities: np.ndarray,
+    fraction: float,
+    start: StartPosture | None,
+) -> dict[str, np.ndarray]:
+    library, truth = case.library, case.truth
+    inferred, _ = case.predict(probabilities, start)
+    error = mean - truth
+    density = 0.5 * (error / std) ** 2 + np.log(std) + 0.5 * np.log(2 * np.pi)
+    squared, future = error**2, TRUTH_PHASES > fraction
+    return {
+        "rmse": np.sqrt(per_unit(library, squared)),
+        "rmse_inferred_task": np.sqrt(per_unit(library, (inferred - truth) ** 2)),
+        "rmse_future": np.sqrt(per_unit(library, squared[future])),
+        "end_rmse": np.sqrt(per_unit(library, squared[-1:])),
+        "coverage_2_sigma": per_unit(library, (np.abs(error) < 2 * std).astype(float)),
+        "nll": per_unit(library, density),
+    }
+
+
+def _baseline_scores(
+    library: TaskLibrary,
+    training: Sequence[Recorded],
+    test: Recorded,
+    fraction: float,
+    truth: np.ndarray,
+    known: bool,
+) -> dict[str, np.ndarray]:
+    same = [recorded for recorded in training if recorded.task == test.task]
+    guesses = {
+        "rmse_mean_of_task": mean_of_task(same, test, TRUTH_PHASES, known),
+        "rmse_nearest_neighbour": nearest_neighbour(same, test, TRUTH_PHASES, fraction, known),
+    }
+    return {
+        name: np.sqrt(per_unit(library, (guess - truth) ** 2)) for name, guess in guesses.items()
+    }

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Does `none` hold its ground? Movements of tasks that a library knows, and of tasks it does not.
+
+Every task is left out in turn and its movements are shown to a library of the others; known
+movements are those left out of training one by one (or by folds). Progress is unknown throughout,
+and the decision is the nodes' own, with its default settings.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.filtering import MovementRun, make_hypotheses
+from intent_recognition.learning import Recorded, TrainingSettings, learn
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.recognition import (
+    NONE,
+    DecisionSettings,
+    DecisionState,
+    decide,
+    task_posterior,
+)
+from intent_recognition.signals import merge
+
+
+class Outcome(NamedTuple):
+    """What became of one movement.
+
+    Attributes:
+        task: what it was.
+        log_odds: highest log odds that one known task held against all else for as many
+            observations on end as the decision asks for; minus infinity if it was never asked.
+        above_threshold: whether they passed the decision's threshold.
+        activated: the task that became active first, empty if none did.
+        recognised: the task that would have first, were no certain end asked for.
+        end_std: standard deviation of the predicted end of what was recognised, at the end of the
+            movement, over all controlled DOFs the largest; NaN where nothing was recognised.
+    """
+
+    task: str
+    log_odds: float
+    above_threshold: bool
+    activated: str
+    recognised: str = ""
+    end_std: float = np.nan
+
+    @property
+    def held_back(self) -> bool:
+        """Whether it was recognised, and not acted on since its end was too uncertain."""
+        return bool(self.recognised) and not self.activated
+
+
+class Watch:
+    """Follows one movement as the activation node would.
+
+    Args:
+        library: the learned tasks.
+        settings: of the decision; the node's defaults when None.
+    """
+
+    def __init__(self, library: TaskLibrary, settings: DecisionSettings | None = None):
+        self._settings = settings or DecisionSettings()
+        self._certain_or_not = replace(self._settings, max_end_std_rad=np.inf)
+        self._labels = (*library.labels, NONE)
+        self._state = self._recognising = DecisionState()
+        self._recent: list[tuple[int, float]] = []
+        self._highest, self._activated, self._recognised = -np.inf, "", ""
+        self._end_std: Callable[[], float] = lambda: np.nan
+
+    def observe(self, run: MovementRun, elapsed_s: float) -> None:
+        """Look at the bank after one more observation."""
+        posterior = task_posterior(run, run.hypotheses, elapsed_s)
+        log_joint = run.hypotheses.log_task_prior + posterior.log_evidence
+        best = int(np.argmax(log_joint[:-1]))
+        rest = np.logaddexp.reduce(np.delete(log_joint, best))
+        self._recent = [*self._recent, (best, float(log_joint[best] - rest))]
+        self._recent = self._recent[-self._settings.n_observations :]
+        full = len(self._recent) == self._settings.n_observations
+        if full and all(task == best for task, _ in self._recent):
+            self._highest = max(self._highest, min(odds for _, odds in self._recent))
+        said = self._labels, posterior.probabilities
+        evidence = posterior.log_evidence
+        if not self._recognised:
+            settings, state = self._certain_or_not, self._recognising
+            self._recognising, self._recognised = decide(settings, state, *said, None, evidence)
+        if self._recognised:
+            task = self._labels.index(self._recognised)
+            self._end_std = partial(run.task_filters.end_std, task)
+        if self._activated:
+            return
+        ready = self._state.n_for + 1 >= self._settings.n_observations
+        sure = posterior.probabilities[best] >= self._settings.threshold
+        end_std = run.task_filters.end_std(best) if ready and sure else None
+        self._state, self._activated = decide(self._settings, self._state, *said, end_std, evidence)
+
+    def outcome(self, task: str) -> Outcome:
+        """What became of the movement, which was of this task."""
+        threshold = self._settings.threshold
+        limit = np.log(threshold) - np.log1p(-threshold) if threshold < 1.0 else np.inf
+        above = bool(self._highest >= limit)
+        found = self._activated, self._recognised, float(self._end_std())
+        return Outcome(task, self._highest, above, *found)
+
+
+def follow(library: TaskLibrary, recorded: Recorded) -> Outcome:
+    """What a library makes of a whole recording, its progress unknown."""
+    run = MovementRun(library, make_hypotheses(library), recorded.start_ns)
+    watch = Watch(library)
+    for observation in merge(recorded.observed):
+        if recorded.start_ns <= observation.stamp_ns <= recorded.end_ns:
+            run.observe(observation)
+            watch.observe(run, (observation.stamp_ns - recorded.start_ns) * 1e-9)
+    return watch.outcome(str(recorded.task))
+
+
+def follow_unknown(
+    demonstrations: Sequence[Recorded],
+    settings: TrainingSettings,
+    progress: Callable[[int], None] = lambda done: None,
+) -> list[Outcome]:
+    """Every task left out in turn: what a library of the others makes of its movements.
+
+    Tasks without which nothing can be learned are passed over.
+
+    Args:
+        demonstrations: labelled recordings, their start and end taken as they are.
+        settings: how to learn.
+        progress: called with the number of demonstrations followed so far.
+
+    Raises:
+        TrainingError: a library of the others cannot be learned.
+    """
+    outcomes: list[Outcome] = []
+    for task in sorted({str(d.task) for d in demonstrations}):
+        rest = [d for d in demonstrations if d.task != task]
+        if len(rest) < 2 or len(rest) == len({d.task for d in rest}):
+            continue
+        library, _ = learn(rest, settings)
+        for recorded in (d for d in demonstrations if d.task == task):
+            outcomes.append(follow(library, recorded))
+            progress(len(outcomes))
+    return outcomes
+
+
+def compare(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[str, object]:
+    """The JSON of known against unknown movements; None where there are none of either.
+
+    `area` is the probability that a known movement reaches higher odds than an unknown one; `roc`
+    the shares of both that reach as much, for every threshold that makes a difference.
+    `recognised` are those that pass the decision but for its demand of a certain end, `held_back`
+    those of them that never pass that, `activated` the others.
+    """
+    score = {
+        name: np.array([o.log_odds for o in outcomes])
+        for name, outcomes in (("known", known), ("unknown", unknown))
+    }
+    content: dict[str, object] = {
+        "n_known": len(known),
+        "n_unknown": len(unknown),
+        "area": area(score["known"], score["unknown"]),
+        "recognised_known": _share([bool(o.recognised) for o in known]),
+        "recognised_unknown": _share([bool(o.recognised) for o in unknown]),
+        "recognised_wrong_task": _share([o.recognised not in ("", o.task) for o in known]),
+        "held_back_known": _share([o.held_back for o in known]),
+        "held_back_unknown": _share([o.held_back for o in unknown]),
+        "end_std_known": end_std([o for o in known if o.recognised]),
+        "activated_known": _share([bool(o.activated) for o in known]),
+        "activated_unknown": _share([bool(o.activated) for o in unknown]),
+        "activated_wrong_task": _share([o.activated not in ("", o.task) for o in known]),
+        "above_threshold_known": _share([o.above_threshold for o in known]),
+        "above_threshold_unknown": _share([o.above_threshold for o in unknown]),
+        "left_out": {},
+    }
+    for task in sorted({o.task for o in unknown}):
+        own = [o for o in unknown if o.task == task]
+        content["left_out"][task] = {
+            "n": len(own),
+            "area": area(score["known"], np.array([o.log_odds for o in own])),
+            "recognised": _share([bool(o.recognised) for o in own]),
+            "activated": _share([bool(o.activated) for o in own]),
+            "above_threshold": _share([o.above_threshold for o in own]),
+        }
+    content["roc"] = roc(score["known"], score["unknown"]) if known and unknown else None
+    return content
+
+
+def end_std(recognised: Sequence[Outcome]) -> dict[str, float] | None:
+    """How uncertain the ends are once all was seen: quantiles over movements; None without one."""
+    if not recognised:
+        return None
+    values = [o.end_std for o in recognised]
+    return {f"{q:g}": float(np.quantile(values, q)) for q in (0.1, 0.5, 0.9)}
+
+
+def area(known: np.ndarray, unknown: np.ndarray) -> float | None:
+    """Share of pairs in which the known one is higher, ties half; None without a pair."""
+    if not len(known) or not len(unknown):
+        return None
+    above = known[:, None] > unknown[None]
+    equal = known[:, None] == unknown[None]
+    return float(np.mean(above + 0.5 * equal))
+
+
+def roc(known: np.ndarray, unknown: np.ndarray) -> dict[str, list[float]]:
+    """Shares of known and of unknown ones at or above each threshold, from (0, 0) to (1, 1)."""
+    thresholds = np.unique(np.r_[known, unknown])[::-1]
+    return {
+        name: [0.0, *(float(np.mean(values >= t)) for t in thresholds)]
+        for name, values in (("unknown", unknown), ("known", known))
+    }
+
+
+def _share(values: Sequence[bool]) -> float | None:
+    return float(np.mean(values)) if values else None

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recognition on aligned demonstrations, step by step as the paper has it (Maeda et al. 2014).
+
+All demonstrations are brought onto their task's timing first, the one to be recognised too (part
+III-E and IV-C); observations are then at known phases of it, and Eq. 6 and 9-10 are applied to one
+after the other. Aligning takes the whole movement and its label: this is for the comparison alone.
+"""
+
+import numpy as np
+
+from intent_recognition.alignment import Warp
+from intent_recognition.gaussian import Gaussian, condition
+from intent_recognition.learning import Recorded
+from intent_recognition.promp import AlignedPrimitives
+
+
+def aligned_evidence(
+    primitives: AlignedPrimitives, warp: Warp, recorded: Recorded, n: int
+) -> np.ndarray:
+    """Log evidence of the tasks before any and after each of n observations, (n + 1, K).
+
+    Args:
+        primitives: primitives over reference phase.
+        warp: from reference phase to the recorded phase of the demonstration.
+        recorded: cut to its movement.
+        n: observations, those nearest to even reference phases.
+    """
+    (signal,) = recorded.observed
+    phases = warp.inverse(
+        (signal.stamps_ns - recorded.start_ns) / (recorded.end_ns - recorded.start_ns)
+    )
+    rows = spread_rows(phases, n)
+    designs = [
+        np.kron(np.eye(primitives.n_observed), row)
+        for row in primitives.basis.design_matrix(phases[rows])[:, None]
+    ]
+    noise = np.diag(primitives.noise_variance[: primitives.n_observed] * primitives.noise_scale)
+    steps = np.zeros((n + 1, len(primitives.weight_mean)))
+    for task in range(steps.shape[1]):
+        weights = _observed(primitives, task)
+        for k, (design, row) in enumerate(zip(designs, rows, strict=True)):
+            weights, steps[k + 1, task] = condition(weights, design, signal.values[row], noise)
+    return np.cumsum(steps, axis=0)
+
+
+def spread_rows(phases: np.ndarray, n: int) -> np.ndarray:
+    """Indices of the samples nearest to n even phases, each sample once, (n,).
+
+    Args:
+        phases: of the samples, increasing, (T,).
+        n: how many; fewer than T.
+    """
+    wanted = (np.arange(n) + 0.5) / n
+    rows = np.argmin(np.abs(phases[:, None] - wanted), axis=0)
+    return np.maximum.accumulate(rows - np.arange(n)) + np.arange(n)
+
+
+def _observed(primitives: AlignedPrimitives, task: int) -> Gaussian:
+    """Prior of the observed weights."""
+    size = primitives.n_observed_weights
+    return Gaussian(
+        primitives.weight_mean[task, :size], primitives.weight_covariance[task, :size, :size]
+    )

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of the second human's prediction, and of the arm in that human's place."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.report import (
+    INK,
+    SOFT,
+    new_figure,
+    readable,
+    styled,
+    task_colours,
+    task_markers,
+)
+
+MINUS = "\N{MINUS SIGN}"
+
+
+class Predicted(NamedTuple):
+    """The assistant's wrist over time: as it was, and as predicted; (T,) and (T, 3)."""
+
+    times_s: np.ndarray
+    truth_m: np.ndarray
+    mean_m: np.ndarray
+    std_m: np.ndarray
+
+
+class Hand(NamedTuple):
+    """The arm's hand over time, and where the assistant's wrist was; (T,) and (T, 3).
+
+    `began_s` is when the arm began to move.
+    """
+
+    times_s: np.ndarray
+    wrist_m: np.ndarray
+    hand_m: np.ndarray
+    began_s: float
+
+
+@styled
+def prediction_error_figure(
+    known_cm: Mapping[str, np.ndarray],
+    unknown_cm: Mapping[str, np.ndarray],
+    mean_cm: Mapping[str, float],
+    quantity: str,
+):
+    """Mean error over the number of observations, per task, beside that of the task's mean.
+
+    Args:
+        known_cm: per task (n + 1,), the elapsed share known.
+        unknown_cm: the same, duration unknown.
+        mean_cm: error of the task's mean.
+        quantity: for the axis.
+    """
+    from matplotlib.lines import Line2D
+
+    colours, markers = task_colours(known_cm), task_markers(known_cm)
+    figure = new_figure(5.6, 3.9)
+    axes = figure.subplots()
+    for task, errors in known_cm.items():
+        at, style = np.arange(len(errors)), {"color": colours[task], "markersize": 4}
+        axes.plot(at, errors, marker=markers[task], **style)
+        axes.plot(at, unknown_cm[task], linestyle=(0, (4, 2)), lw=1.3, color=colours[task])
+        axes.axhline(mean_cm[task], color=colours[task], lw=0.9, linestyle=(0, (1, 2)))
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlim(0, len(at) - 1)
+    axes.set_xlabel("number of observations")
+    axes.set_ylabel(f"{quantity} [cm]")
+    handles = [
+        Line2D([], [], color=colours[t], marker=markers[t], markersize=4, label=readable(t))
+        for t in known_cm
+    ]
+    handles += [
+        Line2D([], [], color=SOFT, linestyle=(0, (4, 2)), lw=1.3, label="duration unknown"),
+        Line2D([], [], color=SOFT, linestyle=(0, (1, 2)), lw=0.9, label="mean of the true task"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    return figure
+
+
+@styled
+def prediction_figure(examples: Mapping[str, Predicted], n_observations: int):
+    """The assistant's wrist as predicted after some observations, with +-2 sigma; a row a task."""
+    colours = task_colours(examples)
+    figure = new_figure(11.2, 2.1 * len(examples) + 0.5)
+    grid = figure.subplots(len(examples), 3, sharex="row", squeeze=False)
+    for line, (task, shown) in zip(grid, examples.items(), strict=True):
+        for k, axes in enumerate(line):
+            low, high = (shown.mean_m[:, k] + s * 2.0 * shown.std_m[:, k] for s in (-1, 1))
+            colour = colours[task]
+            axes.fill_between(shown.times_s, low, high, color=colour, alpha=0.18, lw=0)
+            axes.plot(shown.times_s, shown.mean_m[:, k], color=colour, linestyle=(0, (4, 1.6)))
+            axes.plot(shown.times_s, shown.truth_m[:, k], color=INK, lw=1.3)
+            axes.set_title(f"{readable(task)}: {'xyz'[k]}")
+            axes.set_xlim(shown.times_s[0], shown.times_s[-1])
+        line[0].set_ylabel("assistant's wrist [m]")
+    for axes in grid[-1]:
+        axes.set_xlabel("time after the worker's onset [s]")
+    _legend(figure, "as it was", f"predicted after {n_observations} observations", band=True)
+    return figure
+
+
+@styled
+def hand_figure(examples: Mapping[str, Hand]):
+    """The arm's hand beside the assistant's wrist it stands in for; a row a task."""
+    colours = task_colours(examples)
+    figure = new_figure(11.2, 2.1 * len(examples) + 0.5)
+    grid = figure.subplots(len(examples), 3, sharex="row", squeeze=False)
+    for line, (task, shown) in zip(grid, examples.items(), strict=True):
+        for k, axes in enumerate(line):
+            axes.axvline(shown.began_s, color=SOFT, lw=1.0, linestyle=(0, (1, 2)))
+            axes.plot(shown.times_s, shown.wrist_m[:, k], color=INK, lw=1.3)
+            axes.plot(shown.times_s, shown.hand_m[:, k], color=colours[task])
+            axes.set_title(f"{readable(task)}: {'xyz'[k]}")
+            axes.set_xlim(shown.times_s[0], shown.times_s[-1])
+        line[0].set_ylabel("position [m]")
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    _legend(figure, "the assistant's wrist", "the arm's hand", dashed=False, began=True)
+    return figure
+
+
+@styled
+def arrival_figure(end_cm: Mapping[str, np.ndarray], late_s: Mapping[str, np.ndarray]):
+    """Where and when the hand arrived, compared with the assistant's wrist; a dot a recording."""
+    colours, markers = task_colours(end_cm), task_markers(end_cm)
+    figure = new_figure(5.6, 3.9)
+    axes = figure.subplots()
+    axes.axvline(0.0, color=SOFT, lw=1.0)
+    for task, errors in end_cm.items():
+        axes.scatter(
+            late_s[task],
+            errors,
+            s=30,
+            color=colours[task],
+            marker=markers[task],
+            linewidths=0,
+            alpha=0.8,
+            label=readable(task),
+        )
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel(f"hand arrived after the wrist ({MINUS}: before) [s]")
+    axes.set_ylabel("hand from wrist at the end [cm]")
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure
+
+
+def _legend(figure, truth: str, ours: str, *, band=False, dashed=True, began=False) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    style = (0, (4, 1.6)) if dashed else "-"
+    handles = [
+        Line2D([], [], color=INK, lw=1.3, label=truth),
+        Line2D([], [], color=SOFT, lw=2.6, linestyle=style, label=f"{ours} (coloured)"),
+    ]
+    if band:
+        handles.append(
+            Patch(color=SOFT, alpha=0.25, label="\N{PLUS-MINUS SIGN} 2\N{GREEK SMALL LETTER SIGMA}")
+        )
+    if began:
+        dots = (0, (1, 2))
+        handles.append(Line2D([], [], color=SOFT, lw=1.0, linestyle=dots, label="the arm begins"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of the feedback controllers: distributions, spreads, stiffness, pushes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from intent_recognition.motion import FeedbackPolicy
+from intent_recognition.report import PALETTE, SOFT, new_figure, styled
+
+PRIMITIVE, STOCHASTIC, LOW_GAIN = PALETTE[0], PALETTE[1], PALETTE[2]
+NAMES = ("stochastic feedback", "low gain")
+COLOURS = (STOCHASTIC, LOW_GAIN)
+DASHES = ((0, (5, 2)), (0, (1.5, 1.5)))
+N_COLUMNS = 4
+
+Wanted = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Times (T,), mean (T, 7) [rad] and standard deviation (T, 7) [rad] of the primitive."""
+
+
+@styled
+def distribution_figure(
+    wanted: Wanted, times_s: np.ndarray, moments: Sequence[tuple[np.ndarray, np.ndarray]]
+):
+    """Mean and 2 sigma of each joint: of the primitive, and of the arm by either controller.
+
+    Args:
+        wanted: of the primitive.
+        times_s: of the arm's samples (S,).
+        moments: mean and std (S, 7) by the stochastic feedback and by the low-gain controller.
+    """
+    figure, panels, corner = _joint_panels(wanted[1].shape[1], 4.9)
+    grid, mean, std = wanted
+    for k, axes in enumerate(panels):
+        low, high = mean[:, k] - 2 * std[:, k], mean[:, k] + 2 * std[:, k]
+        axes.fill_between(
+            grid, low, high, color=PRIMITIVE, alpha=0.18, lw=0, label="primitive, +-2 sigma"
+        )
+        axes.plot(grid, mean[:, k], color=PRIMITIVE, label="primitive, mean")
+        for (centre, spread), name, colour, dash in zip(
+            moments, NAMES, COLOURS, DASHES, strict=True
+        ):
+            for side in (-2, 2):
+                label = f"arm, {name}, +-2 sigma" if side < 0 else None
+                axes.plot(
+                    times_s, centre[:, k] + side * spread[:, k],
+                    color=colour, linestyle=dash, linewidth=1.4, label=label,
+                )  # fmt: skip
+        axes.plot(times_s, moments[0][0][:, k], color=STOCHASTIC, lw=1.0, label="arm, mean")
+        axes.set_ylabel(f"joint {k + 1} [rad]")
+        axes.set_xlim(0.0, grid[-1])
+    _legend(panels, corner)
+    return figure
+
+
+@styled
+def spread_figure(
+    wanted: Wanted,
+    times_s: np.ndarray,
+    moments: Sequence[tuple[np.ndarray, np.ndarray]],
+    chance: np.ndarray,
+):
+    """Standard deviation of each joint over time.
+
+    Args:
+        wanted: of the primitive.
+        times_s: of the arm's samples (S,).
+        moments: as of `distribution_figure`.
+        chance: factors on the primitive's std between which 95 % of such samples' lie (2,).
+    """
+    figure, panels, corner = _joint_panels(wanted[1].shape[1], 4.7)
+    grid, _, std = wanted
+    for k, axes in enumerate(panels):
+        axes.fill_between(
+            grid, chance[0] * std[:, k], chance[1] * std[:, k],
+            color=PRIMITIVE, alpha=0.18, lw=0, label="primitive, 95 % by chance",
+        )  # fmt: skip
+        axes.plot(grid, std[:, k], color=PRIMITIVE, label="primitive")
+        for (_, spread), name, colour, dash in zip(moments, NAMES, COLOURS, DASHES, strict=True):
+            axes.plot(times_s, spread[:, k], color=colour, linestyle=dash, label=f"arm, {name}")
+        axes.set_ylabel(f"std of joint {k + 1} [rad]")
+        axes.set_xlim(0.0, grid[-1])
+        axes.set_ylim(0.0, None)
+    _legend(panels, corner)
+    return figure
+
+
+@styled
+def stiffness_figure(policy: FeedbackPolicy, demonstrated: np.ndarray):
+    """Spread of the demonstrations and stiffness of the controller over time, per joint.
+
+    Args:
+        policy: of the primitive.
+        demonstrated: std over the demonstrations on the policy's grid (T, 7) [rad].
+    """
+    figure = new_figure(8.2, 5.2)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    for k in range(policy.n_joints):
+        colour = PALETTE[k % len(PALETTE)]
+        upper.plot(policy.times_s, demonstrated[:, k], color=colour, label=f"joint {k + 1}")
+        lower.plot(policy.times_s, policy.stiffness[:, k], color=colour)
+    upper.set_ylabel("std of the demonstrations [rad]")
+    upper.set_ylim(0.0, None)
+    lower.set_ylabel("stiffness [1/s\N{SUPERSCRIPT TWO}]")
+    lower.set_xlabel("time [s]")
+    lower.set_xlim(0.0, policy.times_s[-1])
+    lower.axhline(0.0, color=SOFT, linewidth=0.8)
+    figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=7)
+    return figure
+
+
+@styled
+def push_figure(start_s: np.ndarray, spread_m: np.ndarray, deflection_m: np.ndarray):
+    """Largest deflection of the hand for pushes at several times, above the hand's spread there.
+
+    Args:
+        start_s: of each push (n,).
+        spread_m: std of the hand along the push in the primitive meanwhile (n,).
+        deflection_m: by the stochastic feedback and the low-gain controller (n, 2).
+    """
+    figure = new_figure(7.0, 4.4)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    for k, (name, colour, marker) in enumerate(zip(NAMES, COLOURS, "os", strict=True)):
+        upper.plot(
+            start_s, 100 * deflection_m[:, k], color=colour, marker=marker, label=name,
+            markeredgecolor="white", markersize=7,
+        )  # fmt: skip
+    upper.set_ylabel("deflection of the hand [cm]")
+    upper.set_ylim(0.0, None)
+    lower.plot(
+        start_s, 100 * spread_m, color=PRIMITIVE, marker="D", markersize=5, label="primitive"
+    )
+    lower.set_ylabel("std of the hand\nalong it [cm]")
+    lower.set_ylim(0.0, None)
+    lower.set_xlabel("start of the push [s]")
+    upper.legend(loc="upper left")
+    return figure
+
+
+def _joint_panels(n_joints: int, height_in: float):
+    """A figure with one panel per joint, and the first free panel for the legend."""
+    n_rows = -(-(n_joints + 1) // N_COLUMNS)
+    figure = new_figure(9.8, height_in)
+    axes = figure.subplots(n_rows, N_COLUMNS, sharex=True).ravel()
+    for one in axes[n_joints:]:
+        one.set_axis_off()
+    for one in axes[max(0, n_joints - N_COLUMNS) : n_joints]:
+        one.set_xlabel("time [s]")
+        one.tick_params(labelbottom=True)
+    return figure, axes[:n_joints], axes[n_joints]
+
+
+def _legend(panels: Sequence, corner) -> None:
+    corner.legend(*panels[0].get_legend_handles_labels(), loc="center")

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is found out beside the pole: fits, predictions, and what the arm makes of them.
+
+The demonstrations are unlabelled; on which side of the pole the arm was led is known for scoring.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.experiments.left_out import (
+    FINAL,
+    WHOLE,
+    Pairs,
+    Predicted,
+    chosen_number,
+    pairs_of,
+    predict,
+    rms,
+    to_predict_with,
+    try_numbers,
+)
+from intent_recognition.experiments.outcome import Settings
+from intent_recognition.gaussian import Components
+from intent_recognition.share import share_path
+from intent_recognition.signals import Demonstration
+from sim_bridge.scenarios.pole import fingertip, planned_clearance, way_of
+
+if TYPE_CHECKING:
+    from sim_bridge.scenarios.pole import Executed
+
+LARGEST_NUMBER = 17
+QUICK_LARGEST = 3
+QUICK_EXECUTED = 2
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One number of components, every demonstration left out in turn, its whole path observed.
+
+    Attributes:
+        number: of components.
+        mixtures: without each demonstration, to predict with.
+        labels: component of each demonstration (n,).
+        nll: left-out score that the number is chosen by (n,).
+        predicted: each robot.
+        joint_rms_rad: error of each prediction over all joints and times (n,).
+        tip_rms_m: of the fingertip over all times (n,).
+        n_through: predictions that run into the pole.
+    """
+
+    number: int
+    mixtures: Components
+    labels: np.ndarray
+    nll: np.ndarray
+    predicted: Predicted
+    joint_rms_rad: np.ndarray
+    tip_rms_m: np.ndarray
+    n_through: int
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Predicted motions on the arm.
+
+    Attributes:
+        label: what they were predicted from.
+        indices: which demonstrations were left out (m,).
+        runs: on the arm, one for each.
+        ways: on which side of the pole each was predicted.
+        final_error_m: distance of the fingertip from where it was shown to point (m,).
+    """
+
+    label: str
+    indices: np.ndarray
+    runs: tuple["Executed", ...]
+    ways: tuple[str, ...]
+    final_error_m: np.ndarray
+
+    @property
+    def hits(self) -> np.ndarray:
+        """Which of them touched the pole, bool (m,)."""
+        return np.array([run.touched for run in self.runs])
+
+    @property
+    def clearance_m(self) -> np.ndarray:
+        """Least distance from the pole (m,)."""
+        return np.array([run.clearance_m.min() for run in self.runs])
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that came out.
+
+    Attributes:
+        demonstrations: in the order of all arrays.
+        pairs: both agents at the same phases.
+        ways: how each was led around the pole.
+        both: whether its spot can be reached on both sides, bool (n,).
+        tried: every number of components.
+        chosen: the number taken.
+        single: of a single Gaussian, on the arm.
+        mixture: of the number taken.
+        single_end, mixture_end: the same, told the wand's final position alone.
+    """
+
+    demonstrations: tuple[Demonstration, ...]
+    pairs: Pairs
+    ways: tuple[str, ...]
+    both: np.ndarray
+    tried: tuple[Tried, ...]
+    chosen: int
+    single: Carried
+    mixture: Carried
+    single_end: Carried
+    mixture_end: Carried
+
+    @property
+    def taken(self) -> Tried:
+        """What was tried with the number taken."""
+        return self.tried[self.chosen - 1]
+
+    @property
+    def carried(self) -> tuple[Carried, ...]:
+        """All motions on the arm."""
+        return self.single, self.mixture, self.single_end, self.mixture_end
+
+
+def investigate(settings: Settings) -> Study:
+    """Fit, predict and execute; the report is made of what this returns."""
+    settings.progress(0.0, "reading")
+    dofs = load_dofs(share_path("config/dofs_pole.yaml"))
+    demonstrations, _ = read_demonstrations([settings.recordings("pole")], dofs)
+    pairs = pairs_of(demonstrations)
+    ways = tuple(d.metadata["way"] for d in demonstrations)
+    both = np.array([len(d.metadata["reachable"].split()) == 2 for d in demonstrations])
+    largest = QUICK_LARGEST if settings.quick else LARGEST_NUMBER
+    tried, chosen = _try_all(pairs, largest, settings)
+    count = QUICK_EXECUTED if settings.quick else len(demonstrations)
+    nearest = planned_clearance(tried[0].predicted.mean).min(axis=1)
+    indices = np.sort(np.argsort(nearest)[:count])
+    taken = tried[chosen - 1]
+    carried = []
+    for step, (label, predicted) in enumerate(
+        (
+            ("one component", tried[0].predicted),
+            (f"{chosen} components", taken.predicted),
+            ("one component, end only", predict(pairs, tried[0].mixtures, FINAL)),
+            (f"{chosen} components, end only", predict(pairs, taken.mixtures, FINAL)),
+        )
+    ):
+        settings.progress(0.3 + 0.16 * step, f"on the arm: {label}")
+        carried.append(_carry_out(label, pairs, predicted, indices))
+    return Study(tuple(demonstrations), pairs, ways, both, tried, chosen, *carried)
+
+
+def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[Tried, ...], int]:
+    """Every number of components up to the largest, and the one taken."""
+    fits = try_numbers(
+        pairs,
+        range(1, largest + 1),
+        settings.rng,
+        lambda number: settings.progress(0.2 * number / largest, f"{number} components"),
+    )
+    truth = fingertip(pairs.controlled)
+    tried = []
+    for number, (clustering, scored) in fits.items():
+        mixtures = to_predict_with(pairs, clustering)
+        predicted = predict(pairs, mixtures, WHOLE)
+        tip = np.linalg.norm(fingertip(predicted.mean) - truth, axis=2)
+        tried.append(
+            Tried(
+                number,
+                mixtures,
+                clustering.labels,
+                scored.nll,
+                predicted,
+                rms(predicted.mean - pairs.controlled),
+                rms(tip),
+                int(np.sum(planned_clearance(predicted.mean).min(axis=1) < 0.0)),
+            )
+        )
+    return tuple(tried), chosen_number(fits, len(truth))
+
+
+def _carry_out(label: str, pairs: Pairs, predicted: Predicted, indices: np.ndarray) -> Carried:
+    """Let the arm execute predictions, each in a fresh world with the pole."""
+    from sim_bridge.scenarios.pole import execute
+
+    phase = np.linspace(0.0, 1.0, predicted.mean.shape[1])
+    runs = tuple(execute(predicted.mean[i], phase * pairs.duration_s[i]) for i in indices)
+    reached = np.array([fingertip(run.positions_rad[-1]) for run in runs])
+    shown = fingertip(pairs.controlled[indices, -1])
+    return Carried(
+        label,
+        indices,
+        runs,
+        tuple(way_of(fingertip(predicted.mean[i])) for i in indices),
+        np.linalg.norm(reached - shown, axis=1),
+    )

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the classifiers of the task constraints see of each trial, by method.
+
+The trials know where containers and balls truly were. A method knows what it made of a scan:
+reference values, the lip and the centre of the opening; the standard features know none of these,
+only the objects' centres.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.objects import find_object, load_object
+from intent_recognition.warping import (
+    NO_REFERENCES,
+    FillingConstraint,
+    FillingState,
+    ObjectCloud,
+    PouringConstraint,
+    PouringState,
+    References,
+    WarpSource,
+    pouring_parameters,
+    prepare_source,
+    references,
+    warp,
+)
+from sim_bridge.balls import (
+    FILLING,
+    FILLING_TILT_RAD,
+    POURING,
+    SECOND,
+    Trials,
+    container,
+    level_axes,
+)
+from sim_bridge.containers import CONTAINER_NAMES, scan
+
+LABEL, POINT, STANDARD = METHODS = ("label mapping", "point mapping", "standard features")
+SOURCE = "mug"
+OTHER_AHEAD_M = 0.2
+"""Where the other container is, from this one's opening, when the lip is chosen."""
+
+USUAL_HEIGHT_M = 0.1
+"""Of any cup, for standard features that are to tell how far is thrown without knowing the cup."""
+
+
+class Known(NamedTuple):
+    """What a method knows of one container.
+
+    Attributes:
+        references: what its variables are divided by.
+        lip_m: the point of it that moves over the second container (3,), in its own frame.
+        centre_m: the point of it that distances are measured from (3,), in its own frame.
+    """
+
+    references: References
+    lip_m: np.ndarray
+    centre_m: np.ndarray
+
+
+class Samples(NamedTuple):
+    """Trials as a classifier sees them.
+
+    Attributes:
+        features: (N, d).
+        labels: (N,), 0 or 1.
+        objects: (N,) index of the pouring container.
+        unit_throw: (N,) what a throw is measured in, if it is to be learned; in filling only.
+    """
+
+    features: np.ndarray
+    labels: np.ndarray
+    objects: np.ndarray
+    unit_throw: np.ndarray | None = None
+
+
+def annotated_source() -> WarpSource:
+    """The one object whose parts are annotated: the shipped mug, of another size than ours."""
+    return prepare_source(load_object(find_object(SOURCE)))
+
+
+def know_all(
+    source: WarpSource, rng: np.random.Generator, indices: Sequence[int]
+) -> dict[str, dict[int, Known]]:
+    """Scan containers and learn of them what each method can, by method and object index."""
+    known: dict[str, dict[int, Known]] = {method: {} for method in METHODS}
+    for index in indices:
+        cup = container(index)
+        seen = scan(cup.mesh, rng)
+        cloud = ObjectCloud(seen.points, seen.normals)
+        for method, mapping in ((LABEL, "label"), (POINT, "point")):
+            warped = warp(source, cloud, mapping)
+            ahead = cup.opening_centre + np.array([OTHER_AHEAD_M, 0.0, 0.0])
+            found = pouring_parameters(warped, toward=ahead)
+            known[method][index] = Known(references(found), found.lip_point, found.opening_centre)
+        middle = cup.mesh.bounds.mean(axis=0)
+        known[STANDARD][index] = Known(NO_REFERENCES, middle, middle)
+    return known
+
+
+def pouring_samples(
+    trials: Trials, known: dict[int, Known], *, difference: bool = False
+) -> Samples:
+    """Features of the pouring trials.
+
+    Args:
+        trials: all of them.
+        known: what the method knows, by object index.
+        difference: take the tilt less its reference instead of their ratio.
+    """
+    table = trials.tables[POURING]
+    objects = table["object"].astype(int)
+    features = np.empty((len(objects), 2))
+    for index in np.unique(objects):
+        rows, cup = objects == index, known[index].references
+        state = PouringState(table["fluid_m3"][rows], table["tilt_rad"][rows])
+        features[rows] = PouringConstraint.features(state, cup)
+        if difference:
+            features[rows, 0] = state.tilt_rad - cup.tilt_rad
+    return Samples(features, (table["poured"] > 0.0).astype(float), objects)
+
+
+def filling_samples(
+    trials: Trials, known: dict[int, Known], *, upright: bool = False, throw: bool = False
+) -> Samples:
+    """Features of the filling trials.
+
+    Args:
+        trials: all of them.
+        known: what the method knows, by object index.
+        upright: measure to the pouring container as if it stood upright.
+        throw: let the classifier learn how far is thrown, too.
+    """
+    table = trials.tables[FILLING]
+    objects = table["object"].astype(int)
+    second_index = CONTAINER_NAMES.index(SECOND)
+    second, true_second = known[second_index], container(second_index)
+    features, unit_throw = np.empty((len(objects), 8)), np.empty(len(objects))
+    for index in np.unique(objects):
+        rows, cup = np.flatnonzero(objects == index), known[index]
+        lip = np.column_stack([table[f"lip_{axis}_m"][rows] for axis in "xyz"])
+        turned = np.eye(3) if upright else level_axes(FILLING_TILT_RAD)
+        first = lip + turned @ (cup.lip_m - container(index).lip_point)
+        offset = first - (second.centre_m - true_second.opening_centre)
+        state = FillingState(
+            table["fluid_m3"][rows], table["second_fluid_m3"][rows], FILLING_TILT_RAD, offset
+        )
+        own, other = cup.references, second.references
+        features[rows] = FillingConstraint.features(state, own, other)
+        known_height = own._replace(height_m=USUAL_HEIGHT_M) if own is NO_REFERENCES else own
+        unit_throw[rows] = FillingConstraint.unit_throw(
+            state._replace(offset_m=lip), known_height, other
+        )
+    return Samples(features, table["success"], objects, unit_throw if throw else None)

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of pouring: the primitive in the warped space and in metres, and balls spilled."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.report import NONE_COLOUR, PALETTE, SOFT, new_figure, styled
+
+WARPED_TITLES = (
+    "along / radius of the second",
+    "across / radius of the second",
+    "up / height of the cup",
+    "tilt / reference tilt",
+)
+REAL_TITLES = ("along [cm]", "across [cm]", "up [cm]", "tilt [deg]")
+MEAN_COLOUR, INSIDE_COLOUR = PALETTE[0], PALETTE[1]
+PAIR_COLOURS = (PALETTE[2], PALETTE[3], PALETTE[4])
+DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
+
+
+class Band(NamedTuple):
+    """A distribution over paths: times or phases (T,), mean (T, 4), standard deviation (T, 4)."""
+
+    time: np.ndarray
+    mean: np.ndarray
+    std: np.ndarray
+
+
+class Real(NamedTuple):
+    """One pair: its name, the rescaled primitive, and times and path (T, 4) of the arm.
+
+    Centimetres and degrees.
+    """
+
+    name: str
+    band: Band
+    done_s: np.ndarray
+    done: np.ndarray
+
+
+@styled
+def paths_figure(
+    warped: Band, demonstrations: Sequence[tuple[np.ndarray, np.ndarray]], real: Sequence[Real]
+):
+    """Above the primitive in the warped space, below what it becomes for some pairs.
+
+    Args:
+        warped: the primitive over phase.
+        demonstrations: phases (T,) and ratios (T, 4) of each.
+        real: up to three pairs.
+    """
+    figure = new_figure(12.0, 6.4)
+    grid = figure.subplots(2, 4)
+    inside = np.hypot(warped.mean[:, 0], warped.mean[:, 1]) < 1.0
+    for k, axes in enumerate(grid[0]):
+        axes.fill_between(
+            warped.time, 0.0, 1.0, where=inside, transform=axes.get_xaxis_transform(),
+            color=INSIDE_COLOUR, alpha=0.10, lw=0, label="lip above the opening",
+        )  # fmt: skip
+        for at in (-1.0, 1.0) if k < 2 else (1.0,):
+            axes.axhline(at, color="black", lw=0.9, zorder=1)
+        for phase, path in demonstrations:
+            axes.plot(phase, path[:, k], color=NONE_COLOUR, lw=0.6, alpha=0.8)
+        _band(axes, warped, k, MEAN_COLOUR, "mean, $\\pm$2 sigma", "-")
+        axes.set_title(WARPED_TITLES[k])
+        axes.set_xlim(0.0, 1.0)
+        axes.set_xlabel("phase")
+    grid[0, 1].set_ylim(-1.6, 1.6)
+    for k, axes in enumerate(grid[1]):
+        for one, colour, dashes in zip(real, PAIR_COLOURS, DASHES, strict=False):
+            _band(axes, one.band, k, colour, one.name, dashes)
+            axes.plot(one.done_s, one.done[:, k], color=SOFT, lw=0.8, linestyle=(0, (1, 1)))
+        axes.set_title(REAL_TITLES[k])
+        axes.set_xlim(0.0, max(one.done_s[-1] for one in real))
+        axes.set_xlabel("time [s]")
+    axes = grid[1, 0]
+    axes.plot([], [], color=SOFT, lw=0.8, linestyle=(0, (1, 1)), label="the arm")
+    for row, place in zip(grid, ("upper center", "lower center"), strict=True):
+        handles, labels = row[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc=f"outside {place}", ncols=len(labels))
+    return figure
+
+
+def _band(axes, band: Band, k: int, colour: str, label: str, dashes) -> None:
+    low, high = band.mean[:, k] - 2.0 * band.std[:, k], band.mean[:, k] + 2.0 * band.std[:, k]
+    axes.fill_between(band.time, low, high, color=colour, alpha=0.2, lw=0)
+    axes.plot(band.time, band.mean[:, k], color=colour, linestyle=dashes, label=label)
+
+
+@styled
+def spilled_figure(pairs: Sequence[str], spilled: Mapping[str, Sequence[int]], n_balls: int):
+    """Bars of spilled balls per pair, one colour per way to pour.
+
+    Args:
+        pairs: names.
+        spilled: per way to pour the number of each pair.
+        n_balls: in the cup at the start.
+    """
+    figure = new_figure(10.5, 4.0)
+    axes = figure.subplots()
+    width, places = 0.8 / len(spilled), np.arange(len(pairs))
+    colours = (PALETTE[2], PALETTE[5], PALETTE[1])
+    for k, ((name, counts), colour) in enumerate(zip(spilled.items(), colours, strict=False)):
+        at = places + (k - 0.5 * (len(spilled) - 1)) * width
+        bars = axes.bar(at, counts, 0.92 * width, color=colour, label=name)
+        axes.bar_label(bars, fontsize=8.5, padding=1)
+    axes.set_xticks(places, [name.replace(" into ", "\ninto ") for name in pairs])
+    axes.set_ylabel(f"balls spilled of {n_balls}")
+    axes.set_ylim(0.0, 1.08 * max(5, *(max(counts) for counts in spilled.values())))
+    axes.grid(visible=False, axis="x")
+    axes.legend(loc="upper left")
+    return figure

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of the mixture of the toolbox: its components, and one of them conditioned."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from intent_recognition.report import INK, PALETTE, SOFT, new_figure, readable, styled, task_colours
+
+PRIOR_COLOUR = "#9aa5b1"
+POSTERIOR_COLOUR = "#c2185b"
+
+
+@styled
+def components_found_figure(
+    phase: np.ndarray,
+    observed: np.ndarray,
+    controlled: np.ndarray,
+    labels: np.ndarray,
+    names: Sequence[str],
+    tasks: Mapping[int, str],
+):
+    """Mean and +-2 sigma of the members of each component, one panel per DOF.
+
+    Args:
+        phase: (S,).
+        observed: of all demonstrations (n, S, P).
+        controlled: likewise (n, S, Q).
+        labels: component of each (n,).
+        names: of the P + Q DOFs, with units.
+        tasks: what most members of each component are, for colour and legend.
+    """
+    colours = task_colours(tasks.values())
+    values = np.concatenate([observed, controlled], axis=2)
+    n_rows, n_columns = (2, (len(names) + 1) // 2) if len(names) > 4 else (1, len(names))
+    figure = new_figure(2.75 * n_columns, 2.5 * n_rows + 0.4)
+    grid = figure.subplots(n_rows, n_columns, sharex=True, squeeze=False)
+    flat = _panels(grid, observed.shape[2], controlled.shape[2])
+    for dof, (axes, name) in enumerate(zip(flat, names, strict=True)):
+        for label in np.unique(labels):
+            members = values[labels == label, :, dof]
+            mean = members.mean(axis=0)
+            std = members.std(axis=0, ddof=1) if len(members) > 1 else np.zeros_like(mean)
+            colour = colours[tasks[int(label)]]
+            axes.fill_between(phase, mean - 2 * std, mean + 2 * std, color=colour, alpha=0.18, lw=0)
+            text = f"component {label + 1}, {len(members)}: {readable(tasks[int(label)])}"
+            axes.plot(phase, mean, color=colour, label=text)
+        axes.set_ylabel(name)
+        axes.set_xlim(0.0, 1.0)
+        axes.set_xlabel("phase")
+    handles, texts = flat[0].get_legend_handles_labels()
+    figure.legend(handles, texts, loc="outside lower center", ncols=4)
+    return figure
+
+
+@styled
+def conditioned_figure(
+    phase: np.ndarray,
+    prior_observed: np.ndarray,
+    prior_controlled: np.ndarray,
+    observed: np.ndarray,
+    controlled: np.ndarray,
+    mean: np.ndarray,
+    std: np.ndarray,
+    names: Sequence[str],
+):
+    """One test: the component, the observation, the predicted robot and the truth.
+
+    Args:
+        phase: (S,).
+        prior_observed: members of the component (m, S, P).
+        prior_controlled: likewise (m, S, Q).
+        observed: the test's human (S, P); its end is the observation.
+        controlled: the test's robot (S, Q).
+        mean: predicted robot (S, Q).
+        std: standard deviation of that (S, Q).
+        names: of the P + Q DOFs, with units.
+    """
+    n_observed, n_controlled = observed.shape[1], controlled.shape[1]
+    figure = new_figure(2.75 * max(n_observed, n_controlled), 5.4)
+    grid = figure.subplots(2, max(n_observed, n_controlled), sharex=True, squeeze=False)
+    flat = _panels(grid, n_observed, n_controlled)
+    prior = np.concatenate([prior_observed, prior_controlled], axis=2)
+    truth = np.concatenate([observed, controlled], axis=1)
+    for dof, (axes, name) in enumerate(zip(flat, names, strict=True)):
+        middle, spread = prior[..., dof].mean(axis=0), 2 * prior[..., dof].std(axis=0, ddof=1)
+        axes.fill_between(
+            phase, middle - spread, middle + spread, color=PRIOR_COLOUR, alpha=0.35, lw=0,
+            label="component ± 2 sigma",
+        )  # fmt: skip
+        if dof < n_observed:
+            axes.plot(
+                1.0, observed[-1, dof], "*", color=PALETTE[0], markersize=12, clip_on=False,
+                label="observed", zorder=5,
+            )  # fmt: skip
+        else:
+            q = dof - n_observed
+            low, high = mean[:, q] - 2 * std[:, q], mean[:, q] + 2 * std[:, q]
+            axes.fill_between(
+                phase, low, high, color=POSTERIOR_COLOUR, alpha=0.3, lw=0,
+                label="predicted ± 2 sigma",
+            )  # fmt: skip
+            axes.plot(phase, mean[:, q], color=POSTERIOR_COLOUR, label="predicted")
+        axes.plot(
+            phase, truth[:, dof], color=INK if dof >= n_observed else SOFT, linewidth=1.2,
+            linestyle=(0, (4, 2)), label="truth" if dof >= n_observed else "not conditioned on",
+        )  # fmt: skip
+        axes.set_ylabel(name)
+        axes.set_xlim(0.0, 1.0)
+        axes.set_xlabel("phase")
+    found = {}
+    for axes in (flat[0], flat[-1]):
+        found |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=6)
+    return figure
+
+
+def _panels(grid: np.ndarray, n_observed: int, n_controlled: int) -> list:
+    """Panels of the human in the upper row, of the robot in the lower; the rest is taken away."""
+    if len(grid) == 1:
+        return list(grid[0])
+    for axes in (*grid[0][n_observed:], *grid[1][n_controlled:]):
+        axes.remove()
+    return [*grid[0][:n_observed], *grid[1][:n_controlled]]

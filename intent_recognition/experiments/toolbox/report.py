@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The toolbox's findings, figures and tables, from what `toolbox_study.investigate` found."""
+
+import numpy as np
+
+from intent_recognition.experiments.left_out import PHASES, majority_names
+from intent_recognition.experiments.pole.figures import components_figure
+from intent_recognition.experiments.toolbox.figures import (
+    components_found_figure,
+    conditioned_figure,
+)
+from intent_recognition.experiments.toolbox.session import HAND_TASKS
+from intent_recognition.experiments.toolbox.study import Study
+from intent_recognition.kinematics import JOINT_NAMES
+from intent_recognition.learning import purity
+from intent_recognition.report import (
+    Block,
+    Column,
+    Figure,
+    KeyNumber,
+    KeyNumbers,
+    Row,
+    Table,
+    Text,
+    hand_error_figure,
+    readable,
+    to_svg,
+)
+
+PAPER_CM = {"plate_handover": (3.2, 2.6), "hold_screwdriver": (2.1, 2.3)}
+"""Mean error of the hand and two standard deviations."""
+N_JOINTS_SHOWN = 4
+WRIST = ("wrist x [m]", "wrist y [m]", "wrist z [m]")
+
+Fields = tuple[str, str, str, bool | None, str]
+
+
+def findings(study: Study) -> tuple[Fields, ...]:
+    """Fields of `Finding`, paper and ours."""
+    found = purity(study.tasks.tolist(), study.taken.labels)
+    right, n = _right(study), len(study.executions)
+    seen = int(study.recognised(study.from_end).sum())
+    return (
+        (
+            "components, by left-out prediction",
+            "3",
+            str(study.chosen),
+            study.chosen == 3,
+            "" if study.chosen == 3 else "There are three interactions.",
+        ),
+        (
+            "demonstrations in a component of their own interaction",
+            "48 of 48 (Fig. 7)",
+            f"{round(found * len(study.tasks))} of {len(study.tasks)}",
+            found == 1.0,
+            "" if found == 1.0 else "Some recordings lie between two components.",
+        ),
+        *(_hand_finding(study, task) for task in HAND_TASKS),
+        (
+            "left-out demonstrations recognised",
+            "",
+            f"{seen} of {len(study.tasks)}",
+            None,
+            "Not in the paper, where executions were counted.",
+        ),
+        (
+            "executions with the right component",
+            "100 % of more than 40",
+            f"{right} of {n}",
+            right == n,
+            "" if right == n else "The paper's component is chosen once, ours at each moment.",
+        ),
+    )
+
+
+def _hand_finding(study: Study, task: str) -> Fields:
+    errors = 100.0 * study.hand_error_m(study.from_end)[study.tasks == task]
+    mean, spread = PAPER_CM[task]
+    holds = bool(errors.mean() <= mean)
+    return (
+        f"error of the hand, {readable(task)}, mean ± 2 sigma [cm]",
+        f"{mean} ± {spread}",
+        f"{errors.mean():.1f} ± {2 * errors.std(ddof=1):.1f}",
+        holds,
+        "" if holds else "The simulated demonstrator is less exact.",
+    )
+
+
+def _right(study: Study) -> int:
+    return sum(e.recognised == e.task and not e.wrong_first for e in study.executions)
+
+
+def blocks(study: Study) -> tuple[Block, ...]:
+    """Figures and tables."""
+    return (
+        _key_numbers(study),
+        _components(study),
+        _found(study),
+        *_conditioned(study),
+        _hand(study),
+        _table(study),
+        _end_alone(study),
+        _executions(study),
+    )
+
+
+def _key_numbers(study: Study) -> KeyNumbers:
+    error = 100.0 * study.hand_error_m(study.from_end)
+    right, n = _right(study), len(study.executions)
+    numbers = [KeyNumber("components chosen", str(study.chosen), "3", study.chosen == 3)]
+    for task in HAND_TASKS:
+        values, (mean, spread) = error[study.tasks == task], PAPER_CM[task]
+        numbers.append(
+            KeyNumber(
+                f"hand, {readable(task)}",
+                f"{values.mean():.1f} ± {2 * values.std(ddof=1):.1f} cm",
+                f"{mean} ± {spread} cm",
+                bool(values.mean() <= mean),
+            )
+        )
+    numbers.append(KeyNumber("executions recognised", f"{right} of {n}", "all of 40", right == n))
+    return KeyNumbers(tuple(numbers))
+
+
+def _components(study: Study) -> Figure:
+    figure = components_figure(
+        [t.number for t in study.tried],
+        {
+            "joints, whole movement seen [rad]": np.array([t.joint_rms_rad for t in study.tried]),
+            "joints, from the final wrist [rad]": np.array([t.end_rms_rad for t in study.tried]),
+        },
+        study.chosen,
+    )
+    return Figure(
+        to_svg(figure),
+        "Root mean square error of the predicted joints over the number of components, each of"
+        f" the {len(study.tasks)} demonstrations left out in turn (the paper's Fig. 6).",
+    )
+
+
+def _found(study: Study) -> Figure:
+    figure = components_found_figure(
+        PHASES,
+        study.pairs.observed,
+        study.pairs.controlled[..., :N_JOINTS_SHOWN],
+        study.taken.labels,
+        (*WRIST, *_joints()),
+        majority_names(study.tasks, study.taken.labels),
+    )
+    return Figure(
+        to_svg(figure),
+        "The components: mean and ± 2 sigma of their members (the paper's Fig. 7, upper row).",
+    )
+
+
+def _joints() -> tuple[str, ...]:
+    return tuple(f"{n.removesuffix('_joint')} [rad]" for n in JOINT_NAMES[:N_JOINTS_SHOWN])
+
+
+def _conditioned(study: Study) -> list[Figure]:
+    """One test of each interaction whose handover follows the wrist."""
+    errors = study.hand_error_m(study.from_end)
+    figures = []
+    for task in HAND_TASKS:
+        members = np.flatnonzero(study.tasks == task)
+        index = int(members[np.argsort(errors[members])[len(members) // 2]])
+        component = int(study.from_end.component[index])
+        own = (study.taken.labels == component) & (np.arange(len(study.tasks)) != index)
+        figure = conditioned_figure(
+            PHASES,
+            study.pairs.observed[own],
+            study.pairs.controlled[own][..., :N_JOINTS_SHOWN],
+            study.pairs.observed[index],
+            study.pairs.controlled[index][:, :N_JOINTS_SHOWN],
+            study.from_end.mean[index][:, :N_JOINTS_SHOWN],
+            study.from_end.std[index][:, :N_JOINTS_SHOWN],
+            (*WRIST, *_joints()),
+        )
+        caption = (
+            f"{readable(task).capitalize()}, one test with a median error: the component learned"
+            " without it (grey), the observed final wrist (asterisk), the predicted joints ± 2"
+            " sigma and the truth (the paper's Fig. 7, lower row)."
+        )
+        figures.append(Figure(to_svg(figure), caption))
+    return figures
+
+
+def _hand(study: Study) -> Row:
+    errors = 100.0 * study.hand_error_m(study.from_end)
+    tasks = (*HAND_TASKS, *sorted(set(study.tasks.tolist()) - set(HAND_TASKS)))
+    remarks = {task: "always at one place" for task in tasks if task not in HAND_TASKS}
+    left_out = hand_error_figure(
+        {task: errors[study.tasks == task] for task in tasks}, PAPER_CM, remarks
+    )
+    online = {
+        task: [
+            100.0 * e.hand_error_m
+            for e in study.executions
+            if e.task == task and np.isfinite(e.hand_error_m)
+        ]
+        for task in tasks
+    }
+    return Row(
+        (
+            Figure(
+                to_svg(left_out),
+                "Distance of the predicted final hand from the demonstrated one, by forward"
+                " kinematics: leave-one-out, conditioned on the final wrist.",
+            ),
+            Figure(
+                to_svg(hand_error_figure(online, PAPER_CM, remarks)),
+                "The same in the executions, predicted online when the worker's movement ends,"
+                " from where the demonstrator's rule puts the hand.",
+            ),
+        )
+    )
+
+
+def _table(study: Study) -> Table:
+    columns = (
+        Column("components"),
+        Column("left-out density", "nats per sample, lower is better"),
+        Column("joints, whole movement", "rad"),
+        Column("joints, final wrist", "rad"),
+        Column("purity"),
+        Column("members"),
+    )
+    rows = tuple(
+        (
+            str(t.number),
+            f"{t.nll.mean():.3f}",
+            f"{t.joint_rms_rad.mean():.4f}",
+            f"{t.end_rms_rad.mean():.4f}",
+            f"{purity(study.tasks.tolist(), t.labels):.2f}",
+            ", ".join(str(n) for n in np.bincount(t.labels)),
+        )
+        for t in study.tried
+    )
+    return Table(columns, rows, strong=frozenset({study.chosen - 1}))
+
+
+def _end_alone(study: Study) -> Text:
+    right = study.recognised(study.end_alone)
+    errors = 100.0 * study.hand_error_m(study.end_alone)
+    parts = ", ".join(
+        f"{readable(task)} {errors[study.tasks == task].mean():.1f} cm" for task in HAND_TASKS
+    )
+    return Text(
+        "Were the component, too, taken from the final position alone, it would be right in"
+        f" {int(right.sum())} of {len(right)}: the three regions of goals overlap by more than"
+        f" half. The hand's mean error would be {parts}; where the component is right,"
+        f" {errors[right].mean():.1f} cm.",
+        small=True,
+    )
+
+
+def _executions(study: Study) -> Table:
+    columns = (
+        Column("interaction", align="left"),
+        Column("executions"),
+        Column("right"),
+        Column("decided after", "% of the movement, median"),
+        Column("hand when the movement ends", "cm, mean ± 2 sigma"),
+    )
+    rows = []
+    for task in sorted({e.task for e in study.executions}):
+        own = [e for e in study.executions if e.task == task]
+        errors = 100.0 * np.array([e.hand_error_m for e in own])
+        errors = errors[np.isfinite(errors)]
+        shares = [e.decided_share for e in own if np.isfinite(e.decided_share)]
+        spread = f" ± {2 * errors.std(ddof=1):.1f}" if errors.size > 1 else ""
+        rows.append(
+            (
+                readable(task),
+                str(len(own)),
+                str(sum(e.recognised == task and not e.wrong_first for e in own)),
+                f"{100 * np.median(shares):.0f}" if shares else None,
+                f"{errors.mean():.1f}{spread}" if errors.size else None,
+            )
+        )
+    caption = "Executions before the online estimator; wrong at any time counts as wrong."
+    return Table(columns, tuple(rows), caption=caption)

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The coworker's session before the online estimator, without ROS and without waiting.
+
+The wrist goes through the same ingest as in the node, then through the same estimator and the same
+decision; the arm stands at home whenever a movement begins.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.kinematics import hand_position
+from intent_recognition.promp import NONE, TaskLibrary
+from intent_recognition.recognition import DecisionSettings, DecisionState, IntentEstimator, decide
+from intent_recognition.signals import Observation
+from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
+from sim_bridge.coworker import Interaction, SessionPlan
+from sim_bridge.scenarios.toolbox import HOME, handover_point
+from sim_bridge.teaching import EPOCH_NS, SAMPLE_NS
+
+HAND_TASKS = ("plate_handover", "hold_screwdriver")
+"""Tasks whose handover follows the wrist; the screw is given at one place."""
+
+
+class Execution(NamedTuple):
+    """One interaction of the session.
+
+    Attributes:
+        task: what the coworker did.
+        recognised: what was acted on first, in the coworker's words, "" if nothing was.
+        wrong_first: whether another task was active at any time during it.
+        decided_share: share of the movement seen when it was decided, NaN if it was not.
+        hand_error_m: where the predicted motion would bring the hand at the end of the
+            movement, from where the demonstrator's rule puts it; NaN without a prediction.
+    """
+
+    task: str
+    recognised: str
+    wrong_first: bool
+    decided_share: float
+    hand_error_m: float
+
+
+class _Seen(NamedTuple):
+    """What was believed after one observation: the active task, and the predicted hand (3,)."""
+
+    time_s: float
+    active: str
+    hand_m: np.ndarray | None
+
+
+def play(
+    library: TaskLibrary,
+    names: Mapping[str, str],
+    plan: SessionPlan,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[Execution]:
+    """Let the estimator see a whole session.
+
+    Args:
+        library: learned without labels.
+        names: the coworker's word for each label of the library.
+        plan: the session.
+        progress: called with the share of interactions seen.
+    """
+    estimator, decision = IntentEstimator(library), DecisionState()
+    settings, ingest, state = DecisionSettings(), IngestSettings(), IngestState.initial()
+    labels, samples = (*library.labels, NONE), plan.samples
+    ends = [interaction.end_s for interaction in plan.interactions]
+    seen: list[_Seen] = []
+    for k in np.flatnonzero(samples.visible):
+        time_s, stamp = float(samples.times_s[k]), EPOCH_NS + int(k) * SAMPLE_NS
+        pose = samples.positions_m[k], samples.orientations[k]
+        state, tracked = ingest_pose(ingest, state, stamp, *pose, "world")
+        if isinstance(tracked, Rejected):
+            continue
+        estimator.observe_controlled(Observation(stamp, 0, HOME))
+        observation = Observation(stamp, 0, tracked.position, tracked.position_covariance)
+        if estimator.reason_to_reject(observation) is not None:
+            continue
+        estimate = estimator.observe(observation)
+        end_std = None
+        if estimate.moving and np.argmax(estimate.probabilities) < library.n_tasks:
+            end_std = estimator.predicted_end_std()
+        decision, active = decide(
+            settings, decision, labels, estimate.probabilities, end_std, estimate.log_evidence
+        )
+        hand = None
+        if ends and time_s >= ends[0]:
+            hand = _predicted_hand(estimator)
+            ends.pop(0)
+            progress(1.0 - len(ends) / len(plan.interactions))
+        seen.append(_Seen(time_s, names.get(active, ""), hand))
+    return _score(plan.interactions, seen)
+
+
+def _predicted_hand(estimator: IntentEstimator) -> np.ndarray | None:
+    """Where the predicted motion ends (3,), None without a prediction."""
+    prediction = estimator.predict_controlled(n_points=1)
+    return None if prediction is None else hand_position(prediction.trajectory.positions[-1])
+
+
+def _score(interactions: tuple[Interaction, ...], seen: list[_Seen]) -> list[Execution]:
+    """What became of each interaction, up to the onset of the next one."""
+    times = np.array([one.time_s for one in seen])
+    limits = [one.onset_s for one in interactions[1:]] + [np.inf]
+    executions = []
+    for interaction, until_s in zip(interactions, limits, strict=True):
+        first, last = np.searchsorted(times, [interaction.onset_s, until_s])
+        part = [one for one in seen[first:last] if one.active]
+        recognised = part[0].active if part else ""
+        share = np.nan
+        if part:
+            moving_s = interaction.end_s - interaction.onset_s
+            share = (part[0].time_s - interaction.onset_s) / moving_s
+        hands = [one.hand_m for one in seen[first:last] if one.hand_m is not None]
+        error = np.nan
+        if hands:
+            goal = handover_point(interaction.task, interaction.goal_m)
+            error = float(np.linalg.norm(hands[0] - goal))
+        executions.append(
+            Execution(
+                interaction.task,
+                recognised,
+                any(one.active != interaction.task for one in part),
+                float(share),
+                error,
+            )
+        )
+    return executions

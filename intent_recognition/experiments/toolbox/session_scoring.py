@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scoring of a toolbox session: what was on the topics against what the coworker did."""
+
+import numpy as np
+
+from intent_recognition.evaluation import InteractionRecord, SessionLog
+from intent_recognition.kinematics import hand_position
+from intent_recognition.promp import NONE
+from sim_bridge.coworker import Interaction, SessionPlan
+from sim_bridge.scenarios.toolbox import HOME, handover_point
+
+SCORED_AFTER_S = 1.0
+"""The hand is scored so long after the end of the human's movement."""
+EARLIEST_DECISION_S = 0.1
+"""A decision cannot belong to a movement that begins later than this after it."""
+REST_SPEED_RAD_S = 0.03
+AWAY_FROM_HOME_M = 0.08
+DETAIL_S = 1.5
+
+
+def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:
+    """Stamp of the session's first sample, found by an observed pose that the plan holds exactly.
+
+    The first messages may be lost; every sample is stamped a multiple of 10 ms after the first.
+    """
+    for stamp, position in zip(log.wrist_ns[:50], log.wrist_m[:50], strict=False):
+        found = np.flatnonzero(np.all(plan.samples.positions_m == position, axis=1))
+        if found.size == 1:
+            return int(stamp) - round(float(plan.samples.times_s[found[0]]) * 1e9)
+    return None
+
+
+def score_session(
+    log: SessionLog, plan: SessionPlan, first_ns: int
+) -> tuple[list[InteractionRecord], list[dict]]:
+    """One record and one trace (arrays for the report's figures) per interaction.
+
+    Args:
+        log: what was on the topics.
+        plan: the ground truth.
+        first_ns: stamp of the session's first sample.
+    """
+    onsets = [first_ns + round(i.onset_s * 1e9) for i in plan.interactions]
+    limits = [onset - round(EARLIEST_DECISION_S * 1e9) for onset in onsets[1:]]
+    limits.append(np.iinfo(np.int64).max)
+    records, traces = [], []
+    for number, (interaction, until) in enumerate(zip(plan.interactions, limits, strict=True), 1):
+        record, trace = score_interaction(log, interaction, first_ns, until, number)
+        records.append(record)
+        traces.append(trace)
+    return records, traces
+
+
+def score_interaction(
+    log: SessionLog, interaction: Interaction, first_ns: int, until_ns: int, number: int
+) -> tuple[InteractionRecord, dict]:
+    """Score one interaction; arguments as of `score_session`, `until_ns` ends the search."""
+    onset = first_ns + round(interaction.onset_s * 1e9)
+    end = first_ns + round(interaction.end_s * 1e9)
+    movement_s = (end - onset) * 1e-9
+    earliest = onset - round(EARLIEST_DECISION_S * 1e9)
+    decided_ns, recognised, note = _decision(log, earliest, until_ns)
+    observations = share = decision_s = None
+    if decided_ns is not None:
+        observations = int(np.sum((log.wrist_ns >= onset) & (log.wrist_ns <= decided_ns)))
+        decision_s = (decided_ns - onset) * 1e-9
+        share = decision_s / movement_s
+    error = arrival = None
+    if recognised == interaction.task:
+        error = _hand_error(log, interaction, end)
+        arrival = _arrival(log, decided_ns, end, until_ns)
+    record = InteractionRecord(
+        index=number,
+        task=interaction.task,
+        recognised=recognised or NONE,
+        observations=observations,
+        decision_time_s=decision_s,
+        decision_share=share,
+        hand_error_m=error,
+        arrival_s=arrival,
+        movement_s=movement_s,
+        note=note,
+    )
+    return record, _trace(log, number, onset, end, decided_ns)
+
+
+def _decision(log: SessionLog, earliest: int, until: int) -> tuple[int | None, str, str]:
+    """When the first task was activated, which, and whether another one followed."""
+    changes = [
+        (int(stamp), task)
+        for stamp, task in zip(log.active_ns, log.active, strict=True)
+        if earliest <= stamp < until and task
+    ]
+    if not changes:
+        return None, "", "nothing was activated"
+    later = [task for _, task in changes[1:] if task != changes[0][1]]
+    return *changes[0], f"then {', '.join(later)}" if later else ""
+
+
+def _hand_error(log: SessionLog, interaction: Interaction, end_ns: int) -> float | None:
+    """Distance from the measured hand to its right place, `SCORED_AFTER_S` after the end [m]."""
+    index = np.searchsorted(log.joint_ns, end_ns + round(SCORED_AFTER_S * 1e9)) - 1
+    if index < 0:
+        return None
+    hand = hand_position(log.joint_rad[index])
+    return float(np.linalg.norm(hand - handover_point(interaction.task, interaction.goal_m)))
+
+
+def _arrival(log: SessionLog, decided_ns: int, end_ns: int, until_ns: int) -> float | None:
+    """When the arm first rested away from home after the decision, since the human's end [s]."""
+    first, last = np.searchsorted(log.joint_ns, [decided_ns, until_ns])
+    stamps, joints = log.joint_ns[first:last], log.joint_rad[first:last]
+    if len(stamps) < 20:
+        return None
+    step = 10
+    speed = np.max(np.abs(joints[step:] - joints[:-step]), axis=1)
+    speed /= (stamps[step:] - stamps[:-step]) * 1e-9
+    away = np.linalg.norm(hand_position(joints[step:]) - hand_position(HOME), axis=1)
+    late = stamps[step:] > end_ns - 5e8
+    rested = np.flatnonzero((speed < REST_SPEED_RAD_S) & (away > AWAY_FROM_HOME_M) & late)
+    return float((stamps[rested[0]] - end_ns) * 1e-9) if rested.size else None
+
+
+def _trace(log: SessionLog, number: int, onset: int, end: int, decided: int | None) -> dict:
+    """Arrays of one interaction for the report; times in seconds after onset."""
+    stop = end + round(DETAIL_S * 1e9)
+    tasks = (log.tasks_ns >= onset) & (log.tasks_ns <= end)
+    wrist = (log.wrist_ns >= onset) & (log.wrist_ns <= stop)
+    joints = (log.joint_ns >= onset) & (log.joint_ns <= stop)
+    trace = {
+        "index": number,
+        "labels": log.labels,
+        "share": (log.tasks_ns[tasks] - onset) / (end - onset),
+        "probabilities": log.probabilities[tasks],
+        "wrist_s": (log.wrist_ns[wrist] - onset) * 1e-9,
+        "wrist_m": log.wrist_m[wrist],
+        "joint_s": (log.joint_ns[joints] - onset) * 1e-9,
+        "joint_rad": log.joint_rad[joints],
+        "end_s": (end - onset) * 1e-9,
+    }
+    if decided is None:
+        return trace
+    trace["decision_s"] = (decided - onset) * 1e-9
+    predictions = [p for p in log.predictions if decided <= p[0] <= stop]
+    if predictions:
+        _, start, _, times, mean, std = predictions[0]
+        trace["predicted_s"] = times + (start - onset) * 1e-9
+        trace["predicted_rad"], trace["predicted_std_rad"] = mean, std
+    paths = [path for stamp, path in log.paths if decided <= stamp <= stop]
+    if paths:
+        trace["predicted_wrist_m"] = paths[0]
+    return trace

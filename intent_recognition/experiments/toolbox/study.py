@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is found out of the unlabelled toolbox: fits, predictions, and a session."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.experiments.left_out import (
+    FINAL,
+    WHOLE,
+    Pairs,
+    Predicted,
+    chosen_number,
+    majority_names,
+    pairs_of,
+    predict,
+    rms,
+    to_predict_with,
+    try_numbers,
+)
+from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.toolbox.session import Execution, play
+from intent_recognition.gaussian import Components
+from intent_recognition.kinematics import hand_position
+from intent_recognition.learning import (
+    TrainingSettings,
+    label_by_components,
+    learn,
+    with_mixture_weights,
+)
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.signals import Demonstration
+from sim_bridge.coworker import parse_task_list, plan_session
+
+LARGEST_NUMBER = 10
+QUICK_LARGEST = 3
+EXECUTIONS = 40
+QUICK_EXECUTIONS = 3
+SESSION_SEED = 7000
+"""Added to the seed, so that no session repeats a demonstration."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """One number of components, every demonstration left out in turn.
+
+    Attributes:
+        number: of components.
+        mixtures: without each demonstration, to predict with.
+        labels: component of each demonstration (n,).
+        nll: left-out score that the number is chosen by (n,).
+        joint_rms_rad: error of the predictions from the whole movement (n,).
+        end_rms_rad: of those from the final position, the component known (n,).
+    """
+
+    number: int
+    mixtures: Components
+    labels: np.ndarray
+    nll: np.ndarray
+    joint_rms_rad: np.ndarray
+    end_rms_rad: np.ndarray
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that came out.
+
+    Attributes:
+        demonstrations: in the order of all arrays.
+        pairs: both agents at the same phases.
+        tasks: labels, for scoring alone.
+        tried: every number of components.
+        chosen: the number taken.
+        from_end: with it, predicted from the wrist's final position, the component recognised
+            from the whole movement.
+        end_alone: the same, the component recognised from the final position too.
+        names: the task that most members of each of the library's components are.
+        executions: the session's interactions before the online estimator.
+    """
+
+    demonstrations: tuple[Demonstration, ...]
+    pairs: Pairs
+    tasks: np.ndarray
+    tried: tuple[Tried, ...]
+    chosen: int
+    from_end: Predicted
+    end_alone: Predicted
+    names: Mapping[str, str]
+    executions: tuple[Execution, ...]
+
+    @property
+    def taken(self) -> Tried:
+        """What was tried with the number taken."""
+        return self.tried[self.chosen - 1]
+
+    def hand_error_m(self, predicted: Predicted) -> np.ndarray:
+        """Distance of the predicted final hand from the demonstrated one (n,)."""
+        ends = predicted.mean[:, -1], self.pairs.controlled[:, -1]
+        return np.linalg.norm(hand_position(ends[0]) - hand_position(ends[1]), axis=1)
+
+    def recognised(self, predicted: Predicted) -> np.ndarray:
+        """Whether each was predicted by the component of its own task, bool (n,)."""
+        majority = majority_names(self.tasks, self.taken.labels)
+        return np.array([majority[k] for k in predicted.component]) == self.tasks
+
+
+def investigate(settings: Settings) -> Study:
+    """Fit, predict and play the session; the report is made of what this returns."""
+    settings.progress(0.0, "reading")
+    demonstrations, _ = read_demonstrations([settings.recordings("toolbox/train")], load_dofs())
+    pairs = pairs_of(demonstrations)
+    tasks = np.array([d.task for d in demonstrations])
+    tried, chosen = _try_all(pairs, QUICK_LARGEST if settings.quick else LARGEST_NUMBER, settings)
+    mixtures = tried[chosen - 1].mixtures
+    component = predict(pairs, mixtures, WHOLE).component
+    settings.progress(0.3, "learning the components")
+    library, names = learn_unlabelled(demonstrations, chosen, settings.rng(100))
+    count = QUICK_EXECUTIONS if settings.quick else EXECUTIONS
+    seed = SESSION_SEED + settings.seed
+    plan = plan_session(seed, parse_task_list("random", seed, count))
+    executions = play(
+        library, names, plan, lambda share: settings.progress(0.35 + 0.6 * share, "executions")
+    )
+    return Study(
+        tuple(demonstrations),
+        pairs,
+        tasks,
+        tried,
+        chosen,
+        predict(pairs, mixtures, FINAL, component),
+        predict(pairs, mixtures, FINAL),
+        names,
+        tuple(executions),
+    )
+
+
+def learn_unlabelled(
+    demonstrations: list[Demonstration], n_components: int, rng: np.random.Generator
+) -> tuple[TaskLibrary, dict[str, str]]:
+    """What `intent train --unlabelled` learns, and the task that each component is mostly of."""
+    settings = TrainingSettings()
+    found = label_by_components(demonstrations, settings, rng, n_components=n_components)
+    library, _ = with_mixture_weights(learn(found.demonstrations, settings)[1])
+    task_of = {d.name: d.task for d in demonstrations}
+    tasks = np.array([task_of[d.name] for d in found.demonstrations])
+    labels = np.array([d.task for d in found.demonstrations])
+    names = {}
+    for label in library.labels:
+        members, counts = np.unique(tasks[labels == label], return_counts=True)
+        names[label] = str(members[counts.argmax()])
+    return library, names
+
+
+def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[Tried, ...], int]:
+    """Every number of components up to the largest, and the one taken."""
+    fits = try_numbers(
+        pairs,
+        range(1, largest + 1),
+        settings.rng,
+        lambda number: settings.progress(0.25 * number / largest, f"{number} components"),
+    )
+    tried = []
+    for number, (clustering, scored) in fits.items():
+        mixtures = to_predict_with(pairs, clustering)
+        whole = predict(pairs, mixtures, WHOLE)
+        end = predict(pairs, mixtures, FINAL, whole.component)
+        errors = (rms(p.mean - pairs.controlled) for p in (whole, end))
+        tried.append(Tried(number, mixtures, clustering.labels, scored.nll, *errors))
+    return tuple(tried), chosen_number(fits, len(pairs.names))

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recursive conditioning of every (task, phase) hypothesis at once (Maeda et al. 2014, Eq. 6-11).
+
+Only the observed block of the weights is filtered: observations do not touch the rest, which is
+recovered by regression when asked for (`prediction.py`). No loop runs over hypotheses. These are
+values; what filters a movement under way is `running_bank.py`.
+"""
+
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.filtering.hypotheses import Hypotheses
+from intent_recognition.gaussian import GaussianBatch, make_state
+from intent_recognition.promp import TaskLibrary
+
+
+class FilterBank(NamedTuple):
+    """Filtered observed weights of B hypotheses.
+
+    Attributes:
+        mean: (B, P N).
+        covariance: (B, P N, P N).
+        log_evidence: log density of all observations so far under each hypothesis, (B,).
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    log_evidence: np.ndarray
+
+
+def start_bank(library: TaskLibrary, hypotheses: Hypotheses) -> FilterBank:
+    """The bank before any observation."""
+    repeat = hypotheses.n_scales
+    return FilterBank(
+        np.repeat(library.observed_mean, repeat, axis=0),
+        np.repeat(library.observed_covariance, repeat, axis=0),
+        np.zeros(len(hypotheses.duration_s)),
+    )
+
+
+def condition_bank(
+    bank: FilterBank,
+    dofs: np.ndarray,
+    rows: np.ndarray,
+    values: np.ndarray,
+    noise_covariance: np.ndarray,
+) -> FilterBank:
+    """Condition every hypothesis on one observation of some DOFs; the argument is not changed.
+
+    Args:
+        bank: B hypotheses over P DOFs.
+        dofs: index of the DOF behind each observed value, (m,); a DOF may come twice (position
+            and velocity), and what is not observed has no entry.
+        rows: row of the observation matrix within that DOF's block, (B, m, N) or (B, 1, N) for
+            positions, whose row is the same for all DOFs.
+        values: observed values, (m,).
+        noise_covariance: (m, m) or one per hypothesis, (B, m, m), positive definite.
+
+    Raises:
+        ShapeError: the arrays do not fit each other.
+        ArgumentError: a value is not finite, or an innovation covariance not positive definite.
+    """
+    check_observation(dofs, values, noise_covariance)
+    n, n_basis = len(bank.mean), rows.shape[-1]
+    rows = np.broadcast_to(rows, (n, *rows.shape[1:]))
+    block = GaussianBatch(make_state(bank.mean, bank.covariance, n_basis), n_basis)
+    log_density = block.condition(dofs, rows, values, noise_covariance)
+    block.apply_downdates()
+    return FilterBank(block.mean, block.covariance, bank.log_evidence + log_density)
+
+
+def check_observation(dofs: np.ndarray, values: np.ndarray, noise_covariance: np.ndarray) -> None:
+    """Whether values and noise go with the DOFs.
+
+    Raises:
+        ShapeError: they do not.
+        ArgumentError: a value is not finite.
+    """
+    m = len(dofs)
+    if np.shape(values) != (m,) or np.shape(noise_covariance)[-2:] != (m, m):
+        raise ShapeError(
+            describe(
+                "values, noise_covariance",
+                f"shapes ({m},) and ({m}, {m}) for {m} observed values",
+                f"{np.shape(values)} and {np.shape(noise_covariance)}",
+                "Pass one value and one row and column of noise per entry of dofs.",
+            )
+        )
+    if not isfinite(np.add.reduce(values)):
+        raise ArgumentError(
+            describe("values", "finite numbers", f"{values}", "Leave out what was not measured.")
+        )

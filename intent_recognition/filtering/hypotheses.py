@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The grid of hypotheses: tasks by durations."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.promp import IDENTITY_CALIBRATION, TaskLibrary
+
+N_SCALES = 15
+
+
+SCALE_SPAN = 2.5
+
+
+class Hypotheses(NamedTuple):
+    """The bank's grid: K + 1 tasks (none last) by S durations, flattened task by task; B of them.
+
+    Attributes:
+        n_scales: S.
+        duration_s: duration of the whole interaction under each hypothesis, (B,).
+        log_prior: log prior probability of each, (B,); sums to one as probabilities.
+        duration_evidence: exponent of the evidence in the posterior of the duration.
+        none_calibration: how the evidence against none is read; see `none_calibration`.
+    """
+
+    n_scales: int
+    duration_s: np.ndarray
+    log_prior: np.ndarray
+    duration_evidence: float = 1.0
+    none_calibration: Sequence[float] = IDENTITY_CALIBRATION
+
+    @property
+    def log_task_prior(self) -> np.ndarray:
+        """Log prior probability of each task and none, (K + 1,)."""
+        return np.logaddexp.reduce(self.log_prior.reshape(-1, self.n_scales), axis=1)
+
+    def phase(self, elapsed_s: float | np.ndarray) -> np.ndarray:
+        """Phase of each hypothesis so long after onset, in [0, 1]: (..., B)."""
+        phase = np.asarray(elapsed_s)[..., None] / self.duration_s
+        return np.minimum(np.maximum(phase, 0.0), 1.0)
+
+    def phase_rate(self, elapsed_s: float | np.ndarray) -> np.ndarray:
+        """Phase per second so long after onset, zero before it and after the end: (..., B)."""
+        phase = np.asarray(elapsed_s)[..., None] / self.duration_s
+        return np.where((phase >= 0.0) & (phase <= 1.0), 1.0 / self.duration_s, 0.0)
+
+
+def make_hypotheses(
+    library: TaskLibrary, task_prior: np.ndarray | None = None, n_scales: int = N_SCALES
+) -> Hypotheses:
+    """Cover each task's timing prior by durations evenly spaced in their logarithm.
+
+    Args:
+        library: the learned tasks.
+        task_prior: p(s) of the K tasks, summing to one; the library's own when None.
+        n_scales: durations per task.
+    """
+    prior = library.task_prior if task_prior is None else task_prior
+    offsets = np.linspace(-SCALE_SPAN, SCALE_SPAN, n_scales) if n_scales > 1 else np.zeros(1)
+    log_weight = -0.5 * offsets**2
+    log_weight -= np.logaddexp.reduce(log_weight)
+    mean = np.r_[library.log_duration_mean, library.none_log_duration[0]]
+    std = np.r_[library.log_duration_std, library.none_log_duration[1]]
+    duration = np.exp(mean[:, None] + std[:, None] * offsets)
+    with np.errstate(divide="ignore"):
+        log_task = np.log(np.r_[prior * (1.0 - library.none_prior), library.none_prior])
+    log_prior = (log_task[:, None] + log_weight).ravel()
+    return Hypotheses(
+        n_scales,
+        duration.ravel(),
+        log_prior,
+        library.duration_evidence,
+        library.none_calibration,
+    )
+
+
+def fixed_hypotheses(library: TaskLibrary, duration_s: float) -> Hypotheses:
+    """One hypothesis per task, all of a known duration: the phase is known."""
+    with np.errstate(divide="ignore"):
+        log_prior = np.log(
+            np.r_[library.task_prior * (1.0 - library.none_prior), library.none_prior]
+        )
+    duration = np.full(library.n_tasks + 1, float(duration_s))
+    return Hypotheses(1, duration, log_prior, none_calibration=library.none_calibration)

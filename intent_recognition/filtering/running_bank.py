@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The filtered hypotheses of a movement under way, in memory that is used again and again.
+
+Hypotheses are filtered in blocks that fit the processor's cache. Whole tasks can be set aside:
+they keep the state they have, and cost nothing until they are taken back.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from intent_recognition.errors import ShapeError, describe
+from intent_recognition.gaussian import GaussianBatch, pending_shape, state_width
+
+BLOCK_SIZE = 512
+
+
+class RunningBank:
+    """T tasks (none among them) by S hypotheses each, over P DOFs with N basis functions.
+
+    In memory the active tasks come first, so that they are filtered without being copied.
+
+    Args:
+        n_tasks: T.
+        n_scales: S.
+        n_dofs: P.
+        n_basis: N.
+    """
+
+    def __init__(self, n_tasks: int, n_scales: int, n_dofs: int, n_basis: int):
+        self.shape = (n_tasks, n_scales, n_dofs, n_basis)
+        n, size = n_tasks * n_scales, n_dofs * n_basis
+        self._state = np.empty((n, size, state_width(n_dofs, n_basis)))
+        self._pending = np.empty((n, *pending_shape(n_dofs, n_basis)))
+        for array in (self._state, self._pending):
+            array.fill(0.0)  # the system hands out memory when it is touched: now, not later
+        self._evidence = np.zeros(n)
+        self._activate_all()
+
+    def _activate_all(self) -> None:
+        n_tasks, n_scales = self.shape[:2]
+        self._task_at = np.arange(n_tasks)
+        self._place_of = np.arange(n_tasks)
+        self._hypothesis_at = np.arange(n_tasks * n_scales)
+        self._moved = False
+        self.n_active = n_tasks
+        self._make_blocks()
+
+    def _make_blocks(self) -> None:
+        n = self.n_active * self.shape[1]
+        n_blocks = -(-n // BLOCK_SIZE)
+        edges = [n * k // n_blocks for k in range(n_blocks + 1)] if n_blocks else [0]
+        self._blocks = []
+        for k, (start, stop) in enumerate(pairwise(edges)):
+            block = self._block(start, stop)
+            # Blocks subtract what is pending one after the other, not all at one observation.
+            block.first_downdate_at((k + 1) / n_blocks)
+            self._blocks.append((start, stop, block))
+
+    def _block(self, start: int, stop: int) -> GaussianBatch:
+        some = slice(start, stop)
+        return GaussianBatch(self._state[some], self.shape[3], self._pending[some])
+
+    def start(self, mean: np.ndarray, covariance: np.ndarray) -> None:
+        """Begin with these distributions, all active.
+
+        Args:
+            mean: (T, P N), shared by the hypotheses of a task, or (T S, P N).
+            covariance: alike, with one dimension more.
+
+        Raises:
+            ShapeError: the arrays do not fit the bank.
+        """
+        n, size, _ = self._state.shape
+        if mean.shape not in ((n, size), (self.shape[0], size)) or covariance.shape != (
+            *mean.shape,
+            size,
+        ):
+            raise ShapeError(
+                describe(
+                    "mean, covariance",
+                    f"({self.shape[0]} or {n}, {size}) and one dimension more",
+                    f"{mean.shape} and {covariance.shape}",
+                    "Pass one distribution per task or per hypothesis.",
+                )
+            )
+        repeats = n // len(mean)
+        state = self._state.reshape(-1, repeats, *self._state.shape[1:])
+        state[..., :size] = covariance[:, None]
+        state[..., size] = mean[:, None]
+        self._evidence[:] = 0.0
+        self._activate_all()
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory in use."""
+        return self._state.nbytes + self._pending.nbytes + self._evidence.nbytes
+
+    @property
+    def active(self) -> np.ndarray | slice:
+        """The hypotheses that are filtered, in the order in which `condition` wants their rows."""
+        if not self._moved:
+            return slice(None)
+        return self._hypothesis_at[: self.n_active * self.shape[1]]
+
+    @property
+    def active_evidence(self) -> np.ndarray:
+        """`log_evidence` of the active hypotheses, in the order of `active`."""
+        return self._evidence[: self.n_active * self.shape[1]]
+
+    @property
+    def log_evidence(self) -> np.ndarray:
+        """Log density of what each hypothesis was conditioned on, (T S,)."""
+        if not self._moved:
+            return self._evidence.copy()
+        evidence = np.empty_like(self._evidence)
+        evidence[self._hypothesis_at] = self._evidence
+        return evidence
+
+    def condition(
+        self, dofs: np.ndarray, rows: np.ndarray, values: np.ndarray, noise_covariance: np.ndarray
+    ) -> None:
+        """Condition the active hypotheses on one observation; see `GaussianBatch.condition`.
+
+        Args:
+            dofs: (m,).
+            rows: (n, m, N) or (n, 1, N), of the `active` hypotheses.
+            values: (m,).
+            noise_covariance: (m, m) or (n, m, m).
+        """
+        evidence = self._evidence
+        for start, stop, block in self._blocks:
+            noise = noise_covariance if noise_covariance.ndim == 2 else noise_covariance[start:stop]
+            evidence[start:stop] += block.condition(dofs, rows[start:stop], values, noise)
+
+    def apply_downdates(self) -> None:
+        """Bring all means and covariances up to date with what was observed."""
+        for _, _, block in self._blocks:
+            block.apply_downdates()
+
+    def distributions(self, hypotheses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Copies of means (n, P N) and covariances (n, P N, P N) of some hypotheses, up to date."""
+        n_scales = self.shape[1]
+        at = self._place_of[hypotheses // n_scales] * n_scales + hypotheses % n_scales
+        size = self._state.shape[1]
+        mean, covariance = self._state[at, :, size], self._state[at, :, :size]
+        for start, stop, block in self._blocks:
+            inside = (at >= start) & (at < stop)
+            if np.any(inside):
+                mean[inside], covariance[inside] = block.current(at[inside] - start)
+        return mean, covariance
+
+    def moments(self, task: int, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (P N,) and covariance (P N, P N) of the mixture of an active task's hypotheses.
+
+        Args:
+            task: its number.
+            weights: of its hypotheses, (S,), summing to one.
+        """
+        size, n = self._state.shape[1], self.shape[1]
+        first = self._place_of[task] * n
+        means, covariance = np.empty((n, size)), np.zeros((size, size))
+        for start, stop, block in self._blocks:
+            low, high = max(first, start), min(first + n, stop)
+            if low < high:
+                part = slice(low - first, high - first)
+                means[part], sum_ = block.mixed(slice(low - start, high - start), weights[part])
+                covariance += sum_
+        mean = weights @ means
+        deviation = (means - mean) * np.sqrt(weights)[:, None]
+        return mean, covariance + deviation.T @ deviation
+
+    def prune(self, tasks: np.ndarray) -> None:
+        """Stop filtering some active tasks; their state stays as it is."""
+        self.apply_downdates()
+        self.n_active -= len(tasks)
+        leaving = tasks[self._place_of[tasks] < self.n_active]
+        tail = self._task_at[self.n_active : self.n_active + len(tasks)]
+        for task, other in zip(leaving, tail[~np.isin(tail, tasks)], strict=True):
+            self._swap(self._place_of[task], self._place_of[other])
+        self._make_blocks()
+
+    def copies(self, tasks: np.ndarray) -> list[GaussianBatch]:
+        """Blocks over copies of the hypotheses of tasks that were set aside, in their order."""
+        n_scales = self.shape[1]
+        at = (self._place_of[tasks][:, None] * n_scales + np.arange(n_scales)).ravel()
+        edges = range(0, len(at), BLOCK_SIZE)
+        return [GaussianBatch(self._state[at[k : k + BLOCK_SIZE]], self.shape[3]) for k in edges]
+
+    def gather(self, tasks: np.ndarray) -> list[GaussianBatch]:
+        """Move tasks that were set aside next to the active ones, still to be caught up.
+
+        Returns:
+            Blocks over their hypotheses, in the order of the tasks. `activate` ends this.
+        """
+        for place, task in enumerate(tasks, self.n_active):
+            self._swap(self._place_of[task], place)
+        first = self.n_active * self.shape[1]
+        last = first + len(tasks) * self.shape[1]
+        return [
+            self._block(start, min(start + BLOCK_SIZE, last))
+            for start in range(first, last, BLOCK_SIZE)
+        ]
+
+    def activate(self, tasks: np.ndarray, log_density: np.ndarray) -> None:
+        """Filter the tasks of the last `gather` again, now that they are caught up.
+
+        Args:
+            tasks: as they were given to `gather`.
+            log_density: of what their hypotheses were conditioned on meanwhile, (n S,).
+        """
+        self.apply_downdates()
+        first = self.n_active * self.shape[1]
+        self._evidence[first : first + len(log_density)] += log_density
+        self.n_active += len(tasks)
+        self._make_blocks()
+
+    def _swap(self, a: int, b: int) -> None:
+        """Exchange two tasks' places in memory."""
+        if a == b:
+            return
+        self._moved = True
+        n_scales = self.shape[1]
+        one, other = (slice(p * n_scales, (p + 1) * n_scales) for p in (a, b))
+        for array in (self._state, self._evidence, self._hypothesis_at):
+            held = array[one].copy()
+            array[one] = array[other]
+            array[other] = held
+        self._task_at[[a, b]] = self._task_at[[b, a]]
+        self._place_of[self._task_at[[a, b]]] = [a, b]

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many Gaussians over the weights, conditioned in place on one observation after the other.
+
+Conditioning takes V^T V off a covariance, V = L^-1 H S being as many rows as there are observed
+values (Maeda et al. 2014, Eq. 6, with L L^T = H S H^T + R). Subtracting that from every
+covariance at every observation costs more in memory traffic than in arithmetic. So V is kept, and
+the covariance in force is S - V^T V with the rows of several observations in V; only when they
+are `PENDING_ROWS` are they subtracted, in one product of matrices. This is exact: the products
+H S that the next observation needs are corrected for what is pending.
+"""
+
+from math import isfinite
+
+import numpy as np
+
+from intent_recognition.gaussian.linalg import LOG_2_PI, cholesky
+
+PENDING_ROWS = 24
+CACHE_FLOATS = 2**16
+"""So many numbers at a time are subtracted from covariances: they stay in the core's cache."""
+
+
+class GaussianBatch:
+    """n Gaussians over the weights of P DOFs with N basis functions each.
+
+    Between `fold`s, `mean` and `covariance` lag behind what was observed.
+
+    Attributes:
+        mean: (n, P N), a part of the state.
+        covariance: (n, P N, P N), the rest of it; symmetric to the last bit.
+    """
+
+    def __init__(self, state: np.ndarray, n_basis: int, pending: np.ndarray | None = None):
+        """Take over the arrays.
+
+        Args:
+            state: what `make_state` gives, changed in place.
+            n_basis: N.
+            pending: working memory, (n, rows, columns), `pending_shape` or more; None for new
+                memory.
+        """
+        n, size, width = state.shape
+        self.mean, self.covariance = state[:, :, size], state[:, :, :size]
+        self._n_basis, self._size, self._width = n_basis, size, width
+        self._by_dof = state.reshape(n, -1, n_basis, width)
+        if pending is None:
+            pending = np.empty((n, *pending_shape(size // n_basis, n_basis)))
+        self._take_memory(pending)
+
+    def _take_memory(self, pending: np.ndarray) -> None:
+        # A row holds one of V, the negative whitened innovation, and one of L^T: what turns H S
+        # into V turns H m - y and the innovation covariance into these.
+        n, n_rows, n_columns = pending.shape
+        self._pending, self._n_pending, self._limit = pending, 0, n_rows
+        self._most_values = min(n_rows, n_columns - self._size - 1)
+        by_dof = pending[:, :, : self._size].reshape(n, n_rows, -1, self._n_basis)
+        self._pending_by_dof = by_dof.transpose(0, 2, 1, 3)
+
+    def condition(
+        self, dofs: np.ndarray, rows: np.ndarray, values: np.ndarray, noise_covariance: np.ndarray
+    ) -> np.ndarray:
+        """Condition on one observation; on an error nothing has changed.
+
+        Args:
+            dofs: index of the DOF behind each observed value, (m,), in any order; one may come
+                twice.
+            rows: (n, m, N), or (n, 1, N) for one row that all DOFs share.
+            values: (m,).
+            noise_covariance: (m, m) or (n, m, m), positive definite.
+
+        Returns:
+            Log density of the observation under each Gaussian, (n,).
+
+        Raises:
+            ArgumentError: an innovation covariance is not positive definite.
+        """
+        m = len(values)
+        if self._n_pending + m > self._limit or m > self._most_values:
+            self.apply_downdates()
+            if m > self._most_values:
+                columns = self._size + 1 + m
+                self._take_memory(np.empty((len(self.mean), m, max(columns, self._width))))
+        runs = _runs(dofs, rows)
+        first, new = self._n_pending, self._project(runs, values)
+        spread = new[:, :, self._size + 1 : self._size + 1 + m]
+        self._times_rows(runs, slice(first, first + m), spread)
+        spread += noise_covariance
+        with np.errstate(invalid="ignore", divide="ignore"):
+            _whiten(new, spread)
+            log_scale = np.add.reduce(np.log(np.diagonal(spread, axis1=1, axis2=2)), axis=1)
+        if not isfinite(np.add.reduce(log_scale)):
+            self._refuse(runs, values, noise_covariance)
+        self._n_pending = first + m
+        whitened = new[:, :, self._size]
+        squares = np.matmul(whitened[:, None, :], whitened[:, :, None])[:, 0, 0]
+        return -0.5 * squares - log_scale - 0.5 * m * LOG_2_PI
+
+    def _refuse(self, runs: list, values: np.ndarray, noise_covariance: np.ndarray) -> None:
+        """Say what is wrong with an innovation covariance."""
+        m = len(values)
+        self._project(runs, values)
+        spread = np.empty((len(self.mean), m, m))
+        self._times_rows(runs, slice(self._n_pending, self._n_pending + m), spread)
+        cholesky(spread + noise_covariance, name="innovation covariance")
+
+    def _project(self, runs: list, values: np.ndarray) -> np.ndarray:
+        """H S and, after it, H m - y of the distributions in force: (n, m, columns)."""
+        first, m = self._n_pending, len(values)
+        new = self._pending[:, first : first + m]
+        known = new[:, :, : self._width]
+        for observed, dofs, row in runs:
+            np.matmul(row[:, None, None], self._by_dof[:, dofs], out=known[:, observed, None])
+        known[:, :, self._size] -= values
+        if first:
+            product = np.empty((len(new), m, first))
+            self._times_rows(runs, slice(0, first), product)
+            known -= np.matmul(product, self._pending[:, :first, : self._width])
+        return new
+
+    def _times_rows(self, runs: list, pending: slice, out: np.ndarray) -> None:
+        """H V^T for some of the pending rows V, (n, m, rows)."""
+        for observed, dofs, row in runs:
+            np.matmul(
+                self._pending_by_dof[:, dofs, pending],
+                row[:, None, :, None],
+                out=out[:, observed, :, None],
+            )
+
+    def apply_downdates(self) -> None:
+        """Bring mean and covariance up to date."""
+        if not self._n_pending:
+            return
+        step = max(1, CACHE_FLOATS // self._size**2)
+        work = np.empty((min(step, len(self.mean)), self._size, self._size))
+        for start in range(0, len(self.mean), step):
+            some = slice(start, start + step)
+            mean, covariance = self.mean[some], self.covariance[some]
+            change, shrink = self._pending_change(some, out=work[: len(mean)])
+            mean -= change
+            covariance -= shrink
+        self._n_pending, self._limit = 0, self._pending.shape[1]
+
+    def current(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Means (k, P N) and covariances (k, P N, P N) of some, up to date; nothing changes."""
+        change, shrink = self._pending_change(index)
+        return self.mean[index] - change, self.covariance[index] - shrink
+
+    def mixed(self, some: slice, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Means (k, P N) of some and the weighted sum of their covariances (P N, P N), up to date.
+
+        Args:
+            some: which ones, k of them.
+            weights: (k,), not negative.
+        """
+        pending = self._pending[some, : self._n_pending]
+        rows = pending[:, :, : self._size]
+        means = self.mean[some] - np.matmul(pending[:, None, :, self._size], rows)[:, 0]
+        rows = (rows * np.sqrt(weights)[:, None, None]).reshape(-1, self._size)
+        return means, np.einsum("k,kij->ij", weights, self.covariance[some]) - rows.T @ rows
+
+    def _pending_change(
+        self, some: slice | np.ndarray, out: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What is still to be subtracted from means and covariances."""
+        pending = self._pending[some, : self._n_pending]
+        weights = pending[:, :, : self._size]
+        # numpy forms A^T A from one triangle, so that it is exactly symmetric.
+        shrink = np.matmul(weights.transpose(0, 2, 1), weights, out=out)
+        return np.matmul(pending[:, None, :, self._size], weights)[:, 0], shrink
+
+    def first_downdate_at(self, share: float) -> None:
+        """Fold for the first time when a share of the working memory is in use."""
+        self._limit = max(1, round(share * self._pending.shape[1]))
+
+
+def state_width(n_dofs: int, n_basis: int) -> int:
+    """Columns of a state: covariance, mean, and room for innovation covariances of P values."""
+    return n_dofs * n_basis + 1 + n_dofs
+
+
+def pending_shape(n_dofs: int, n_basis: int) -> tuple[int, int]:
+    """Rows and columns of working memory: two observations of all DOFs fit in at least."""
+    return max(PENDING_ROWS, 2 * n_dofs), state_width(n_dofs, n_basis)
+
+
+def make_state(mean: np.ndarray, covariance: np.ndarray, n_basis: int) -> np.ndarray:
+    """Means (n, P N) and covariances (n, P N, P N) as the state of a block, a copy."""
+    n, size = mean.shape
+    state = np.zeros((n, size, state_width(size // n_basis, n_basis)))
+    state[:, :, :size], state[:, :, size] = covariance, mean
+    return state
+
+
+def _whiten(rows: np.ndarray, spread: np.ndarray) -> None:
+    """Multiply rows (n, m, k) by L^-1 from the left, in place.
+
+    L L^T = S is the innovation covariance, itself m of their columns, which become L^T: steps of
+    Gauss' elimination, each vectorised over all n and all columns.
+
+    Args:
+        rows: changed.
+        spread: view of the columns that hold S, (n, m, m); only its upper triangle is used.
+    """
+    m = rows.shape[1]
+    for i in range(m):
+        row = rows[:, i]
+        row /= np.sqrt(spread[:, i, i])[:, None]
+        if i + 1 < m:
+            rows[:, i + 1 :] -= spread[:, i, i + 1 :, None] * row[:, None, :]
+
+
+def _runs(dofs: np.ndarray, rows: np.ndarray) -> list[tuple[slice, slice, np.ndarray]]:
+    """Observed values that are projected together: neighbouring DOFs which share one row.
+
+    Returns:
+        For each run, which values, which DOFs and their row, (n, N).
+    """
+    numbers, shared = dofs.tolist(), rows.shape[1] == 1
+    first, m = numbers[0], len(numbers)
+    if shared and numbers == list(range(first, first + m)):
+        return [(slice(0, m), slice(first, first + m), rows[:, 0])]
+    return [
+        (slice(i, i + 1), slice(dof, dof + 1), rows[:, 0 if shared else i])
+        for i, dof in enumerate(numbers)
+    ]

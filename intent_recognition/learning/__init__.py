@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From demonstrations to a task library: examples, statistics, hyperparameters, unknown tasks."""
+
+from intent_recognition.learning.accumulation import (
+    BATCH,
+    NAMES_KEPT,
+    REFERENCE_RECORDINGS,
+    Accumulated,
+    Reference,
+    SignalNames,
+    accumulate,
+    merge_accumulated,
+)
+from intent_recognition.learning.components import (
+    MAX_COMPONENTS,
+    Tried,
+    choose_components,
+    predict_left_out,
+    purity,
+    score,
+    smallest_within_one_error,
+)
+from intent_recognition.learning.examples import (
+    Example,
+    Recorded,
+    cut_one,
+    cut_to_movement,
+    make_example,
+    make_examples,
+    sample_phases,
+    scored_phases,
+)
+from intent_recognition.learning.fitting import aligned_primitives, library_from_statistics
+from intent_recognition.learning.mixture import (
+    BASIS,
+    MIN_MEMBERS,
+    RIDGE,
+    SAMPLED_PHASES,
+    Clustering,
+    Features,
+    cluster,
+    condition_mixture,
+    mixture_features,
+)
+from intent_recognition.learning.selection import Candidate
+from intent_recognition.learning.settings import SEGMENTATIONS, TrainingSettings
+from intent_recognition.learning.statistics import TaskStatistics, summarize
+from intent_recognition.learning.timing import Timing
+from intent_recognition.learning.training import (
+    Trained,
+    TrainingReport,
+    add_demonstration,
+    add_statistics,
+    choose_again,
+    learn,
+    learn_accumulated,
+)
+from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
+from intent_recognition.learning.unknown_task_calibration import calibrate_none, is_outdated
+from intent_recognition.learning.unlabelled import (
+    Relabelled,
+    label_by_components,
+    with_mixture_weights,
+)
+
+__all__ = [
+    "BASIS",
+    "BATCH",
+    "MAX_COMPONENTS",
+    "MIN_MEMBERS",
+    "NAMES_KEPT",
+    "REFERENCE_RECORDINGS",
+    "RIDGE",
+    "SAMPLED_PHASES",
+    "SEGMENTATIONS",
+    "Accumulated",
+    "Candidate",
+    "Clustering",
+    "Example",
+    "Features",
+    "Recorded",
+    "Reference",
+    "Relabelled",
+    "SignalNames",
+    "TaskStatistics",
+    "Timing",
+    "Trained",
+    "TrainingReport",
+    "TrainingSettings",
+    "Tried",
+    "accumulate",
+    "add_demonstration",
+    "add_statistics",
+    "aligned_primitives",
+    "calibrate_none",
+    "choose_again",
+    "choose_components",
+    "cluster",
+    "condition_mixture",
+    "count_transitions",
+    "cut_one",
+    "cut_to_movement",
+    "is_outdated",
+    "label_by_components",
+    "learn",
+    "learn_accumulated",
+    "library_from_statistics",
+    "make_example",
+    "make_examples",
+    "merge_accumulated",
+    "mixture_features",
+    "predict_left_out",
+    "purity",
+    "sample_phases",
+    "score",
+    "scored_phases",
+    "smallest_within_one_error",
+    "smoothed_transitions",
+    "summarize",
+    "with_mixture_weights",
+]

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How many components: by left-out prediction of the controlled agent given the observed one.
+
+Every demonstration is left out in turn, the mixture is fitted to the rest, and the controlled
+agent's trajectory is predicted from the observed agent's. The score is the mean negative log
+density of the true trajectory, as in `selection.py`: an error in units of what the component lets
+one expect. Of all numbers of components within one paired standard error of the best, the smallest
+is taken (Ewerton et al. 2015 read the same off a curve of errors).
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import gammaln
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.gaussian import (
+    EMPTY,
+    Components,
+    CovariancePrior,
+    batches,
+    cholesky,
+    solve_lower,
+)
+from intent_recognition.learning.mixture import MIN_MEMBERS, Features, cluster
+
+MAX_COMPONENTS = 10
+
+
+class Tried(NamedTuple):
+    """One number of components.
+
+    Attributes:
+        n_components: K.
+        labels: component of each demonstration, (n,).
+        nll: left-out negative log density of the controlled agent, nats per sample, (n,).
+        rmse: left-out error of its mean, in standard deviations of the DOFs, (n,).
+    """
+
+    n_components: int
+    labels: np.ndarray
+    nll: np.ndarray
+    rmse: np.ndarray
+
+
+class ComponentChoice(NamedTuple):
+    """The number of components taken, and all that were tried."""
+
+    chosen: Tried
+    tried: tuple[Tried, ...]
+
+    @property
+    def n_components(self) -> int:
+        """How many components have members; fewer than asked for if there was no more to find."""
+        return int(self.chosen.labels.max()) + 1
+
+
+class Prediction(NamedTuple):
+    """Left-out predictions of n demonstrations, component by component.
+
+    Attributes:
+        log_posterior: log p(k | observed trajectory), (n, K).
+        mean: of the controlled trajectory given component and observed trajectory, (n, K, s).
+        variance: squared scale of its Student t distribution, (n, K, s).
+        freedom: its degrees of freedom, (n, K).
+    """
+
+    log_posterior: np.ndarray
+    mean: np.ndarray
+    variance: np.ndarray
+    freedom: np.ndarray
+
+
+def choose_components(
+    features: Features,
+    rng: np.random.Generator,
+    *,
+    max_components: int = MAX_COMPONENTS,
+    progress: Callable[[int], None] = lambda done: None,
+) -> ComponentChoice:
+    """The smallest number of components within one standard error of the best prediction.
+
+    Args:
+        features: the demonstrations.
+        rng: for the starts of EM.
+        max_components: most to try; fewer if components would have less than `MIN_MEMBERS`.
+        progress: called with each number tried.
+    """
+    largest = max(1, min(max_components, len(features.coordinates) // MIN_MEMBERS))
+    tried = []
+    for n_components in range(1, largest + 1):
+        tried.append(try_components(features, n_components, rng))
+        progress(n_components)
+    taken = smallest_within_one_error(np.array([t.nll for t in tried]))
+    return ComponentChoice(tried[taken], tuple(tried))
+
+
+def try_components(features: Features, n_components: int, rng: np.random.Generator) -> Tried:
+    """Fit K components and score their left-out predictions.
+
+    Raises:
+        ArgumentError: fewer than one component, or more than demonstrations.
+    """
+    n = len(features.coordinates)
+    if not 1 <= n_components <= n:
+        raise ArgumentError(
+            describe(
+                "n_components", f"between 1 and {n}, the demonstrations", n_components, "Lower it."
+            )
+        )
+    found = cluster(features, n_components, rng)
+    if n < 2 or not features.loadings.size:  # nothing to leave out, or nothing to predict
+        return Tried(n_components, found.labels, np.zeros(n), np.zeros(n))
+    nll, rmse = np.empty(n), np.empty(n)
+    each = found.left_out.rows[0].size * features.controlled.shape[1]
+    for part in batches(n, each):
+        prediction = predict_left_out(features, found.left_out, features.prior, part)
+        nll[part], rmse[part] = score(prediction, features.controlled[part])
+    return Tried(n_components, found.labels, nll, rmse)
+
+
+def predict_left_out(
+    features: Features, left_out: Components, prior: CovariancePrior, part: slice = slice(None)
+) -> Prediction:
+    """Predict each demonstration's controlled trajectory from its observed one.
+
+    The prior on the covariance is taken as inverse Wishart, so what is left out has a Student t
+    distribution: a component of few members is not sure of its own width.
+
+    Args:
+        features: the demonstrations.
+        left_out: mixture number i was fitted without demonstration i.
+        prior: of the covariances.
+        part: which of them to predict.
+    """
+    split, points = features.n_observed, features.coordinates
+    components = Components(*(field[part] for field in left_out))
+    count = np.maximum(components.count, EMPTY)
+    root = np.sqrt(components.row_weight)[..., None]
+    diagonal = components.diagonal[..., :split]
+    members = points[components.rows, :split] - components.mean[:, :, None, :split]
+    members *= root / np.sqrt(diagonal)[:, :, None]
+    error = (points[part, None, :split] - components.mean[..., :split]) / np.sqrt(diagonal)
+    gram = members @ np.swapaxes(members, 2, 3)
+    gram[..., np.arange(gram.shape[-1]), np.arange(gram.shape[-1])] += 1.0
+    factor = cholesky(gram, name="observed covariance of a component")
+    means = (components.mean[..., split:] @ features.loadings)[:, :, None]
+    deviations = (features.controlled[components.rows] - means) * root
+    right = np.concatenate([(members @ error[..., None]), deviations], axis=3)
+    white = solve_lower(factor, right)
+    squared = np.sum(error**2, axis=2) - np.sum(white[..., 0] ** 2, axis=2)
+    mean = means[:, :, 0] + np.einsum("nkm,nkms->nks", white[..., 0], white[..., 1:])
+    variance = np.sum(white[..., 1:] ** 2, axis=2)
+    variance += components.diagonal[..., split:] @ features.loadings**2
+    log_det = np.log(diagonal).sum(axis=2)
+    log_det += 2.0 * np.log(np.diagonal(factor, axis1=2, axis2=3)).sum(axis=2)
+    freedom = prior.strength + count + 1.0
+    scale = (count + prior.strength) * (1.0 + 1.0 / count) / freedom
+    evidence = components.log_weight + _log_student(squared / scale, freedom, split)
+    evidence -= 0.5 * (log_det + split * np.log(scale))
+    inflation = scale * (freedom + squared / scale) / (freedom + split)
+    return Prediction(
+        evidence - np.logaddexp.reduce(evidence, axis=1)[:, None],
+        mean,
+        variance * inflation[..., None],
+        freedom + split,
+    )
+
+
+def score(prediction: Prediction, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Negative log density per sample, and error of the mixture's mean, each (n,).
+
+    Args:
+        prediction: of n demonstrations.
+        truth: their controlled trajectories, (n, s).
+    """
+    squared = (truth[:, None] - prediction.mean) ** 2 / prediction.variance
+    density = _log_student(squared, prediction.freedom[..., None], 1)
+    density -= 0.5 * np.log(prediction.variance)
+    nll = -np.logaddexp.reduce(prediction.log_posterior + density.mean(axis=2), axis=1)
+    mean = np.einsum("nk,nks->ns", np.exp(prediction.log_posterior), prediction.mean)
+    n_samples = truth.shape[1]
+    # Trajectories were divided by the root of their number of samples.
+    rmse = np.sqrt(np.sum((mean - truth) ** 2, axis=1))
+    return nll + 0.5 * np.log(n_samples), rmse
+
+
+def _log_student(squared: np.ndarray, freedom: np.ndarray, size: int) -> np.ndarray:
+    """Log density of a Student t of `size` dimensions and unit scale at a squared distance."""
+    constant = gammaln(0.5 * (freedom + size)) - gammaln(0.5 * freedom)
+    constant = constant - 0.5 * size * np.log(np.pi * freedom)
+    return constant - 0.5 * (freedom + size) * np.log1p(squared / freedom)
+
+
+def smallest_within_one_error(scores: np.ndarray) -> int:
+    """First of c candidates within one paired standard error of the best, scores (c, n)."""
+    best = int(np.argmin(scores.mean(axis=1)))
+    if scores.shape[1] < 2:
+        return 0
+    excess = scores - scores[best]
+    error = excess.std(axis=1, ddof=1) / np.sqrt(scores.shape[1])
+    return int(np.flatnonzero(excess.mean(axis=1) <= error)[0])
+
+
+def purity(labels: Sequence[object], components: np.ndarray) -> float:
+    """Share of demonstrations whose label is the most frequent one of their component."""
+    _, number = np.unique(np.array([str(label) for label in labels]), return_inverse=True)
+    most = [np.bincount(number[components == k]).max() for k in np.unique(components)]
+    return float(np.sum(most) / len(components))

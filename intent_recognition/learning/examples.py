@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One recording as an example to learn from: cut to the movement, turned into weights."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from intent_recognition.alignment import Warp
+from intent_recognition.errors import TrainingError, describe
+from intent_recognition.learning.selection import SCORED_PHASES
+from intent_recognition.promp import (
+    MIN_SAMPLES,
+    NormalizedRBFBasis,
+    WeightFit,
+    fit_weights_together,
+)
+from intent_recognition.signals import OnsetSettings, Signal, movement_span, onset_settings
+
+SAMPLES_PER_MOVEMENT = 30
+"""Samples of one movement that count as independent evidence; denser ones share it."""
+MIN_DURATION_S = 0.2
+
+
+class Recorded(Protocol):
+    """What training needs of a demonstration, a dataclass (`storage.Demonstration` has it)."""
+
+    name: str
+    task: str | None
+    observed: tuple[Signal, ...]
+    controlled: tuple[Signal, ...]
+    start_ns: int
+    end_ns: int
+
+
+class Example(NamedTuple):
+    """One demonstration as weights.
+
+    Attributes:
+        name: of the recording.
+        task: its label.
+        weights: (D, N), observed DOFs first.
+        residual_variance: (D,).
+        duration_s: of the interaction.
+        observed: samples at evenly spaced phases, (m, P).
+        controlled: at the scored phases, (s, Q).
+        aligned: the same over the reference phase of its task, with basis functions of its own;
+            None where nothing was aligned.
+    """
+
+    name: str
+    task: str
+    weights: np.ndarray
+    residual_variance: np.ndarray
+    duration_s: float
+    observed: np.ndarray
+    controlled: np.ndarray
+    aligned: "Example | None" = None
+
+
+def sample_phases() -> np.ndarray:
+    """Phases of the samples that hyperparameters are scored on, (m,)."""
+    return (np.arange(SAMPLES_PER_MOVEMENT) + 0.5) / SAMPLES_PER_MOVEMENT
+
+
+def scored_phases() -> np.ndarray:
+    """Phases at which the controlled agent's prediction is scored, (s,)."""
+    return np.linspace(0.0, 1.0, SCORED_PHASES)
+
+
+def make_example(recorded: Recorded, basis: NormalizedRBFBasis, ridge: float) -> Example:
+    """Weights of one demonstration from its start to its end.
+
+    Raises:
+        TrainingError: too short, or a DOF has too few samples.
+    """
+    (example,) = make_examples([recorded], basis, ridge)
+    if isinstance(example, TrainingError):
+        raise example
+    return example
+
+
+def make_examples(
+    recordings: Sequence[Recorded],
+    basis: NormalizedRBFBasis,
+    ridge: float,
+    warps: Sequence[Warp] | None = None,
+) -> list[Example | TrainingError]:
+    """The same of many, for each the error if it cannot be used.
+
+    Signals that were sampled at the same phases, as in aligned demonstrations, are fitted together.
+
+    Args:
+        recordings: the demonstrations.
+        basis: the basis functions.
+        ridge: relative weight of the curvature penalty.
+        warps: from reference phase to the recorded phase of each; None for recorded phases.
+    """
+    found = [_movement(recorded) for recorded in recordings]
+    if warps is not None:
+        found = [_warped(parts, warp) for parts, warp in zip(found, warps, strict=True)]
+    parts = [part for parts in found if not isinstance(parts, TrainingError) for part in parts]
+    fits = iter(
+        fit_weights_together(
+            basis, [part.phase for part in parts], [part.values for part in parts], ridge
+        )
+    )
+    return [
+        parts
+        if isinstance(parts, TrainingError)
+        else _assemble(recorded, parts, [next(fits) for _ in parts])
+        for recorded, parts in zip(recordings, found, strict=True)
+    ]
+
+
+class _Part(NamedTuple):
+    """One signal during the movement: phases (T,) and values (T, d)."""
+
+    phase: np.ndarray
+    values: np.ndarray
+
+
+def _movement(recorded: Recorded) -> list[_Part] | TrainingError:
+    """Each signal from start to end, observed ones first, or why that is too little."""
+    start_ns, end_ns = recorded.start_ns, recorded.end_ns
+    duration = (end_ns - start_ns) * 1e-9
+    if duration < MIN_DURATION_S:
+        return TrainingError(
+            describe(
+                "demonstration", f"at least {MIN_DURATION_S} s", f"{duration:.3f} s", "Re-record."
+            )
+        )
+    parts = []
+    for signal in (*recorded.observed, *recorded.controlled):
+        part = signal.between(start_ns, end_ns)
+        if len(part.stamps_ns) < MIN_SAMPLES:
+            return TrainingError(
+                describe(
+                    ", ".join(signal.names),
+                    f"at least {MIN_SAMPLES} samples during the movement",
+                    len(part.stamps_ns),
+                    "Record it again, or leave it out.",
+                )
+            )
+        parts.append(_Part(part.seconds(start_ns) / duration, part.values))
+    return parts
+
+
+def _warped(parts: list[_Part] | TrainingError, warp: Warp) -> list[_Part] | TrainingError:
+    """The same over reference phase; what lies beyond its ends is taken for them."""
+    if isinstance(parts, TrainingError):
+        return parts
+    return [part._replace(phase=np.clip(warp.inverse(part.phase), 0.0, 1.0)) for part in parts]
+
+
+def _assemble(recorded: Recorded, parts: Sequence[_Part], fits: Sequence[WeightFit]) -> Example:
+    """The example of a recording from its signals and their weights."""
+    n_observed = len(recorded.observed)
+    return Example(
+        recorded.name,
+        str(recorded.task),
+        np.vstack([fit.weights for fit in fits]),
+        np.concatenate([fit.residual_variance for fit in fits]),
+        (recorded.end_ns - recorded.start_ns) * 1e-9,
+        np.hstack([_at(sample_phases(), part) for part in parts[:n_observed]]),
+        np.hstack([_at(scored_phases(), part) for part in parts[n_observed:]]),
+    )
+
+
+def _at(phases: np.ndarray, part: _Part) -> np.ndarray:
+    """Values at other phases, between samples by a line, (len(phases), d)."""
+    columns = [np.interp(phases, part.phase, column) for column in part.values.T]
+    return np.stack(columns, axis=1)
+
+
+def cut_to_movement(demonstrations: Sequence[Recorded]) -> list[Recorded]:
+    """The same recordings, each from the human's onset to both agents' rest.
+
+    Thresholds come from the recordings themselves; the onset is found as it would be online.
+    """
+    if not demonstrations:
+        return []
+    observed = onset_settings([recorded.observed for recorded in demonstrations])
+    controlled = onset_settings([recorded.controlled for recorded in demonstrations])
+    return [cut_one(recorded, observed, controlled) for recorded in demonstrations]
+
+
+def cut_one(
+    recorded: Recorded, observed: Sequence[OnsetSettings], controlled: Sequence[OnsetSettings]
+) -> Recorded:
+    """One recording from the human's onset to both agents' rest, by given thresholds."""
+    start_ns, end_ns = movement_span(
+        recorded.observed,
+        recorded.controlled,
+        observed,
+        controlled,
+        recorded.start_ns,
+        recorded.end_ns,
+    )
+    return replace(recorded, start_ns=start_ns, end_ns=end_ns)

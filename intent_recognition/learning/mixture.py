@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mixture of interaction primitives from demonstrations without labels (Ewerton et al. 2015).
+
+Each demonstration's weights stand for a trajectory of every DOF. These trajectories, sampled at
+evenly spaced phases, are brought to common units and written in orthonormal coordinates of the
+affine span of all demonstrations, each agent in its own. The mixture is fitted there.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import TrainingError, describe
+from intent_recognition.gaussian import (
+    Components,
+    CovariancePrior,
+    Gaussian,
+    MixtureFit,
+    affine_span,
+    batches,
+    condition,
+    fit_mixture,
+    kmeans_starts,
+    log_joint,
+    one_hot,
+)
+from intent_recognition.promp import NormalizedRBFBasis
+
+BASIS = NormalizedRBFBasis(30, 1.0)
+RIDGE = 1e-3
+"""How trajectories are described to tell tasks apart: finer than to predict them.
+
+What makes a shaken hand another task than a waving one is in the fast part of the movement.
+"""
+SAMPLED_PHASES = 40
+"""Phases at which trajectories are compared."""
+FLOOR = 1e-2
+"""Variance floor, in parts of the mean variance of a coordinate over all demonstrations."""
+STRENGTH = 24.0
+"""Demonstrations that the diagonal target is worth in a component's covariance."""
+SHARED = 5.0
+"""Demonstrations that all components together are worth in a component's target."""
+MIN_MEMBERS = 3
+"""Smallest component worth having: leaving one out, two remain to say how they vary."""
+MAX_FOLDS = 100
+"""Up to so many demonstrations each is left out by itself, of more every hundredth together."""
+MAX_DEMONSTRATIONS = 2000
+"""Beyond this, memory and time of a mixture over all of them are out of proportion."""
+N_STARTS = 30
+REASSIGNMENTS = 10
+
+
+class Features(NamedTuple):
+    """n demonstrations in the coordinates the mixture is fitted in.
+
+    Attributes:
+        coordinates: observed agent's first, (n, r).
+        n_observed: how many of them are the observed agent's.
+        controlled: scaled trajectories of the controlled agent less their mean, (n, s).
+        loadings: `controlled = coordinates[:, n_observed:] @ loadings`, (r - n_observed, s).
+    """
+
+    coordinates: np.ndarray
+    n_observed: int
+    controlled: np.ndarray
+    loadings: np.ndarray
+
+    @property
+    def prior(self) -> CovariancePrior:
+        """The default prior of the components' covariances."""
+        variance = float(np.mean(self.coordinates**2)) if self.coordinates.size else 1.0
+        return CovariancePrior(FLOOR * (variance or 1.0), STRENGTH, SHARED)
+
+
+def mixture_features(weights: np.ndarray, n_observed: int, basis: NormalizedRBFBasis) -> Features:
+    """Coordinates of demonstrations for a mixture.
+
+    Scaling: every DOF is divided by its standard deviation over all demonstrations and phases (one
+    that never varies is left alone), and every agent by the square root of how many numbers
+    describe it, so that metres and radians, three DOFs and seven, count alike.
+
+    Args:
+        weights: (n, D, N), observed DOFs first.
+        n_observed: number of observed DOFs.
+        basis: what the weights belong to.
+
+    Raises:
+        TrainingError: no demonstrations, or too many.
+    """
+    if not 0 < len(weights) <= MAX_DEMONSTRATIONS:
+        raise TrainingError(
+            describe(
+                "demonstrations",
+                f"1 to {MAX_DEMONSTRATIONS} to find components in",
+                len(weights),
+                "Use a part of them, label the rest with what was learned.",
+            )
+        )
+    trajectories = weights @ basis.design_matrix(np.linspace(0.0, 1.0, SAMPLED_PHASES)).T
+    deviations = trajectories - trajectories.mean(axis=0)
+    std = np.sqrt(np.mean(deviations**2, axis=(0, 2)))
+    negligible = std <= 1e-9 * np.abs(trajectories).max(axis=(0, 2), initial=0.0)
+    deviations /= np.where(negligible, 1.0, std)[:, None]
+    deviations[:, negligible] = 0.0
+    spans = []
+    for part in (deviations[:, :n_observed], deviations[:, n_observed:]):
+        flat = part.reshape(len(part), -1)
+        spans.append(affine_span(flat / np.sqrt(max(flat.shape[1], 1))))
+    observed, controlled = spans
+    return Features(
+        np.hstack([observed.coordinates, controlled.coordinates]),
+        observed.coordinates.shape[1],
+        controlled.coordinates @ controlled.axes,
+        controlled.axes,
+    )
+
+
+class Clustering(NamedTuple):
+    """The best of many fits with K components.
+
+    Attributes:
+        labels: component of each demonstration, (n,).
+        log_likelihood: mean log likelihood of a demonstration.
+        left_out: for each demonstration, the mixture fitted without it, a batch of n.
+    """
+
+    labels: np.ndarray
+    log_likelihood: float
+    left_out: Components
+
+
+def cluster(
+    features: Features,
+    n_components: int,
+    rng: np.random.Generator,
+    *,
+    prior: CovariancePrior | None = None,
+    n_starts: int = N_STARTS,
+) -> Clustering:
+    """Fit a mixture from many starts and keep the likeliest whose components can stand alone.
+
+    A fit with a component of fewer than `MIN_MEMBERS` is kept only if every start led to one: the
+    likelihood is fond of components that hold one odd demonstration. A demonstration has shaped
+    the component it is in, and in many dimensions it stays there for that reason alone; so each is
+    also assigned by the fit it was left out of, and EM started from there, as long as the
+    likelihood rises.
+
+    Args:
+        features: the demonstrations.
+        n_components: K.
+        rng: for the starts.
+        prior: of the covariances, by default that of the features.
+        n_starts: runs of k-means; one is enough for one component.
+    """
+    prior = prior or features.prior
+    points = features.coordinates
+    n_starts = n_starts if n_components > 1 else 1
+    starts = np.unique(kmeans_starts(points, n_components, n_starts, rng), axis=0)
+    fits = fit_mixture(points, one_hot(starts, n_components), prior)
+    worth = [_worth(fits, b, n_components) for b in range(len(starts))]
+    best = max(range(len(starts)), key=lambda b: worth[b])
+    labels, value = fits.labels[best], worth[best]
+    left_out = leave_each_out(points, labels, n_components, prior)
+    for _ in range(REASSIGNMENTS):
+        moved = left_out_labels(points, left_out)
+        if np.array_equal(moved, labels):
+            break
+        fit = fit_mixture(points, one_hot(moved[None], n_components), prior)
+        if _worth(fit, 0, n_components) <= value:
+            break
+        labels, value = fit.labels[0], _worth(fit, 0, n_components)
+        left_out = leave_each_out(points, labels, n_components, prior)
+    return Clustering(_ordered(labels), value[1], left_out)
+
+
+def leave_each_out(
+    points: np.ndarray, labels: np.ndarray, n_components: int, prior: CovariancePrior
+) -> Components:
+    """For each of n points the mixture without it, started from the labels of the rest.
+
+    All are fitted in one batch; beyond `MAX_FOLDS` points those of one fold are left out together.
+    """
+    fold = np.arange(len(points)) % MAX_FOLDS
+    included = fold != np.arange(min(len(points), MAX_FOLDS))[:, None]
+    fits = fit_mixture(points, one_hot(labels, n_components) * included[..., None], prior)
+    return Components(*(field[fold] for field in fits.components))
+
+
+def left_out_labels(points: np.ndarray, left_out: Components) -> np.ndarray:
+    """Most probable component of each point under the mixture that was fitted without it, (n,)."""
+    labels = np.empty(len(points), dtype=np.int64)
+    n_components = left_out.count.shape[1]
+    for part in batches(len(points), n_components * len(points) * max(points.shape)):
+        joint = log_joint(points, Components(*(field[part] for field in left_out)))
+        own = np.arange(len(points))[part]
+        labels[part] = np.argmax(joint[np.arange(len(own)), own], axis=1)
+    return labels
+
+
+def _worth(fits: MixtureFit, index: int, n_components: int) -> tuple[bool, float]:
+    """What fits are compared by: all components can stand alone, then the likelihood."""
+    sizes = np.bincount(fits.labels[index], minlength=n_components)
+    return bool(sizes.min() >= MIN_MEMBERS), float(fits.log_likelihood[index])
+
+
+def _ordered(labels: np.ndarray) -> np.ndarray:
+    """The labels renumbered: larger components first, of equal ones that with the first member."""
+    found, first, sizes = np.unique(labels, return_index=True, return_counts=True)
+    order = sorted(range(len(found)), key=lambda k: (-sizes[k], first[k]))
+    rank = {int(found[k]): number for number, k in enumerate(order)}
+    return np.array([rank[int(label)] for label in labels], dtype=np.int64)
+
+
+class MixturePosterior(NamedTuple):
+    """A mixture after an observation (Ewerton et al. 2015, Eq. 14).
+
+    Attributes:
+        probabilities: p(k | observation), (K,), Eq. 11.
+        components: each component conditioned, p(w | k, observation).
+    """
+
+    probabilities: np.ndarray
+    components: tuple[Gaussian, ...]
+
+    @property
+    def most_probable(self) -> Gaussian:
+        """The most probable component, conditioned: what to command (Eq. 12 and 13).
+
+        Eq. 13 as printed integrates over p(w | k*); the observation belongs there too.
+        """
+        return self.components[int(np.argmax(self.probabilities))]
+
+    @property
+    def moments(self) -> Gaussian:
+        """Mean and covariance of the whole mixture: how uncertain one is (Eq. 14)."""
+        means = np.array([component.mean for component in self.components])
+        mean = self.probabilities @ means
+        spread = (means - mean) * np.sqrt(self.probabilities)[:, None]
+        inner = np.einsum(
+            "k,kij->ij", self.probabilities, np.array([c.covariance for c in self.components])
+        )
+        return Gaussian(mean, inner + spread.T @ spread)
+
+
+def condition_mixture(
+    mixture_weights: np.ndarray,
+    components: Sequence[Gaussian],
+    observation_matrix: np.ndarray,
+    observation: np.ndarray,
+    noise_covariance: np.ndarray,
+) -> MixturePosterior:
+    """Condition a mixture of Gaussians on y = H w + noise (Ewerton et al. 2015, Eq. 11-14).
+
+    Args:
+        mixture_weights: p(k), (K,).
+        components: p(w | k), each over (d,).
+        observation_matrix: H, (m, d).
+        observation: y, (m,).
+        noise_covariance: R, (m, m).
+
+    Raises:
+        ShapeError: H, y and R do not fit the components.
+    """
+    conditioned = [
+        condition(component, observation_matrix, observation, noise_covariance)
+        for component in components
+    ]
+    with np.errstate(divide="ignore"):
+        log_posterior = np.log(mixture_weights) + np.array([e for _, e in conditioned])
+    log_posterior -= np.logaddexp.reduce(log_posterior)
+    return MixturePosterior(np.exp(log_posterior), tuple(g for g, _ in conditioned))

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sufficient statistics of a task's demonstrations: exact, mergeable, of a size that never grows.
+
+Means, covariances, noise, timing and the none model are functions of these sums. They are kept
+about their own means and merged pairwise (Chan, Golub & LeVeque 1983, Eq. 2.1), which loses no
+digits where the spread is small beside the mean. Only the choice of hyperparameters needs single
+demonstrations; of these a bounded sample is kept, the same one in whatever order they came.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from hashlib import blake2b
+
+import numpy as np
+
+from intent_recognition.errors import ShapeError, describe
+from intent_recognition.learning.examples import Example
+from intent_recognition.promp import Scatter
+
+MAX_EXAMPLES = 200
+"""Demonstrations of one task that are kept whole, to choose hyperparameters on."""
+
+
+@dataclass(frozen=True)
+class TaskStatistics:
+    """What learning needs to know of n demonstrations of one task.
+
+    Attributes:
+        n: how many.
+        mean: mean weights, (D, N), observed DOFs first.
+        scatter: sum of outer products of their deviations from the mean, (D N, D N).
+        lowest, highest: smallest and largest weight of each DOF, (D,).
+        residual_sum: sum of the residual variances, (D,).
+        log_duration_mean: mean of the logarithms of the durations in seconds.
+        log_duration_scatter: sum of their squared deviations from it.
+        duration_sum_s: sum of the durations.
+        examples: all demonstrations, or `MAX_EXAMPLES` of them drawn by a hash of their names.
+        aligned: the same of the aligned examples; None where nothing was aligned.
+    """
+
+    n: int
+    mean: np.ndarray
+    scatter: np.ndarray
+    lowest: np.ndarray
+    highest: np.ndarray
+    residual_sum: np.ndarray
+    log_duration_mean: float
+    log_duration_scatter: float
+    duration_sum_s: float
+    examples: tuple[Example, ...]
+    aligned: "TaskStatistics | None" = None
+
+    @property
+    def moments(self) -> Scatter:
+        """The scatter with its degrees of freedom."""
+        return Scatter(self.scatter, self.n - 1)
+
+
+def summarize(examples: Sequence[Example]) -> TaskStatistics:
+    """Statistics of one or more demonstrations of one task.
+
+    Raises:
+        ShapeError: no example.
+    """
+    if not examples:
+        raise ShapeError(
+            describe("examples", "one or more demonstrations", "none", "Leave the task out.")
+        )
+    weights = np.array([example.weights for example in examples])
+    mean = weights.mean(axis=0)
+    flat = (weights - mean).reshape(len(weights), -1)
+    logs = np.log([example.duration_s for example in examples])
+    aligned = [example.aligned for example in examples if example.aligned is not None]
+    return TaskStatistics(
+        n=len(examples),
+        mean=mean,
+        scatter=flat.T @ flat,
+        lowest=weights.min(axis=(0, 2)),
+        highest=weights.max(axis=(0, 2)),
+        residual_sum=np.sum([example.residual_variance for example in examples], axis=0),
+        log_duration_mean=float(logs.mean()),
+        log_duration_scatter=float(np.sum((logs - logs.mean()) ** 2)),
+        duration_sum_s=float(sum(example.duration_s for example in examples)),
+        examples=_draw(examples),
+        aligned=summarize(aligned) if len(aligned) == len(examples) else None,
+    )
+
+
+def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStatistics:
+    """Statistics of the demonstrations of both."""
+    n = first.n + second.n
+    share, pairs = second.n / n, first.n * second.n / n
+    step = second.mean - first.mean
+    outer = np.outer(step, step)
+    both = first.aligned is not None and second.aligned is not None
+    log_step = second.log_duration_mean - first.log_duration_mean
+    return TaskStatistics(
+        n=n,
+        mean=first.mean + share * step,
+        scatter=first.scatter + second.scatter + pairs * outer,
+        lowest=np.minimum(first.lowest, second.lowest),
+        highest=np.maximum(first.highest, second.highest),
+        residual_sum=first.residual_sum + second.residual_sum,
+        log_duration_mean=first.log_duration_mean + share * log_step,
+        log_duration_scatter=first.log_duration_scatter
+        + second.log_duration_scatter
+        + pairs * log_step**2,
+        duration_sum_s=first.duration_sum_s + second.duration_sum_s,
+        examples=_draw((*first.examples, *second.examples)),
+        aligned=merge_statistics(first.aligned, second.aligned) if both else None,
+    )
+
+
+def pooled_moments(tasks: Iterable[TaskStatistics]) -> Scatter:
+    """Scatter of all demonstrations about the means of their tasks."""
+    tasks = list(tasks)
+    matrix = reduce(np.add, (task.scatter for task in tasks))
+    return Scatter(matrix, sum(task.n - 1 for task in tasks))
+
+
+def _draw(examples: Sequence[Example]) -> tuple[Example, ...]:
+    """The `MAX_EXAMPLES` of the smallest hash: a fair sample in any order and grouping."""
+    return tuple(sorted(examples, key=_key)[:MAX_EXAMPLES])
+
+
+def _key(example: Example) -> bytes:
+    identity = f"{example.name}\0{example.duration_s!r}"
+    return blake2b(identity.encode(), digest_size=8).digest()

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which task follows which: learned from recorded sequences."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from scipy.special import gammaln
+
+from intent_recognition.errors import ShapeError, describe
+
+_PSEUDO_COUNTS = np.geomspace(0.1, 100.0, 61)
+
+
+def count_transitions(sequences: Iterable[Sequence[str]], labels: Sequence[str]) -> np.ndarray:
+    """How often which task followed which, (K + 1, K); the last row counts first tasks.
+
+    A label that is none of the tasks is passed over, as online, where it is `none`.
+    """
+    index = {label: k for k, label in enumerate(labels)}
+    counts = np.zeros((len(labels) + 1, len(labels)))
+    for sequence in sequences:
+        last = len(labels)
+        for label in sequence:
+            if label in index:
+                counts[last, index[label]] += 1.0
+                last = index[label]
+    return counts
+
+
+def smoothed_transitions(counts: np.ndarray) -> np.ndarray:
+    """p(next | last) from counts, (K + 1, K): Dirichlet smoothing, its strength from the data.
+
+    Row k is (n_kj + a) / (n_k + K a) under a symmetric Dirichlet prior with a pseudo-counts a
+    task. The rows are averaged over a, weighted by the evidence of all counts (the
+    Dirichlet-multinomial likelihood, flat in log a from 0.1 to 100), so that a habit seen often
+    is believed and one seen twice is not. A row without counts is uniform.
+
+    Raises:
+        ShapeError: counts are not (K + 1, K).
+    """
+    n = np.asarray(counts, dtype=np.float64)
+    if n.ndim != 2 or n.shape[0] != n.shape[1] + 1:
+        cure = "One row a last task and one for none, one column a task."
+        raise ShapeError(describe("counts", "shape (K + 1, K)", n.shape, cure))
+    a = _PSEUDO_COUNTS[:, None, None]
+    total = n.shape[1] * a[:, :, 0]
+    cells = np.sum(gammaln(n + a) - gammaln(a), axis=2)
+    log_evidence = np.sum(cells + gammaln(total) - gammaln(total + n.sum(axis=1)), axis=1)
+    weight = np.exp(log_evidence - log_evidence.max())
+    rows = (n + a) / (n.sum(axis=1, keepdims=True) + n.shape[1] * a)
+    prior = np.tensordot(weight / weight.sum(), rows, axes=1)
+    return prior / prior.sum(axis=1, keepdims=True)

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Demonstrations without labels become tasks: each component of the mixture is one."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import TrainingError, describe
+from intent_recognition.learning.accumulation import accumulate, example_of
+from intent_recognition.learning.components import (
+    ComponentChoice,
+    choose_components,
+    purity,
+    try_components,
+)
+from intent_recognition.learning.examples import Example, Recorded
+from intent_recognition.learning.mixture import BASIS, RIDGE, mixture_features
+from intent_recognition.learning.settings import TrainingSettings
+from intent_recognition.learning.training import TrainingReport
+from intent_recognition.promp import TaskLibrary
+
+UNLABELLED = "unlabelled"
+
+
+class Relabelled(NamedTuple):
+    """Demonstrations with their components as labels.
+
+    Attributes:
+        demonstrations: the same recordings, `task` being `component_1`, the largest, and so on.
+        rejected: (name, reason) of those left out.
+        choice: number of components, and what was tried.
+        purity: agreement with the labels of those recordings that had one, None if none had.
+    """
+
+    demonstrations: tuple[Recorded, ...]
+    rejected: tuple[tuple[str, str], ...]
+    choice: ComponentChoice
+    purity: float | None
+
+
+def component_name(index: int) -> str:
+    """Task name of component number `index`, from 0."""
+    return f"component_{index + 1}"
+
+
+def label_by_components(
+    demonstrations: Sequence[Recorded],
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+    *,
+    n_components: int | None = None,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Relabelled:
+    """Find the interaction patterns in demonstrations, whatever labels they have.
+
+    Args:
+        demonstrations: recordings with the same DOFs.
+        settings: segmentation; the mixture has a basis and a ridge of its own.
+        rng: for the starts of EM.
+        n_components: how many, None to choose by left-out prediction.
+        progress: called with each number of components tried.
+
+    Raises:
+        TrainingError: no recording can be used.
+        ArgumentError: more components than recordings.
+    """
+    used, examples, rejected = _examples(demonstrations, settings)
+    first = used[0]
+    features = mixture_features(
+        np.array([example.weights for example in examples]),
+        sum(len(signal.names) for signal in first.observed),
+        BASIS,
+    )
+    if n_components is None:
+        choice = choose_components(features, rng, progress=progress)
+    else:
+        tried = try_components(features, n_components, rng)
+        choice = ComponentChoice(tried, (tried,))
+    labels = choice.chosen.labels
+    known = np.array([recorded.task is not None for recorded in used])
+    names = [recorded.task for recorded in used if recorded.task is not None]
+    return Relabelled(
+        tuple(
+            replace(recorded, task=component_name(int(label)))
+            for recorded, label in zip(used, labels, strict=True)
+        ),
+        rejected,
+        choice,
+        purity(names, labels[known]) if names else None,
+    )
+
+
+def with_mixture_weights(report: TrainingReport) -> tuple[TaskLibrary, TrainingReport]:
+    """The learned library with p(k) = n_k / n throughout (Ewerton et al. 2015, Eq. 8)."""
+    library = report.trained.library
+    share = library.n_demonstrations / np.sum(library.n_demonstrations)
+    library = replace(
+        library, task_prior=share, transition_prior=np.tile(share, (library.n_tasks + 1, 1))
+    )
+    return library, report._replace(trained=replace(report.trained, library=library))
+
+
+def _examples(
+    demonstrations: Sequence[Recorded], settings: TrainingSettings
+) -> tuple[list[Recorded], list[Example], tuple[tuple[str, str], ...]]:
+    """The usable recordings, their examples, and why others are left out."""
+    stand_ins = [replace(recorded, task=UNLABELLED) for recorded in demonstrations]
+    own = replace(settings, n_basis=BASIS.n_basis, width=BASIS.width, ridge=RIDGE)
+    reference = accumulate(stand_ins, own).reference
+    used, examples, rejected = [], [], []
+    for recorded, stand_in in zip(demonstrations, stand_ins, strict=True):
+        try:
+            examples.append(example_of(stand_in, reference))
+            used.append(recorded)
+        except TrainingError as error:
+            rejected.append((recorded.name, str(error).removeprefix(f"{recorded.name}: ")))
+    if not used:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in rejected[:3])
+        raise TrainingError(
+            describe(
+                "demonstrations",
+                "at least one usable recording",
+                reasons or "none",
+                "Check the recordings and the DOF file.",
+            )
+        )
+    return used, examples, tuple(rejected)

@@ -1,0 +1,319 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The model file: one `.npz` without pickled objects, checked on reading."""
+
+import json
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.demonstrations import DofSpec
+from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
+from intent_recognition.learning import Trained
+from intent_recognition.model.aligned import ALIGNED, pack_aligned, unpack_aligned
+from intent_recognition.model.arrays import RETRAIN, check_arrays, check_positive
+from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
+from intent_recognition.promp import NONE, NormalizedRBFBasis, TaskLibrary
+from intent_recognition.signals import OnsetSettings
+
+FORMAT_VERSION = 1
+NUMBERS = (
+    "weight_mean",
+    "weight_covariance",
+    "noise_variance",
+    "noise_scale",
+    "correlation_time_s",
+    "log_duration_mean",
+    "log_duration_std",
+    "task_prior",
+    "transition_prior",
+    "none_mean",
+    "none_covariance",
+    "none_log_duration",
+    "none_prior",
+    "none_calibration",
+    "duration_evidence",
+    "n_demonstrations",
+    "observed_groups",
+    "recognition_covariance",
+    "recognition_noise_scale",
+)
+SCALARS = (
+    "noise_scale",
+    "correlation_time_s",
+    "none_prior",
+    "duration_evidence",
+    "recognition_noise_scale",
+)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A library together with the DOF file it was trained with.
+
+    Attributes:
+        library: the learned tasks.
+        dofs: where its DOFs come from.
+    """
+
+    library: TaskLibrary
+    dofs: DofSpec
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Labels of the tasks."""
+        return self.library.labels
+
+    @property
+    def controlled_names(self) -> tuple[str, ...]:
+        """Names of the controlled DOFs: the robot's joints."""
+        return self.library.controlled_names
+
+
+def save_model(path: str | Path, model: Model, trained: Trained | None = None) -> None:
+    """Write the model; the file appears whole or not at all.
+
+    Args:
+        path: the file.
+        model: what to write.
+        trained: statistics of its demonstrations; without them nothing can be added to it later.
+
+    Raises:
+        ModelError: the folder cannot be written to.
+    """
+    library = model.library
+    arrays = {name: np.asarray(value) for name, value in _recognition(library).items()}
+    arrays |= {n: np.asarray(getattr(library, n)) for n in NUMBERS if n not in arrays}
+    header = {
+        "format_version": FORMAT_VERSION,
+        "labels": library.labels,
+        "basis": asdict(library.basis),
+        "onset": [asdict(settings) for settings in library.onset],
+        "dofs": model.dofs.to_dict(),
+        "provenance": dict(library.provenance),
+    }
+    if library.aligned is not None:
+        header["aligned"], aligned = pack_aligned(library.aligned)
+        arrays |= aligned
+    if trained is not None:
+        header["statistics"], statistics = pack_statistics(trained)
+        arrays |= statistics
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".npz.part")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+            Path(temporary).chmod(0o644)
+            Path(temporary).replace(path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise ModelError(
+            describe(str(path), "a file that can be written", error, "Choose another --output.")
+        ) from error
+
+
+def load_model(path: str | Path) -> Model:
+    """Read and check a model file.
+
+    Raises:
+        ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
+            value that is not finite or makes no sense; names the file and the array.
+    """
+    content = _read(path, (*NUMBERS, *ALIGNED))
+    header = _header(path, content)
+    try:
+        dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
+        labels = _labels(header["labels"])
+        basis = NormalizedRBFBasis(**header["basis"])
+        onset = tuple(OnsetSettings(**settings) for settings in header["onset"])
+        provenance = dict(header["provenance"])
+    except (KeyError, TypeError, ValueError, DofError) as error:
+        if isinstance(error, IntentError):
+            raise ModelError(f"{path}: {error}") from error
+        raise ModelError(describe(f"{path}: header", "a complete one", error, RETRAIN)) from error
+    check_arrays(path, content, _shapes(len(labels), dofs, basis.n_basis), ("observed_groups",))
+    numbers = {name: content[name] for name in NUMBERS}
+    _check_values(path, numbers)
+    _check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
+    for name in SCALARS:
+        numbers[name] = float(numbers[name])
+    numbers["observed_groups"] = tuple(numbers["observed_groups"].tolist())
+    n_observed, n_tasks = len(dofs.observed_names), len(labels)
+    n_dofs = n_observed + len(dofs.controlled_names)
+    aligned = None
+    if "aligned" in header:
+        aligned = unpack_aligned(str(path), header["aligned"], content, n_tasks, n_observed, n_dofs)
+    library = TaskLibrary(
+        labels=labels,
+        basis=basis,
+        observed_names=dofs.observed_names,
+        controlled_names=dofs.controlled_names,
+        observed_units=tuple(entry.unit for entry in dofs.observed for _ in entry.names),
+        controlled_units=tuple(entry.unit for entry in dofs.controlled for _ in entry.names),
+        onset=onset,
+        aligned=aligned,
+        provenance=provenance,
+        **numbers,
+    )
+    return Model(library, dofs)
+
+
+def load_trained(path: str | Path) -> tuple[Model, Trained]:
+    """Read a model with the statistics that it takes to add demonstrations to it.
+
+    Raises:
+        ModelError: as `load_model`, or the file holds no statistics.
+    """
+    model = load_model(path)
+    content = _read(path, ARRAYS)
+    header = _header(path, content)
+    if "statistics" not in header:
+        raise ModelError(
+            describe(str(path), "statistics to add to", "none: an older version wrote it", RETRAIN)
+        )
+    return model, unpack_statistics(str(path), model.library, header["statistics"], content)
+
+
+def check_dofs(model: Model, dofs: DofSpec, source: str) -> None:
+    """Make sure that a DOF file is the one the model was trained with.
+
+    Raises:
+        DofError: they differ; both sides are named.
+    """
+    ours, theirs = model.dofs.to_dict(), dofs.to_dict()
+    for side in ("observed", "controlled"):
+        if ours[side] != theirs[side]:
+            raise DofError(
+                describe(
+                    f"{source}: {side}",
+                    f"the DOFs of the model, {json.dumps(ours[side])}",
+                    json.dumps(theirs[side]),
+                    "Use the DOF file the model was trained with, or train again.",
+                )
+            )
+
+
+def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, np.ndarray]:
+    """Header and wanted arrays that the file holds; the others of the file are left unread."""
+    try:
+        with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            names = [name for name in ("header", *wanted) if name in file.files]
+            return {name: _read_array(path, file, name) for name in names}
+    except ModelError:
+        raise
+    except Exception as error:  # numpy and zipfile raise many kinds for what is no model
+        found = error if isinstance(error, OSError) else "another file, or a damaged one"
+        if isinstance(error, FileNotFoundError):
+            cure = "Check the path, or write one with `intent train`."
+            raise ModelError(describe(str(path), "a model file", "nothing there", cure)) from error
+        raise ModelError(
+            describe(str(path), "a model file written by `intent train`", found, RETRAIN)
+        ) from error
+
+
+def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
+    try:
+        return file[name]
+    except Exception as error:  # pickled objects, bad checksums, headers that are none
+        raise ModelError(
+            describe(f"{path}: {name}", "an array of numbers or text", error, RETRAIN)
+        ) from error
+
+
+def _header(path: str | Path, content: dict[str, np.ndarray]) -> dict:
+    try:
+        header = json.loads(str(content["header"]))
+        version = header["format_version"]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ModelError(
+            describe(f"{path}: header", "JSON with a format_version", error, RETRAIN)
+        ) from error
+    if version != FORMAT_VERSION:
+        raise ModelError(
+            describe(
+                f"{path}: format_version",
+                str(FORMAT_VERSION),
+                version,
+                "Install the package version that wrote it, or train again.",
+            )
+        )
+    return header
+
+
+def _recognition(library: TaskLibrary) -> dict[str, object]:
+    """What recognition has of its own, or takes from the primitives."""
+    return {
+        "recognition_covariance": library.observed_covariance[:-1],
+        "recognition_noise_scale": library.recognition_noise_scale or library.noise_scale,
+    }
+
+
+def _labels(labels: list) -> tuple[str, ...]:
+    named = isinstance(labels, list) and all(isinstance(label, str) for label in labels)
+    if not named or len({*labels, NONE}) != len(labels) + 1 or not labels:
+        raise ArgumentError(
+            describe("labels", f"different names other than {NONE!r}", labels, RETRAIN)
+        )
+    return tuple(labels)
+
+
+def _shapes(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int, ...]]:
+    observed = len(dofs.observed_names)
+    n_dofs = observed + len(dofs.controlled_names)
+    size, total = observed * n_basis, n_dofs * n_basis
+    return {
+        "weight_mean": (n_tasks, total),
+        "weight_covariance": (n_tasks, total, total),
+        "noise_variance": (n_dofs,),
+        "log_duration_mean": (n_tasks,),
+        "log_duration_std": (n_tasks,),
+        "task_prior": (n_tasks,),
+        "transition_prior": (n_tasks + 1, n_tasks),
+        "none_mean": (size,),
+        "none_covariance": (size, size),
+        "none_log_duration": (2,),
+        "none_calibration": (4,),
+        "n_demonstrations": (n_tasks,),
+        "observed_groups": (len(dofs.observed),),
+        "recognition_covariance": (n_tasks, size, size),
+        **dict.fromkeys(SCALARS, ()),
+    }
+
+
+def _check_values(path: str | Path, numbers: dict[str, np.ndarray]) -> None:
+    check_positive(
+        path,
+        numbers,
+        "noise_variance",
+        "noise_scale",
+        "correlation_time_s",
+        "log_duration_std",
+        "recognition_noise_scale",
+    )
+    for name in ("task_prior", "transition_prior"):
+        prior = numbers[name]
+        if np.any(prior < 0.0) or np.any(np.abs(prior.sum(axis=-1) - 1.0) > 1e-6):
+            raise ModelError(describe(f"{path}: {name}", "sums of one", prior, RETRAIN))
+    if not 0.0 < numbers["none_prior"] < 1.0:
+        raise ModelError(
+            describe(f"{path}: none_prior", "between 0 and 1", numbers["none_prior"], RETRAIN)
+        )
+
+
+def _check_groups(path: str | Path, groups: np.ndarray, n_observed: int, n_onset: int) -> None:
+    if (groups.sum(), n_onset) != (n_observed, len(groups)) or np.any(groups < 1):
+        raise ModelError(
+            describe(
+                f"{path}: observed_groups",
+                f"groups of {n_observed} DOFs, one onset setting each",
+                f"{groups.tolist()} and {n_onset} settings",
+                RETRAIN,
+            )
+        )

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags into statistics, some here and some elsewhere: no recording is held longer than needed.
+
+A bounded part of the bags, spread evenly over all, is read first: its recordings settle what the
+examples of all are made by. The rest is then turned into statistics where it is read. Bags are cut
+into the same parts whoever does the work, so the result does not depend on it.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
+from intent_recognition.learning import (
+    BATCH,
+    NAMES_KEPT,
+    REFERENCE_RECORDINGS,
+    Accumulated,
+    Reference,
+    TrainingSettings,
+    accumulate,
+    merge_accumulated,
+)
+from intent_recognition.signals import Demonstration, Rejection
+
+T = TypeVar("T")
+R = TypeVar("R")
+Run = Callable[[Callable[[T], R], Iterable[T]], Iterator[R]]
+"""Applies a function to items somewhere and hands out the results in their order, as `map` does."""
+
+
+class FromBags(NamedTuple):
+    """What came of bags.
+
+    Attributes:
+        accumulated: statistics of their demonstrations.
+        rejections: why bags, or parts of them, are left out; of very many the first ones.
+        n_rejections: how many are.
+        dropped: number of messages dropped, by reason.
+    """
+
+    accumulated: Accumulated
+    rejections: tuple[Rejection, ...] = ()
+    n_rejections: int = 0
+    dropped: Mapping[str, int] = Counter()
+
+    def plus(self, other: "FromBags") -> "FromBags":
+        """Both together."""
+        return FromBags(
+            merge_accumulated(self.accumulated, other.accumulated),
+            (self.rejections + other.rejections)[:NAMES_KEPT],
+            self.n_rejections + other.n_rejections,
+            Counter(self.dropped) + Counter(other.dropped),
+        )
+
+
+def accumulate_bags(
+    paths: Sequence[Path],
+    dofs: DofSpec,
+    settings: TrainingSettings,
+    *,
+    reference: Reference | None = None,
+    run: Run = map,
+    progress: Callable[[int], None] = lambda n_bags: None,
+) -> FromBags:
+    """Statistics of all demonstrations below `paths`.
+
+    Args:
+        paths: bags, folders of bags or session bags, any number.
+        dofs: topics and fields to read.
+        settings: how to learn; those of the reference count where one is given.
+        reference: how examples are made, None to settle it here.
+        run: where the work is done.
+        progress: called with the number of bags that were dealt with since the last call.
+
+    Raises:
+        BagError: a path does not exist.
+    """
+    bags, empty = list_bags(paths)
+    total = FromBags(Accumulated(reference, {}), tuple(empty)[:NAMES_KEPT], len(empty))
+    while total.accumulated.reference is None and bags:
+        head, bags = spread(bags, REFERENCE_RECORDINGS)
+        total = total.plus(_collect(run(partial(read_bag, dofs), head), settings, progress))
+    parts = [bags[start : start + BATCH] for start in range(0, len(bags), BATCH)]
+    work = partial(accumulate_part, dofs, total.accumulated.reference)
+    for part, found in zip(parts, run(work, parts), strict=True):
+        total = total.plus(found)
+        progress(len(part))
+    return total
+
+
+def list_bags(paths: Iterable[Path]) -> tuple[list[Path], list[Rejection]]:
+    """All bags below `paths`, and the folders without any.
+
+    Raises:
+        BagError: a path does not exist.
+    """
+    bags, empty = [], []
+    for path in paths:
+        found = find_bags(Path(path))
+        bags += [bag.absolute() for bag in found]
+        if not found:
+            empty.append(Rejection(str(path), "", 0, "there is no bag in this folder"))
+    return bags, empty
+
+
+def spread(items: Sequence[T], n: int) -> tuple[list[T], list[T]]:
+    """At most n of the items, evenly spaced, and the others; both in order."""
+    if len(items) <= n:
+        return list(items), []
+    taken = {k * len(items) // n for k in range(n)}
+    others = [item for index, item in enumerate(items) if index not in taken]
+    return [items[index] for index in sorted(taken)], others
+
+
+def read_bag(dofs: DofSpec, bag: Path) -> list[Demonstration | Rejection]:
+    """What is in one bag."""
+    return list(iter_demonstrations([bag], dofs))
+
+
+def accumulate_part(dofs: DofSpec, reference: Reference, bags: Sequence[Path]) -> FromBags:
+    """Statistics of some bags, read one after the other."""
+    contents = (read_bag(dofs, bag) for bag in bags)
+    return _collect(contents, reference.settings, lambda n_bags: None, reference)
+
+
+def _collect(
+    contents: Iterable[list[Demonstration | Rejection]],
+    settings: TrainingSettings,
+    progress: Callable[[int], None],
+    reference: Reference | None = None,
+) -> FromBags:
+    """Statistics of what was read of each bag."""
+    rejections: list[Rejection] = []
+    dropped: Counter[str] = Counter()
+
+    def demonstrations() -> Iterator[Demonstration]:
+        for content in contents:
+            for found in content:
+                if isinstance(found, Rejection):
+                    rejections.append(found)
+                else:
+                    dropped.update(found.rejected)
+                    yield found
+            progress(1)
+
+    accumulated = accumulate(demonstrations(), settings, reference)
+    return FromBags(accumulated, tuple(rejections[:NAMES_KEPT]), len(rejections), dropped)

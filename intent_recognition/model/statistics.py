@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Statistics of the demonstrations inside a model file, so that a later session can add to it.
+
+Beside the library's arrays stand those of `TaskStatistics`, one row per task, with of each scatter
+the upper triangle; and those of the examples kept whole, task after task; the same of the aligned
+examples; and the templates they were aligned with. Names, reference and hyperparameters are in the
+header under `statistics`. Readers that do not know of them pass by.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.alignment import Template
+from intent_recognition.errors import ArgumentError, ModelError, describe
+from intent_recognition.learning import (
+    Candidate,
+    Example,
+    Reference,
+    SignalNames,
+    TaskStatistics,
+    Timing,
+    Trained,
+    TrainingSettings,
+    sample_phases,
+    scored_phases,
+)
+from intent_recognition.model.arrays import RETRAIN, check_arrays, check_positive, from_upper, upper
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.signals import OnsetSettings
+
+SUMS = tuple(f.name for f in fields(TaskStatistics) if f.name not in ("examples", "aligned"))
+PARTS = tuple(name for name in Example._fields if name not in ("name", "task", "aligned"))
+COUNT = "examples_count"
+STEADY, ALIGNED = "", "aligned_"
+"""Prefixes of the arrays of the examples as they were recorded, and of the aligned ones."""
+TIMING = ("timing_values", "timing_scale", "timing_lead_std")
+ARRAYS = (
+    *(f"{kind}statistics_{name}" for kind in (STEADY, ALIGNED) for name in SUMS),
+    *(f"{kind}examples_{name}" for kind in (STEADY, ALIGNED) for name in PARTS),
+    *TIMING,
+    COUNT,
+)
+"""Names of the arrays in the file."""
+
+
+class Packed(NamedTuple):
+    """What goes into the file: an entry of the JSON header, and arrays by name."""
+
+    header: dict[str, object]
+    arrays: dict[str, np.ndarray]
+
+
+def pack_statistics(trained: Trained) -> Packed:
+    """Statistics, reference and hyperparameters as they are written."""
+    reference, tasks = trained.reference, list(trained.tasks.values())
+    header = {
+        "reference": _plain(reference),
+        "chosen": trained.chosen._asdict(),
+        "labels": list(trained.tasks),
+        "examples": [example.name for task in tasks for example in task.examples],
+    }
+    arrays = {
+        **_pack_tasks(tasks, STEADY),
+        **_pack_tasks([task.aligned for task in tasks], ALIGNED),
+        **_pack_timing(reference.timing),
+        COUNT: np.array([len(task.examples) for task in tasks]),
+    }
+    return Packed(header, arrays)
+
+
+def unpack_statistics(
+    path: str, library: TaskLibrary, header: Mapping, arrays: Mapping[str, np.ndarray]
+) -> Trained:
+    """The same read back and checked against the library they belong to.
+
+    Args:
+        path: of the file, for messages.
+        library: the model's.
+        header: what stands under `statistics`.
+        arrays: those of `ARRAYS` that the file holds.
+
+    Raises:
+        ModelError: something is missing, of another shape, not finite, or of other tasks.
+    """
+    try:
+        n_dofs = library.n_observed + library.n_controlled
+        timing = _timing(path, header["reference"]["templates"], arrays, n_dofs)
+        reference = _reference(header["reference"], timing)
+        chosen = Candidate(**header["chosen"])
+        labels, names = tuple(header["labels"]), tuple(header["examples"])
+    except (KeyError, TypeError, AttributeError, ArgumentError) as error:
+        raise ModelError(
+            describe(f"{path}: statistics", "a complete header", error, RETRAIN)
+        ) from error
+    if labels != library.labels:
+        raise ModelError(
+            describe(f"{path}: statistics", f"the tasks {library.labels}", labels, RETRAIN)
+        )
+    check_arrays(path, arrays, {COUNT: (len(labels),)}, (COUNT,))
+    for kind, basis in ((STEADY, library.basis), (ALIGNED, reference.forecast_basis)):
+        shapes = _shapes(library, len(names), basis.n_basis, kind)
+        check_arrays(path, arrays, shapes, (f"{kind}statistics_n",))
+        few = np.any(arrays[f"{kind}statistics_n"] < arrays[COUNT])
+        if few or arrays[COUNT].sum() != len(names) or np.any(arrays[COUNT] < 0):
+            raise ModelError(
+                describe(f"{path}: {COUNT}", f"{len(names)} in all", arrays[COUNT], RETRAIN)
+            )
+    aligned = _unpack_tasks(labels, names, arrays, ALIGNED)
+    tasks = _unpack_tasks(labels, names, arrays, STEADY, aligned)
+    return Trained(library, reference, tasks, chosen)
+
+
+def _pack_tasks(tasks: Sequence[TaskStatistics], kind: str) -> dict[str, np.ndarray]:
+    """Arrays of the statistics and of the examples kept whole, task after task."""
+    sums = {name: np.array([getattr(task, name) for task in tasks]) for name in SUMS}
+    sums["scatter"] = upper(sums["scatter"])
+    examples = [example for task in tasks for example in task.examples]
+    parts = {name: np.array([getattr(example, name) for example in examples]) for name in PARTS}
+    return {f"{kind}statistics_{name}": array for name, array in sums.items()} | {
+        f"{kind}examples_{name}": array for name, array in parts.items()
+    }
+
+
+def _unpack_tasks(
+    labels: Sequence[str],
+    names: Sequence[str],
+    arrays: Mapping[str, np.ndarray],
+    kind: str,
+    aligned: Mapping[str, TaskStatistics] | None = None,
+) -> dict[str, TaskStatistics]:
+    """Statistics of each label, each with its aligned ones where there are any."""
+    edges = np.r_[0, np.cumsum(arrays[COUNT])]
+    tasks = {}
+    for row, label in enumerate(labels):
+        over_reference = None if aligned is None else aligned[label]
+        examples = []
+        for place, k in enumerate(range(edges[row], edges[row + 1])):
+            parts = {name: _plain_value(arrays[f"{kind}examples_{name}"][k]) for name in PARTS}
+            own = None if over_reference is None else over_reference.examples[place]
+            examples.append(Example(name=names[k], task=label, **parts, aligned=own))
+        sums = {name: _plain_value(arrays[f"{kind}statistics_{name}"][row]) for name in SUMS}
+        sums["scatter"] = from_upper(sums["scatter"], sums["mean"].size)
+        tasks[label] = TaskStatistics(**sums, examples=tuple(examples), aligned=over_reference)
+    return tasks
+
+
+def _plain_value(value: np.ndarray) -> np.ndarray | float | int:
+    return value.item() if np.ndim(value) == 0 else value
+
+
+def _pack_timing(timing: Timing) -> dict[str, np.ndarray]:
+    """Templates label after label, and the leads."""
+    templates = list(timing.templates.values())
+    parts = (
+        np.array([template.values for template in templates]),
+        np.array([template.scale for template in templates]),
+        timing.deviation_std,
+    )
+    return dict(zip(TIMING, parts, strict=True))
+
+
+def _timing(
+    path: str, labels: Sequence[str], arrays: Mapping[str, np.ndarray], n_dofs: int
+) -> Timing:
+    """The same read back and checked."""
+    values, scale, deviation_std = (arrays.get(name, np.zeros(0)) for name in TIMING)
+    n_phases, n_leads = np.shape(values)[1:2], max(len(np.atleast_1d(deviation_std)), 2)
+    shapes = ((len(labels), *(n_phases or (2,)), n_dofs), (len(labels), n_dofs), (n_leads,))
+    if not labels:  # nothing was recorded twice
+        shapes = ((0,), (0,), (n_leads,))
+    bounded = {name: arrays[name] for name in TIMING if name in arrays}
+    if "timing_scale" in bounded and scale.dtype.kind == "f":  # infinite for what never moves
+        bounded["timing_scale"] = np.where(np.isposinf(scale), 1.0, scale)
+    check_arrays(path, bounded, dict(zip(TIMING, shapes, strict=True)))
+    check_positive(path, bounded, "timing_scale", "timing_lead_std")
+    templates = {label: Template(values[k], scale[k]) for k, label in enumerate(labels)}
+    return Timing(templates, deviation_std)
+
+
+def _plain(reference: Reference) -> dict[str, object]:
+    """A reference without the arrays of its timing."""
+    plain = {f.name: getattr(reference, f.name) for f in fields(reference) if f.name != "timing"}
+    for name in ("onset", "controlled_onset"):
+        plain[name] = [asdict(settings) for settings in plain[name]]
+    plain["settings"] = asdict(reference.settings)
+    return plain | {"templates": list(reference.timing.templates)}
+
+
+def _reference(content: Mapping, timing: Timing) -> Reference:
+    def signals(entries: list) -> tuple[SignalNames, ...]:
+        return tuple(SignalNames(tuple(names), unit) for names, unit in entries)
+
+    return Reference(
+        settings=TrainingSettings(**content["settings"]),
+        observed=signals(content["observed"]),
+        controlled=signals(content["controlled"]),
+        onset=tuple(OnsetSettings(**entry) for entry in content["onset"]),
+        controlled_onset=tuple(OnsetSettings(**entry) for entry in content["controlled_onset"]),
+        timing=timing,
+        source=content["source"],
+    )
+
+
+def _shapes(
+    library: TaskLibrary, n_examples: int, n_basis: int, kind: str
+) -> dict[str, tuple[int, ...]]:
+    n_tasks, n_dofs = library.n_tasks, library.n_observed + library.n_controlled
+    size = n_dofs * n_basis
+    shapes = {
+        "statistics_mean": (n_tasks, n_dofs, n_basis),
+        "statistics_scatter": (n_tasks, size * (size + 1) // 2),
+        "examples_weights": (n_examples, n_dofs, n_basis),
+        "examples_observed": (n_examples, len(sample_phases()), library.n_observed),
+        "examples_controlled": (n_examples, len(scored_phases()), library.n_controlled),
+        "examples_residual_variance": (n_examples, n_dofs),
+        "examples_duration_s": (n_examples,),
+    }
+    for name in ("lowest", "highest", "residual_sum"):
+        shapes[f"statistics_{name}"] = (n_tasks, n_dofs)
+    for name in ("n", "log_duration_mean", "log_duration_scatter", "duration_sum_s"):
+        shapes[f"statistics_{name}"] = (n_tasks,)
+    return {f"{kind}{name}": shape for name, shape in shapes.items()}

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a predicted path to commands: retiming, plans, blending, feedback."""
+
+from intent_recognition.motion.blending import Offset
+from intent_recognition.motion.feedback_controller import (
+    FeedbackPolicy,
+    FeedbackSettings,
+    feedback_policy,
+    initial_state,
+    propagate,
+    resting_gains,
+)
+from intent_recognition.motion.path import JointPath, make_path
+from intent_recognition.motion.plan import JointPlan, Reference
+from intent_recognition.motion.planning import (
+    PlanSettings,
+    brake_plan,
+    home_plan,
+    plan_interaction,
+    scaled_limits,
+    stop_plan,
+)
+from intent_recognition.motion.retiming import NominalTiming
+
+__all__ = [
+    "FeedbackPolicy",
+    "FeedbackSettings",
+    "JointPath",
+    "JointPlan",
+    "NominalTiming",
+    "Offset",
+    "PlanSettings",
+    "Reference",
+    "brake_plan",
+    "feedback_policy",
+    "home_plan",
+    "initial_state",
+    "make_path",
+    "plan_interaction",
+    "propagate",
+    "resting_gains",
+    "scaled_limits",
+    "stop_plan",
+]

@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The stochastic feedback controller of a ProMP (Paraschos et al. 2013), as pure functions.
+
+The joints q and their velocities make the state x = (q, v). Inverse dynamics leaves a double
+integrator, dx = (A x + B u) dt with u the joint accelerations, disturbed by white noise of spectral
+density S on the accelerations. The control law u = K_t x + k_t is chosen so that mean and
+covariance of x follow those of the primitive at all times. With G = A + B K,
+
+    mean:        d mu/dt    = G mu + B k
+    covariance:  d Sigma/dt = G Sigma + Sigma G^T + B S B^T.
+
+Let N = G Sigma. Its upper rows are given by A: Cov(v, x). For the lower rows the covariance's
+derivative leaves, with a the accelerations of the primitive,
+
+    N_vq = Cov(a, q),     N_vv = Cov(a, v) - S / 2,     K = [N_vq, N_vv] Sigma^-1,
+    k    = mean of a - K mu.
+
+That is the paper's K = B^+ (dPsi^T Sw Psi - A Sigma - B S B^T / 2) Sigma^-1 for this A and B.
+
+**A state that can be controlled.** The weights' covariance alone is singular: at the start, and
+whenever the demonstrations rest, it has no velocities, and no gain withstands a disturbance. So
+the state gets two terms of its own, with which everything above stays exact:
+
+- every direction of joint space has at least the variance S / (4 w^3), which is what is left of
+  the disturbance S at the largest bandwidth w allowed;
+- velocities get the variance F = (S / 4)^(2/3) C^(1/3), with C = Cov(q, q). At rest this makes
+  each direction a critically damped oscillator of frequency (S / (4 C))^(1/3), which under the
+  disturbance S has just the variance C: stiff where demonstrations agree, soft where they vary.
+  It enters with Cov(a, q) -= F and Cov(a, v) += dF/dt / 2.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.gaussian import Gaussian, symmetrize
+from intent_recognition.promp import NormalizedRBFBasis
+
+
+@dataclass(frozen=True)
+class FeedbackSettings:
+    """What the controller is designed against.
+
+    Attributes:
+        disturbance: spectral density S of the disturbing accelerations per joint [rad^2/s^3], one
+            for all joints or (Q,); after t seconds a free joint's velocity has variance S t.
+        bandwidth_rad_s: largest natural frequency w of the closed loop.
+        n_times: gains are computed at so many evenly spaced times.
+
+    Raises:
+        ArgumentError: a number is not positive, or too few times.
+    """
+
+    disturbance: float | tuple[float, ...] = 0.3
+    bandwidth_rad_s: float = 20.0
+    n_times: int = 401
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        positive = np.all(np.array(self.disturbance) > 0) and self.bandwidth_rad_s > 0
+        if not positive or self.n_times < 3:
+            raise ArgumentError(
+                describe("FeedbackSettings", "positive numbers, n_times >= 3", self, "Check them.")
+            )
+
+    def density(self, n_joints: int) -> np.ndarray:
+        """S per joint, (Q,)."""
+        return np.broadcast_to(np.array(self.disturbance, dtype=np.float64), (n_joints,))
+
+
+@dataclass(frozen=True, eq=False)
+class FeedbackPolicy:
+    """Time-varying gains of a double integrator, and the distribution they reproduce.
+
+    Attributes:
+        times_s: (T,), evenly spaced from 0 to the primitive's duration.
+        gain: K, (T, Q, 2 Q); columns are positions, then velocities [1/s^2, 1/s].
+        offset: k, (T, Q) [rad/s^2].
+        mean: of the state, (T, 2 Q) [rad, rad/s].
+        covariance: of the state, (T, 2 Q, 2 Q).
+        disturbance: S, (Q,) [rad^2/s^3].
+        rest: gain and offset after the end: hold the mean's last position.
+    """
+
+    times_s: np.ndarray
+    gain: np.ndarray
+    offset: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+    disturbance: np.ndarray
+    rest: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints Q."""
+        return len(self.disturbance)
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviation of each joint's position, (T, Q) [rad]."""
+        diagonal = np.diagonal(self.covariance, axis1=1, axis2=2)
+        return np.sqrt(diagonal[:, : self.n_joints])
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """Each joint's own restoring acceleration per deviation, (T, Q) [1/s^2].
+
+        Negative where the primitive lets deviations grow.
+        """
+        return -np.diagonal(self.gain[:, :, : self.n_joints], axis1=1, axis2=2)
+
+    def at(self, time_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """K (Q, 2 Q) and k (Q,) at a time since the start, between the grid's by a line."""
+        if time_s >= self.times_s[-1]:
+            return self.rest
+        row = max(time_s, 0.0) / self.times_s[1]
+        low = min(int(row), len(self.times_s) - 2)
+        share = row - low
+        gain = self.gain[low] + share * (self.gain[low + 1] - self.gain[low])
+        return gain, self.offset[low] + share * (self.offset[low + 1] - self.offset[low])
+
+    def acceleration(self, time_s: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        """What the joints shall do, u = K x + k, (Q,) [rad/s^2]."""
+        gain, offset = self.at(time_s)
+        return gain @ np.concatenate((q, qd)) + offset
+
+
+def feedback_policy(
+    basis: NormalizedRBFBasis,
+    weights: Gaussian,
+    duration_s: float,
+    settings: FeedbackSettings | None = None,
+) -> FeedbackPolicy:
+    """The controller that reproduces a primitive's distribution.
+
+    Args:
+        basis: the basis functions, N.
+        weights: of Q joints, grouped by joint, (Q N,): those of a primitive, or a prediction's.
+        duration_s: time from phase 0 to 1.
+        settings: what it is designed against.
+
+    Raises:
+        ArgumentError: `duration_s` is not positive, or the weights do not fit the basis.
+    """
+    settings = settings or FeedbackSettings()
+    n_joints, rest = divmod(len(weights.mean), basis.n_basis)
+    if rest or not n_joints or not duration_s > 0:
+        expected = f"a multiple of {basis.n_basis} weights and a positive duration"
+        got = f"{len(weights.mean)} weights, {duration_s} s"
+        raise ArgumentError(describe("weights, duration_s", expected, got, "Give matching ones."))
+    times = np.linspace(0.0, duration_s, settings.n_times)
+    moments = _moments(basis, weights, times / duration_s, duration_s, n_joints)
+    mean, covariance = _controllable(moments, times, settings, n_joints)
+    return _policy(times, mean, covariance, settings.density(n_joints), n_joints)
+
+
+def resting_gains(std: np.ndarray, settings: FeedbackSettings) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness [1/s^2] and damping [1/s] of joints that are to stay within a spread, each alone.
+
+    What the controller comes to where a distribution changes slowly and correlations of the joints
+    are unknown: a critically damped oscillator of frequency (S / (4 std^2))^(1/3), at most the
+    largest bandwidth. Positive for any spread, so stable for any reference.
+
+    Args:
+        std: standard deviations of the joints' positions (Q,) [rad], not negative.
+        settings: what it is designed against.
+    """
+    std = np.asarray(std, dtype=np.float64)
+    density = settings.density(std.shape[-1])
+    variance = np.maximum(std**2, density / (4.0 * settings.bandwidth_rad_s**3))
+    frequency = np.cbrt(density / (4.0 * variance))
+    return frequency**2, 2.0 * frequency
+
+
+def initial_state(policy: FeedbackPolicy, rng: np.random.Generator) -> np.ndarray:
+    """Draw a state (2 Q,) from the distribution at the start."""
+    return rng.multivariate_normal(policy.mean[0], policy.covariance[0], method="eigh")
+
+
+def propagate(
+    policy: FeedbackPolicy, n_steps: int, start: Gaussian | None = None
+) -> tuple[np.ndarray, Gaussian]:
+    """Mean and covariance of the controlled double integrator at the end of each step.
+
+    Args:
+        policy: the controller.
+        n_steps: the primitive's duration is cut into so many steps, in each of which the gains
+            are those of its middle.
+        start: of the state; the policy's own by default.
+
+    Returns:
+        Times (n_steps + 1,) and moments: mean (n_steps + 1, 2 Q), covariance (.., 2 Q, 2 Q).
+    """
+    n = policy.n_joints
+    step = policy.times_s[-1] / n_steps
+    start = start or Gaussian(policy.mean[0], policy.covariance[0])
+    mean, covariance = [start.mean], [start.covariance]
+    noise = np.zeros((2 * n, 2 * n))
+    noise[n:, n:] = np.diag(policy.disturbance)
+    for k in range(n_steps):
+        gain, offset = policy.at((k + 0.5) * step)
+        flow = np.zeros((2 * n, 2 * n))
+        flow[:n, n:], flow[n:] = np.eye(n), gain
+        drift = np.concatenate((np.zeros(n), offset))
+        mean.append(_runge_kutta(lambda m, f=flow, d=drift: f @ m + d, mean[-1], step))
+        covariance.append(
+            symmetrize(
+                _runge_kutta(lambda c, f=flow: f @ c + c @ f.T + noise, covariance[-1], step)
+            )
+        )
+    times = step * np.arange(n_steps + 1)
+    return times, Gaussian(np.array(mean), np.array(covariance))
+
+
+def _runge_kutta(slope, value: np.ndarray, step: float) -> np.ndarray:
+    """One classical step of fourth order."""
+    k1 = slope(value)
+    k2 = slope(value + 0.5 * step * k1)
+    k3 = slope(value + 0.5 * step * k2)
+    k4 = slope(value + step * k3)
+    return value + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+
+def _moments(
+    basis: NormalizedRBFBasis,
+    weights: Gaussian,
+    phase: np.ndarray,
+    duration_s: float,
+    n_joints: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (T, 3, Q) and covariance (T, 3, Q, 3, Q) of positions, velocities, accelerations."""
+    rows = np.stack(
+        (
+            basis.design_matrix(phase),
+            basis.derivative_matrix(phase) / duration_s,
+            basis.second_derivative_matrix(phase) / duration_s**2,
+        )
+    )
+    mean = np.einsum("atn,qn->taq", rows, weights.mean.reshape(n_joints, -1))
+    blocks = weights.covariance.reshape(n_joints, basis.n_basis, n_joints, basis.n_basis)
+    half = np.einsum("atn,qnrm->taqrm", rows, blocks, optimize=True)
+    return mean, np.einsum("taqrm,btm->taqbr", half, rows, optimize=True)
+
+
+def _controllable(
+    moments: tuple[np.ndarray, np.ndarray],
+    times_s: np.ndarray,
+    settings: FeedbackSettings,
+    n_joints: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same with the two terms that make the state one that can be controlled."""
+    mean, covariance = moments
+    covariance = covariance.copy()
+    density = settings.density(n_joints)
+    index = np.arange(n_joints)
+    covariance[:, 0, index, 0, index] += density / (4.0 * settings.bandwidth_rad_s**3)
+    position = symmetrize(covariance[:, 0, :, 0, :])
+    velocity = _rest_velocity(position, density)
+    slope = np.gradient(velocity, times_s, axis=0, edge_order=2)
+    covariance[:, 1, :, 1, :] += velocity
+    covariance[:, 2, :, 0, :] -= velocity
+    covariance[:, 2, :, 1, :] += 0.5 * slope
+    return mean, covariance
+
+
+def _rest_velocity(position: np.ndarray, density: np.ndarray) -> np.ndarray:
+    """F = (S/4)^(2/3) C^(1/3) for covariances C (..., Q, Q), in coordinates where S is one."""
+    scale = np.sqrt(density)
+    values, vectors = np.linalg.eigh(position / np.outer(scale, scale))
+    root = np.cbrt(np.maximum(values, 0.0)) * 0.25 ** (2.0 / 3.0)
+    found = (vectors * root[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    return symmetrize(found) * np.outer(scale, scale)
+
+
+def _policy(
+    times_s: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    density: np.ndarray,
+    n_joints: int,
+) -> FeedbackPolicy:
+    """Gains from the moments."""
+    n = n_joints
+    state = symmetrize(covariance[:, :2, :, :2, :].reshape(-1, 2 * n, 2 * n))
+    wanted = covariance[:, 2, :, :2, :].reshape(-1, n, 2 * n).copy()
+    wanted[:, :, n:] -= 0.5 * np.diag(density)
+    gain = np.swapaxes(np.linalg.solve(state, np.swapaxes(wanted, 1, 2)), 1, 2)
+    state_mean = mean[:, :2].reshape(-1, 2 * n)
+    offset = mean[:, 2] - np.einsum("tij,tj->ti", gain, state_mean)
+    stiffness, damping = _rest_gains(symmetrize(covariance[-1, 0, :, 0, :]), density)
+    rest = np.hstack((-stiffness, -damping)), stiffness @ mean[-1, 0]
+    return FeedbackPolicy(times_s, gain, offset, state_mean, state, density, rest)
+
+
+def _rest_gains(position: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Stiffness and damping (Q, Q) that hold a distribution of positions (Q, Q) at rest."""
+    velocity = _rest_velocity(position, density)
+    stiffness = np.linalg.solve(position, velocity).T
+    return stiffness, 0.5 * np.linalg.solve(velocity, np.diag(density)).T

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A predicted joint path over the phase of its interaction, smooth and inside the limits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from intent_recognition.errors import TrajectoryError, describe
+from intent_recognition.kinematics import JointLimits
+
+POSITION_MARGIN_RAD = 0.01
+SOFT_BAND_RAD = 0.06
+
+
+@dataclass(frozen=True, eq=False)
+class JointPath:
+    """Joint positions over phase [0, 1] as a twice differentiable spline.
+
+    Attributes:
+        spline: phase -> (n,) [rad].
+        derivative: its first derivative.
+        duration_s: seconds the whole path takes at its own (nominal) speed.
+        clamped: joints that left the position limits and were bent back inside.
+    """
+
+    spline: CubicSpline
+    derivative: CubicSpline
+    duration_s: float
+    clamped: tuple[int, ...]
+
+    def at(self, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and derivatives with respect to phase, each (..., n)."""
+        return self.spline(phase), self.derivative(phase)
+
+
+def make_path(
+    times_s: np.ndarray,
+    positions: np.ndarray,
+    limits: JointLimits,
+    velocities: np.ndarray | None = None,
+) -> JointPath:
+    """Turn the samples of a predicted trajectory into a path over phase.
+
+    Where a joint leaves its position limits less a margin of 10 mrad, it is bent back inside by
+    a saturation without kinks (identity, then tanh), so that the path stays traversable.
+
+    Args:
+        times_s: (T,) increasing; phase is 0 at the first and 1 at the last.
+        positions: (T, n) [rad].
+        limits: only the position limits are used.
+        velocities: (T, n) [rad/s]; the first and last row are the spline's end slopes, else the
+            path is natural (no curvature) at its ends.
+
+    Raises:
+        TrajectoryError: fewer than two samples, wrong sizes, times that do not increase, or a
+            value that is not finite.
+    """
+    times_s, positions = np.asarray(times_s, float), np.asarray(positions, float)
+    _check(times_s, positions, velocities, limits.lower.size)
+    duration_s = float(times_s[-1] - times_s[0])
+    phase = (times_s - times_s[0]) / duration_s
+    phase[-1] = 1.0
+    bent, clamped = _bend_inside(positions, limits)
+    ends = "natural"
+    if velocities is not None:
+        slopes = np.asarray(velocities, float)[[0, -1]] * duration_s
+        slopes[:, list(clamped)] = 0.0
+        ends = ((1, slopes[0]), (1, slopes[1]))
+    spline = CubicSpline(phase, bent, bc_type=ends)
+    return JointPath(spline, spline.derivative(), duration_s, clamped)
+
+
+def _bend_inside(positions: np.ndarray, limits: JointLimits) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Saturate the joints that leave their limits, and say which."""
+    lower, upper = limits.lower + POSITION_MARGIN_RAD, limits.upper - POSITION_MARGIN_RAD
+    outside = np.any((positions < lower) | (positions > upper), axis=0)
+    if not outside.any():
+        return positions, ()
+    band = np.minimum(SOFT_BAND_RAD, (upper - lower) / 4.0)
+    over, under = positions - (upper - band), (lower + band) - positions
+    bent = np.where(over > 0.0, upper - band + band * np.tanh(over / band), positions)
+    bent = np.where(under > 0.0, lower + band - band * np.tanh(under / band), bent)
+    joints = tuple(int(j) for j in np.flatnonzero(outside))
+    return np.where(outside, bent, positions), joints
+
+
+def _check(times_s, positions, velocities, n_joints: int) -> None:
+    """Raise TrajectoryError if the samples are not a trajectory of n_joints."""
+    shape = (times_s.size, n_joints)
+    if times_s.ndim != 1 or times_s.size < 2 or positions.shape != shape:
+        _refuse("positions", f"at least two rows of {n_joints} joints", positions.shape)
+    if velocities is not None and np.shape(velocities) != shape:
+        _refuse("velocities", f"shape {shape}", np.shape(velocities))
+    if not (np.all(np.isfinite(times_s)) and np.all(np.isfinite(positions))):
+        _refuse("trajectory", "finite times and positions", "NaN or infinity")
+    if velocities is not None and not np.all(np.isfinite(velocities)):
+        _refuse("velocities", "finite values", "NaN or infinity")
+    if np.min(np.diff(times_s)) <= 0.0:
+        _refuse("times_s", "strictly increasing times", "a step backwards or a repeated time")
+
+
+def _refuse(argument: str, expected: str, got: object) -> None:
+    cure = "Send the whole trajectory again, one row per time."
+    raise TrajectoryError(describe(argument, expected, got, cure))

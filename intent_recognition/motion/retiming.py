@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How fast a path may be run, and running it so that a late start catches up in time.
+
+The path parameter is the phase s of the interaction. Joint accelerations are
+q'' = p'(s) s'' + p''(s) s'^2, linear in (s'', s'^2), so their limits are half planes at every s
+and the fastest s'^2 from which the end can still be reached at rest follows from one backward
+pass over a grid (time-optimal path parametrisation by reachability, Pham and Pham 2018).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.motion.path import JointPath
+
+N_GRID = 100
+_TINY = 1e-6
+
+
+class NominalTiming(NamedTuple):
+    """When the predicted interaction happens: s = (t - onset_s) / duration_s.
+
+    `onset_s` counts from the plan's start, so it is negative for a movement already going on.
+    """
+
+    onset_s: float
+    duration_s: float
+
+
+class SpeedLimits(NamedTuple):
+    """Bounds along a path on a grid of G intervals; x = s'^2.
+
+    On interval i: -a[i] - b[i] x <= s'' <= a[i] - b[i] x in every column (the joints at both ends
+    of the interval, then the bound on s'' itself). `ceiling` (G,) is the largest x at which any
+    s'' is allowed, `cap` (G + 1,) the largest from which the end can be reached at rest.
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    ceiling: np.ndarray
+    cap: tuple[float, ...]
+
+
+class PathProgress(NamedTuple):
+    """Phase and phase rate at increasing times, each (T,); the last rate is zero."""
+
+    times_s: np.ndarray
+    phase: np.ndarray
+    rate: np.ndarray
+
+
+def speed_limits(
+    path: JointPath,
+    max_velocity: np.ndarray,
+    max_acceleration: np.ndarray,
+    *,
+    share: np.ndarray | float = 1.0,
+    max_rate_ratio: float = 6.0,
+    rate_ratio_per_s: float = 15.0,
+) -> SpeedLimits:
+    """Bounds on the speed along a path.
+
+    Args:
+        path: the path over phase.
+        max_velocity: (n,) [rad/s] left for the path.
+        max_acceleration: (n,) [rad/s^2] left for the path.
+        share: share of both bounds to use, (G,) one per interval or one for all.
+        max_rate_ratio: never faster than this times the nominal rate; bounds s' where no joint
+            moves.
+        rate_ratio_per_s: the ratio changes by at most this per second; bounds s'' where no joint
+            moves.
+    """
+    grid = np.linspace(0.0, 1.0, N_GRID + 1)
+    first, second = path.derivative(grid), path.derivative(grid, 1)
+    slope = np.maximum(np.abs(first), _TINY)
+    a = max_acceleration / slope
+    b = second * np.where(first < 0.0, -1.0, 1.0) / slope
+    own = np.full((N_GRID, 1), rate_ratio_per_s / path.duration_s)
+    share = np.broadcast_to(share, (N_GRID,))
+    room = _largest_with_room(a, b, rate_ratio_per_s / path.duration_s)
+    a = np.hstack([a[:-1], a[1:], own]) * share[:, None]
+    b = np.hstack([b[:-1], b[1:], np.zeros_like(own)])
+    fastest = np.minimum((max_velocity / slope).min(axis=1), max_rate_ratio / path.duration_s) ** 2
+    fastest = np.minimum(fastest[:-1], fastest[1:]) * share**2
+    ceiling = np.minimum(fastest, np.minimum(room[:-1], room[1:]) * share)
+    return SpeedLimits(a, b, ceiling, tuple(_backward(a, b, ceiling).tolist()))
+
+
+def _largest_with_room(a: np.ndarray, b: np.ndarray, own: float) -> np.ndarray:
+    """Largest x (G + 1,) at which every lower bound on s'' lies below every upper bound.
+
+    a, b are those of the joints at the grid points, (G + 1, n); own bounds s'' itself.
+    """
+    a = np.hstack([a, np.full((len(a), 1), own)])
+    b = np.hstack([b, np.zeros((len(b), 1))])
+    difference = np.maximum(b[:, :, None] - b[:, None, :], 1e-300)
+    with np.errstate(over="ignore"):
+        return ((a[:, :, None] + a[:, None, :]) / difference).min(axis=(1, 2))
+
+
+def _backward(a: np.ndarray, b: np.ndarray, ceiling: np.ndarray) -> np.ndarray:
+    """Largest x (G + 1,) from which braking stays allowed until rest at the end."""
+    step = 2.0 / N_GRID
+    gain = 1.0 - step * b
+    brakes = gain > 0.0
+    divisor = np.where(brakes, gain, 1.0)
+    constant = np.where(brakes, step * a / divisor, np.inf)
+    factor = np.where(brakes, 1.0 / divisor, 0.0)
+    cap = np.zeros(N_GRID + 1)
+    for i in range(N_GRID - 1, -1, -1):
+        cap[i] = min((cap[i + 1] * factor[i] + constant[i]).min(), ceiling[i])
+    np.minimum(cap[1:-1], ceiling[:-1], out=cap[1:-1])
+    return cap
+
+
+def largest_rate(limits: SpeedLimits, phase: float) -> float:
+    """Largest phase rate [1/s] allowed at a phase."""
+    i = min(int(phase * N_GRID), N_GRID - 1)
+    share = phase * N_GRID - i
+    return max(limits.cap[i] * (1.0 - share) + limits.cap[i + 1] * share, 0.0) ** 0.5
+
+
+def run(
+    limits: SpeedLimits,
+    phase: float,
+    rate: float,
+    nominal: NominalTiming | None,
+    *,
+    step_s: float,
+    hold_s: float = 0.0,
+    max_steps: int = 1500,
+    catch_up_gain: float = 6.0,
+) -> PathProgress | None:
+    """Run along the path: behind the nominal timing as fast as allowed, then along with it.
+
+    The wanted rate is the nominal one plus what a lag warrants: proportional to a small lag, the
+    square root of a large one, so that the braking that joins the nominal timing is feasible.
+    Ahead of the nominal timing it slows down, at most to a stand, and never goes back.
+
+    Args:
+        limits: the bounds along the path.
+        phase: phase at time 0.
+        rate: phase rate at time 0, not above `largest_rate`.
+        nominal: the timing to follow; None brakes to a stand as fast as allowed.
+        step_s: time step.
+        hold_s: stand this long before moving on (only from a stand).
+        max_steps: give up after so many steps.
+        catch_up_gain: rate per lag [1/s] when the lag is small.
+
+    Returns:
+        The progress until it stands (at phase 1 unless braking), or None if it took too long.
+    """
+    times, phases, rates = [0.0], [phase], [rate]
+    t, s, v = 0.0, phase, rate
+    for _ in range(max_steps):
+        left = 1.0 - s
+        if left <= 1e-9 or (nominal is None and v <= 0.0):
+            break
+        if v > 0.0 and left <= v * step_s:  # brake evenly to the end
+            t, s, v = t + 2.0 * left / v, 1.0, 0.0
+        else:
+            v_next = _next_rate(limits, s, v, t, nominal, step_s, catch_up_gain)
+            if t < hold_s and v <= 0.0:
+                v_next = 0.0
+            t, s, v = t + step_s, s + step_s * (v + v_next) / 2.0, v_next
+        times.append(t)
+        phases.append(s)
+        rates.append(v)
+    else:
+        return None
+    rates[-1] = 0.0
+    return PathProgress(np.array(times), np.array(phases), np.array(rates))
+
+
+def _next_rate(limits, s, v, t, nominal, step_s, gain) -> float:
+    """The phase rate one step later."""
+    low, high = _phase_acceleration(limits, s, v, step_s)
+    wanted = 0.0
+    if nominal is not None and t >= nominal.onset_s:
+        own = 1.0 / nominal.duration_s
+        lag = (t + step_s - nominal.onset_s) * own - s - v * step_s / 2.0
+        wanted = max(own + _approach(lag, gain, 0.5 * max(-low, 0.1 * own)), 0.0)
+    v_next = max(v + min(max((wanted - v) / step_s, low), high) * step_s, 0.0)
+    if v_next > v:
+        _, high = _phase_acceleration(limits, s, v_next, step_s)
+        v_next = max(min(v_next, v + high * step_s), min(v, v_next))
+    return _under_cap(limits, s + step_s * v / 2.0, v_next, step_s / 2.0)
+
+
+def _under_cap(limits: SpeedLimits, s: float, v_next: float, half_step_s: float) -> float:
+    """The largest rate up to v_next that is allowed at the phase it leads to (by bisection)."""
+    if v_next <= largest_rate(limits, min(s + half_step_s * v_next, 1.0)):
+        return v_next
+    low, high = 0.0, v_next
+    for _ in range(12):
+        middle = 0.5 * (low + high)
+        if middle <= largest_rate(limits, min(s + half_step_s * middle, 1.0)):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _phase_acceleration(limits: SpeedLimits, s: float, v: float, step_s: float):
+    """Lowest and highest s'' that keep the limits in every interval the step will touch."""
+    first = min(int(s * N_GRID), N_GRID - 1)
+    last = min(int((s + v * step_s) * N_GRID), N_GRID - 1) + 1
+    a, bend = limits.a[first:last], limits.b[first:last] * (v * v)
+    low, high = float(-(a + bend).min()), float((a - bend).min())
+    if low > high:
+        low = high = 0.5 * (low + high)
+    return low, high
+
+
+def _approach(lag: float, gain: float, deceleration: float) -> float:
+    """Rate warranted by a lag: linear when small, such that braking keeps to deceleration."""
+    linear = deceleration / gain**2
+    size = abs(lag)
+    if size <= linear:
+        return gain * lag
+    return (2.0 * deceleration * (size - linear / 2.0)) ** 0.5 * (1.0 if lag > 0.0 else -1.0)

@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of objects: annotated ones, and the meshes and clouds they are warped onto."""
+
+from intent_recognition.objects.file import FOLDER, find_object, load_object, save_object
+from intent_recognition.objects.targets import N_POINTS, load_target
+
+__all__ = ["FOLDER", "N_POINTS", "find_object", "load_object", "load_target", "save_object"]

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The file of an annotated object: one `.npz` without pickled objects, checked on reading."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.errors import IntentError, ModelError, describe
+from intent_recognition.share import share_path
+from intent_recognition.warping import AnnotatedObject
+
+FORMAT_VERSION = 1
+FOLDER = "config/objects"
+CURE = "Write it again with `save_object`; docs/warping.md says how."
+
+
+def save_object(path: str | Path, annotated: AnnotatedObject) -> Path:
+    """Write an annotated object; positions and normals are rounded to 32 bits."""
+    target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with target.open("wb") as stream:
+        np.savez_compressed(
+            stream,
+            format_version=np.array(FORMAT_VERSION),
+            name=np.array(annotated.name),
+            points=annotated.points.astype(np.float32),
+            normals=annotated.normals.astype(np.float32),
+            labels=annotated.labels.astype(np.uint8),
+        )
+    return target
+
+
+def load_object(path: str | Path) -> AnnotatedObject:
+    """Read an annotated object.
+
+    Raises:
+        ModelError: it is not there, of another version, or an array is missing or bad.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            arrays = {name: content[name] for name in content.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        found = error if isinstance(error, OSError) else "another file, or a damaged one"
+        raise ModelError(describe(str(path), "an annotated object", found, CURE)) from error
+    version = arrays.get("format_version")
+    if version is None or version.shape or int(version) != FORMAT_VERSION:
+        place = f"{path}: format_version"
+        raise ModelError(describe(place, str(FORMAT_VERSION), version, CURE))
+    missing = {"name", "points", "normals", "labels"} - arrays.keys()
+    if missing:
+        raise ModelError(describe(str(path), "all arrays", f"no {sorted(missing)}", CURE))
+    try:
+        return AnnotatedObject(
+            arrays["points"], arrays["normals"], arrays["labels"], str(arrays["name"])
+        )
+    except (IntentError, TypeError, ValueError) as error:
+        raise ModelError(f"{path}: {error}") from error
+
+
+def find_object(name: str | Path) -> Path:
+    """Path of an annotated object: a file, or the name of a shipped one.
+
+    Raises:
+        ModelError: neither.
+    """
+    if Path(name).is_file():
+        return Path(name)
+    folder = share_path(FOLDER)
+    shipped = folder / f"{name}.npz"
+    if Path(name).name == str(name) and shipped.is_file():
+        return shipped
+    names = ", ".join(sorted(path.stem for path in folder.glob("*.npz")))
+    expected = f"a file, or one of {names}"
+    raise ModelError(describe(str(name), expected, "neither", "See docs/warping.md."))

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Targets of warping from files: any mesh that trimesh loads, or a cloud."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.warping import ObjectCloud, with_estimated_normals
+
+if TYPE_CHECKING:
+    import trimesh
+
+N_POINTS = 4000
+N_SURFACE_POINTS = 100_000
+MOSTLY_SOLID = 0.8
+NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb) or a cloud (.ply, .xyz)"
+
+
+@dataclass(frozen=True)
+class Target:
+    """A target.
+
+    Attributes:
+        cloud: points of it.
+        surface: many points spread over all of its surface; None of a cloud, which never shows
+            all sides.
+    """
+
+    cloud: ObjectCloud
+    surface: ObjectCloud | None
+
+
+def load_target(
+    path: str | Path,
+    n_points: int = N_POINTS,
+    scale: float = 1.0,
+    viewpoint: np.ndarray | None = None,
+    seed: int = 0,
+) -> Target:
+    """Read a mesh or a cloud.
+
+    Args:
+        path: of the file.
+        n_points: points taken of it.
+        scale: factor to metres, 0.001 for a file in millimetres.
+        viewpoint: where the camera was (3,) [m], for clouds without normals.
+        seed: draws the points.
+
+    Returns:
+        The target.
+
+    Raises:
+        ArgumentError: the file cannot be read, or what it holds cannot be a container.
+    """
+    import trimesh
+
+    place = str(path)
+    if not Path(path).is_file():
+        raise ArgumentError(describe(place, NEEDED, "no file", "Check the path."))
+    try:
+        # Files leave material values out; trimesh counts with the gaps.
+        with np.errstate(invalid="ignore"):
+            loaded = trimesh.load(place)
+    except Exception as error:  # every reader of trimesh has errors of its own
+        got = f"{type(error).__name__}: {error}"
+        raise ArgumentError(describe(place, NEEDED, got, "Export it again.")) from error
+    try:
+        if isinstance(loaded, trimesh.PointCloud):
+            return Target(_cloud(loaded, n_points, scale, viewpoint, seed), None)
+        return mesh_target(_one_mesh(place, loaded), n_points, scale, seed)
+    except IntentError as error:
+        raise type(error)(f"{place}: {error}") from error
+
+
+def mesh_target(
+    mesh: "trimesh.Trimesh", n_points: int = N_POINTS, scale: float = 1.0, seed: int = 0
+) -> Target:
+    """Sample a mesh evenly over its surface.
+
+    Args:
+        mesh: wound outward if it is not closed; a closed one is turned if need be.
+        n_points: of the cloud.
+        scale: factor to metres.
+        seed: draws the points.
+
+    Raises:
+        ArgumentError: no area, vertices that are not finite, or a body that is closed.
+    """
+    import trimesh
+
+    vertices, faces = np.array(mesh.vertices, dtype=float) * scale, np.array(mesh.faces)
+    if not len(faces):
+        raise ArgumentError(describe("mesh", "triangles", "none", "Export the mesh again."))
+    used = vertices[np.unique(faces)]
+    if not np.isfinite(used).all():
+        got = f"{np.count_nonzero(~np.isfinite(used).all(1))} with NaN or infinity"
+        raise ArgumentError(describe("vertices", "finite ones", got, "Repair the mesh."))
+    solid = trimesh.Trimesh(vertices, faces, process=False)
+    # Scans repeat vertices along the seams of their texture.
+    with np.errstate(invalid="ignore"):
+        solid.merge_vertices(merge_tex=True, merge_norm=True)
+    if not solid.area > 0.0:
+        raise ArgumentError(describe("mesh", "an area above 0", solid.area, "Export it again."))
+    if solid.is_winding_consistent and solid.volume < 0.0:
+        solid.invert()
+    points, face = trimesh.sample.sample_surface(solid, N_SURFACE_POINTS, seed=seed)
+    surface = ObjectCloud(points, solid.face_normals[face])
+    _check_hollow(solid, points)
+    kept = slice(None, None, max(1, N_SURFACE_POINTS // n_points))
+    cloud = ObjectCloud(surface.points[kept][:n_points], surface.normals[kept][:n_points])
+    return Target(cloud, surface)
+
+
+def _check_hollow(solid: "trimesh.Trimesh", points: np.ndarray) -> None:
+    """Refuse a body that fills its convex hull."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(points).volume
+    except QhullError:
+        return
+    if hull > 0.0 and solid.volume > MOSTLY_SOLID * hull:
+        got = f"a body that fills {100.0 * solid.volume / hull:.0f} % of its convex hull"
+        cure = "It is closed on top: open it in a mesh editor, or scan it without its lid."
+        raise ArgumentError(describe("mesh", "a container with an open top", got, cure))
+
+
+def _one_mesh(place: str, loaded: object) -> "trimesh.Trimesh":
+    """The meshes of a file as one."""
+    import trimesh
+
+    if isinstance(loaded, trimesh.Scene):
+        loaded = loaded.to_mesh() if loaded.geometry else trimesh.Trimesh()
+    if not isinstance(loaded, trimesh.Trimesh):
+        got = f"a {type(loaded).__name__}"
+        raise ArgumentError(describe(place, NEEDED, got, "Export triangles or points."))
+    return loaded
+
+
+def _cloud(loaded, n_points: int, scale: float, viewpoint, seed: int) -> ObjectCloud:
+    """A file's cloud with its normals, or with estimated ones."""
+    points = np.array(loaded.vertices, dtype=float) * scale
+    normals = _file_normals(loaded, len(points))
+    if len(points) > n_points:
+        kept = np.sort(np.random.default_rng(seed).choice(len(points), n_points, replace=False))
+        points, normals = points[kept], None if normals is None else normals[kept]
+    if normals is not None:
+        return ObjectCloud(points, normals)
+    return with_estimated_normals(points, viewpoint)
+
+
+def _file_normals(loaded, n: int) -> np.ndarray | None:
+    """Normals nx, ny, nz of a PLY file's vertices."""
+    raw = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
+    try:
+        normals = np.column_stack([np.ravel(raw[name]) for name in ("nx", "ny", "nz")])
+    except (KeyError, ValueError, TypeError, IndexError):
+        return None
+    return normals.astype(float) if normals.shape == (n, 3) else None

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Online: the posterior of the tasks, transitions, the decision, and the estimator of it all."""
+
+from intent_recognition.recognition.decision import (
+    NONE,
+    DecisionSettings,
+    DecisionState,
+    decide,
+    uncertain_end,
+)
+from intent_recognition.recognition.estimator import Estimate, IntentEstimator, Prediction
+from intent_recognition.recognition.posterior import TaskPosterior, task_posterior
+from intent_recognition.recognition.start_posture import (
+    POSTURE_OUTSIDE,
+    POSTURE_UNKNOWN,
+    start_mean,
+)
+from intent_recognition.recognition.transitions import FORGET_AFTER_S, TaskMemory
+
+__all__ = [
+    "FORGET_AFTER_S",
+    "NONE",
+    "POSTURE_OUTSIDE",
+    "POSTURE_UNKNOWN",
+    "DecisionSettings",
+    "DecisionState",
+    "Estimate",
+    "IntentEstimator",
+    "Prediction",
+    "TaskMemory",
+    "TaskPosterior",
+    "decide",
+    "start_mean",
+    "task_posterior",
+    "uncertain_end",
+]

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bayes over tasks in log space, with the phase marginalised (Maeda et al. 2014, Eq. 9-11).
+
+Eq. 11 as printed forgets the past; here the posterior after one observation is the prior of the
+next, which in log space is a running sum.
+
+People's progress is not linear in time, so that under every constant duration the innovations are
+correlated, and their product is surer of the duration than it should be. The posterior of the
+duration, and only this one, therefore takes the evidence to a power (`duration_evidence`; 1 is
+Bayes' rule as it stands).
+
+The evidence against `none` is read by a calibration learned from demonstrations of known tasks and
+of tasks left out (`none_calibration.py`); the evidence of the tasks against each other is not
+touched.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.filtering import FilterBank, Hypotheses
+from intent_recognition.promp import IDENTITY_CALIBRATION
+
+
+class TaskPosterior(NamedTuple):
+    """What is believed about task and phase after some observations.
+
+    Attributes:
+        probabilities: of the K tasks and none, (K + 1,); sums to one.
+        log_evidence: log p(observations | task), phase marginalised, (K + 1,); that of none is as
+            its calibration reads it.
+        phase: expected phase given the task, (K + 1,).
+        duration_s: expected duration given the task, (K + 1,).
+        scale_weights: p(duration | task, observations), (K + 1, S); rows sum to one.
+    """
+
+    probabilities: np.ndarray
+    log_evidence: np.ndarray
+    phase: np.ndarray
+    duration_s: np.ndarray
+    scale_weights: np.ndarray
+
+
+def task_posterior(bank: FilterBank, hypotheses: Hypotheses, elapsed_s: float) -> TaskPosterior:
+    """Posterior of the tasks so long after onset, marginal over the durations."""
+    shape = (-1, hypotheses.n_scales)
+    log_prior = hypotheses.log_prior.reshape(shape)
+    log_scale_evidence = bank.log_evidence.reshape(shape)
+    log_joint = log_prior + log_scale_evidence
+    log_task_prior = np.logaddexp.reduce(log_prior, axis=1)
+    log_task = np.logaddexp.reduce(log_joint, axis=1)
+    possible = np.isfinite(log_task)
+    with np.errstate(invalid="ignore"):
+        log_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
+        if tuple(hypotheses.none_calibration) != IDENTITY_CALIBRATION:
+            log_evidence[-1] = calibrated_none(
+                log_evidence, log_task_prior, hypotheses.none_calibration
+            )
+            log_task[-1] = log_task_prior[-1] + log_evidence[-1]
+        tempered = log_prior + hypotheses.duration_evidence * log_scale_evidence
+        scale_weights = np.exp(tempered - np.max(tempered, axis=1, keepdims=True))
+    scale_weights[~possible] = 1.0 / hypotheses.n_scales
+    scale_weights /= scale_weights.sum(axis=1, keepdims=True)
+    probabilities = np.exp(log_task - np.max(log_task))
+    probabilities /= probabilities.sum()
+    phase = hypotheses.phase(elapsed_s).reshape(shape)
+    duration = hypotheses.duration_s.reshape(shape)
+    return TaskPosterior(
+        probabilities,
+        log_evidence,
+        np.sum(scale_weights * phase, axis=1),
+        np.sum(scale_weights * duration, axis=1),
+        scale_weights,
+    )
+
+
+def calibrated_none(
+    log_evidence: np.ndarray, log_prior: np.ndarray, calibration: Sequence[float]
+) -> float:
+    """Log evidence of none, the known tasks' factor over it being read by the calibration.
+
+    Args:
+        log_evidence: of the K tasks and none, (K + 1,).
+        log_prior: theirs, (K + 1,).
+        calibration: see `read_factor`.
+    """
+    known = log_prior[:-1] - np.logaddexp.reduce(log_prior[:-1]) + log_evidence[:-1]
+    total = np.logaddexp.reduce(known)
+    if not np.isfinite(total - log_evidence[-1]):
+        return float(log_evidence[-1])
+    return float(total - read_factor(total - log_evidence[-1], calibration))
+
+
+def read_factor(log_factor: np.ndarray, calibration: Sequence[float]) -> np.ndarray:
+    """What a log Bayes factor of the known tasks over none counts, (...).
+
+    log(1 + exp(a (L - b))) - log(1 + exp(-c (L - d))): it grows with slope a above b, falls with
+    slope c below d, and is nearly zero between; (1, 0, 1, 0) leaves it as it is.
+
+    Args:
+        log_factor: L, (...).
+        calibration: a, b, c, d.
+    """
+    a, b, c, d = calibration
+    log_factor = np.asarray(log_factor)
+    above = np.logaddexp(0.0, a * (log_factor - b))
+    return above - np.logaddexp(0.0, -c * (log_factor - d))

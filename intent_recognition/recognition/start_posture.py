@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controlled agent's posture at onset: found by stamp, and whether training knows such starts.
+
+It conditions trajectories (`prediction.controlled_weights`), never the task evidence: where the
+robot stands is its own doing.
+"""
+
+from collections import deque
+
+import numpy as np
+from scipy.stats import chi2
+
+from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
+from intent_recognition.promp import StartPosture, TaskLibrary
+
+POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
+MAX_AGE_S = 0.25
+"""A posture measured longer before the onset is not the one at onset."""
+SPAN_S = 4.0
+"""How long samples are kept: an onset is found up to two seconds late."""
+START_STD = 0.02
+"""How closely an arm stands where it is meant to (sag, calibration), in the unit of each DOF.
+
+Where all demonstrations began in one posture, its trained spread is that of noise. Taken for the
+truth, it would turn a thousandth of a radian at the start into centimetres at the end.
+"""
+OUTSIDE_QUANTILE = 0.999
+"""Of the trained starts so many are within; a start beyond is outside."""
+
+
+class PostureHistory:
+    """The latest samples of the controlled agent, whose DOFs may come on several topics."""
+
+    def __init__(self) -> None:
+        self._samples: list[deque[tuple[int, np.ndarray]]] = []
+
+    def take(self, stamp_ns: int, group: int, values: np.ndarray) -> str | None:
+        """Take one sample; returns why it was not taken, as a diagnostics key, or None.
+
+        Args:
+            stamp_ns: time of measurement.
+            group: which controlled signal it is, in the order of the DOF file.
+            values: its DOFs, (m,).
+        """
+        while group >= len(self._samples):
+            self._samples.append(deque())
+        samples = self._samples[group]
+        if not np.all(np.isfinite(values)):
+            return "not_finite"
+        if stamp_ns <= 0:
+            return "zero_stamp"
+        if samples and stamp_ns <= samples[-1][0]:
+            return "stamp_not_increasing"
+        samples.append((stamp_ns, np.array(values, dtype=np.float64)))
+        while stamp_ns - samples[0][0] > SPAN_S * 1e9:
+            samples.popleft()
+        return None
+
+    def at(self, stamp_ns: int) -> np.ndarray | None:
+        """Newest values not after a stamp of all DOFs, (Q,); None where one is missing or old."""
+        parts = []
+        for samples in self._samples:
+            before = next((s for s in reversed(samples) if s[0] <= stamp_ns), None)
+            if before is None or stamp_ns - before[0] > MAX_AGE_S * 1e9:
+                return None
+            parts.append(before[1])
+        return np.concatenate(parts) if parts else None
+
+    def passed(self, stamp_ns: int) -> bool:
+        """Whether every signal has gone beyond a stamp, so that `at` cannot change any more."""
+        return all(samples and samples[-1][0] >= stamp_ns for samples in self._samples)
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self._samples.clear()
+
+
+class OnsetPosture:
+    """The posture at the onset of the movement under way, as one task's prediction may use it."""
+
+    def __init__(self) -> None:
+        self.history = PostureHistory()
+        self._forget_onset(0)
+
+    def _forget_onset(self, onset_ns: int) -> None:
+        self._onset_ns, self._position, self._final = onset_ns, None, False
+        self._known: dict[int, tuple[StartPosture | None, str]] = {}
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.history.clear()
+        self._forget_onset(0)
+
+    def library_changed(self) -> None:
+        """Another library has other starts."""
+        self._known.clear()
+
+    def given(
+        self, library: TaskLibrary, task: int, onset_ns: int
+    ) -> tuple[StartPosture | None, str]:
+        """What to condition on, and POSTURE_USED, POSTURE_OUTSIDE or POSTURE_UNKNOWN.
+
+        Args:
+            library: the learned tasks.
+            task: number of the task.
+            onset_ns: stamp of the movement's onset.
+        """
+        if onset_ns != self._onset_ns:
+            self._forget_onset(onset_ns)
+        if not self._final:
+            self._position = self.history.at(onset_ns)
+            self._final = self.history.passed(onset_ns)
+            self._known.clear()
+        position = self._position
+        if position is None or position.shape != (library.n_controlled,):
+            return None, POSTURE_UNKNOWN
+        if task not in self._known:
+            if within_trained_starts(library, task, position):
+                start = StartPosture(position, np.full(library.n_controlled, START_STD**2))
+                self._known[task] = start, POSTURE_USED
+            else:
+                self._known[task] = None, POSTURE_OUTSIDE
+        return self._known[task]
+
+
+def start_distance(library: TaskLibrary, task: int, position: np.ndarray) -> float:
+    """Squared Mahalanobis distance of a posture from a task's starts (phase 0).
+
+    Args:
+        library: the learned tasks.
+        task: number of the task.
+        position: of the controlled DOFs, (Q,).
+    """
+    primitives, controlled = library.primitives, slice(library.primitives.n_observed_weights, None)
+    row = primitives.basis.design_matrix(np.zeros(1))
+    design = np.kron(np.eye(primitives.n_controlled), row)
+    covariance = design @ primitives.weight_covariance[task, controlled, controlled] @ design.T
+    covariance = symmetrize(covariance) + np.diag(
+        primitives.control_noise_variance() + START_STD**2
+    )
+    factor = cholesky(covariance, name="covariance of the trained starts")
+    whitened = solve_lower(factor, (position - start_mean(library, task))[:, None])
+    return float(np.sum(whitened**2))
+
+
+def within_trained_starts(library: TaskLibrary, task: int, position: np.ndarray) -> bool:
+    """Whether a posture is one from which the task was taught.
+
+    The learned covariance is that of the next demonstration, so the squared distance of a start
+    like the trained ones is chi-square with Q degrees of freedom.
+    """
+    limit = chi2.ppf(OUTSIDE_QUANTILE, library.n_controlled)
+    return start_distance(library, task, position) <= limit
+
+
+def start_mean(library: TaskLibrary, task: int) -> np.ndarray:
+    """Mean posture in which a task begins, (Q,)."""
+    primitives = library.primitives
+    row = primitives.basis.design_matrix(np.zeros(1))[0]
+    weights = primitives.weight_mean[task, primitives.n_observed_weights :]
+    return weights.reshape(primitives.n_controlled, -1) @ row

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which task follows which: learned from recorded sequences, used as p(s) of the next movement.
+
+A first-order Markov chain over tasks. What is remembered of the past is a belief over the last
+task, not a decision: after each movement
+
+    belief'(k) = p(k) + p(none) belief(k)
+
+with the movement's task posterior p, so that a movement that is none of the tasks leaves the
+memory as it was, and one that might have been two tasks speaks for both. The next movement's prior
+is
+
+    p(s) = trust sum_k belief(k) T(k, s) + (1 - trust) p0(s)
+
+with the task prior p0, since habits are broken. The last row of T, and the last entry of the
+belief, stand for "no last task": the beginning of a session, after a reset, after a long silence.
+
+What is expected may speak for a known movement, never against one: where the movement is not the
+expected task, none keeps the probability it has without the habit, so that a task out of the habit
+is not taken for none of them.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.recognition.posterior import TaskPosterior
+
+FORGET_AFTER_S = 60.0
+"""So long after the end of a movement the last task tells nothing about the next."""
+HABIT_TRUST = 0.8
+"""Share of the learned habit in p(s); the rest is the task prior (docs/anticipation.md)."""
+COMPLETED_PHASE = 0.9
+"""A movement that ended before this expected phase was broken off: it is no last task."""
+
+
+class TaskMemory(NamedTuple):
+    """What is remembered of the movements before.
+
+    Attributes:
+        belief: probability that each task was the last, "no last task" at the end, (K + 1,).
+        ended_ns: when the last movement ended, 0 when there was none.
+    """
+
+    belief: np.ndarray
+    ended_ns: int = 0
+
+    @classmethod
+    def empty(cls, n_tasks: int) -> "TaskMemory":
+        """No last task."""
+        belief = np.zeros(n_tasks + 1)
+        belief[-1] = 1.0
+        return cls(belief)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is remembered."""
+        return bool(self.belief[-1] >= 1.0)
+
+    def last_task(self, labels: Sequence[str]) -> str:
+        """The most probable last task, empty where "no last task" is more probable."""
+        best = int(np.argmax(self.belief))
+        return labels[best] if best < len(labels) else ""
+
+    def relabelled(self, before: Sequence[str], after: Sequence[str]) -> "TaskMemory":
+        """The same memory over other labels; a task that is no more becomes "no last task"."""
+        belief = np.zeros(len(after) + 1)
+        for label, p in zip((*before, None), self.belief, strict=True):
+            belief[after.index(label) if label in after else -1] += p
+        return TaskMemory(belief, self.ended_ns)
+
+
+def remember(
+    memory: TaskMemory, probabilities: np.ndarray, phase: np.ndarray, ended_ns: int
+) -> TaskMemory:
+    """The memory after a movement; one that was broken off changes only the time.
+
+    Args:
+        memory: before the movement.
+        probabilities: of the K tasks and none at the movement's end, (K + 1,).
+        phase: expected phase under each then, (K + 1,).
+        ended_ns: when it ended.
+    """
+    p = np.where(np.asarray(phase) >= COMPLETED_PHASE, probabilities, 0.0)
+    p[-1] = 1.0 - p[:-1].sum()
+    belief = p[-1] * memory.belief
+    belief[:-1] += p[:-1]
+    return TaskMemory(belief / belief.sum(), ended_ns)
+
+
+def next_task_prior(
+    transition_prior: np.ndarray,
+    memory: TaskMemory,
+    task_prior: np.ndarray,
+    trust: float = HABIT_TRUST,
+) -> np.ndarray:
+    """p(s) of the next movement, (K,), sums to one.
+
+    Args:
+        transition_prior: p(next | last), (K + 1, K).
+        memory: of the movements before.
+        task_prior: p0(s), (K,), whatever went before.
+        trust: share of the habit, in [0, 1].
+    """
+    possible = np.flatnonzero(memory.belief > 1e-9)  # with thousands of tasks: a few
+    prior = memory.belief[possible] @ transition_prior[possible]
+    return trust * prior / prior.sum() + (1.0 - trust) * task_prior
+
+
+def weigh(posterior: TaskPosterior, ratio: np.ndarray) -> TaskPosterior:
+    """The posterior under another p(s); none becomes less probable by it, never more.
+
+    Args:
+        posterior: under the prior p0(s).
+        ratio: p(s) / p0(s), (K,).
+    """
+    known = posterior.probabilities[:-1] * ratio
+    total = known.sum()
+    if not total > 0.0:
+        return posterior
+    shared = posterior.probabilities[:-1].sum()
+    p = np.r_[known * max(1.0, shared / total), posterior.probabilities[-1]]
+    return posterior._replace(probabilities=p / p.sum())
+
+
+class Expectation:
+    """What the next task will be, kept up to date from one movement to the next.
+
+    Args:
+        library: the learned tasks, with their transition prior.
+        fixed_prior: p(s), (K,), whatever went before; None: as learned.
+        transitions: use the transition prior; else p(s) is the library's task prior.
+        forget_after_s: see FORGET_AFTER_S.
+
+    Attributes:
+        memory: of the movements before.
+        prior: p(s) of the next movement, (K,).
+    """
+
+    def __init__(
+        self,
+        library: TaskLibrary,
+        fixed_prior: np.ndarray | None = None,
+        transitions: bool = True,
+        forget_after_s: float = FORGET_AFTER_S,
+    ):
+        self._library, self._fixed_prior = library, fixed_prior
+        self._transitions, self._forget_after_s = transitions, forget_after_s
+        self.reset()
+
+    @property
+    def last_task(self) -> str:
+        """Label of the most probable last task, empty when there is none."""
+        return self.memory.last_task(self._library.labels)
+
+    def reset(self) -> None:
+        """No last task."""
+        self._set(TaskMemory.empty(self._library.n_tasks))
+
+    def remember(self, ended_ns: int, posterior: TaskPosterior) -> None:
+        """Take note of a movement that has ended."""
+        self._set(remember(self.memory, posterior.probabilities, posterior.phase, ended_ns))
+
+    def forget_if_long_ago(self, now_ns: int) -> bool:
+        """Forget the last task when it is too long ago; whether it was."""
+        since_s = (now_ns - self.memory.ended_ns) * 1e-9
+        if self.memory.is_empty or since_s <= self._forget_after_s:
+            return False
+        self.reset()
+        return True
+
+    def swap(self, library: TaskLibrary, fixed_prior: np.ndarray | None) -> None:
+        """Go on with another library."""
+        memory = self.memory.relabelled(self._library.labels, library.labels)
+        self._library, self._fixed_prior = library, fixed_prior
+        self._set(memory)
+
+    def change(self, transitions: bool, forget_after_s: float) -> None:
+        """Expect in another way from now on; see the arguments of the class."""
+        self._transitions, self._forget_after_s = transitions, forget_after_s
+        self._set(self.memory)
+
+    @property
+    def ratio(self) -> np.ndarray | None:
+        """What `weigh` multiplies the known tasks' posterior by, (K,); None when by nothing."""
+        return self._ratio
+
+    def weigh(self, posterior: TaskPosterior) -> TaskPosterior:
+        """The posterior of the movement under way, given what was expected."""
+        return posterior if self._ratio is None else weigh(posterior, self._ratio)
+
+    def _set(self, memory: TaskMemory) -> None:
+        self.memory = memory
+        self._ratio: np.ndarray | None = None
+        if self._fixed_prior is not None:
+            self.prior = self._fixed_prior
+        elif self._transitions:
+            library = self._library
+            self.prior = next_task_prior(library.transition_prior, memory, library.task_prior)
+            if not np.allclose(self.prior, library.task_prior, rtol=1e-12, atol=0.0):
+                self._ratio = self.prior / np.maximum(library.task_prior, 1e-300)
+        else:
+            self.prior = self._library.task_prior

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One measurement of one signal, and several signals as one stream in the order of their stamps."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.signals.signal import Signal
+
+
+class Observation(NamedTuple):
+    """One measurement of one signal of the observed agent.
+
+    Attributes:
+        stamp_ns: time of measurement.
+        group: which observed signal it is.
+        values: its DOFs, (m,), in their units.
+        covariance: measurement covariance, (m, m), or None when the sender gave none.
+        dofs: which of the signal's DOFs were measured, counted from its first; None means all.
+        derivative: velocities were measured, in units per second; independently, and not
+            differentiated from positions that are observations themselves.
+    """
+
+    stamp_ns: int
+    group: int
+    values: np.ndarray
+    covariance: np.ndarray | None = None
+    dofs: tuple[int, ...] | None = None
+    derivative: bool = False
+
+
+def merge(signals: Sequence[Signal]) -> Iterator[Observation]:
+    """All samples of the signals in the order of their stamps, ties in the order of signals."""
+    stamps = np.concatenate([signal.stamps_ns for signal in signals])
+    group = np.repeat(np.arange(len(signals)), [len(s.stamps_ns) for s in signals])
+    row = np.concatenate([np.arange(len(s.stamps_ns)) for s in signals])
+    for index in np.argsort(stamps, kind="stable"):
+        signal = signals[group[index]]
+        yield Observation(int(stamps[index]), int(group[index]), signal.values[row[index]])
+
+
+def every_second(observations: Sequence[Observation]) -> list[Observation]:
+    """Every second observation of each signal, and the last of all."""
+    seen: dict[tuple, int] = {}
+    kept = []
+    for observation in observations[:-1]:
+        kind = (observation.group, observation.dofs, observation.derivative)
+        seen[kind] = seen.get(kind, 0) + 1
+        if seen[kind] % 2:
+            kept.append(observation)
+    return [*kept, observations[-1]]

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The last seconds of one observed signal: what onset and rest are seen from, and what is late."""
+
+from collections.abc import Iterator
+from math import ceil
+
+import numpy as np
+
+from intent_recognition.signals.observation import Observation
+
+ROOM = 256
+
+
+class History:
+    """Observations of the same DOFs in order, with their stamps and values as arrays at hand."""
+
+    def __init__(self, n_values: int):
+        self._stamps_ns, self._values = np.empty(ROOM, np.int64), np.empty((ROOM, n_values))
+        self._kept: list[Observation | None] = []
+        self._first = 0
+
+    def __len__(self) -> int:
+        return len(self._kept) - self._first
+
+    @property
+    def first_ns(self) -> int:
+        """Stamp of the oldest."""
+        return self._kept[self._first].stamp_ns
+
+    @property
+    def last_ns(self) -> int:
+        """Stamp of the newest."""
+        return self._kept[-1].stamp_ns
+
+    @property
+    def observations(self) -> list[Observation]:
+        """All of them."""
+        return self._kept[self._first :]
+
+    def append(self, observation: Observation) -> None:
+        """Take one more."""
+        at = len(self._kept)
+        if at == len(self._stamps_ns):
+            at = self._make_room()
+        self._stamps_ns[at], self._values[at] = observation.stamp_ns, observation.values
+        self._kept.append(observation)
+
+    def forget_before(self, stamp_ns: int, length_ns: float) -> None:
+        """Drop what is longer than that before a stamp."""
+        while len(self) and stamp_ns - self._kept[self._first].stamp_ns > length_ns:
+            self._kept[self._first] = None
+            self._first += 1
+
+    def arrays(self, last_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Times from the first on (T,) [s] and values (T, m), or the last seconds of them."""
+        first, end = self._first, len(self._kept)
+        if last_s is not None:
+            oldest_ns = ceil(self.last_ns - last_s * 1e9 - 1.0)
+            first += int(np.searchsorted(self._stamps_ns[first : end - 1], oldest_ns))
+        stamps_ns = self._stamps_ns[first:end]
+        return (stamps_ns - stamps_ns[0]) * 1e-9, self._values[first:end]
+
+    def _make_room(self) -> int:
+        """Move everything to the front, and double the memory where that gains little."""
+        first, n = self._first, len(self)
+        self._kept, self._first = self._kept[first:], 0
+        size = len(self._stamps_ns) * (2 if 2 * n > len(self._stamps_ns) else 1)
+        for name in ("_stamps_ns", "_values"):
+            old = getattr(self, name)
+            new = np.empty((size, *old.shape[1:]), old.dtype)
+            new[:n] = old[first : first + n]
+            setattr(self, name, new)
+        return n
+
+
+class SignalPast:
+    """Observations of one signal, those of the same DOFs together.
+
+    A DOF that is missing for a while leaves a history of the others, from which onset and rest are
+    told as well as can be; nothing is filled in.
+
+    Args:
+        n_dofs: of the signal.
+        length_s: how much of the past is kept.
+    """
+
+    def __init__(self, n_dofs: int, length_s: float):
+        self.n_dofs, self._length_ns = n_dofs, length_s * 1e9
+        self._trusted = b""
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._histories: dict[tuple, History] = {}
+        self._newest_ns = ([0] * self.n_dofs, [0] * self.n_dofs)
+        self._late = [(0, 0), (0, 0)]
+
+    def is_late(self, observation: Observation) -> bool:
+        """Whether one of its DOFs was seen at that time, or after it, already.
+
+        DOFs of one signal may come in different messages, and positions and velocities may: each
+        has a time of its own.
+        """
+        newest_ns, dofs = self._newest_ns[observation.derivative], observation.dofs
+        latest_ns = max(newest_ns) if dofs is None else max(newest_ns[k] for k in dofs)
+        return observation.stamp_ns <= latest_ns
+
+    def count_late(self, observation: Observation) -> int:
+        """How many on end, in order among themselves, were late by now, with this one."""
+        last_ns, count = self._late[observation.derivative]
+        count = count + 1 if observation.stamp_ns > last_ns else 1
+        self._late[observation.derivative] = (observation.stamp_ns, count)
+        return count
+
+    def add(self, observation: Observation) -> None:
+        """Take an observation that is not late."""
+        kind = (observation.dofs, observation.derivative)
+        if kind not in self._histories:
+            self._histories[kind] = History(len(observation.values))
+        self._histories[kind].append(observation)
+        newest_ns = self._newest_ns[observation.derivative]
+        for dof in range(self.n_dofs) if observation.dofs is None else observation.dofs:
+            newest_ns[dof] = observation.stamp_ns
+        self._late[observation.derivative] = (0, 0)
+
+    def trusts(self, covariance: np.ndarray) -> bool:
+        """Whether a covariance is one, (m, m); the last that was is known without looking."""
+        content = covariance.tobytes()
+        if content != self._trusted:
+            if not is_covariance(covariance):
+                return False
+            self._trusted = content
+        return True
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """Drop what is too long before a stamp."""
+        for history in self._histories.values():
+            history.forget_before(stamp_ns, self._length_ns)
+        for kind in [kind for kind, history in self._histories.items() if not len(history)]:
+            del self._histories[kind]
+
+    def observations(self) -> Iterator[Observation]:
+        """All of them, each history in order."""
+        for history in self._histories.values():
+            yield from history.observations
+
+    def speaking(self, rest_s: float) -> list[History]:
+        """Histories of positions that tell how the signal moves now.
+
+        Once other DOFs have been seen for so long, those that were seen before do not count.
+        """
+        found = [h for (_, derivative), h in self._histories.items() if not derivative]
+        if len(found) < 2:
+            return found
+        newest_ns = max(history.last_ns for history in found)
+        return [h for h in found if newest_ns - h.last_ns <= rest_s * 1e9]
+
+
+def is_covariance(matrix: np.ndarray) -> bool:
+    """Whether a square matrix is finite and not negative."""
+    if not np.all(np.isfinite(matrix)):
+        return False
+    eigenvalues = np.linalg.eigvalsh(matrix)
+    return bool(eigenvalues[0] >= -1e-9 * abs(eigenvalues[-1]))

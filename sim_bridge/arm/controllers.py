@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint torque laws of the arm, as pure functions on arrays of shape (7,)."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics import JointLimits
+
+
+def _array(*values: float) -> np.ndarray:
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class ControllerGains:
+    """What the arm feels like; arrays have shape (7,).
+
+    Attributes:
+        stiffness: joint stiffness while following a reference [Nm/rad].
+        damping: joint damping while following a reference [Nm s/rad].
+        guide_damping: viscous friction left in gravity compensation, so that guiding the hand
+            feels damped and it stops when let go [Nm s/rad].
+        guide_friction: dry friction left in gravity compensation, smoothed by tanh [Nm].
+        limit_margin_rad: distance from a joint limit at which the repulsive spring begins.
+        limit_stiffness: stiffness of that spring [Nm/rad].
+        limit_damping: damping inside the margin while moving outward [Nm s/rad].
+    """
+
+    stiffness: np.ndarray = field(
+        default_factory=lambda: _array(200.0, 200.0, 120.0, 120.0, 60.0, 25.0, 15.0)
+    )
+    damping: np.ndarray = field(
+        default_factory=lambda: _array(28.0, 28.0, 12.0, 12.0, 4.0, 2.0, 1.2)
+    )
+    guide_damping: np.ndarray = field(
+        default_factory=lambda: _array(1.5, 1.5, 1.0, 1.0, 0.4, 0.2, 0.15)
+    )
+    guide_friction: np.ndarray = field(default_factory=lambda: _array(*[0.0] * 7))
+    limit_margin_rad: float = 0.06
+    limit_stiffness: np.ndarray = field(
+        default_factory=lambda: _array(1500.0, 1500.0, 900.0, 900.0, 500.0, 250.0, 200.0)
+    )
+    limit_damping: np.ndarray = field(
+        default_factory=lambda: _array(30.0, 30.0, 15.0, 15.0, 6.0, 3.0, 2.0)
+    )
+
+    def scaled(self, stiffness_scale: float) -> "ControllerGains":
+        """Return gains with the stiffness times a factor and the damping ratio kept."""
+        if not (np.isfinite(stiffness_scale) and stiffness_scale > 0.0):
+            raise ArgumentError(
+                describe("stiffness_scale", "a positive number", stiffness_scale, "1 is normal.")
+            )
+        return ControllerGains(
+            stiffness=self.stiffness * stiffness_scale,
+            damping=self.damping * np.sqrt(stiffness_scale),
+            guide_damping=self.guide_damping,
+            guide_friction=self.guide_friction,
+            limit_margin_rad=self.limit_margin_rad,
+            limit_stiffness=self.limit_stiffness,
+            limit_damping=self.limit_damping,
+        )
+
+
+def impedance_torque(
+    gains: ControllerGains,
+    q: np.ndarray,
+    qd: np.ndarray,
+    q_reference: np.ndarray,
+    qd_reference: np.ndarray,
+) -> np.ndarray:
+    """Return stiffness and damping toward the reference [Nm]; add inverse dynamics to it."""
+    return gains.stiffness * (q_reference - q) + gains.damping * (qd_reference - qd)
+
+
+def guiding_torque(gains: ControllerGains, qd: np.ndarray) -> np.ndarray:
+    """Return the friction felt in gravity compensation [Nm]; full dry friction from 0.03 rad/s."""
+    return -gains.guide_damping * qd - gains.guide_friction * np.tanh(qd / 0.03)
+
+
+def limit_torque(
+    gains: ControllerGains, limits: JointLimits, q: np.ndarray, qd: np.ndarray
+) -> np.ndarray:
+    """Return the torque that pushes joints out of the margin of their limits [Nm]."""
+    over = np.maximum(q - (limits.upper - gains.limit_margin_rad), 0.0)
+    under = np.maximum((limits.lower + gains.limit_margin_rad) - q, 0.0)
+    if not (over.any() or under.any()):
+        return np.zeros_like(q)
+    outward = ((over > 0.0) & (qd > 0.0)) | ((under > 0.0) & (qd < 0.0))
+    return gains.limit_stiffness * (under - over) - gains.limit_damping * qd * outward

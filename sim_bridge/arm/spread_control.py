@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint stiffness from the spread of the prediction that the arm executes.
+
+The stochastic feedback controller as far as a prediction with a standard deviation per joint tells
+it (`motion.resting_gains`): each joint alone, stiff where the prediction is
+sure, soft where it is not. The reference stays that of the command, whose timing is its sender's.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from intent_recognition.errors import TrajectoryError, describe
+from intent_recognition.kinematics import JOINT_NAMES
+from intent_recognition.motion import FeedbackSettings, resting_gains
+from sim_bridge.arm.arm import LwrArm
+
+HOLD_S = 1.0
+"""How long after its end a prediction's last spread is held; then low gains again."""
+
+
+class SpreadControl:
+    """Puts the controller of the latest prediction in force, and low gains where there is none.
+
+    Args:
+        settings: disturbance and bandwidth the gains are designed for.
+    """
+
+    def __init__(self, settings: FeedbackSettings | None = None) -> None:
+        self._settings = settings or FeedbackSettings()
+        self._times_s = np.array([-np.inf])
+        self._gains = np.zeros((1, 2, len(JOINT_NAMES)))
+
+    def take(
+        self, start_s: float, names: Sequence[str], times_s: Sequence[float], std: Sequence
+    ) -> None:
+        """Take a prediction's spread; it replaces the one before.
+
+        Args:
+            start_s: when it starts, on the arm's clock.
+            names: joint of each column.
+            times_s: time of each point after the start, increasing.
+            std: standard deviation per point and joint [rad].
+
+        Raises:
+            TrajectoryError: wrong joints, sizes or values; the one before stays.
+        """
+        if sorted(names) != sorted(JOINT_NAMES):
+            _refuse("joint_names", f"{list(JOINT_NAMES)} in any order", list(names))
+        sizes = {len(row) for row in std}
+        if sizes != {len(names)} or len(times_s) != len(std):
+            _refuse("effort", f"a standard deviation per joint in each of {len(times_s)}", sizes)
+        times, values = np.array(times_s, dtype=float), np.array(std, dtype=float)
+        if not (np.isfinite(times).all() and np.isfinite(values).all() and (values >= 0).all()):
+            _refuse("effort, time_from_start", "finite, not negative", "another value")
+        if np.any(np.diff(times) <= 0):
+            _refuse("time_from_start", "increasing times", times.tolist())
+        columns = [list(names).index(name) for name in JOINT_NAMES]
+        self._gains = np.stack(resting_gains(values[:, columns], self._settings), axis=1)
+        self._times_s = start_s + times
+
+    def in_force(self, time_s: float) -> bool:
+        """Whether a prediction says how stiff the arm shall be at a time."""
+        return time_s <= self._times_s[-1] + HOLD_S
+
+    def gains(self, time_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness [1/s^2] and damping [1/s] at a time, each (7,); the ends are held."""
+        times = self._times_s
+        if time_s <= times[0] or len(times) == 1:
+            return tuple(self._gains[0])
+        high = min(int(np.searchsorted(times, time_s)), len(times) - 1)
+        share = min((time_s - times[high - 1]) / (times[high] - times[high - 1]), 1.0)
+        return tuple(self._gains[high - 1] + share * (self._gains[high] - self._gains[high - 1]))
+
+    def control(self, arm: LwrArm) -> None:
+        """Choose the controller of the coming step."""
+        if not self.in_force(arm.time_s):
+            arm.set_acceleration_law(None)
+            return
+
+        def law(time_s: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+            stiffness, damping = self.gains(time_s)
+            reference = arm.reference
+            return reference.qdd + stiffness * (reference.q - q) + damping * (reference.qd - qd)
+
+        arm.set_acceleration_law(law)
+
+
+def _refuse(argument: str, expected: str, got: object) -> None:
+    cure = "Send the prediction with the estimator's standard deviations."
+    raise TrajectoryError(describe(argument, expected, got, cure))

@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A joint trajectory as it was sent, checked as a whole before any of it is executed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import TrajectoryError, describe
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, JointLimits, position_violation
+
+VELOCITY_TOLERANCE = 1e-6
+REASONS = (
+    "wrong_joint_names",
+    "empty",
+    "wrong_size",
+    "not_finite",
+    "time_not_increasing",
+    "outside_position_limits",
+    "outside_velocity_limits",
+    "outside_acceleration_limits",
+    "velocity_at_end",
+    "ends_in_past",
+    "starts_too_late",
+)
+LONGEST_WAIT_S = 60.0
+
+Rows = Sequence[Sequence[float]] | np.ndarray
+
+
+class RejectedTrajectoryError(TrajectoryError):
+    """A trajectory was rejected as a whole; `reason` is one of `REASONS`."""
+
+    def __init__(self, reason: str, message: str) -> None:
+        super().__init__(message)
+        self.reason = reason
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryCommand:
+    """A valid trajectory in the arm's joint order.
+
+    Attributes:
+        times_s: time of each point after the start (n,), increasing.
+        positions: (n, n_joints) [rad].
+        velocities: (n, n_joints) [rad/s], estimated from the positions if none were sent.
+        accelerations: (n, n_joints) [rad/s^2], or None if none were sent.
+        start_s: when it starts; None = on acceptance.
+    """
+
+    times_s: np.ndarray
+    positions: np.ndarray
+    velocities: np.ndarray
+    accelerations: np.ndarray | None
+    start_s: float | None
+
+    @classmethod
+    def validated(
+        cls,
+        names: Sequence[str],
+        times_s: Sequence[float],
+        positions: Rows,
+        velocities: Rows | None = None,
+        accelerations: Rows | None = None,
+        *,
+        start_s: float | None = None,
+        now_s: float = 0.0,
+        joint_names: Sequence[str] = JOINT_NAMES,
+        limits: JointLimits = LWR_LIMITS,
+    ) -> "TrajectoryCommand":
+        """Check a trajectory and sort its columns into the arm's joint order.
+
+        Args:
+            names: joint of each column: all of the arm's joints, in any order.
+            times_s: time of each point after the start, not negative, strictly increasing.
+            positions: one row per point [rad].
+            velocities: rows [rad/s]; None or all rows empty = none sent.
+            accelerations: rows [rad/s^2]; likewise.
+            start_s: when it starts; None = now.
+            now_s: the present, on the same clock.
+            joint_names: the arm's joints.
+            limits: positions, velocities and accelerations must be inside; the mean speed
+                between points too.
+
+        Raises:
+            RejectedTrajectoryError: anything is wrong; its `reason` names the kind.
+        """
+        order = _column_order(names, joint_names)
+        times = _checked_times(times_s)
+        shape = (len(times), len(order))
+        q = _checked_rows("positions", positions, shape)[:, order]
+        qd = _optional_rows("velocities", velocities, shape)
+        qdd = _optional_rows("accelerations", accelerations, shape)
+        qd = _smooth_velocities(times, q) if qd is None else qd[:, order]
+        qdd = None if qdd is None else qdd[:, order]
+        _check_limits(times, q, qd if velocities is not None else None, qdd, limits, joint_names)
+        if np.any(np.abs(qd[-1]) > VELOCITY_TOLERANCE):
+            _reject("velocity_at_end", "velocities", "zero in the last point", qd[-1].tolist())
+        if start_s is not None:
+            _check_start(start_s, times[-1], now_s)
+        return cls(times, q, qd, qdd, start_s)
+
+
+def _reject(reason: str, argument: str, expected: str, got: object) -> None:
+    cure = "The arm keeps what it was doing; correct the trajectory and send it again."
+    raise RejectedTrajectoryError(reason, describe(argument, expected, got, cure))
+
+
+def _column_order(names: Sequence[str], joint_names: Sequence[str]) -> list[int]:
+    given = list(names)
+    if len(given) != len(joint_names) or set(given) != set(joint_names):
+        _reject("wrong_joint_names", "joint_names", f"each of {list(joint_names)} once", given)
+    return [given.index(name) for name in joint_names]
+
+
+def _checked_times(times_s: Sequence[float]) -> np.ndarray:
+    times = np.array(times_s, dtype=np.float64)
+    if times.ndim != 1 or times.size == 0:
+        _reject("empty", "points", "at least one point", f"{times.size} points")
+    if not np.all(np.isfinite(times)):
+        _reject("not_finite", "time_from_start", "finite times", times.tolist())
+    if times[0] < 0.0 or np.any(np.diff(times) <= 0.0):
+        k = 0 if times[0] < 0.0 else int(np.argmax(np.diff(times) <= 0.0)) + 1
+        _reject(
+            "time_not_increasing",
+            f"points[{k}].time_from_start",
+            "times from zero on that increase",
+            f"{times[k]:g} s",
+        )
+    return times
+
+
+def _checked_rows(argument: str, rows: Rows, shape: tuple[int, int]) -> np.ndarray:
+    if len(rows) != shape[0]:
+        _reject("wrong_size", argument, f"{shape[0]} rows", f"{len(rows)} rows")
+    for k, row in enumerate(rows):
+        if len(row) != shape[1]:
+            _reject("wrong_size", f"points[{k}].{argument}", f"{shape[1]} values", len(row))
+    array = np.array(rows, dtype=np.float64)
+    if not np.all(np.isfinite(array)):
+        k = int(np.argmin(np.all(np.isfinite(array), axis=1)))
+        _reject("not_finite", f"points[{k}].{argument}", "finite values", array[k].tolist())
+    return array
+
+
+def _optional_rows(argument: str, rows: Rows | None, shape: tuple[int, int]) -> np.ndarray | None:
+    if rows is None or (len(rows) == shape[0] and all(len(row) == 0 for row in rows)):
+        return None
+    return _checked_rows(argument, rows, shape)
+
+
+def _smooth_velocities(times: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return velocities (n, n_joints) that are zero at both ends and never overshoot a point.
+
+    Between two segments of the same direction the harmonic mean of their slopes, else zero
+    (Fritsch and Butland 1984).
+    """
+    velocities = np.zeros_like(q)
+    if len(times) > 2:
+        slopes = np.diff(q, axis=0) / np.diff(times)[:, None]
+        before, after = slopes[:-1], slopes[1:]
+        same = before * after > 0.0
+        total = np.where(same, before + after, 1.0)
+        velocities[1:-1] = np.where(same, 2.0 * before * after / total, 0.0)
+    return velocities
+
+
+def _check_limits(
+    times: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray | None,
+    qdd: np.ndarray | None,
+    limits: JointLimits,
+    names: Sequence[str],
+) -> None:
+    """Reject a trajectory outside the limits, naming point and joint."""
+    excess = position_violation(q, limits)
+    bounds = f"[{limits.lower.round(4).tolist()}, {limits.upper.round(4).tolist()}] rad"
+    _check_excess("position", excess, q, bounds, names)
+    if qd is None:
+        qd = np.zeros_like(q)
+    means = np.zeros_like(q)
+    means[1:] = np.diff(q, axis=0) / np.diff(times)[:, None]
+    for speeds in (qd, means):
+        excess = np.maximum(np.abs(speeds) - limits.velocity * (1.0 + 1e-6), 0.0)
+        bound = f"speeds up to {limits.velocity.round(4).tolist()} rad/s"
+        _check_excess("velocity", excess, speeds, bound, names)
+    if qdd is not None:
+        excess = np.maximum(np.abs(qdd) - limits.acceleration * (1.0 + 1e-6), 0.0)
+        bound = f"accelerations up to {limits.acceleration.tolist()} rad/s^2"
+        _check_excess("acceleration", excess, qdd, bound, names)
+
+
+def _check_excess(
+    kind: str, excess: np.ndarray, values: np.ndarray, expected: str, names: Sequence[str]
+) -> None:
+    if np.any(excess > 1e-9):
+        k, joint = np.unravel_index(np.argmax(excess), excess.shape)
+        _reject(
+            f"outside_{kind}_limits",
+            f"points[{k}] {names[joint]}",
+            expected,
+            f"{values[k, joint]:.4f}",
+        )
+
+
+def _check_start(start_s: float, duration_s: float, now_s: float) -> None:
+    if not np.isfinite(start_s):
+        _reject("not_finite", "header.stamp", "a finite start", start_s)
+    if start_s + duration_s < now_s:
+        _reject(
+            "ends_in_past",
+            "header.stamp",
+            "a trajectory that ends in the future",
+            f"one that ended {now_s - start_s - duration_s:.3f} s ago",
+        )
+    if start_s - now_s > LONGEST_WAIT_S:
+        _reject(
+            "starts_too_late",
+            "header.stamp",
+            f"a start within {LONGEST_WAIT_S:g} s (is the sender on the same clock?)",
+            f"one {start_s - now_s:.3f} s from now",
+        )

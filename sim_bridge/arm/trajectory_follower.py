@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint trajectories as reference curves: validation, interpolation, replacement, holding.
+
+The semantics are those of ros2_control's joint_trajectory_controller: a zero stamp starts now,
+a later one starts then (the old trajectory goes on until then), points in the past are skipped,
+the last point is held. Two things are kinder to the arm: positions without velocities are joined
+by a smooth curve instead of straight lines, and where a new trajectory does not begin at the
+current reference, the difference fades out with bounded acceleration instead of jumping.
+"""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import ShapeError, describe
+from intent_recognition.kinematics import LWR_LIMITS, JointLimits
+from sim_bridge.arm.trajectory_command import TrajectoryCommand
+
+# Peaks over [0, 1] of the quintic that fades a unit offset (or a unit velocity) to rest.
+_OFFSET_ACCELERATION = 10.0 / np.sqrt(3.0)
+_VELOCITY_ACCELERATION = 3.941
+_OFFSET_VELOCITY = 1.875
+
+
+class Reference(NamedTuple):
+    """A point of the reference curve: q [rad], qd [rad/s], qdd [rad/s^2], all (n_joints,)."""
+
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+
+
+@dataclass(frozen=True)
+class BlendSettings:
+    """How a difference to a new trajectory fades out.
+
+    Attributes:
+        acceleration_fraction: share of the joints' acceleration limit it may use on top of the
+            new trajectory's own acceleration.
+        velocity_fraction: share of the velocity limit an offset in position may use.
+        shortest_s: a blend never takes less.
+    """
+
+    acceleration_fraction: float = 0.5
+    velocity_fraction: float = 0.5
+    shortest_s: float = 0.05
+
+
+class _Curve:
+    """Piecewise polynomials of degree 5 through a command's points, held at rest after the last.
+
+    Before the first point it runs straight through that point at the point's velocity.
+    """
+
+    def __init__(self, command: TrajectoryCommand, start_s: float) -> None:
+        times = command.times_s + start_s
+        first, last = command.positions[0], command.positions[-1]
+        pieces = [_polynomial(first, command.velocities[0])]
+        for k, duration in enumerate(np.diff(command.times_s)):
+            pieces.append(_segment(command, k, float(duration)))
+        pieces.append(_polynomial(last))
+        self._knots = times.tolist()
+        self._origins = [times[0], *times.tolist()]
+        self._pieces = pieces
+        self.first_s, self.end_s = float(times[0]), float(times[-1])
+
+    def sample(self, time_s: float) -> Reference:
+        piece = bisect_right(self._knots, time_s)
+        return _evaluate(self._pieces[piece], time_s - self._origins[piece])
+
+
+class _Entry(NamedTuple):
+    """A curve in force from start_s on, plus an offset that has faded by start_s + fade_s."""
+
+    start_s: float
+    curve: _Curve | Reference
+    offset: np.ndarray | None
+    fade_s: float
+
+    def sample(self, time_s: float) -> Reference:
+        base = self.curve if isinstance(self.curve, Reference) else self.curve.sample(time_s)
+        elapsed = time_s - self.start_s
+        if self.offset is None or elapsed >= self.fade_s:
+            return base
+        extra = _evaluate(self.offset, max(elapsed, 0.0))
+        return Reference(base.q + extra.q, base.qd + extra.qd, base.qdd + extra.qdd)
+
+
+class TrajectoryFollower:
+    """Gives the reference at any time from the commands accepted so far; no clock, no ROS.
+
+    Position and velocity of the reference are continuous; its acceleration is at most that of
+    the trajectory in force plus `acceleration_fraction` of the limit (plus what a blend cut
+    short by a further command had left). Times are seconds of any one clock, and must not run
+    backward.
+
+    Args:
+        position: where to hold until a command comes (n_joints,) [rad].
+        limits: limits the blend is planned with.
+        blend: how differences fade out.
+    """
+
+    def __init__(
+        self,
+        position: np.ndarray,
+        limits: JointLimits = LWR_LIMITS,
+        blend: BlendSettings | None = None,
+    ) -> None:
+        self._limits = limits
+        self._blend = blend if blend is not None else BlendSettings()
+        self._entries: list[_Entry] = []
+        self.hold(position)
+
+    def hold(self, position: np.ndarray) -> None:
+        """Forget all commands and rest at position (n_joints,) [rad], without a blend."""
+        q = np.array(position, dtype=np.float64)
+        if q.shape != (self._limits.n_joints,):
+            raise ShapeError(
+                describe("position", f"shape ({self._limits.n_joints},)", q.shape, "One each.")
+            )
+        rest = Reference(q, np.zeros_like(q), np.zeros_like(q))
+        self._entries = [_Entry(-np.inf, rest, None, 0.0)]
+
+    def accept(self, command: TrajectoryCommand, now_s: float) -> None:
+        """Follow this command from its start on; the running one goes on until then.
+
+        A command waiting for a later start than this one's is dropped.
+        """
+        start_s = now_s if command.start_s is None else command.start_s
+        switch_s = max(start_s, now_s)
+        self._drop_before(now_s)
+        while len(self._entries) > 1 and self._entries[-1].start_s >= switch_s:
+            self._entries.pop()
+        old = self.sample(switch_s)
+        curve = _Curve(command, start_s)
+        new = curve.sample(switch_s)
+        offset, velocity = old.q - new.q, old.qd - new.qd
+        fade_s = max(self._fade_time(offset, velocity), curve.first_s - switch_s)
+        fading = _hermite(offset, velocity, fade_s)
+        self._entries.append(_Entry(switch_s, curve, fading, fade_s))
+
+    def sample(self, time_s: float) -> Reference:
+        """Return the reference at a time not before the last accepted command's `now_s`."""
+        for entry in reversed(self._entries):
+            if entry.start_s <= time_s:
+                return entry.sample(time_s)
+        return self._entries[0].sample(time_s)
+
+    def moving_until_s(self) -> float:
+        """Return when the last accepted command ends; minus infinity when only holding."""
+        entry = self._entries[-1]
+        if isinstance(entry.curve, Reference):
+            return -np.inf
+        return max(entry.curve.end_s, entry.start_s + entry.fade_s)
+
+    def _drop_before(self, now_s: float) -> None:
+        while len(self._entries) > 1 and self._entries[1].start_s <= now_s:
+            self._entries.pop(0)
+
+    def _fade_time(self, offset: np.ndarray, velocity: np.ndarray) -> float:
+        """Return the shortest fade [s] whose acceleration stays within the blend's share.
+
+        Solves c1 |offset| / T^2 + c2 |velocity| / T <= a for each joint; the slowest counts.
+        """
+        bound = self._blend.acceleration_fraction * self._limits.acceleration
+        by_offset = _OFFSET_ACCELERATION * np.abs(offset)
+        by_velocity = _VELOCITY_ACCELERATION * np.abs(velocity)
+        root = np.sqrt(by_velocity**2 + 4.0 * bound * by_offset)
+        fade = (by_velocity + root) / (2.0 * bound)
+        speed = self._blend.velocity_fraction * self._limits.velocity
+        fade = np.maximum(fade, _OFFSET_VELOCITY * np.abs(offset) / speed)
+        return max(float(fade.max()), self._blend.shortest_s)
+
+
+def _polynomial(*coefficients: np.ndarray) -> np.ndarray:
+    """Return coefficients (6, n) by rising power, zero where not given."""
+    polynomial = np.zeros((6, len(coefficients[0])))
+    for power, values in enumerate(coefficients):
+        polynomial[power] = values
+    return polynomial
+
+
+def _segment(command: TrajectoryCommand, k: int, duration_s: float) -> np.ndarray:
+    """Return the polynomial (6, n) from point k to the next: cubic, quintic if accelerated."""
+    q0, q1 = command.positions[k], command.positions[k + 1]
+    v0, v1 = command.velocities[k], command.velocities[k + 1]
+    if command.accelerations is None:
+        slope = (q1 - q0) / duration_s
+        square = (3.0 * slope - 2.0 * v0 - v1) / duration_s
+        return _polynomial(q0, v0, square, (v0 + v1 - 2.0 * slope) / duration_s**2)
+    a0, a1 = command.accelerations[k], command.accelerations[k + 1]
+    T = duration_s
+    rest = q1 - q0 - v0 * T - 0.5 * a0 * T**2  # what is left for powers 3 to 5
+    speed = (v1 - v0 - a0 * T) * T
+    bend = (a1 - a0) * T**2
+    return _polynomial(
+        q0,
+        v0,
+        0.5 * a0,
+        (10.0 * rest - 4.0 * speed + 0.5 * bend) / T**3,
+        (-15.0 * rest + 7.0 * speed - bend) / T**4,
+        (6.0 * rest - 3.0 * speed + 0.5 * bend) / T**5,
+    )
+
+
+def _hermite(offset: np.ndarray, velocity: np.ndarray, duration_s: float) -> np.ndarray:
+    """Return the quintic (6, n) from (offset, velocity, 0) to rest at zero in duration_s."""
+    T = duration_s
+    speed = velocity * T
+    return _polynomial(
+        offset,
+        velocity,
+        np.zeros_like(offset),
+        (-10.0 * offset - 6.0 * speed) / T**3,
+        (15.0 * offset + 8.0 * speed) / T**4,
+        (-6.0 * offset - 3.0 * speed) / T**5,
+    )
+
+
+def _evaluate(polynomial: np.ndarray, t: float) -> Reference:
+    t2 = t * t
+    t3, t4 = t2 * t, t2 * t2
+    value = np.array([1.0, t, t2, t3, t4, t4 * t])
+    first = np.array([0.0, 1.0, 2.0 * t, 3.0 * t2, 4.0 * t3, 5.0 * t4])
+    second = np.array([0.0, 0.0, 2.0, 6.0 * t, 12.0 * t2, 20.0 * t3])
+    return Reference(value @ polynomial, first @ polynomial, second @ polynomial)

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The LWR 4+ as a URDF built from boxes, cylinders and spheres; no mesh files.
+
+Link i has the axes of joint i (z = joint axis); joint i+1 sits at Tz(d_i) Rx(alpha_i) in it, so
+that the tree is the Denavit-Hartenberg chain of `kinematics.lwr` by construction. The frame
+`lwr_hand` is DH frame 7. Masses are those of the public models; inertias are computed from solid
+cylinders, because the published ones of links 1, 6 and 7 are implausible (see `LINK_BODIES`).
+"""
+
+from dataclasses import dataclass
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from intent_recognition.kinematics import DH, JOINT_NAMES, LWR_LIMITS, N_JOINTS
+from sim_bridge.arm.urdf_shapes import BASE_SHAPES, HAND_SHAPES, LINK_SHAPES, Shape
+
+WORLD_LINK = "world"
+BASE_LINK = "lwr_base_link"
+LINK_NAMES: tuple[str, ...] = tuple(f"lwr_a{i}_link" for i in range(1, N_JOINTS + 1))
+HAND_LINK = "lwr_hand"
+
+# Inertia of each rotor seen through its gear [kg m^2]; values of ours, in the range usual for
+# harmonic drives with 1:100 gears in joints of this size.
+ROTOR_INERTIA_KG_M2: tuple[float, ...] = (0.20, 0.20, 0.12, 0.12, 0.08, 0.04, 0.04)
+
+
+@dataclass(frozen=True)
+class LinkBody:
+    """One link as a solid cylinder: mass [kg], centre [m], direction of its axis, size [m]."""
+
+    mass: float
+    centre: tuple[float, float, float]
+    axis: str
+    radius: float
+    length: float
+
+    def inertia(self) -> np.ndarray:
+        """Return the moments of inertia about the centre along the link's axes (3,) [kg m^2]."""
+        across = self.mass * (3.0 * self.radius**2 + self.length**2) / 12.0
+        moments = np.full(3, across)
+        moments["xyz".index(self.axis)] = 0.5 * self.mass * self.radius**2
+        return moments
+
+
+LINK_BODIES: tuple[LinkBody, ...] = (
+    LinkBody(2.3, (0.0, 0.0, 0.21), "z", 0.065, 0.20),
+    LinkBody(2.3, (0.0, 0.09, 0.0), "y", 0.065, 0.22),
+    LinkBody(2.3, (0.0, 0.0, 0.30), "z", 0.065, 0.20),
+    LinkBody(2.3, (0.0, -0.09, 0.0), "y", 0.065, 0.22),
+    LinkBody(1.6, (0.0, 0.0, 0.29), "z", 0.060, 0.18),
+    LinkBody(1.5, (0.0, 0.0, 0.0), "z", 0.060, 0.12),
+    LinkBody(0.3, (0.0, 0.0, 0.06), "z", 0.035, 0.036),
+)
+BASE_MASS_KG = 1.21
+
+
+def link_inertia(index: int, rotor_inertia: float) -> np.ndarray:
+    """Return moments (3,) [kg m^2] of link `index` with its rotor.
+
+    The rotor is a massless disc across the joint axis: J about the axis, J/2 across it (a body
+    with J about one axis only does not exist, and PyBullet zeroes such an inertia). Everything
+    that uses the model (simulation, contacts, inverse dynamics, viewers) thus sees the same
+    inertia. The price: joints further down the chain feel it too where their axes line up,
+    at most J, where a real 1:100 gear would pass on a hundredth of it.
+    """
+    return LINK_BODIES[index].inertia() + rotor_inertia * np.array([0.5, 0.5, 1.0])
+
+
+def lwr_urdf(
+    *,
+    rotor_inertia: tuple[float, ...] = ROTOR_INERTIA_KG_M2,
+    fingers: bool = True,
+    world: bool = False,
+) -> str:
+    """Return the arm's URDF as text.
+
+    Args:
+        rotor_inertia: reflected rotor inertia per joint [kg m^2].
+        fingers: draw two closed fingers at the flange (visual only, no mass, no collision).
+        world: begin at the link `world`, to which the base is fixed: for robot_state_publisher,
+            whose tree then reaches the frame of all positions and has no root with an inertia.
+    """
+    robot = ET.Element("robot", name="lwr")
+    if world:
+        ET.SubElement(robot, "link", name=WORLD_LINK)
+        _add_fixed_joint(robot, "lwr_base_joint", WORLD_LINK, BASE_LINK, (0.0, 0.0, 0.0))
+    base = ET.SubElement(robot, "link", name=BASE_LINK)
+    _add_inertial(base, BASE_MASS_KG, (0.0, 0.0, 0.055), np.full(3, 0.004))
+    _add_shapes(base, BASE_SHAPES)
+    for i, name in enumerate(LINK_NAMES):
+        link = ET.SubElement(robot, "link", name=name)
+        body = LINK_BODIES[i]
+        _add_inertial(link, body.mass, body.centre, link_inertia(i, rotor_inertia[i]))
+        shapes = LINK_SHAPES[i] + (HAND_SHAPES if fingers and i == N_JOINTS - 1 else ())
+        _add_shapes(link, shapes)
+        _add_joint(robot, i)
+    # Without an inertial, PyBullet would give the frame a mass of 1 kg.
+    _add_inertial(ET.SubElement(robot, "link", name=HAND_LINK), 0.0, (0.0,) * 3, np.zeros(3))
+    tip = (0.0, 0.0, DH.d_m[-1])
+    _add_fixed_joint(robot, "lwr_hand_joint", LINK_NAMES[-1], HAND_LINK, tip)
+    ET.indent(robot)
+    return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def _add_fixed_joint(
+    robot: ET.Element, name: str, parent: str, child: str, xyz: tuple[float, float, float]
+) -> None:
+    joint = ET.SubElement(robot, "joint", name=name, type="fixed")
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    ET.SubElement(joint, "origin", xyz=_text(xyz), rpy="0 0 0")
+
+
+def _add_joint(robot: ET.Element, i: int) -> None:
+    joint = ET.SubElement(robot, "joint", name=JOINT_NAMES[i], type="revolute")
+    ET.SubElement(joint, "parent", link=LINK_NAMES[i - 1] if i else BASE_LINK)
+    ET.SubElement(joint, "child", link=LINK_NAMES[i])
+    offset = (0.0, 0.0, DH.d_m[i - 1] if i else 0.0)
+    turn = (DH.alpha_rad[i - 1] if i else 0.0, 0.0, 0.0)
+    ET.SubElement(joint, "origin", xyz=_text(offset), rpy=_text(turn))
+    ET.SubElement(joint, "axis", xyz="0 0 1")
+    ET.SubElement(
+        joint,
+        "limit",
+        lower=repr(float(LWR_LIMITS.lower[i])),
+        upper=repr(float(LWR_LIMITS.upper[i])),
+        effort=repr(float(LWR_LIMITS.torque[i])),
+        velocity=repr(float(LWR_LIMITS.velocity[i])),
+    )
+    ET.SubElement(joint, "dynamics", damping="0", friction="0")
+
+
+def _add_inertial(
+    link: ET.Element, mass: float, centre: tuple[float, ...], moments: np.ndarray
+) -> None:
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "origin", xyz=_text(centre), rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=repr(float(mass)))
+    names = ("ixx", "iyy", "izz")
+    values = {name: repr(float(value)) for name, value in zip(names, moments, strict=True)}
+    ET.SubElement(inertial, "inertia", **values, ixy="0", ixz="0", iyz="0")
+
+
+def _add_shapes(link: ET.Element, shapes: tuple[Shape, ...]) -> None:
+    for shape in shapes:
+        for kind in ("visual", "collision") if shape.collides else ("visual",):
+            element = ET.SubElement(link, kind)
+            ET.SubElement(element, "origin", xyz=_text(shape.xyz), rpy=_text(shape.rpy))
+            geometry = ET.SubElement(element, "geometry")
+            ET.SubElement(geometry, shape.kind, **shape.size)
+            if kind == "visual":
+                material = ET.SubElement(element, "material", name=shape.colour_name)
+                ET.SubElement(material, "color", rgba=_text(shape.rgba))
+
+
+def _text(values: tuple[float, ...]) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,2 +1,0 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Pointing at spots on a table (Maeda et al. 2014, Fig. 4-6): a person first, then the arm."""

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recordings of the box assembly: three session bags of 40 demonstrations, wrist to wrist."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
+from sim_bridge.scenarios.assembly.session import MARGIN_S, SESSIONS, SessionPlan, plan_session
+from sim_bridge.scenarios.assembly.styles import ASSISTANT, WORKER
+from sim_bridge.teaching import (
+    EPOCH_NS,
+    POSE_TYPE,
+    PROVENANCE,
+    SAMPLE_NS,
+    pose_fields,
+    to_counts,
+    write_recording,
+)
+
+HOUR_NS = 3_600_000_000_000
+
+# Coarser than the toolbox's, to keep two bodies small; still far below the markers' noise.
+POSITION_STEP_M = 2.0**-12
+QUATERNION_STEP = 2.0**-9
+
+
+@dataclass(frozen=True)
+class Order:
+    """One session to record."""
+
+    seed: int
+    index: int
+
+    @property
+    def folder(self) -> PurePosixPath:
+        """Where the bag goes, below the folder for all bags."""
+        return PurePosixPath("assembly", f"session_{self.index:02d}")
+
+
+def orders(seed: int) -> list[Order]:
+    """All sessions."""
+    return [Order(seed, index) for index in range(SESSIONS)]
+
+
+def make(order: Order, output: Path) -> Path:
+    """Record one session as a bag below `output`; return its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+    """
+    plan = plan_session(order.seed, order.index)
+    metadata = {
+        **PROVENANCE,
+        "seed": str(order.seed),
+        "index": str(order.index),
+        "bodies": f"{WORKER} {ASSISTANT}",
+    }
+    said = messages(plan, EPOCH_NS + order.index * HOUR_NS)
+    return write_recording(output / order.folder, metadata, said)
+
+
+def messages(plan: SessionPlan, start_ns: int) -> Iterator[tuple[str, str, int, dict]]:
+    """Yield (topic, type, stamp in ns, fields), in order of time."""
+    marks = [(i.onset_s - MARGIN_S, i.task) for i in plan.interactions]
+    marks += [(i.end_s + MARGIN_S, "") for i in plan.interactions]
+    waiting = sorted((start_ns + round(at_s * 1e9), label) for at_s, label in marks)
+    bodies = [
+        (
+            f"mocap/{body}/pose",
+            samples.visible,
+            to_counts(samples.positions_m, POSITION_STEP_M),
+            to_counts(samples.orientations, QUATERNION_STEP),
+        )
+        for body, samples in ((WORKER, plan.worker), (ASSISTANT, plan.assistant))
+    ]
+    for k in range(len(plan.worker.times_s)):
+        stamp = start_ns + k * SAMPLE_NS
+        while waiting and waiting[0][0] <= stamp:
+            at_ns, label = waiting.pop(0)
+            yield MARKER_TOPIC, MARKER_TYPE, at_ns, {"data": label}
+        for topic, visible, positions, turns in bodies:
+            if visible[k]:
+                yield topic, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])

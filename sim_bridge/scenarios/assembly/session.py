@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A session of two coworkers: one interaction after the other, as the tracker sees both wrists."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from sim_bridge.coworker import Reach, WristSamples, sample_wrist
+from sim_bridge.scenarios.assembly.interaction import Interaction, Timed, plan_interaction
+from sim_bridge.scenarios.assembly.styles import ASSISTANT, RESTS, TASKS, WORKER, Place
+
+SESSIONS, PER_SESSION, PER_TASK = 3, 40, 40
+
+MARGIN_S = 0.4
+"""A demonstration's marks: so long before the worker's onset, and after both have come to rest."""
+IDLE_S = (0.45, 0.6)
+HOLD_S = 0.45
+LAST_S = 0.6
+GAPS_PER_S = 0.08
+FACING_WORKER = np.array([0.0, 0.0, 0.0, 1.0])
+"""The assistant's wrist at rest: its x axis toward the worker, its z axis up; quaternion xyzw."""
+
+
+@dataclass(frozen=True)
+class SessionPlan:
+    """Everything a session will show.
+
+    Attributes:
+        interactions: what is done, in order.
+        worker, assistant: what the tracker sees of each wrist, 100 Hz, at the same times.
+    """
+
+    interactions: tuple[Interaction, ...]
+    worker: WristSamples
+    assistant: WristSamples
+
+
+def session_tasks(seed: int, index: int) -> tuple[str, ...]:
+    """The tasks of a session in their order: 40 of each over the three sessions, shuffled."""
+    if not 0 <= index < SESSIONS:
+        expected = f"0 to {SESSIONS - 1}"
+        raise ArgumentError(describe("index", expected, index, "There are no more sessions."))
+    dealt = np.repeat(TASKS, PER_TASK)[
+        np.random.default_rng([seed, 40]).permutation(PER_TASK * len(TASKS))
+    ]
+    part = dealt[index * PER_SESSION : (index + 1) * PER_SESSION]
+    return tuple(str(task) for task in part)
+
+
+def plan_session(seed: int, index: int, tasks: Sequence[str] | None = None) -> SessionPlan:
+    """Plan session number `index` of a seed: a pure function of its arguments.
+
+    Args:
+        seed: of all variation.
+        index: of the session.
+        tasks: labels in order; those of `session_tasks` if None.
+
+    Raises:
+        ArgumentError: an unknown task or session.
+    """
+    tasks = session_tasks(seed, index) if tasks is None else tasks
+    rng = np.random.default_rng([seed, 41, index])
+    wrists = {body: rest.draw(rng) for body, rest in RESTS.items()}
+    movements: dict[str, list[Timed]] = {body: [] for body in RESTS}
+    interactions, now = [], MARGIN_S + IDLE_S[0]
+    for task in tasks:
+        shown = plan_interaction(rng, task, wrists[WORKER], wrists[ASSISTANT], now)
+        interactions.append(shown)
+        back, over = shown.end_s + HOLD_S, 0.0
+        for body, moved in ((WORKER, shown.worker), (ASSISTANT, shown.assistant)):
+            retract = _retract(rng, moved[-1][1].goal_m, RESTS[body])
+            movements[body] += [*moved, (back, retract)]
+            wrists[body], over = retract.goal_m, max(over, back + retract.duration_s)
+        now = over + rng.uniform(*IDLE_S)
+    length = over + LAST_S
+    worker = sample_wrist(rng, movements[WORKER], length, gaps_per_s=GAPS_PER_S)
+    assistant = sample_wrist(
+        rng, movements[ASSISTANT], length, gaps_per_s=GAPS_PER_S, rest=FACING_WORKER
+    )
+    return SessionPlan(tuple(interactions), worker, assistant)
+
+
+def _retract(rng: np.random.Generator, start_m: np.ndarray, rest: Place) -> Reach:
+    """The way back to a new resting place."""
+    bow = np.array([0.0, 0.0, 0.02]) + 0.012 * rng.standard_normal(3)
+    turn = 0.1 * rng.standard_normal(3)
+    return Reach("", start_m, rest.draw(rng), rng.uniform(0.8, 1.0), bow, 1.0, turn)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Make the simulated demonstrations: `python -m sim_bridge.scenarios.generate --scenario toolbox`.
+
+Each recording depends on the seed and its own place in the list alone and runs in a physics world
+of its own: the same seed gives the same bytes, whatever the number of processes.
+"""
+
+import argparse
+import importlib
+import shutil
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path, PurePosixPath
+from types import MappingProxyType
+from typing import Protocol
+
+from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
+
+SCENARIOS = MappingProxyType(
+    {
+        "toolbox": "sim_bridge.scenarios.toolbox.recordings",
+        "pointing": "sim_bridge.scenarios.pointing.recordings",
+        "assembly": "sim_bridge.scenarios.assembly.recordings",
+        "pole": "sim_bridge.scenarios.pole.recordings",
+        "pouring": "sim_bridge.scenarios.pouring.recordings",
+        "pours": "sim_bridge.scenarios.pouring.executed",
+    }
+)
+"""Per scenario the module that offers `orders(seed)` and `make(order, output)`."""
+
+
+class Order(Protocol):
+    """One recording to make; `folder` is where its bag goes, below the folder for all bags."""
+
+    @property
+    def folder(self) -> PurePosixPath:
+        """As toolbox/train/plate_handover_03."""
+
+
+def orders(scenario: str, seed: int) -> list[Order]:
+    """Every recording of a scenario."""
+    return importlib.import_module(SCENARIOS[scenario]).orders(seed)
+
+
+def generate(
+    output: Path,
+    seed: int,
+    *,
+    scenario: str = "toolbox",
+    jobs: int = 2,
+    overwrite: bool = False,
+    progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+) -> list[Path]:
+    """Make and write all recordings of a scenario.
+
+    Args:
+        output: the folder that gets toolbox/train and so on.
+        seed: of all variation.
+        scenario: one of `SCENARIOS`.
+        jobs: number of processes.
+        overwrite: replace bags of the same name.
+        progress: called with (bag just written, bags written, bags in all).
+
+    Raises:
+        ArgumentError: scenario unknown; jobs or seed out of range.
+        ResourceBusyError: a bag of that name exists and `overwrite` is not set.
+    """
+    if scenario not in SCENARIOS:
+        raise ArgumentError(
+            describe("scenario", f"one of {sorted(SCENARIOS)}", scenario, "Correct the name.")
+        )
+    if jobs < 1 or seed < 0:
+        raise ArgumentError(
+            describe("jobs, seed", "jobs >= 1 and seed >= 0", (jobs, seed), "Give such numbers.")
+        )
+    todo = orders(scenario, seed)
+    for order in todo:
+        _make_room(output / order.folder, overwrite)
+    written = []
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        futures = [pool.submit(_make, scenario, order, output) for order in todo]
+        for future in as_completed(futures):
+            written.append(future.result())
+            progress(written[-1].name, len(written), len(todo))
+    return sorted(written)
+
+
+def _make_room(folder: Path, overwrite: bool) -> None:
+    if folder.exists() and not overwrite:
+        cure = "Choose another folder or add --overwrite."
+        raise ResourceBusyError(describe("output", "no bag of that name", folder, cure))
+    if folder.exists():
+        shutil.rmtree(folder)
+
+
+def _make(scenario: str, order: Order, output: Path) -> Path:
+    return importlib.import_module(SCENARIOS[scenario]).make(order, output)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sim_bridge.scenarios.generate",
+        description="Simulate the demonstrations and test recordings of a scenario.",
+    )
+    parser.add_argument(
+        "--scenario", choices=sorted(SCENARIOS), default="toolbox", help="which (default toolbox)"
+    )
+    parser.add_argument("--output", type=Path, default=Path("bags"), help="folder for the bags")
+    parser.add_argument("--seed", type=int, default=1, help="of all variation (default 1)")
+    parser.add_argument("--jobs", type=int, default=2, help="number of processes (default 2)")
+    parser.add_argument("--overwrite", action="store_true", help="replace bags of the same name")
+    return parser
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    options = _parser().parse_args(args)
+    from rich.progress import Progress
+
+    try:
+        with Progress() as bar:
+            task = bar.add_task(options.scenario, total=None)
+            written = generate(
+                options.output,
+                options.seed,
+                scenario=options.scenario,
+                jobs=options.jobs,
+                overwrite=options.overwrite,
+                progress=lambda name, done, total: bar.update(
+                    task, completed=done, total=total, description=name
+                ),
+            )
+    except IntentError as error:
+        sys.stderr.write(f"generate: {error}\n")
+        return 1
+    size = sum(f.stat().st_size for folder in written for f in folder.iterdir())
+    sys.stdout.write(f"{len(written)} bags of {options.scenario}, {size / 1e6:.1f} MB\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

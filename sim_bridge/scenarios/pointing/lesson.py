@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm is taught to point: in gravity compensation, led by a person's hands, in physics."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from intent_recognition.kinematics import frame_poses
+from sim_bridge.arm import LwrArm
+from sim_bridge.coworker import bow_profile, minimum_jerk
+from sim_bridge.scenarios.pointing.finger import PointingBodies
+from sim_bridge.scenarios.pointing.scene import (
+    HOME,
+    arm_posture,
+    home_pose,
+    pointed_at,
+    pointing_pose,
+    pointing_rotation,
+)
+from sim_bridge.scenarios.toolbox import HOME_STD_RAD, SENSOR_NOISE, pose
+from sim_bridge.teaching import Grip, HandTarget, pull
+
+TEACHING_STD_M = 0.005
+"""How exactly a person brings the finger to a spot, per axis of the table."""
+TEACHING_STD_RAD = 0.03
+GRIP = Grip()
+_BOW_M, _BOW_STD_M = np.array([0.0, 0.0, 0.03]), 0.010
+_STEPS_PER_SAMPLE = 10
+_PATH_RATE_HZ = 200.0
+
+
+@dataclass(frozen=True)
+class LedPath:
+    """Where the demonstrator's hands are, at 200 Hz.
+
+    Attributes:
+        stamps_s: (T,) since the recording began.
+        hand_m: of the arm's hand (T, 3), world.
+        rotations: of the arm's hand (T, 3, 3).
+        elbow_m: of the arm's elbow (T, 3).
+    """
+
+    stamps_s: np.ndarray
+    hand_m: np.ndarray
+    rotations: np.ndarray
+    elbow_m: np.ndarray
+
+    def target(self, time_s: float) -> HandTarget:
+        """The hands at a time, with their velocities."""
+        row = min(time_s * _PATH_RATE_HZ, len(self.stamps_s) - 1.001)
+        low, share = int(row), row - int(row)
+
+        def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            step = values[low + 1] - values[low]
+            return values[low] + share * step, step * _PATH_RATE_HZ
+
+        hand, hand_velocity = at(self.hand_m)
+        elbow, elbow_velocity = at(self.elbow_m)
+        return HandTarget(hand, self.rotations[low], hand_velocity, elbow, elbow_velocity)
+
+
+@dataclass(frozen=True)
+class TaughtPointing:
+    """What the arm's sensors said, every 10 ms.
+
+    Attributes:
+        positions_rad, velocities_rad_s, torques_nm: (T, 7).
+        pointed_m: where the finger truly pointed at the end (3,), world.
+        strongest_pull_n: largest force of the demonstrator's hands.
+        touched: the finger or the arm touched the table.
+    """
+
+    positions_rad: np.ndarray
+    velocities_rad_s: np.ndarray
+    torques_nm: np.ndarray
+    pointed_m: np.ndarray
+    strongest_pull_n: float
+    touched: bool
+
+
+def plan_path(
+    rng: np.random.Generator, spot_m: np.ndarray, start_s: float, arrival_s: float, length_s: float
+) -> LedPath:
+    """Draw the way on which the arm is led from home to a spot (3,).
+
+    Args:
+        rng: of the individual path and of the teaching error.
+        spot_m: where the finger shall point, world.
+        start_s: when it leaves home.
+        arrival_s: when it arrives.
+        length_s: length of the recording.
+
+    Raises:
+        KinematicsError: the path leaves the workspace.
+    """
+    error = np.append(TEACHING_STD_M * rng.standard_normal(2), 0.0)
+    bow = _BOW_M + _BOW_STD_M * rng.standard_normal(3)
+    skew = rng.uniform(1.0, 1.5)
+    wrong = Rotation.from_rotvec(TEACHING_STD_RAD * rng.standard_normal(3)).as_matrix()
+    goal = pointing_pose(spot_m + error, wrong @ pointing_rotation(spot_m))
+    home = home_pose()
+    stamps = np.arange(round(length_s * _PATH_RATE_HZ) + 1) / _PATH_RATE_HZ
+    done = minimum_jerk((stamps - start_s) / (arrival_s - start_s))[:, None]
+    hand = home[:3, 3] + done * (goal[:3, 3] - home[:3, 3]) + bow * bow_profile(done, skew)
+    ends = Rotation.from_matrix(np.stack((home[:3, :3], goal[:3, :3])))
+    rotations = Slerp([0.0, 1.0], ends)(done[:, 0]).as_matrix()
+    postures = [arm_posture(pose(p, r)) for p, r in zip(hand, rotations, strict=True)]
+    return LedPath(stamps, hand, rotations, frame_poses(np.array(postures))[:, 3, :3, 3])
+
+
+def teach(rng: np.random.Generator, path: LedPath, n_samples: int) -> TaughtPointing:
+    """Lead the arm along a path in a fresh physics world, and record what its sensors say.
+
+    Args:
+        rng: of the posture at the start and of the sensors.
+        path: where the hands are.
+        n_samples: length of the recording, one sample every 10 ms.
+    """
+    strongest, touched, states = 0.0, False, []
+
+    def lead(arm: LwrArm) -> None:
+        nonlocal strongest
+        strongest = max(strongest, pull(arm, path.target(arm.time_s), GRIP))
+
+    with LwrArm(HOME + HOME_STD_RAD * rng.standard_normal(7)) as arm:
+        bodies = PointingBodies(arm)
+        arm.set_gravity_compensation(True)
+        arm.before_step.append(lead)
+        for k in range(n_samples):
+            if k:
+                arm.step(_STEPS_PER_SAMPLE)
+            states.append(arm.state())
+            touched = touched or bodies.touches()
+    q, qd, torque = (np.array([state[i] for state in states]) for i in range(3))
+    noise = rng.standard_normal((3, n_samples, 7))
+    return TaughtPointing(
+        q + SENSOR_NOISE.position_std_rad * noise[0],
+        qd + SENSOR_NOISE.velocity_std_rad_s * noise[1],
+        torque + SENSOR_NOISE.torque_std_nm * noise[2],
+        pointed_at(q[-1]),
+        strongest,
+        touched,
+    )
+
+
+def stand(rng: np.random.Generator, n_samples: int) -> TaughtPointing:
+    """The arm standing at home, as its sensors report it; nobody leads it."""
+    q = HOME + HOME_STD_RAD * rng.standard_normal(7)
+    noise = rng.standard_normal((3, n_samples, 7))
+    with LwrArm(q) as arm:
+        PointingBodies(arm)
+        arm.step(500)
+        state = arm.state()
+    return TaughtPointing(
+        state.q + SENSOR_NOISE.position_std_rad * noise[0],
+        state.qd + SENSOR_NOISE.velocity_std_rad_s * noise[1],
+        state.torque + SENSOR_NOISE.torque_std_nm * noise[2],
+        pointed_at(state.q),
+        0.0,
+        False,
+    )

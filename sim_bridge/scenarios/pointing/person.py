@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A person points at a spot on the table, and a marker on the wrist is tracked.
+
+The index finger comes down to the spot from the shoulder's side; the wrist stops behind it. How
+steeply and from which side the finger comes varies from time to time, so that the wrist does not
+tell the spot exactly. The marker is not fixed in a rigid, repeatable manner (Maeda et al. 2014,
+Sec. IV-B): it is put on anew for every session, and slips a little.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_bridge.coworker import Reach, WristSamples, sample_wrist
+
+SHOULDER_M = np.array([1.34, 0.18, 0.33])
+REST_M = np.array([1.16, 0.12, -0.02])
+WRIST_TO_TIP_M = 0.18
+FINGER_DOWN_RAD = 0.75
+
+REST_STD_M = 0.03
+TIP_STD_M = 0.003
+POSTURE_STD_RAD = 0.035
+BOW_M = np.array([0.0, 0.0, 0.06])
+BOW_STD_M = 0.015
+MARKER_PLACEMENT_STD_M = 0.005
+"""Between sessions: where on the wrist the marker is put, per axis."""
+MARKER_SLIP_STD_M = 0.002
+"""Between recordings of one session, per axis."""
+
+
+@dataclass(frozen=True)
+class PersonPointing:
+    """One movement of a person: rest, reach, hold.
+
+    Attributes:
+        reach: of the wrist.
+        onset_s, end_s: start and end of the movement, since the first sample.
+        samples: what the tracker saw; its true positions are those of the marker.
+    """
+
+    reach: Reach
+    onset_s: float
+    end_s: float
+    samples: WristSamples
+
+
+def marker_placement(rng: np.random.Generator) -> np.ndarray:
+    """Where the marker sits for one session, from where it is meant to be (3,) [m]."""
+    return MARKER_PLACEMENT_STD_M * rng.standard_normal(3)
+
+
+def wrist_goal(rng: np.random.Generator, spot_m: np.ndarray) -> np.ndarray:
+    """Where the wrist stops (3,) when the finger points at a spot (3,), world."""
+    tip = spot_m + TIP_STD_M * rng.standard_normal(3)
+    back = SHOULDER_M[:2] - spot_m[:2]
+    yaw = np.arctan2(back[1], back[0]) + POSTURE_STD_RAD * rng.standard_normal()
+    down = FINGER_DOWN_RAD + POSTURE_STD_RAD * rng.standard_normal()
+    direction = np.array([np.cos(yaw) * np.cos(down), np.sin(yaw) * np.cos(down), np.sin(down)])
+    return tip + WRIST_TO_TIP_M * direction
+
+
+def plan_reach(rng: np.random.Generator, spot_m: np.ndarray) -> Reach:
+    """Draw a reach from rest to a spot (3,)."""
+    return Reach(
+        "",
+        REST_M + REST_STD_M * rng.standard_normal(3),
+        wrist_goal(rng, spot_m),
+        rng.uniform(1.1, 1.7),
+        BOW_M + BOW_STD_M * rng.standard_normal(3),
+        rng.uniform(1.0, 1.5),
+        np.array([0.2, 0.5, 0.1]) + 0.1 * rng.standard_normal(3),
+    )
+
+
+def point(
+    rng: np.random.Generator, spot_m: np.ndarray, placement_m: np.ndarray, hold_s: float
+) -> PersonPointing:
+    """Draw one recording of a person who points at a spot and holds still.
+
+    Args:
+        rng: source of the individual movement.
+        spot_m: the spot (3,), world.
+        placement_m: where the marker sits in this session (3,).
+        hold_s: how long the person holds.
+    """
+    onset = round(rng.uniform(0.6, 0.9), 3)
+    reach = plan_reach(rng, spot_m)
+    end = onset + reach.duration_s
+    samples = sample_wrist(rng, [(onset, reach)], end + hold_s, gaps_per_s=0.15)
+    offset = placement_m + MARKER_SLIP_STD_M * rng.standard_normal(3)
+    marked = WristSamples(
+        samples.times_s,
+        samples.positions_m + offset,
+        samples.orientations,
+        samples.visible,
+        samples.true_positions_m + offset,
+    )
+    return PersonPointing(reach, onset, end, marked)

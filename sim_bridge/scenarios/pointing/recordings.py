@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recordings of pointing: nine spots to learn from, nine others to test on.
+
+In a training recording the person points and holds, and then the arm is led to point at the same
+spot. In a test recording the arm stands at home. The marker is put on once per set.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from sim_bridge.scenarios.pointing.lesson import TaughtPointing, plan_path, stand, teach
+from sim_bridge.scenarios.pointing.person import PersonPointing, marker_placement, point
+from sim_bridge.scenarios.pointing.scene import SPOTS_M, TASK, spot
+from sim_bridge.teaching import (
+    EPOCH_NS,
+    PROVENANCE,
+    metadata_vector,
+    pose_and_joint_messages,
+    write_recording,
+)
+
+PURPOSES = ("train", "test")
+_STREAM = 31
+SETTLE_S = 0.6
+TEST_HOLD_S = 1.5
+
+
+@dataclass(frozen=True)
+class Order:
+    """One recording to make: of which set ("train" or "test") and spot, from which seed."""
+
+    seed: int
+    purpose: str
+    index: int
+
+    @property
+    def name(self) -> str:
+        """Name of the bag, such as pointing_03."""
+        return f"{TASK}_{self.index:02d}"
+
+    @property
+    def folder(self) -> PurePosixPath:
+        """Where the bag goes, below the folder for all bags."""
+        return PurePosixPath(TASK, self.purpose, self.name)
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first sample: one recording a minute, from a fixed day on."""
+        minute = 3000 + 100 * PURPOSES.index(self.purpose) + self.index
+        return EPOCH_NS + minute * 60_000_000_000
+
+    def rng(self, index: int) -> np.random.Generator:
+        """Random generator of recording `index` of this set; index 99 is the set's own."""
+        return np.random.default_rng([self.seed, _STREAM, PURPOSES.index(self.purpose), index])
+
+
+@dataclass(frozen=True)
+class Pointing:
+    """One recording: the person, the arm, and when the arm moved (None if it stood)."""
+
+    order: Order
+    spot_m: np.ndarray
+    placement_m: np.ndarray
+    person: PersonPointing
+    arm: TaughtPointing
+    led_s: tuple[float, float] | None
+
+
+def orders(seed: int) -> list[Order]:
+    """Every recording: nine for training, nine for testing."""
+    return [Order(seed, p, k) for p in PURPOSES for k in range(len(SPOTS_M[p]))]
+
+
+def record(order: Order) -> Pointing:
+    """Simulate one recording.
+
+    Raises:
+        ArgumentError: no such set or spot.
+    """
+    target = spot(order.purpose, order.index)
+    placement = marker_placement(order.rng(99))
+    rng = order.rng(order.index)
+    if order.purpose == "test":
+        person = point(rng, target, placement, TEST_HOLD_S)
+        arm = stand(rng, len(person.samples.times_s))
+        return Pointing(order, target, placement, person, arm, None)
+    pause, led = rng.uniform(0.25, 0.4), rng.uniform(2.2, 2.8)
+    person = point(rng, target, placement, pause + led + SETTLE_S)
+    start = person.end_s + pause
+    length = float(person.samples.times_s[-1])
+    path = plan_path(rng, target, start, start + led, length)
+    arm = teach(rng, path, len(person.samples.times_s))
+    return Pointing(order, target, placement, person, arm, (start, start + led))
+
+
+def metadata(shown: Pointing) -> dict[str, str]:
+    """What metadata.yaml says under custom_data."""
+
+    def stamp(seconds: float) -> str:
+        return str(shown.order.start_ns + round(seconds * 1e9))
+
+    known = {
+        "task": TASK,
+        "set": shown.order.purpose,
+        **PROVENANCE,
+        "seed": str(shown.order.seed),
+        "index": str(shown.order.index),
+        "spot_m": metadata_vector(shown.spot_m),
+        "marker_placement_m": metadata_vector(shown.placement_m),
+        "human_onset_ns": stamp(shown.person.onset_s),
+        "human_end_ns": stamp(shown.person.end_s),
+    }
+    if shown.led_s is None:
+        return known
+    return known | {
+        "robot_start_ns": stamp(shown.led_s[0]),
+        "robot_arrival_ns": stamp(shown.led_s[1]),
+        "robot_pointed_m": metadata_vector(shown.arm.pointed_m),
+        "teaching_error_m": f"{np.linalg.norm(shown.arm.pointed_m - shown.spot_m):.6f}",
+        "strongest_pull_n": f"{shown.arm.strongest_pull_n:.3f}",
+    }
+
+
+def make(order: Order, output: Path) -> Path:
+    """Simulate one recording and write it as a bag below `output`; return its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+    """
+    shown = record(order)
+    said = pose_and_joint_messages(shown.order.start_ns, shown.person.samples, shown.arm)
+    return write_recording(output / shown.order.folder, metadata(shown), said)

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One kinesthetic demonstration beside the pole: the arm in gravity compensation, led by hand."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.kinematics import frame_poses
+from sim_bridge.arm import LwrArm
+from sim_bridge.scenarios.pole.plan import Way
+from sim_bridge.scenarios.pole.world import STEPS_PER_SAMPLE, Pole
+from sim_bridge.scenarios.toolbox import SENSOR_NOISE
+from sim_bridge.teaching import Grip, HandTarget, pull
+
+_RATE_HZ = 200.0
+
+
+@dataclass(frozen=True)
+class PoleLesson:
+    """The robot's half of a demonstration, measured every 10 ms.
+
+    Attributes:
+        positions_rad, velocities_rad_s, torques_nm: what the sensors said (T, 7).
+        true_positions_rad: where the joints really were (T, 7).
+        clearance_m: distance from the pole (T,).
+        strongest_pull_n: largest force of the demonstrator's hand.
+    """
+
+    positions_rad: np.ndarray
+    velocities_rad_s: np.ndarray
+    torques_nm: np.ndarray
+    true_positions_rad: np.ndarray
+    clearance_m: np.ndarray
+    strongest_pull_n: float
+
+
+class _Hand:
+    """The demonstrator's hand along a way."""
+
+    def __init__(self, way: Way, start_s: float, arrival_s: float, length_s: float) -> None:
+        stamps = np.arange(round(length_s * _RATE_HZ) + 1) / _RATE_HZ
+        frames = frame_poses(way.timed(stamps, start_s, arrival_s))
+        self._hand, self._turn = frames[:, 7, :3, 3], frames[:, 7, :3, :3]
+        self._elbow = frames[:, 3, :3, 3]
+        self._hand_velocity = np.gradient(self._hand, stamps, axis=0)
+        self._elbow_velocity = np.gradient(self._elbow, stamps, axis=0)
+        self._grip = Grip()
+        self.strongest_pull_n = 0.0
+
+    def lead(self, arm: LwrArm) -> None:
+        """Pull for one step."""
+        place = min(arm.time_s * _RATE_HZ, len(self._hand) - 1.001)
+        low, share = int(place), place - int(place)
+
+        def between(values: np.ndarray) -> np.ndarray:
+            return values[low] + share * (values[low + 1] - values[low])
+
+        target = HandTarget(
+            between(self._hand),
+            self._turn[low],
+            between(self._hand_velocity),
+            between(self._elbow),
+            between(self._elbow_velocity),
+        )
+        self.strongest_pull_n = max(self.strongest_pull_n, pull(arm, target, self._grip))
+
+
+def lead_around(
+    rng: np.random.Generator, way: Way, start_s: float, arrival_s: float, n_samples: int
+) -> PoleLesson:
+    """Lead the arm along a way in a fresh world with the pole; record what its sensors say.
+
+    Args:
+        rng: of the sensors.
+        way: where the arm is led.
+        start_s: when it is led off, since the recording began.
+        arrival_s: when it arrives.
+        n_samples: length of the recording, 100 a second.
+    """
+    hand = _Hand(way, start_s, arrival_s, (n_samples - 1) * 0.01)
+    states, distance = [], []
+    with LwrArm(way.start) as arm:
+        pole = Pole(arm)
+        arm.set_gravity_compensation(True)
+        arm.before_step.append(hand.lead)
+        for k in range(n_samples):
+            if k:
+                arm.step(STEPS_PER_SAMPLE)
+            states.append(arm.state())
+            distance.append(pole.clearance(states[-1].q))
+    q, qd, torque = (np.array([state[i] for state in states]) for i in range(3))
+    noise = rng.standard_normal((3, n_samples, 7))
+    return PoleLesson(
+        q + SENSOR_NOISE.position_std_rad * noise[0],
+        qd + SENSOR_NOISE.velocity_std_rad_s * noise[1],
+        torque + SENSOR_NOISE.torque_std_nm * noise[2],
+        q,
+        np.array(distance),
+        hand.strongest_pull_n,
+    )

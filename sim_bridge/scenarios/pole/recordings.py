@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The 28 demonstrations beside the pole: 14 on each side, nine spots on both.
+
+The recordings carry no task. On which side the arm was led stands in their metadata, for whoever
+scores; the learner is not told.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from intent_recognition.errors import KinematicsError, describe
+from sim_bridge.scenarios.pole.geometry import HOME, LEFT, RIGHT, WAYS, fingertip, way_of
+from sim_bridge.scenarios.pole.lesson import PoleLesson, lead_around
+from sim_bridge.scenarios.pole.person import Pointing, draw_pointing
+from sim_bridge.scenarios.pole.plan import can_reach, plan_way
+from sim_bridge.teaching import (
+    EPOCH_NS,
+    PROVENANCE,
+    metadata_vector,
+    pose_and_joint_messages,
+    write_recording,
+)
+
+WAND_TOPIC = "mocap/wand/pose"
+DEPTHS_M = (0.53, 0.57, 0.61)
+BOTH_WAYS_Y_M = (-0.06, 0.0, 0.06)
+ONE_WAY_Y_M = (0.15, 0.18, 0.15, 0.20, 0.17)
+ONE_WAY_X_M = (0.52, 0.55, 0.57, 0.60, 0.62)
+JITTER_M = 0.01
+START_STD_RAD = 0.004
+SWING_STD_RAD = 0.03
+TEACHING_STD_M = 0.004
+REACTION_SHARE = 0.12
+TOUCH_M = 0.01
+ATTEMPTS = 20
+_STREAM = 31
+
+
+@dataclass(frozen=True)
+class Order:
+    """One demonstration to make."""
+
+    seed: int
+    index: int
+    spot: int
+    way: str
+
+    @property
+    def folder(self) -> PurePosixPath:
+        """Where the bag goes, below the folder for all bags."""
+        return PurePosixPath("pole", f"pole_{self.index:02d}")
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first sample: one demonstration a minute."""
+        return EPOCH_NS + (20_000 + self.index) * 60_000_000_000
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One demonstration: the person, the arm, and how often it had to be tried."""
+
+    order: Order
+    pointing: Pointing
+    lesson: PoleLesson
+    reachable: tuple[str, ...]
+    attempts: int
+
+
+def spot_positions(seed: int) -> np.ndarray:
+    """The spots on the table (19, 2): nine in the middle, five on the left, five on the right."""
+    middle = [(x, y) for x in DEPTHS_M for y in BOTH_WAYS_Y_M]
+    left = list(zip(ONE_WAY_X_M, ONE_WAY_Y_M, strict=True))
+    right = [(x, -y) for x, y in left]
+    jitter = np.random.default_rng([seed, _STREAM, 0]).uniform(-JITTER_M, JITTER_M, (19, 2))
+    return np.array(middle + left + right) + jitter
+
+
+def orders(seed: int) -> list[Order]:
+    """Every demonstration; those of one spot by both ways do not follow each other."""
+    ways = [(spot, LEFT) for spot in (*range(9), *range(9, 14))]
+    ways += [(spot, RIGHT) for spot in (*range(9), *range(14, 19))]
+    dealt = np.random.default_rng([seed, _STREAM, 1]).permutation(len(ways))
+    return [Order(seed, index, *ways[k]) for index, k in enumerate(dealt)]
+
+
+def demonstrate(order: Order) -> Shown:
+    """Simulate one demonstration; one that comes too near the pole is shown again.
+
+    Raises:
+        KinematicsError: it cannot be shown.
+    """
+    spot = spot_positions(order.seed)[order.spot]
+    rng = np.random.default_rng([order.seed, _STREAM, 2, order.index])
+    for attempt in range(ATTEMPTS):
+        pointing = draw_pointing(rng, spot, order.way)
+        start = HOME + START_STD_RAD * rng.standard_normal(7)
+        error = SWING_STD_RAD * rng.standard_normal(7)
+        aimed = spot + TEACHING_STD_M * rng.standard_normal(2)
+        try:
+            way = plan_way(aimed, order.way, start=start, swing_error_rad=error)
+        except KinematicsError:
+            continue
+        begin = pointing.onset_s + REACTION_SHARE * (pointing.arrival_s - pointing.onset_s)
+        lesson = lead_around(rng, way, begin, pointing.arrival_s, len(pointing.samples.times_s))
+        path = fingertip(lesson.true_positions_rad)
+        if lesson.clearance_m.min() > TOUCH_M and way_of(path) == order.way:
+            reachable = tuple(way for way in WAYS if can_reach(spot, way))
+            return Shown(order, pointing, lesson, reachable, attempt + 1)
+    raise KinematicsError(
+        describe(
+            f"spot {np.round(spot, 3).tolist()}",
+            f"a demonstration by the {order.way} of the pole",
+            f"none in {ATTEMPTS} attempts",
+            "Move the spot.",
+        )
+    )
+
+
+def metadata(shown: Shown) -> dict[str, str]:
+    """What metadata.yaml says under custom_data; no task."""
+    order, pointing, lesson = shown.order, shown.pointing, shown.lesson
+
+    def stamp(seconds: float) -> str:
+        return str(order.start_ns + round(seconds * 1e9))
+
+    missed = fingertip(lesson.true_positions_rad[-1])[:2] - pointing.reach.goal_m[:2]
+    return {
+        **PROVENANCE,
+        "seed": str(order.seed),
+        "index": str(order.index),
+        "way": order.way,
+        "spot": str(order.spot),
+        "reachable": " ".join(shown.reachable),
+        "attempts": str(shown.attempts),
+        "human_onset_ns": stamp(pointing.onset_s),
+        "human_end_ns": stamp(pointing.end_s),
+        "robot_arrival_ns": stamp(pointing.arrival_s),
+        "goal_m": metadata_vector(pointing.reach.goal_m),
+        "clearance_m": f"{lesson.clearance_m.min():.6f}",
+        "teaching_error_m": f"{np.linalg.norm(missed):.6f}",
+        "strongest_pull_n": f"{lesson.strongest_pull_n:.3f}",
+    }
+
+
+def make(order: Order, output: Path) -> Path:
+    """Simulate one demonstration and write it as a bag below `output`; return its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+        KinematicsError: it cannot be shown.
+    """
+    shown = demonstrate(order)
+    said = pose_and_joint_messages(
+        shown.order.start_ns, shown.pointing.samples, shown.lesson, WAND_TOPIC
+    )
+    return write_recording(output / shown.order.folder, metadata(shown), said)

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+from .executed import (
+    MEAN,
+    PAIRS,
+    SAMPLE,
+    UNWARPED,
+    Order,
+    Planned,
+    Skill,
+    execute,
+    learn_skill,
+    planned,
+    seen_as,
+)
+from .novel import read_demonstrated, read_pour
+from .pour import Poured
+from .task_space import PourPath
+
+__all__ = [
+    "MEAN",
+    "PAIRS",
+    "SAMPLE",
+    "UNWARPED",
+    "Order",
+    "Planned",
+    "PourPath",
+    "Poured",
+    "Skill",
+    "execute",
+    "learn_skill",
+    "planned",
+    "read_demonstrated",
+    "read_pour",
+    "seen_as",
+]

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a path is expected to spill, by constraints learned from trials with one cup."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.share import share_path
+from intent_recognition.warping import (
+    FillingConstraint,
+    FillingState,
+    PouringConstraint,
+    PouringState,
+    References,
+    spill_risk,
+)
+from sim_bridge.balls import FILLING, FILLING_TILT_RAD, POURING, SECOND, read_trials
+from sim_bridge.containers import CONTAINER_NAMES
+from sim_bridge.scenarios.pouring.novel import Seen
+from sim_bridge.scenarios.pouring.task_space import PourPath
+
+TRIALS_FILE = "config/pouring_trials.npz"
+HALF_FULL = 0.5
+HIGHEST_RISK = 0.5
+"""A path is executed if a spill is expected with less than this probability all along."""
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """When a cup pours, and when all of it ends up in the second container."""
+
+    pouring: PouringConstraint
+    filling: FillingConstraint
+
+    def risk(self, path: PourPath, cup: References, second: References) -> np.ndarray:
+        """Probability (T,) that something is poured and falls beside, along a path.
+
+        Until the cup is tilted most it is taken to be half full; after that nothing more is
+        expected to leave it.
+
+        Args:
+            path: of the lip.
+            cup: the container in the hand.
+            second: the other one.
+        """
+        todo = np.arange(len(path.times_s)) <= np.argmax(path.tilt_rad)
+        fluid = np.where(todo, HALF_FULL * cup.volume_m3, 0.0)
+        states = FillingState(fluid, 0.0, path.tilt_rad, path.offset_m)
+        return np.where(todo, spill_risk(self.pouring, self.filling, states, cup, second), 0.0)
+
+
+def learn_constraints(cup: str, seen_as: Callable[[str], Seen]) -> Constraints:
+    """Learn from all shipped trials with one cup.
+
+    Args:
+        cup: name of the container.
+        seen_as: what a scan of a container tells.
+    """
+    tables, index = read_trials(share_path(TRIALS_FILE)).tables, CONTAINER_NAMES.index(cup)
+    own, second = seen_as(cup).references, seen_as(SECOND).references
+    pouring = {n: v[tables[POURING]["object"] == index] for n, v in tables[POURING].items()}
+    filling = {n: v[tables[FILLING]["object"] == index] for n, v in tables[FILLING].items()}
+    state = PouringState(pouring["fluid_m3"], pouring["tilt_rad"])
+    features = PouringConstraint.features(state, own)
+    offset = np.column_stack([filling[f"lip_{axis}_m"] for axis in "xyz"])
+    filled = FillingState(filling["fluid_m3"], filling["second_fluid_m3"], FILLING_TILT_RAD, offset)
+    return Constraints(
+        PouringConstraint.learn(features, (pouring["poured"] > 0.0).astype(float)),
+        FillingConstraint.learn_throw(
+            FillingConstraint.features(filled, own, second),
+            FillingConstraint.unit_throw(filled, own, second),
+            filling["success"],
+        ),
+    )

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pours with pairs of containers that were never demonstrated, recorded as bags.
+
+Each pair is poured with along the primitive's mean and along one drawn path, both rescaled by
+warped parameters, and, for comparison, along the mean with the demonstrated pair's references.
+The demonstrations must be below the output folder.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from intent_recognition.errors import KinematicsError, describe
+from intent_recognition.warping import WarpedPrimitive
+from sim_bridge.containers import (
+    CONTAINER_NAMES,
+    SHAPES,
+    Container,
+    build_container,
+    make_container,
+)
+from sim_bridge.scenarios.pouring.checking import HIGHEST_RISK, Constraints, learn_constraints
+from sim_bridge.scenarios.pouring.novel import (
+    Seen,
+    annotated_source,
+    learn_pouring,
+    look_at,
+    plan,
+    read_demonstrated,
+)
+from sim_bridge.scenarios.pouring.recordings import (
+    CONTAINER_SEED,
+    N_BALLS,
+    TASK,
+    half_full_radius_m,
+    joint_messages,
+    labels_of,
+)
+from sim_bridge.scenarios.pouring.task_space import PourPath
+from sim_bridge.teaching import EPOCH_NS, PROVENANCE, write_recording
+
+if TYPE_CHECKING:
+    from sim_bridge.scenarios.pouring.pour import Poured
+
+MEAN, UNWARPED, SAMPLE = MANNERS = ("mean", "unwarped", "sample")
+BIG_BOWL, BIG_BOWL_SCALE = "big_bowl", 1.5
+PAIRS = (
+    ("espresso_cup", BIG_BOWL),
+    ("mug", "tumbler"),
+    ("tumbler", "square_bowl"),
+    ("tall_glass", "round_bowl"),
+    ("paper_cup", "mug"),
+    ("espresso_cup", "tea_cup"),
+    ("tea_cup", "paper_cup"),
+    ("espresso_cup", "espresso_cup"),
+    ("round_bowl", BIG_BOWL),
+)
+"""Cup and second container: a shorter cup into a bigger bowl, into smaller cups, into a square
+bowl, from the tallest, the smallest and a wide one."""
+
+DRAWS = 20
+EVERY = 2
+"""Samples of 10 ms per recorded one, to keep the bags small."""
+
+_STREAM = 62
+
+
+@dataclass(frozen=True)
+class Order:
+    """One pour to make: which pair, along which path."""
+
+    seed: int
+    pair: int
+    manner: str
+
+    @property
+    def name(self) -> str:
+        """Name of the bag, such as mug_tumbler_mean."""
+        return f"{'_'.join(PAIRS[self.pair])}_{self.manner}"
+
+    @property
+    def folder(self) -> PurePosixPath:
+        """Where the bag goes, below the folder for all bags."""
+        return PurePosixPath("pouring", "executed", self.name)
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first sample: one pour a minute."""
+        place = len(MANNERS) * self.pair + MANNERS.index(self.manner)
+        return EPOCH_NS + (6100 + place) * 60_000_000_000
+
+    def rng(self, purpose: int) -> np.random.Generator:
+        """Random numbers for one purpose; how the balls lie is the same for every manner."""
+        return np.random.default_rng([self.seed, _STREAM, self.pair, purpose])
+
+
+class Skill(NamedTuple):
+    """What was learned with the demonstrated pair.
+
+    Attributes:
+        primitive: in the warped space.
+        cup: the demonstrated cup as scanned.
+        second: the demonstrated second container as scanned.
+        constraints: of pouring and filling.
+    """
+
+    primitive: WarpedPrimitive
+    cup: Seen
+    second: Seen
+    constraints: Constraints
+
+
+class Planned(NamedTuple):
+    """A path for one pair, and what is known before it is executed.
+
+    Attributes:
+        path: of the lip.
+        cup: as scanned.
+        second: as scanned.
+        risk: highest probability of a spill along the path, by the learned constraints.
+        draws: how many paths were drawn until one was let through; 0 for a mean.
+    """
+
+    path: PourPath
+    cup: Seen
+    second: Seen
+    risk: float
+    draws: int
+
+
+def orders(seed: int) -> list[Order]:
+    """Every pour."""
+    return [Order(seed, k, manner) for manner in MANNERS for k in range(len(PAIRS))]
+
+
+def container_named(name: str) -> Container:
+    """One of the ten containers, or the bowl that is larger than all of them."""
+    if name != BIG_BOWL:
+        return make_container(name, CONTAINER_SEED)
+    small, scale = SHAPES["round_bowl"], BIG_BOWL_SCALE
+    lengths = {f: scale * getattr(small, f) for f in ("height_m", "base_m", "top_m")}
+    return build_container(BIG_BOWL, replace(small, **lengths))
+
+
+@cache
+def seen_as(name: str, seed: int) -> Seen:
+    """What a scan tells of a container."""
+    index = (*CONTAINER_NAMES, BIG_BOWL).index(name)
+    rng = np.random.default_rng([seed, _STREAM, 1000, index])
+    return look_at(annotated_source(), container_named(name), rng)
+
+
+@cache
+def learn_skill(demonstrations: Path, seed: int) -> Skill:
+    """Learn the primitive from a folder of bags, and the constraints from the shipped trials."""
+    shown = read_demonstrated(demonstrations)
+    cup, second = (seen_as(name, seed) for name in (shown.cup, shown.second))
+    constraints = learn_constraints(shown.cup, lambda name: seen_as(name, seed))
+    return Skill(learn_pouring(shown.pours, cup, second), cup, second, constraints)
+
+
+def planned(order: Order, skill: Skill) -> Planned:
+    """The path of an order, checked against the learned constraints.
+
+    Raises:
+        KinematicsError: none of the paths drawn is expected to spill nothing.
+    """
+    cup, second = (seen_as(name, order.seed) for name in PAIRS[order.pair])
+
+    def risk(path: PourPath) -> float:
+        found = skill.constraints.risk(path, cup.references, second.references)
+        return float(found.max())
+
+    if order.manner == UNWARPED:
+        path = plan(skill.primitive, skill.cup.references, skill.second.references)
+        return Planned(path, cup, second, risk(path), 0)
+    if order.manner == MEAN:
+        path = plan(skill.primitive, cup.references, second.references)
+        return Planned(path, cup, second, risk(path), 0)
+    rng = order.rng(1)
+    for draw in range(1, DRAWS + 1):
+        path = plan(skill.primitive, cup.references, second.references, rng)
+        if risk(path) < HIGHEST_RISK:
+            return Planned(path, cup, second, risk(path), draw)
+    cure = "Demonstrate with containers more like these."
+    got = f"none of {DRAWS} for {PAIRS[order.pair]}"
+    raise KinematicsError(describe("path", "one expected to spill nothing", got, cure))
+
+
+def execute(order: Order, plan_: Planned) -> "Poured":
+    """Let the torque-controlled arm pour forty balls that fill half of the cup."""
+    from sim_bridge.scenarios.pouring.pour import Belief, pour
+
+    cup, second = (container_named(name) for name in PAIRS[order.pair])
+    return pour(
+        plan_.path,
+        cup,
+        second,
+        ball_radius_m=half_full_radius_m(cup),
+        n_balls=N_BALLS,
+        rng=order.rng(0),
+        belief=Belief(plan_.cup.lip_m, plan_.second.opening_m),
+    )
+
+
+def metadata(order: Order, plan_: Planned, poured: "Poured") -> dict[str, str]:
+    """What metadata.yaml says under custom_data."""
+    cup, second = PAIRS[order.pair]
+    return {
+        "task": TASK,
+        "set": "executed",
+        **PROVENANCE,
+        "seed": str(order.seed),
+        "pair": str(order.pair),
+        "manner": order.manner,
+        **labels_of(container_named(cup), cup, second, poured),
+        "risk": f"{plan_.risk:.6f}",
+        "draws": str(plan_.draws),
+        "through_wall": str(poured.through_wall),
+        "saturated_steps": str(poured.saturated_steps),
+    }
+
+
+def messages(order: Order, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
+    """What the arm's sensors said."""
+    noise = order.rng(2 + MANNERS.index(order.manner))
+    return joint_messages(order.start_ns, poured, noise, every=EVERY)
+
+
+def make(order: Order, output: Path) -> Path:
+    """Plan, pour and write the bag below `output`; return its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+        KinematicsError: the path is out of reach, or none passes the check.
+    """
+    skill = learn_skill(output / "pouring" / "train", order.seed)
+    plan_ = planned(order, skill)
+    poured = execute(order, plan_)
+    folder = output / order.folder
+    return write_recording(folder, metadata(order, plan_, poured), messages(order, poured))

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The outside of containers as convex pieces, so that a cup can touch the one it pours into.
+
+What balls collide with will not do: its walls are thickened outward, by more than a cup may pass
+from another. These have their true thickness, but for what Bullet's margin takes.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from sim_bridge.balls import HULL_MARGIN_M, offset
+from sim_bridge.containers import TUBE_CORNERS, Container
+
+N_LEVELS = 7
+N_CORNERS = 32
+THINNEST_M, LOWEST_M = 0.0004, 0.0001
+"""Hulls need a thickness and a height; with Bullet's margin a wall of 2 mm would have none left."""
+
+
+def solid_pieces(container: Container) -> list[np.ndarray]:
+    """Corners (V, 3) of slabs that fill a container up to its rim, and of its handle."""
+    _, outer, heights = _rows(container)
+    rings = [_at(ring, z) for ring, z in zip(outer, heights, strict=True)]
+    slabs = [np.concatenate(pair) for pair in pairwise(rings)]
+    return slabs + _handle_pieces(container)
+
+
+def shell_pieces(container: Container) -> list[np.ndarray]:
+    """Corners (V, 3) of the pieces of a container's wall, of its floor and of its handle."""
+    inner, outer, heights = _rows(container)
+    pieces = [np.concatenate([_at(outer[0], heights[0]), _at(outer[1], heights[1])])]
+    for low in range(1, len(heights) - 1):
+        for k in range(N_CORNERS):
+            after = (k + 1) % N_CORNERS
+            corners = [
+                (*ring[row, corner], heights[row])
+                for ring in (inner, outer)
+                for row in (low, low + 1)
+                for corner in (k, after)
+            ]
+            pieces.append(np.array(corners))
+    return pieces + _handle_pieces(container)
+
+
+def _rows(container: Container) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inner and outer outlines (R, N_CORNERS, 2) and heights (R,), from the base to the crest.
+
+    All are drawn back by Bullet's margin.
+    """
+    sections = container.sections
+    # The wall up to where the rim begins to be round, and the crest.
+    level = sections.heights_m
+    shoulder = int(np.argmax(np.linalg.norm(sections.outer, axis=2).max(1)))
+    wanted = np.linspace(level[0], level[shoulder], N_LEVELS - 1)
+    near = [int(np.argmin(np.abs(level[: shoulder + 1] - height))) for height in wanted]
+    rows = [*sorted(set(near)), len(level) - 1]
+    every = sections.inner.shape[1] // N_CORNERS
+    heights = np.concatenate([[HULL_MARGIN_M], sections.heights_m[rows]])
+    heights[-1] -= HULL_MARGIN_M
+    heights[:-1] = np.minimum(heights[:-1], heights[-1] - LOWEST_M)
+    base = sections.base[None, ::every]
+    outer = np.concatenate([base, sections.outer[rows][:, ::every]])
+    inner = np.concatenate([base, sections.inner[rows][:, ::every]])
+    outer, inner = offset(outer, -HULL_MARGIN_M), offset(inner, HULL_MARGIN_M)
+    middle, half = 0.5 * (outer + inner), 0.5 * (outer - inner)
+    length = np.linalg.norm(middle, axis=-1, keepdims=True)
+    outward = middle / length
+    thick = np.maximum((half * outward).sum(-1, keepdims=True), 0.5 * THINNEST_M)
+    return middle - thick * outward, middle + thick * outward, heights
+
+
+def _handle_pieces(container: Container) -> list[np.ndarray]:
+    """The handle's tube, ring by ring."""
+    if container.handle is None:
+        return []
+    # The last two corners close the ends, which lie in the wall.
+    rings = np.asarray(container.handle.vertices)[:-2].reshape(-1, TUBE_CORNERS, 3)
+    middle = rings.mean(1, keepdims=True)
+    grip = np.linalg.norm(rings - middle, axis=2, keepdims=True)
+    rings = middle + (rings - middle) * (1.0 - HULL_MARGIN_M / grip)
+    return [np.concatenate(pair) for pair in pairwise(rings)]
+
+
+def _at(ring: np.ndarray, height_m: float) -> np.ndarray:
+    return np.column_stack([ring, np.full(len(ring), height_m)])

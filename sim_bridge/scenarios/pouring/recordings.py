@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recordings of pouring: ten kinesthetic demonstrations with one pair of containers.
+
+Only the arm is recorded. What moves in the warped space follows from its joints and from how it
+holds the cup, which stand in the metadata.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from intent_recognition.kinematics import forward_kinematics
+from intent_recognition.warping import References
+from sim_bridge.balls import ball_radius_m
+from sim_bridge.containers import Container, make_container
+from sim_bridge.scenarios.pouring.person import draw_habit, plan_pour
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath, seen_path
+from sim_bridge.teaching import (
+    ANGLE_STEP_RAD,
+    EPOCH_NS,
+    JOINT_TOPIC,
+    JOINT_TYPE,
+    PROVENANCE,
+    RATE_STEP_RAD_S,
+    SAMPLE_NS,
+    TORQUE_STEP_NM,
+    joint_fields,
+    metadata_vector,
+    to_counts,
+    write_recording,
+)
+
+if TYPE_CHECKING:
+    from sim_bridge.scenarios.pouring.pour import Poured
+
+TASK = "pouring"
+CUP, SECOND = "tall_mug", "shallow_bowl"
+CONTAINER_SEED = 1
+N_DEMONSTRATIONS = 10
+N_BALLS = 40
+_STREAM = 61
+
+
+@dataclass(frozen=True)
+class Order:
+    """One demonstration to make, from which seed."""
+
+    seed: int
+    index: int
+
+    @property
+    def name(self) -> str:
+        """Name of the bag, such as pouring_03."""
+        return f"{TASK}_{self.index:02d}"
+
+    @property
+    def folder(self) -> PurePosixPath:
+        """Where the bag goes, below the folder for all bags."""
+        return PurePosixPath(TASK, "train", self.name)
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first sample: one recording a minute, from a fixed day on."""
+        return EPOCH_NS + (6000 + self.index) * 60_000_000_000
+
+    def rng(self) -> np.random.Generator:
+        """All that is random in the demonstration."""
+        return np.random.default_rng([self.seed, _STREAM, self.index])
+
+
+def orders(seed: int) -> list[Order]:
+    """Every demonstration."""
+    return [Order(seed, k) for k in range(N_DEMONSTRATIONS)]
+
+
+def true_references(container: Container) -> References:
+    """Reference values measured on the container itself."""
+    return References(
+        container.opening_radius_m,
+        container.inner_volume_m3,
+        container.height_m,
+        container.tilt_reference_rad,
+    )
+
+
+def half_full_radius_m(cup: Container) -> float:
+    """Radius of balls of which `N_BALLS` fill half of a container."""
+    return ball_radius_m(0.5 * cup.inner_volume_m3, N_BALLS)
+
+
+def record(order: Order) -> "Poured":
+    """Simulate one demonstration: a person leads the arm, and forty balls are poured."""
+    from sim_bridge.scenarios.pouring.pour import pour
+
+    rng = order.rng()
+    cup, second = (make_container(name, CONTAINER_SEED) for name in (CUP, SECOND))
+    path = plan_pour(draw_habit(rng), true_references(cup), true_references(second))
+    return pour(
+        path,
+        cup,
+        second,
+        ball_radius_m=half_full_radius_m(cup),
+        n_balls=N_BALLS,
+        rng=rng,
+        led=True,
+    )
+
+
+def metadata(order: Order, poured: "Poured") -> dict[str, str]:
+    """What metadata.yaml says under custom_data."""
+    return {
+        "task": TASK,
+        "set": "train",
+        **PROVENANCE,
+        "seed": str(order.seed),
+        "index": str(order.index),
+        **labels_of(make_container(CUP, CONTAINER_SEED), CUP, SECOND, poured),
+        "strongest_pull_n": f"{poured.strongest_pull_n:.3f}",
+    }
+
+
+def labels_of(cup: Container, name: str, second: str, poured: "Poured") -> dict[str, str]:
+    """Labels of any recorded pour: containers, grasp and what became of the balls."""
+    return {
+        "cup": name,
+        "second": second,
+        "container_seed": str(CONTAINER_SEED),
+        "opening_m": metadata_vector(OPENING_M),
+        "lip_m": metadata_vector(cup.lip_point),
+        "height_m": f"{cup.height_m:.6f}",
+        "balls": str(poured.n_balls),
+        "spilled": str(poured.spilled),
+        "kept": str(poured.kept),
+        "touched_s": f"{poured.touched_s:.3f}",
+        "strongest_touch_n": f"{poured.strongest_touch_n:.3f}",
+    }
+
+
+def pour_of(
+    times_s: np.ndarray, joints_rad: np.ndarray, custom_data: Mapping[str, str]
+) -> PourPath:
+    """The pour that recorded joints (T, 7) [rad] made, by the metadata of their bag."""
+
+    def vector(name: str) -> np.ndarray:
+        return np.array([float(part) for part in custom_data[name].split()])
+
+    grasp = Grasp(vector("lip_m"), float(custom_data["height_m"]))
+    cup_poses = forward_kinematics(joints_rad) @ grasp.cup_in_hand
+    return seen_path(times_s, cup_poses, grasp.lip_m, vector("opening_m"))
+
+
+def messages(order: Order, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
+    """What the arm's noisy sensors said."""
+    noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
+    return joint_messages(order.start_ns, poured, noise)
+
+
+def joint_messages(
+    start_ns: int, poured: "Poured", noise: np.random.Generator, *, every: int = 1
+) -> Iterator[tuple[str, str, int, dict]]:
+    """Yield (topic, type, stamp in ns, fields), in order of time, as noisy sensors measure.
+
+    Args:
+        start_ns: stamp of the first sample.
+        poured: what the arm did.
+        noise: of the sensors.
+        every: keep one sample of so many.
+    """
+    from sim_bridge.scenarios.toolbox import SENSOR_NOISE
+
+    draw = noise.standard_normal((3, *poured.joints_rad.shape))
+    measured = (
+        (poured.joints_rad, SENSOR_NOISE.position_std_rad, ANGLE_STEP_RAD),
+        (poured.velocities_rad_s, SENSOR_NOISE.velocity_std_rad_s, RATE_STEP_RAD_S),
+        (poured.torques_nm, SENSOR_NOISE.torque_std_nm, TORQUE_STEP_NM),
+    )
+    columns = [
+        to_counts(values + std * part, step)
+        for (values, std, step), part in zip(measured, draw, strict=True)
+    ]
+    for k in range(0, len(poured.times_s), every):
+        stamp = start_ns + k * SAMPLE_NS
+        yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, *(c[k] for c in columns))
+
+
+def make(order: Order, output: Path) -> Path:
+    """Simulate one demonstration and write it as a bag below `output`; return its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+    """
+    poured = record(order)
+    folder = output / order.folder
+    return write_recording(folder, metadata(order, poured), messages(order, poured))

@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The two containers and the balls in the arm's world: one in its hand, one on a stand."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pybullet
+from scipy.spatial.transform import Rotation
+
+from sim_bridge.arm import LwrArm
+from sim_bridge.balls import (
+    CONTACT_BREAKING_M,
+    DENSITY_KG_M3,
+    BallWorld,
+    Hollow,
+    WallGuard,
+    hollow_of,
+    settled,
+    wall_pieces,
+    write_obj,
+)
+from sim_bridge.containers import Container
+from sim_bridge.scenarios.pouring.outside import shell_pieces, solid_pieces
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp
+
+SOLVER_ITERATIONS = 15
+CUP_MASS_KG = 0.25
+BALL_DAMPING = 0.05
+OUTSIDE_MASS_KG = 1e-3
+OUTSIDE_LINK, OUTSIDE_GROUP = 0, 64
+"""Each container is a body that balls collide with, and a link with its true outside, which
+collides with that of the other container and with nothing else. A filter on one side does not
+keep others off: those need one as well."""
+
+
+class PouringTable:
+    """A cup of balls fixed in the arm's hand, and a second container.
+
+    The arm must be at rest with the cup upright; it carries the weight of cup and balls from the
+    start. The world's containers and balls stay until the arm's world ends.
+
+    Args:
+        arm: its base stands at the world's origin.
+        cup: the container in the hand.
+        second: the container on the stand.
+        ball_radius_m: of every ball.
+        n_balls: put into the cup; fewer are there if they do not fit.
+        rng: of how they lie.
+    """
+
+    def __init__(
+        self,
+        arm: LwrArm,
+        cup: Container,
+        second: Container,
+        ball_radius_m: float,
+        n_balls: int,
+        rng: np.random.Generator,
+    ) -> None:
+        self._arm, self._client = arm, arm.client
+        self._radius_m = ball_radius_m
+        self.grasp = Grasp(cup.lip_point, cup.height_m)
+        self.cup, self.second = hollow_of(cup), hollow_of(second)
+        self._client.setPhysicsEngineParameter(
+            contactBreakingThreshold=CONTACT_BREAKING_M, numSolverIterations=SOLVER_ITERATIONS
+        )
+        pose = _pose_of(*arm.hand_pose()) @ self.grasp.cup_in_hand
+        self._cup_body = self._container(self.cup, solid_pieces(cup), CUP_MASS_KG, pose)
+        stand = np.eye(4)
+        stand[:3, 3] = OPENING_M - second.opening_centre
+        self._second_pose = stand
+        self._second_body = self._container(self.second, shell_pieces(second), 0.0, stand)
+        self._client.setCollisionFilterPair(self._cup_body, self._second_body, -1, -1, 0)
+        for link in range(-1, self._client.getNumJoints(arm.body)):
+            self._client.setCollisionFilterPair(arm.body, self._cup_body, link, -1, 0)
+            self._pass_outsides(arm.body, link)
+        self._hold(self.grasp.cup_in_hand)
+        with BallWorld(self.cup, ball_radius_m) as world:
+            inside = settled(world, n_balls, rng)
+        self._balls = self._add(inside @ pose[:3, :3].T + pose[:3, 3])
+        self._in_cup = np.ones(len(inside), dtype=bool)
+        self._cup_guard = WallGuard(self.cup, ball_radius_m, inside)
+        self._second_guard = WallGuard(self.second, ball_radius_m, self._from(stand))
+        self._carry(len(inside))
+
+    @property
+    def n_balls(self) -> int:
+        """How many balls there are."""
+        return len(self._balls)
+
+    @property
+    def through_wall(self) -> int:
+        """How many balls went into or through a wall so far."""
+        return self._cup_guard.count + self._second_guard.count
+
+    def cup_pose(self) -> np.ndarray:
+        """Where the cup truly is (4, 4), world."""
+        position, orientation = self._client.getBasePositionAndOrientation(self._cup_body)
+        return _pose_of(np.array(position), np.array(orientation))
+
+    def touch_n(self) -> float:
+        """How hard the cup's outside presses on the second container's now [N]."""
+        contacts = self._client.getContactPoints(
+            self._cup_body, self._second_body, OUTSIDE_LINK, OUTSIDE_LINK
+        )
+        return float(sum(contact[9] for contact in contacts))
+
+    def look(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which balls are in the cup and which in the second container, (N,) of bool each.
+
+        Call it every few milliseconds: it also lets the arm know the weight it carries.
+        """
+        in_cup = self._cup_guard.look(self._from(self.cup_pose()))
+        in_second = self._second_guard.look(self._from(self._second_pose))
+        if in_cup.sum() != self._in_cup.sum():
+            self._carry(int(in_cup.sum()))
+        self._in_cup = in_cup
+        return in_cup, in_second
+
+    def _from(self, pose: np.ndarray) -> np.ndarray:
+        """The balls' centres (N, 3) in a frame."""
+        locate = self._client.getBasePositionAndOrientation
+        world = np.array([locate(ball)[0] for ball in self._balls]).reshape(-1, 3)
+        return (world - pose[:3, 3]) @ pose[:3, :3]
+
+    def _container(
+        self, hollow: Hollow, outside: list[np.ndarray], mass_kg: float, pose: np.ndarray
+    ) -> int:
+        client = self._client
+        with TemporaryDirectory(prefix="pouring_") as folder:
+            shapes = []
+            for name, pieces in (("walls", wall_pieces(hollow)), ("outside", outside)):
+                path = Path(folder) / f"{name}.obj"
+                write_obj(pieces, path)
+                shape = client.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path))
+                shapes.append(shape)
+            body = client.createMultiBody(
+                mass_kg,
+                shapes[0],
+                basePosition=pose[:3, 3].tolist(),
+                baseOrientation=Rotation.from_matrix(pose[:3, :3]).as_quat().tolist(),
+                linkMasses=[OUTSIDE_MASS_KG if mass_kg else 0.0],
+                linkCollisionShapeIndices=[shapes[1]],
+                linkVisualShapeIndices=[-1],
+                linkPositions=[(0.0, 0.0, 0.0)],
+                linkOrientations=[(0.0, 0.0, 0.0, 1.0)],
+                linkInertialFramePositions=[(0.0, 0.0, 0.0)],
+                linkInertialFrameOrientations=[(0.0, 0.0, 0.0, 1.0)],
+                linkParentIndices=[0],
+                linkJointTypes=[pybullet.JOINT_FIXED],
+                linkJointAxis=[(0.0, 0.0, 1.0)],
+            )
+        client.setCollisionFilterGroupMask(body, OUTSIDE_LINK, OUTSIDE_GROUP, OUTSIDE_GROUP)
+        self._pass_outsides(body)
+        for link in (-1, OUTSIDE_LINK):
+            client.changeDynamics(
+                body,
+                link,
+                lateralFriction=0.0,
+                restitution=0.0,
+                linearDamping=0.0,
+                angularDamping=0.0,
+            )
+        return body
+
+    def _pass_outsides(self, body: int, link: int = -1) -> None:
+        """Let a body's link collide with all but the containers' outsides."""
+        self._client.setCollisionFilterGroupMask(body, link, 1, ~OUTSIDE_GROUP)
+
+    def _hold(self, cup_in_hand: np.ndarray) -> None:
+        client, arm = self._client, self._arm
+        centre, turn = client.getLinkState(arm.body, arm.hand_link, computeForwardKinematics=1)[:2]
+        body = client.getBasePositionAndOrientation(self._cup_body)
+        local = client.multiplyTransforms(*client.invertTransform(centre, turn), *body)
+        client.createConstraint(
+            arm.body,
+            arm.hand_link,
+            self._cup_body,
+            -1,
+            pybullet.JOINT_FIXED,
+            [0, 0, 0],
+            parentFramePosition=local[0],
+            parentFrameOrientation=local[1],
+            childFramePosition=(0.0, 0.0, 0.0),
+            childFrameOrientation=(0.0, 0.0, 0.0, 1.0),
+        )
+
+    def _add(self, positions_m: np.ndarray) -> list[int]:
+        shape = self._client.createCollisionShape(pybullet.GEOM_SPHERE, radius=self._radius_m)
+        balls = []
+        for position in positions_m.tolist():
+            ball = self._client.createMultiBody(
+                self._ball_mass_kg, shape, basePosition=position, useMaximalCoordinates=1
+            )
+            self._client.changeDynamics(
+                ball,
+                -1,
+                lateralFriction=0.0,
+                restitution=0.0,
+                linearDamping=BALL_DAMPING,
+                angularDamping=0.0,
+            )
+            self._pass_outsides(ball)
+            balls.append(ball)
+        return balls
+
+    @property
+    def _ball_mass_kg(self) -> float:
+        return DENSITY_KG_M3 * 4.0 / 3.0 * np.pi * self._radius_m**3
+
+    def _carry(self, n_balls: int) -> None:
+        """Let the arm compensate cup and balls, as if all were in the middle of the cup."""
+        middle = np.array([0.0, 0.0, 0.5 * self.grasp.height_m, 1.0])
+        centre = (self.grasp.cup_in_hand @ middle)[:3]
+        self._arm.set_payload(CUP_MASS_KG + n_balls * self._ball_mass_kg, tuple(centre))
+
+
+def _pose_of(position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+    pose[:3, 3] = position
+    return pose

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The space a pour is described in, and the arm's hand in it (Brandl et al. II-D, III-B).
+
+A pour is the path of the held container's lip relative to the centre of the second one's opening,
+and its tilt about the lip; the other two rotations are zero. The axes are: along the direction of
+pouring, across it (to the left), up.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from intent_recognition.errors import ShapeError, describe
+from intent_recognition.kinematics import inverse_kinematics
+
+POUR_DIRECTION = np.array([0.0, 1.0, 0.0])
+"""In the world: to the arm's left."""
+
+_POUR_AXES = np.column_stack([POUR_DIRECTION, [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""Along, across and up as columns, in the world."""
+
+_HAND_IN_CUP = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+"""The hand's axes as columns in the held cup's axes: its third points at the cup from the side."""
+
+OPENING_M = np.array([0.70, 0.15, 0.26])
+"""Where the centre of the second container's opening is, world."""
+
+FINGERS_M = 0.11
+"""From the hand's frame to the axis of the held container."""
+
+GRASP_SHARE = 0.5
+"""At which share of the container's height it is held."""
+
+
+@dataclass(frozen=True)
+class PourPath:
+    """A pour over time.
+
+    Attributes:
+        times_s: ascending from 0 (T,).
+        offset_m: lip from the centre of the second opening (T, 3): along, across, up.
+        tilt_rad: of the held container about its lip (T,).
+    """
+
+    times_s: np.ndarray
+    offset_m: np.ndarray
+    tilt_rad: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Check that lengths agree.
+
+        Raises:
+            ShapeError: they do not.
+        """
+        count = len(self.times_s)
+        if self.offset_m.shape != (count, 3) or self.tilt_rad.shape != (count,):
+            got = (self.times_s.shape, self.offset_m.shape, self.tilt_rad.shape)
+            cure = "Give one offset and one tilt per time."
+            raise ShapeError(describe("path", "shapes (T,), (T, 3), (T,)", got, cure))
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """How the arm holds a container: from the side, upright.
+
+    Attributes:
+        lip_m: the container's lip in its own frame (3,), toward its +x.
+        height_m: of the container.
+    """
+
+    lip_m: np.ndarray
+    height_m: float
+
+    @property
+    def cup_in_hand(self) -> np.ndarray:
+        """Pose of the container in the hand's frame (4, 4)."""
+        pose = np.eye(4)
+        pose[:3, :3] = _HAND_IN_CUP.T
+        held = np.array([0.0, 0.0, GRASP_SHARE * self.height_m])
+        pose[:3, 3] = np.array([0.0, 0.0, FINGERS_M]) - pose[:3, :3] @ held
+        return pose
+
+    def cup_poses(self, path: PourPath, opening_m: np.ndarray) -> np.ndarray:
+        """Poses of the container along a path (T, 4, 4), world.
+
+        Args:
+            path: the pour.
+            opening_m: centre of the second container's opening (3,), world.
+        """
+        c, s = np.cos(path.tilt_rad), np.sin(path.tilt_rad)
+        poses = np.tile(np.eye(4), (len(c), 1, 1))
+        tilted = poses[:, :3, :3].copy()
+        tilted[:, 0, 0], tilted[:, 0, 2], tilted[:, 2, 0], tilted[:, 2, 2] = c, s, -s, c
+        poses[:, :3, :3] = _POUR_AXES @ tilted
+        lip = opening_m + path.offset_m @ _POUR_AXES.T
+        poses[:, :3, 3] = lip - poses[:, :3, :3] @ self.lip_m
+        return poses
+
+    def hand_poses(self, path: PourPath, opening_m: np.ndarray) -> np.ndarray:
+        """Poses of the arm's hand along a path (T, 4, 4), world."""
+        return self.cup_poses(path, opening_m) @ np.linalg.inv(self.cup_in_hand)
+
+
+def seen_path(
+    times_s: np.ndarray, cup_poses: np.ndarray, lip_m: np.ndarray, opening_m: np.ndarray
+) -> PourPath:
+    """The pour that poses of the held container make, the inverse of `Grasp.cup_poses`.
+
+    Args:
+        times_s: of the poses (T,).
+        cup_poses: of the held container (T, 4, 4), world.
+        lip_m: its lip in its own frame (3,).
+        opening_m: centre of the second container's opening (3,), world.
+    """
+    up = cup_poses[:, :3, 2] @ _POUR_AXES
+    lip = cup_poses[:, :3, :3] @ lip_m + cup_poses[:, :3, 3]
+    return PourPath(times_s, (lip - opening_m) @ _POUR_AXES, np.arctan2(up[:, 0], up[:, 2]))
+
+
+def joint_path(hand_poses: np.ndarray, seed: np.ndarray) -> np.ndarray:
+    """Joint angles (T, 7) [rad] for poses of the hand (T, 4, 4), each near to the one before.
+
+    Raises:
+        KinematicsError: a pose is out of reach.
+    """
+    joints = np.empty((len(hand_poses), 7))
+    for k, pose in enumerate(hand_poses):
+        seed = joints[k] = inverse_kinematics(pose, seed)
+    return joints

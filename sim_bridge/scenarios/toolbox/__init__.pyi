@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+from .gripper import make_gripper
+from .objects import ToolboxObjects
+from .scene import (
+    ARM_BRANCH,
+    ARM_SWIVEL_RAD,
+    HOME,
+    arm_posture,
+    hand_rotation,
+    handover_point,
+    pose,
+)
+from .teaching import HOME_STD_RAD, SENSOR_NOISE
+from .teaching_path import teaching_times
+
+__all__ = [
+    "ARM_BRANCH",
+    "ARM_SWIVEL_RAD",
+    "HOME",
+    "HOME_STD_RAD",
+    "SENSOR_NOISE",
+    "ToolboxObjects",
+    "arm_posture",
+    "hand_rotation",
+    "handover_point",
+    "make_gripper",
+    "pose",
+    "teaching_times",
+]

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bodies of the toolbox assembly: plate, screw and screwdriver, and who holds them.
+
+An object is fixed to whoever holds it by a constraint: to its stand, to the arm's hand, or to the
+worker's hand, which is a body without mass that is put where the worker is.
+"""
+
+from enum import Enum
+
+import numpy as np
+import pybullet
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.errors import ArgumentError, describe
+from sim_bridge.arm import LwrArm
+from sim_bridge.coworker import HOLD, PLATE, SCREW, TASKS
+from sim_bridge.scenarios.toolbox.scene import OBJECT_MASS_KG, STANDS_M, stand_pose
+
+# Where an object's centre is in the hand frame, and half its edges there.
+_GRASP_M = {PLATE: (0.0, 0.0, 0.09), SCREW: (0.0, 0.0, 0.03), HOLD: (0.0, 0.0, 0.05)}
+_HALF_EDGES_M = {
+    PLATE: (0.06, 0.004, 0.08),
+    SCREW: (0.004, 0.004, 0.012),
+    HOLD: (0.1, 0.014, 0.014),
+}
+_COLOURS = {
+    PLATE: (0.2, 0.4, 0.8, 1.0),
+    SCREW: (0.9, 0.5, 0.1, 1.0),
+    HOLD: (0.2, 0.7, 0.3, 1.0),
+}
+BENCH_PLACE_M = (0.98, 0.32, 0.085)
+_NO_TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+class Holder(Enum):
+    """Who holds an object."""
+
+    STAND = "stand"
+    ROBOT = "robot"
+    WORKER = "worker"
+
+
+class ToolboxObjects:
+    """Plate, screw and screwdriver as bodies with mass in the arm's world.
+
+    Args:
+        arm: the arm whose world they join; its base stands at the world's origin.
+        furniture: also build stands and a bench, for pictures.
+    """
+
+    def __init__(self, arm: LwrArm, *, furniture: bool = False) -> None:
+        self._arm = arm
+        self._client = arm.client
+        self._constraints: dict[str, int | None] = dict.fromkeys(TASKS)
+        self.holders: dict[str, Holder] = {}
+        self.worker = self._body(0.0, pybullet.GEOM_SPHERE, (0.035,), (0.9, 0.7, 0.6, 1.0))
+        self.bodies = {
+            task: self._body(
+                OBJECT_MASS_KG[task], pybullet.GEOM_BOX, _HALF_EDGES_M[task], _COLOURS[task]
+            )
+            for task in TASKS
+        }
+        self.move_worker(np.array([1.1, 0.0, 0.27]))
+        if furniture:
+            self._furniture()
+        for task in TASKS:
+            self.put_back(task)
+
+    def move_worker(self, position_m: np.ndarray) -> None:
+        """Put the worker's hand at a position (3,) in the world."""
+        self._client.resetBasePositionAndOrientation(
+            self.worker, [float(value) for value in position_m], _NO_TURN
+        )
+
+    def position(self, task: str) -> np.ndarray:
+        """Where the centre of a task's object is (3,), world."""
+        return np.array(self._client.getBasePositionAndOrientation(self._checked(task))[0])
+
+    def put_back(self, task: str) -> None:
+        """Put plate or screw back into its stand, the screwdriver onto its place on the bench."""
+        body = self._checked(task)
+        self._let_go(task)
+        if task in STANDS_M:
+            target = stand_pose(task)
+            centre = target[:3, 3] + target[:3, :3] @ np.array(_GRASP_M[task])
+            self._place(body, centre, _quaternion(target[:3, :3]))
+        else:
+            self._place(body, BENCH_PLACE_M, _NO_TURN)
+        self._fix(task, -1, -1)
+        self.holders[task] = Holder.STAND
+
+    def worker_brings(self, task: str) -> None:
+        """Put a task's object into the worker's hand, as the screwdriver that is handed over."""
+        body = self._checked(task)
+        self._let_go(task)
+        position, _ = self._client.getBasePositionAndOrientation(self.worker)
+        self._place(body, np.array(position) - np.array([0.1, 0.0, 0.0]), _NO_TURN)
+        self._fix(task, self.worker, -1)
+        self.holders[task] = Holder.WORKER
+
+    def give_to_robot(self, task: str) -> None:
+        """Fix a task's object in the arm's hand, and let the arm carry its weight."""
+        body = self._checked(task)
+        self._let_go(task)
+        position, orientation = self._arm.hand_pose()
+        centre, turn = self._client.multiplyTransforms(
+            position.tolist(), orientation.tolist(), _GRASP_M[task], _NO_TURN
+        )
+        self._place(body, centre, turn)
+        self._fix(task, self._arm.body, self._arm.hand_link)
+        self._arm.set_payload(OBJECT_MASS_KG[task], _GRASP_M[task])
+        self.holders[task] = Holder.ROBOT
+
+    def give_to_worker(self, task: str) -> None:
+        """Release a task's object from the arm: the worker has it now."""
+        self._checked(task)
+        self._let_go(task)
+        self._fix(task, self.worker, -1)
+        self._arm.set_payload(0.0)
+        self.holders[task] = Holder.WORKER
+
+    def _checked(self, task: str) -> int:
+        if task not in self.bodies:
+            raise ArgumentError(
+                describe("task", f"one of {TASKS}", repr(task), "Correct the label.")
+            )
+        return self.bodies[task]
+
+    def _body(self, mass_kg: float, shape: int, size: tuple[float, ...], colour) -> int:
+        key = "radius" if shape == pybullet.GEOM_SPHERE else "halfExtents"
+        value = size[0] if shape == pybullet.GEOM_SPHERE else list(size)
+        collision = self._client.createCollisionShape(shape, **{key: value})
+        visual = self._client.createVisualShape(shape, rgbaColor=colour, **{key: value})
+        body = self._client.createMultiBody(mass_kg, collision, visual)
+        self._client.setCollisionFilterGroupMask(body, -1, 0, 0)
+        self._client.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0)
+        return body
+
+    def _place(self, body: int, position, orientation) -> None:
+        self._client.resetBasePositionAndOrientation(
+            body, [float(value) for value in position], [float(value) for value in orientation]
+        )
+        self._client.resetBaseVelocity(body, [0.0] * 3, [0.0] * 3)
+
+    def _fix(self, task: str, parent: int, link: int) -> None:
+        """Constrain an object to a link (-1 for a base), where it is; parent -1 is the world."""
+        body = self.bodies[task]
+        position, orientation = self._client.getBasePositionAndOrientation(body)
+        if parent < 0:
+            # Object first: PyBullet takes the world only as the child.
+            bodies, frames = (body, -1, -1, -1), ((0.0, 0.0, 0.0), _NO_TURN, position, orientation)
+        else:
+            inverse = self._client.invertTransform(*self._link_pose(parent, link))
+            local, turn = self._client.multiplyTransforms(*inverse, position, orientation)
+            bodies, frames = (parent, link, body, -1), (local, turn, (0.0, 0.0, 0.0), _NO_TURN)
+        self._constraints[task] = self._client.createConstraint(
+            *bodies,
+            pybullet.JOINT_FIXED,
+            [0, 0, 0],
+            parentFramePosition=frames[0],
+            parentFrameOrientation=frames[1],
+            childFramePosition=frames[2],
+            childFrameOrientation=frames[3],
+        )
+
+    def _link_pose(self, body: int, link: int):
+        """Position and orientation of a link's centre of mass, where constraints are anchored."""
+        if link < 0:
+            return self._client.getBasePositionAndOrientation(body)
+        return self._client.getLinkState(body, link, computeForwardKinematics=1)[:2]
+
+    def _let_go(self, task: str) -> None:
+        constraint = self._constraints[task]
+        if constraint is not None:
+            self._client.removeConstraint(constraint)
+            self._constraints[task] = None
+
+    def _furniture(self) -> None:
+        grey = (0.6, 0.6, 0.6, 1.0)
+        bench = self._body(0.0, pybullet.GEOM_BOX, (0.3, 0.5, 0.02), (0.75, 0.65, 0.5, 1.0))
+        self._place(bench, (0.75, 0.0, 0.05), _NO_TURN)
+        for task, hand in STANDS_M.items():
+            centre = stand_pose(task)[:3, :3] @ np.array(_GRASP_M[task]) + hand
+            half = 0.5 * (centre[2] - 0.05 - _HALF_EDGES_M[task][0])
+            post = self._body(0.0, pybullet.GEOM_BOX, (0.012, 0.012, half), grey)
+            self._place(post, (centre[0], centre[1], 0.05 + half), _NO_TURN)
+
+
+def _quaternion(rotation: np.ndarray) -> tuple[float, ...]:
+    """Quaternion xyzw of a rotation matrix (3, 3)."""
+    return tuple(Rotation.from_matrix(rotation).as_quat())

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Record working sessions of the simulated coworker.
+
+Run as `python -m sim_bridge.scenarios.toolbox.record_sessions`.
+
+Session bags of the coworker's wrist with `demonstration` markers, from which the order of the
+tasks is learned. No arm is in them. The same seed gives the same bytes.
+"""
+
+import argparse
+import shutil
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from intent_recognition import __version__
+from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
+from intent_recognition.errors import IntentError, ResourceBusyError, describe
+from sim_bridge.coworker import SessionPlan, parse_task_list, plan_session
+from sim_bridge.teaching import (
+    EPOCH_NS,
+    POSE_TOPIC,
+    POSE_TYPE,
+    POSITION_STEP_M,
+    QUATERNION_STEP,
+    SAMPLE_NS,
+    pose_fields,
+    to_counts,
+    write_recording,
+)
+
+FIRST_SEED = 1001
+SESSIONS, INTERACTIONS = 8, 10
+HOUR_NS = 3_600_000_000_000
+
+
+def session_messages(plan: SessionPlan, start_ns: int) -> Iterator[tuple[str, str, int, dict]]:
+    """Yield (topic, type, time in ns, fields), in order of time."""
+    samples = plan.samples
+    positions = to_counts(samples.positions_m, POSITION_STEP_M)
+    turns = to_counts(samples.orientations, QUATERNION_STEP)
+    markers = [(i.onset_s, i.task) for i in plan.interactions]
+    markers += [(i.end_s, "") for i in plan.interactions]
+    waiting = sorted((start_ns + round(at_s * 1e9), label) for at_s, label in markers)
+    for k in range(len(samples.times_s)):
+        stamp = start_ns + k * SAMPLE_NS
+        while waiting and waiting[0][0] <= stamp:
+            at_ns, label = waiting.pop(0)
+            yield MARKER_TOPIC, MARKER_TYPE, at_ns, {"data": label}
+        if samples.visible[k]:
+            yield POSE_TOPIC, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
+
+
+def record_session(folder: Path, seed: int, number: int, interactions: int) -> Path:
+    """Write session `number` as a bag in `folder`; return its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+    """
+    tasks = parse_task_list("habit", seed, interactions)
+    plan = plan_session(seed, tasks)
+    path = folder / f"session_{number:02d}"
+    metadata = {
+        "simulated": "true",
+        "generator": "python -m sim_bridge.scenarios.toolbox.record_sessions",
+        "generator_version": __version__,
+        "seed": str(seed),
+        "tasks": " ".join(tasks),
+    }
+    return write_recording(path, metadata, session_messages(plan, EPOCH_NS + number * HOUR_NS))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m sim_bridge.scenarios.toolbox.record_sessions",
+        description="Record sessions of the simulated coworker, who works in a habitual order.",
+    )
+    parser.add_argument("--output", type=Path, default=Path("bags/sessions"), help="folder")
+    parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first session")
+    parser.add_argument("--sessions", type=int, default=SESSIONS, help="how many")
+    parser.add_argument("--interactions", type=int, default=INTERACTIONS, help="in each")
+    parser.add_argument("--overwrite", action="store_true", help="replace bags of the same name")
+    return parser
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    options = _parser().parse_args(args)
+    try:
+        for number in range(options.sessions):
+            path = options.output / f"session_{number:02d}"
+            if path.exists() and not options.overwrite:
+                cure = "Choose another folder or add --overwrite."
+                raise ResourceBusyError(describe("output", "no bag of that name", path, cure))
+            if path.exists():
+                shutil.rmtree(path)
+            record_session(options.output, options.seed + number, number, options.interactions)
+    except IntentError as error:
+        sys.stderr.write(f"record_sessions: {error}\n")
+        return 1
+    sys.stdout.write(f"{options.sessions} sessions in {options.output}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

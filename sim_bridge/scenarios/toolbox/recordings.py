@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demonstrations of the toolbox assembly: a worker reaches, a person leads the arm."""
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics import hand_position
+from sim_bridge.coworker import (
+    TASKS,
+    TEST_COUNTS,
+    TRAINING_COUNTS,
+    WristDemonstration,
+    demonstration_rng,
+    plan_demonstration,
+)
+from sim_bridge.scenarios.toolbox.scene import handover_point
+from sim_bridge.scenarios.toolbox.teaching import TaughtArm, teach
+from sim_bridge.scenarios.toolbox.teaching_path import TeachingPath, plan_teaching
+from sim_bridge.teaching import (
+    EPOCH_NS,
+    PROVENANCE,
+    metadata_vector,
+    pose_and_joint_messages,
+    write_recording,
+)
+
+SETS = {"train": (0, TRAINING_COUNTS), "test": (1, TEST_COUNTS)}
+
+
+@dataclass(frozen=True)
+class Order:
+    """One demonstration to make: which set ("train" or "test"), task and index, from which seed."""
+
+    seed: int
+    purpose: str
+    task: str
+    index: int
+
+    @property
+    def name(self) -> str:
+        """Name of the bag, such as plate_handover_03."""
+        return f"{self.task}_{self.index:02d}"
+
+    @property
+    def folder(self) -> PurePosixPath:
+        """Where the bag goes, below the folder for all bags."""
+        return PurePosixPath("toolbox", self.purpose, self.name)
+
+    @property
+    def start_ns(self) -> int:
+        """Stamp of the first sample: one demonstration a minute, from a fixed day on."""
+        minute = 1000 * SETS[self.purpose][0] + 100 * TASKS.index(self.task) + self.index
+        return EPOCH_NS + minute * 60_000_000_000
+
+
+@dataclass(frozen=True)
+class Demonstrated:
+    """One demonstration: the worker, where the arm was led, and what its sensors said."""
+
+    order: Order
+    wrist: WristDemonstration
+    path: TeachingPath
+    arm: TaughtArm
+
+    @property
+    def teaching_error_m(self) -> float:
+        """Distance of the measured hand at the arrival from where the rule puts it."""
+        arrived = round(self.wrist.arrival_s * 100.0)
+        point = handover_point(self.order.task, self.wrist.reach.goal_m)
+        return float(np.linalg.norm(hand_position(self.arm.positions_rad[arrived]) - point))
+
+
+def orders(seed: int) -> list[Order]:
+    """Every demonstration: 48 for training, 12 for testing."""
+    return [
+        Order(seed, purpose, task, index)
+        for purpose, (_, counts) in SETS.items()
+        for task, count in counts.items()
+        for index in range(count)
+    ]
+
+
+def demonstrate(order: Order) -> Demonstrated:
+    """Simulate one demonstration: the worker reaches, a person leads the arm.
+
+    Raises:
+        ArgumentError: unknown task or set.
+    """
+    if order.purpose not in SETS:
+        raise ArgumentError(
+            describe("purpose", f"one of {sorted(SETS)}", order.purpose, "Correct the set.")
+        )
+    rng = demonstration_rng(order.seed, SETS[order.purpose][0], order.task, order.index)
+    wrist = plan_demonstration(rng, order.task)
+    length = float(wrist.samples.times_s[-1])
+    path = plan_teaching(
+        rng, order.task, wrist.reach.goal_m, wrist.onset_s, wrist.arrival_s, length
+    )
+    return Demonstrated(order, wrist, path, teach(rng, path, wrist.samples.true_positions_m))
+
+
+def metadata(shown: Demonstrated) -> dict[str, str]:
+    """What metadata.yaml says under custom_data."""
+    wrist, times = shown.wrist, shown.path.times
+
+    def stamp(seconds: float) -> str:
+        return str(shown.order.start_ns + round(seconds * 1e9))
+
+    return {
+        "task": shown.order.task,
+        "simulated": "true",  # before the set, as in the shipped files
+        "set": shown.order.purpose,
+        **PROVENANCE,
+        "seed": str(shown.order.seed),
+        "index": str(shown.order.index),
+        "human_onset_ns": stamp(wrist.onset_s),
+        "human_end_ns": stamp(wrist.end_s),
+        "robot_start_ns": stamp(times.start_s),
+        "robot_taught_ns": stamp(times.taught_s),
+        "robot_arrival_ns": stamp(times.arrival_s),
+        "tempo_s": f"{wrist.reach.nominal_s:.6f}",
+        "hesitations": str(len(wrist.reach.hesitations)),
+        "start_m": metadata_vector(wrist.reach.start_m),
+        "goal_m": metadata_vector(wrist.reach.goal_m),
+        "handover_point_m": metadata_vector(handover_point(shown.order.task, wrist.reach.goal_m)),
+        "teaching_error_m": f"{shown.teaching_error_m:.6f}",
+        "strongest_pull_n": f"{shown.arm.strongest_pull_n:.3f}",
+    }
+
+
+def make(order: Order, output: Path) -> Path:
+    """Simulate one demonstration and write it as a bag below `output`; return its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+    """
+    return write_demonstration(demonstrate(order), output)
+
+
+def write_demonstration(shown: Demonstrated, output: Path) -> Path:
+    """Write one demonstration as a bag below `output`/toolbox; return its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+    """
+    said = pose_and_joint_messages(shown.order.start_ns, shown.wrist.samples, shown.arm)
+    return write_recording(output / shown.order.folder, metadata(shown), said)

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where things are in the toolbox assembly, and the demonstrator's rule: pure geometry.
+
+World frame: robot base at the origin, x toward the worker, z up; metres, radians. The hand is DH
+frame 7 of the arm, its z axis pointing out of the hand. In every posture used here the hand points
+at the worker, roughly level, and the arm stays on one branch of its inverse kinematics.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics import Branch, solve
+from sim_bridge.coworker import HOLD, PLATE, SCREW, STYLES, TASKS
+
+ARM_BRANCH = Branch(shoulder=-1, elbow=1, wrist=1)
+ARM_SWIVEL_RAD = -0.25
+
+# From the worker's wrist to the robot's hand, at the handover: a plate is held at opposite edges,
+# a screwdriver is taken by its end. The screw is given at one place, wherever the human reaches.
+_OFFSETS_M = {PLATE: np.array([-0.17, 0.0, 0.01]), HOLD: np.array([-0.15, -0.01, -0.01])}
+SCREW_HANDOVER_M = np.array([0.62, -0.03, 0.38])
+
+# How the hand is turned at the handover, as yaw about the world's z and roll about its own z.
+_YAW_ROLL_RAD = {PLATE: (0.10, 0.20), SCREW: (-0.05, -0.25), HOLD: (0.0, -0.45)}
+
+HOME_HAND_M = np.array([0.50, -0.21, 0.37])
+_HOME_YAW_ROLL_RAD = (-0.15, 0.0)
+
+LIFT_M = np.array([0.0, 0.0, 0.08])
+
+
+def _frozen(values: Mapping[str, tuple[float, ...]]) -> Mapping[str, np.ndarray]:
+    arrays = {key: np.array(value, dtype=np.float64) for key, value in values.items()}
+    for array in arrays.values():
+        array.setflags(write=False)
+    return MappingProxyType(arrays)
+
+
+STANDS_M = _frozen({PLATE: (0.52, -0.31, 0.33), SCREW: (0.56, -0.26, 0.31)})
+"""Where the hand is when it takes an object from its stand; the screwdriver has no stand."""
+
+OBJECT_MASS_KG = MappingProxyType({PLATE: 0.4, SCREW: 0.02, HOLD: 0.3})
+"""The object of each task: a plate, a screw, a screwdriver."""
+
+
+def hand_rotation(yaw_rad: float, roll_rad: float) -> np.ndarray:
+    """Rotation (3, 3) of a level hand: pointing along x turned by yaw, rolled about its axis."""
+    cy, sy, cr, sr = np.cos(yaw_rad), np.sin(yaw_rad), np.cos(roll_rad), np.sin(roll_rad)
+    level = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    yaw = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+    roll = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
+    return yaw @ level @ roll
+
+
+def pose(position_m: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Homogeneous transform (4, 4) of a position (3,) and a rotation (3, 3)."""
+    transform = np.eye(4)
+    transform[:3, :3] = rotation
+    transform[:3, 3] = position_m
+    return transform
+
+
+def arm_posture(hand_pose: np.ndarray) -> np.ndarray:
+    """Joint angles (7,) that put the hand at a pose (4, 4), on the scene's branch and swivel.
+
+    Raises:
+        KinematicsError: the pose is out of reach.
+    """
+    return solve(hand_pose, ARM_SWIVEL_RAD, ARM_BRANCH)
+
+
+def handover_point(task: str, goal_m: np.ndarray) -> np.ndarray:
+    """The demonstrator's rule: where the robot's hand ends (3,) for the wrist's goal (3,).
+
+    For plate and screwdriver it is the goal plus the task's offset; for the screw it is one place.
+
+    Raises:
+        ArgumentError: the task is unknown.
+    """
+    _check_task(task)
+    if task == SCREW:
+        return SCREW_HANDOVER_M.copy()
+    return np.asarray(goal_m, dtype=np.float64) + _OFFSETS_M[task]
+
+
+def handover_rotation(task: str) -> np.ndarray:
+    """Rotation (3, 3) of the robot's hand at the handover.
+
+    Raises:
+        ArgumentError: the task is unknown.
+    """
+    _check_task(task)
+    return hand_rotation(*_YAW_ROLL_RAD[task])
+
+
+def home_pose() -> np.ndarray:
+    """The hand's pose (4, 4) from which every interaction starts."""
+    return pose(HOME_HAND_M, hand_rotation(*_HOME_YAW_ROLL_RAD))
+
+
+def stand_pose(task: str) -> np.ndarray:
+    """The hand's pose (4, 4) at the stand of a task's object, turned as at home.
+
+    Raises:
+        ArgumentError: the task has no stand.
+    """
+    if task not in STANDS_M:
+        raise ArgumentError(
+            describe("task", f"one of {sorted(STANDS_M)}", repr(task), "Others need no stand.")
+        )
+    return pose(STANDS_M[task], hand_rotation(*_HOME_YAW_ROLL_RAD))
+
+
+def _check_task(task: str) -> None:
+    if task not in STYLES:
+        raise ArgumentError(describe("task", f"one of {TASKS}", repr(task), "Correct the label."))
+
+
+HOME = arm_posture(home_pose())
+HOME.setflags(write=False)

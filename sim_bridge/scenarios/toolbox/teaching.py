@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kinesthetic teaching in physics: the arm in gravity compensation, led by a person's hand.
+
+What is recorded are the measured joint states, with the arm's lag behind the hand, its sag and the
+noise of its sensors; never the plan.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_bridge.arm import LwrArm, SensorNoise
+from sim_bridge.coworker import HOLD
+from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
+from sim_bridge.scenarios.toolbox.scene import HOME, STANDS_M
+from sim_bridge.scenarios.toolbox.teaching_path import TeachingPath
+from sim_bridge.teaching import Grip, HandTarget, pull
+
+HOME_STD_RAD = 0.004
+RELEASE_AFTER_S = 0.3
+SENSOR_NOISE = SensorNoise(position_std_rad=1e-4, velocity_std_rad_s=2e-3, torque_std_nm=0.05)
+_STEPS_PER_SAMPLE = 10
+
+
+@dataclass(frozen=True)
+class TaughtArm:
+    """The robot's half of a demonstration, measured every 10 ms.
+
+    Attributes:
+        times_s: since the recording began (T,).
+        positions_rad: measured joint positions (T, 7).
+        velocities_rad_s: measured joint velocities (T, 7).
+        torques_nm: joint torques (T, 7).
+        hand_m: where the hand really was (T, 3), world.
+        strongest_pull_n: largest force of the demonstrator's hand.
+        holders: who held the task's object at each sample.
+        object_m: where the task's object was (T, 3), world.
+    """
+
+    times_s: np.ndarray
+    positions_rad: np.ndarray
+    velocities_rad_s: np.ndarray
+    torques_nm: np.ndarray
+    hand_m: np.ndarray
+    strongest_pull_n: float
+    holders: tuple[Holder, ...]
+    object_m: np.ndarray
+
+
+class _Lesson:
+    """One demonstration in progress: the arm, the object and the leading hand."""
+
+    def __init__(self, arm: LwrArm, path: TeachingPath, wrist_m: np.ndarray, grip: Grip) -> None:
+        self.arm, self.path, self.grip = arm, path, grip
+        self.objects = ToolboxObjects(arm)
+        if path.task == HOLD:
+            self.objects.worker_brings(HOLD)
+        self.strongest_pull_n = 0.0
+        self._wrist_m = wrist_m
+        self._home_error = arm.state().q - path.joints_rad[0]
+        self._joints = path.joint_spline()
+        self._elbow_velocity = np.gradient(path.elbow_m, path.stamps_s, axis=0)
+        self._hand_velocity = np.gradient(path.hand_m, path.stamps_s, axis=0)
+        self._released = False
+        arm.before_step.append(self._before_step)
+
+    def _before_step(self, arm: LwrArm) -> None:
+        now = arm.time_s
+        times = self.path.times
+        if arm.n_steps % _STEPS_PER_SAMPLE == 0:
+            self.objects.move_worker(self._wrist_m[arm.n_steps // _STEPS_PER_SAMPLE])
+            self._take_or_release(now)
+        if now < times.taught_s:
+            self._follow(now)
+            return
+        arm.set_gravity_compensation(True)
+        self.strongest_pull_n = max(self.strongest_pull_n, pull(arm, self._target(now), self.grip))
+
+    def _follow(self, now: float) -> None:
+        """Let the controller run the hand-coded part."""
+        q = self._joints(now) + self._home_error
+        self.arm.set_reference(q, self._joints(now, 1), self._joints(now, 2))
+
+    def _take_or_release(self, now: float) -> None:
+        task, times = self.path.task, self.path.times
+        if self.objects.holders[task] is not Holder.ROBOT and not self._released:
+            if now >= times.grasp_s:
+                self.objects.give_to_robot(task)
+        elif task in STANDS_M and not self._released and now >= times.arrival_s + RELEASE_AFTER_S:
+            self.objects.give_to_worker(task)
+            self._released = True
+
+    def _target(self, now: float) -> HandTarget:
+        path = self.path
+        k = min(now * (len(path.stamps_s) - 1) / path.stamps_s[-1], len(path.stamps_s) - 1.001)
+        low, share = int(k), k - int(k)
+
+        def between(values: np.ndarray) -> np.ndarray:
+            return values[low] + share * (values[low + 1] - values[low])
+
+        return HandTarget(
+            between(path.hand_m),
+            path.rotations[low],
+            between(self._hand_velocity),
+            between(path.elbow_m),
+            between(self._elbow_velocity),
+        )
+
+
+def teach(
+    rng: np.random.Generator, path: TeachingPath, wrist_m: np.ndarray, grip: Grip | None = None
+) -> TaughtArm:
+    """Teach the arm one path in a fresh physics world and record what its sensors say.
+
+    Args:
+        rng: of the posture at the start and of the sensors.
+        path: where the demonstrator leads the hand.
+        wrist_m: where the worker's wrist is every 10 ms from the start on (T, 3), world; T - 1
+            intervals make the length of the recording.
+        grip: how firmly the arm is held.
+
+    Raises:
+        KinematicsError: the start is outside the joint limits.
+    """
+    start = HOME + HOME_STD_RAD * rng.standard_normal(7)
+    rows = []
+    with LwrArm(start) as arm:
+        lesson = _Lesson(arm, path, wrist_m, grip or Grip())
+        for k in range(len(wrist_m)):
+            if k:
+                arm.step(_STEPS_PER_SAMPLE)
+            state = arm.state()
+            rows.append(
+                (state, arm.hand_pose().position, lesson.objects.holders[path.task],
+                 lesson.objects.position(path.task))
+            )  # fmt: skip
+    count = len(rows)
+    q, qd, torque = (np.array([row[0][i] for row in rows]) for i in range(3))
+    noise = rng.standard_normal((3, count, 7))
+    return TaughtArm(
+        np.arange(count) * 0.01,
+        q + SENSOR_NOISE.position_std_rad * noise[0],
+        qd + SENSOR_NOISE.velocity_std_rad_s * noise[1],
+        torque + SENSOR_NOISE.torque_std_nm * noise[2],
+        np.array([row[1] for row in rows]),
+        lesson.strongest_pull_n,
+        tuple(row[2] for row in rows),
+        np.array([row[3] for row in rows]),
+    )

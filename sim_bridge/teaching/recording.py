@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What all recordings of the simulation have in common: topics, clock, the sensors' resolution."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from intent_recognition import __version__
+from intent_recognition.bags import BagWriter
+from intent_recognition.kinematics import JOINT_NAMES
+from sim_bridge.coworker import WristSamples
+
+POSE_TOPIC, POSE_TYPE = "mocap/wrist/pose", "geometry_msgs/msg/PoseStamped"
+JOINT_TOPIC, JOINT_TYPE = "joint_states", "sensor_msgs/msg/JointState"
+EPOCH_NS = 1_767_225_600_000_000_000  # 2026-01-01 00:00 UTC, the day of all recordings
+SAMPLE_NS = 10_000_000
+
+# What the sensors can tell apart, as powers of two: encoders and trackers deliver counts.
+ANGLE_STEP_RAD = 2.0**-20
+RATE_STEP_RAD_S = 2.0**-16
+TORQUE_STEP_NM = 2.0**-10
+POSITION_STEP_M = 2.0**-17
+QUATERNION_STEP = 2.0**-17
+
+PROVENANCE = {
+    "simulated": "true",
+    "generator": "python -m sim_bridge.scenarios.generate",
+    "generator_version": __version__,
+}
+"""Metadata that every recording of the generator carries."""
+
+
+Message = tuple[str, str, int, dict]
+"""Topic, type, stamp in ns, fields."""
+
+
+class ArmSamples(Protocol):
+    """What the arm's sensors said every 10 ms: positions, velocities, torques, each (T, 7)."""
+
+    positions_rad: np.ndarray
+    velocities_rad_s: np.ndarray
+    torques_nm: np.ndarray
+
+
+def pose_and_joint_messages(
+    start_ns: int, samples: WristSamples, arm: ArmSamples, topic: str = POSE_TOPIC
+) -> Iterator[Message]:
+    """Yield what a tracker and the arm say, in order of time; occluded poses are left out.
+
+    Args:
+        start_ns: stamp of the first sample.
+        samples: of the tracked body, T of them.
+        arm: of the arm, as many.
+        topic: of the tracked body.
+    """
+    positions = to_counts(samples.positions_m, POSITION_STEP_M)
+    turns = to_counts(samples.orientations, QUATERNION_STEP)
+    angles = to_counts(arm.positions_rad, ANGLE_STEP_RAD)
+    rates = to_counts(arm.velocities_rad_s, RATE_STEP_RAD_S)
+    torques = to_counts(arm.torques_nm, TORQUE_STEP_NM)
+    for k in range(len(samples.times_s)):
+        stamp = start_ns + k * SAMPLE_NS
+        if samples.visible[k]:
+            yield topic, POSE_TYPE, stamp, pose_fields(stamp, positions[k], turns[k])
+        yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, angles[k], rates[k], torques[k])
+
+
+def write_recording(folder: Path, metadata: Mapping[str, str], messages: Iterable[Message]) -> Path:
+    """Write a bag; returns its directory.
+
+    Raises:
+        ResourceBusyError: the directory exists already.
+    """
+    with BagWriter(folder, dict(metadata), flush_period_s=None) as bag:
+        for topic, kind, stamp_ns, fields in messages:
+            bag.write_message(topic, kind, fields, stamp_ns)
+    return folder
+
+
+def to_counts(values: np.ndarray, step: float) -> np.ndarray:
+    """Values as a sensor of that resolution delivers them."""
+    return np.round(values / step) * step
+
+
+def pose_fields(stamp_ns: int, position: np.ndarray, turn: np.ndarray) -> dict:
+    """Fields of a PoseStamped in the world: position (3,) [m], quaternion (4,) xyzw."""
+    return {
+        "header": {"stamp": stamp_ns, "frame_id": "world"},
+        "pose": {
+            "position": dict(zip("xyz", position.tolist(), strict=True)),
+            "orientation": dict(zip("xyzw", turn.tolist(), strict=True)),
+        },
+    }
+
+
+def joint_fields(stamp_ns: int, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> dict:
+    """Fields of a JointState of the arm: positions, velocities, torques (7,)."""
+    return {
+        "header": {"stamp": stamp_ns},
+        "name": list(JOINT_NAMES),
+        "position": q,
+        "velocity": qd,
+        "effort": torque,
+    }
+
+
+def metadata_vector(values: np.ndarray) -> str:
+    """A vector as metadata write it: six decimals, separated by spaces."""
+    return " ".join(f"{value:.6f}" for value in values)

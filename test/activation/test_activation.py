@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The activation's state machine: the course of interactions, and what ends them."""
+
+import numpy as np
+import pytest
+from activation_world import (
+    GOALS,
+    HOME,
+    LABELS,
+    START_NS,
+    STEP_NS,
+    World,
+    prediction,
+    trajectory,
+)
+
+from intent_recognition.activation.settings import Mode
+
+
+def test_an_interaction_from_recognition_to_home():
+    world = World()
+    world.run(0.2)
+    world.begin("plate")
+    world.run(1.6)
+    end = HOME + GOALS["plate"] + world.shift
+    np.testing.assert_allclose(world.arm(), end, atol=0.03)
+    world.run_until(Mode.IDLE)
+    assert world.modes == [Mode.IDLE, Mode.EXECUTING, Mode.HOMING, Mode.IDLE]
+    assert world.tasks_seen == ["", "plate", ""]
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    assert len(world.commands) > 20
+    world.check_continuous()
+
+
+def test_starts_within_a_tenth_of_a_second_and_catches_up():
+    world = World()
+    world.begin("plate", already_s=0.8)
+    world.run_until(Mode.EXECUTING)
+    assert (world.now_ns - START_NS) * 1e-9 <= 0.1
+    world.run(1.3)
+    assert world.commands[-1].phase_at(world.now_ns)[0] > 0.98
+
+
+def test_the_movement_just_served_does_not_start_again_but_the_next_does():
+    world = World()
+    world.begin("plate")
+    world.run_until(Mode.HOMING)
+    world.run_until(Mode.IDLE)
+    world.run(1.0)
+    assert world.modes[-1] is Mode.IDLE
+    world.task = "idle"
+    world.run(0.1)
+    world.begin("screw", already_s=0.5)
+    world.run_until(Mode.EXECUTING)
+    assert world.activation.active_task == "screw"
+    world.run_until(Mode.IDLE)
+    world.check_continuous()
+
+
+def test_a_new_onset_is_a_new_interaction_even_if_idle_was_not_seen():
+    world = World()
+    world.begin("plate")
+    world.run_until(Mode.HOMING)
+    world.run(2.5)
+    world.begin("plate", already_s=0.3)
+    world.run(0.3)
+    assert world.activation.mode is Mode.EXECUTING
+    world.check_continuous()
+
+
+def test_a_new_interaction_on_the_way_home_starts_from_the_moving_arm():
+    world = World()
+    world.begin("plate")
+    world.run_until(Mode.HOMING)
+    world.task = "idle"
+    world.run(0.3)
+    world.begin("screw", already_s=0.3)
+    world.run_until(Mode.EXECUTING)
+    assert np.abs(world.reference().velocity).max() > 0.01
+    world.run_until(Mode.HOMING)
+    world.run_until(Mode.IDLE)
+    assert world.tasks_seen == ["", "plate", "screw", ""]
+    world.check_continuous()
+
+
+def test_the_human_being_done_does_not_keep_the_arm_from_arriving():
+    world = World()
+    world.begin("plate", already_s=1.2)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.4)
+    world.task = "idle"
+    end = world.commands[-1].plan.end
+    world.run(1.2)
+    np.testing.assert_allclose(world.arm(), end, atol=0.02)
+    world.run_until(Mode.IDLE)
+    assert Mode.STOPPED not in world.modes
+
+
+def test_silence_stops_the_arm_on_its_path_and_then_sends_it_home():
+    world = World(hold_s=1.0)
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.3)
+    world.speaks = False
+    world.run_until(Mode.STOPPED)
+    assert world.activation.stop_reason == "stream_stopped"
+    assert world.commands[-1].plan.kind == "stop"
+    world.run(0.5)
+    assert np.all(world.reference().velocity == 0.0)
+    _, q = trajectory("plate")
+    share = (world.arm() - HOME) @ (q[-1] - HOME) / np.sum((q[-1] - HOME) ** 2)
+    assert 0.05 < share < 0.98
+    world.run_until(Mode.HOMING)
+    world.run_until(Mode.IDLE)
+    assert world.activation.counts["stopped: stream_stopped"] == 1
+    world.check_continuous()
+
+
+def test_a_short_silence_is_nothing_and_a_longer_one_resumes():
+    world = World(hold_s=3.0)
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.speaks = False
+    world.run(0.4)
+    assert world.activation.mode is Mode.EXECUTING
+    world.run_until(Mode.STOPPED)
+    world.run(0.3)
+    phase = world.commands[-1].phase_at(world.now_ns)[0]
+    world.speaks = True
+    world.run_until(Mode.EXECUTING)
+    assert world.commands[-1].plan.phase[0] == pytest.approx(phase)
+    world.run_until(Mode.IDLE)
+    world.check_continuous()
+
+
+def test_a_withdrawn_task_stops_the_arm():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.2)
+    world.task = "none"
+    world.run_until(Mode.STOPPED)
+    assert world.activation.stop_reason == "withdrawn"
+    world.run_until(Mode.IDLE)
+    world.check_continuous()
+
+
+def test_another_task_early_on_takes_over_without_a_jump():
+    world = World()
+    world.begin("plate", already_s=0.3)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.3)
+    world.task = "screw"
+    world.run(0.2)
+    assert world.activation.active_task == "screw" and world.activation.mode is Mode.EXECUTING
+    world.run_until(Mode.IDLE)
+    assert world.tasks_seen == ["", "plate", "screw", ""]
+    world.check_continuous()
+
+
+def test_an_unknown_movement_activates_nothing():
+    world = World()
+    world.begin("none")
+    world.run(2.0)
+    assert world.commands == [] and world.modes == [Mode.IDLE]
+
+
+def test_a_prediction_of_another_task_is_not_executed():
+    world = World()
+    world.begin("plate")
+    world.activation.take_joint_state(world.now_ns, HOME, np.zeros(7))
+    for k in range(1, 10):
+        now = world.now_ns + k * STEP_NS
+        world.activation.take_tasks(now, now, LABELS, world.probabilities())
+        world.activation.take_prediction(now, prediction("screw", world.onset_ns))
+        assert world.activation.step(now) is None

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The activation's state machine: late, missing and malformed input, pushed arms, resets."""
+
+import numpy as np
+import pytest
+from activation_world import (
+    HOME,
+    LABELS,
+    START_NS,
+    STEP_NS,
+    World,
+    prediction,
+)
+
+from intent_recognition.activation.settings import Mode
+from intent_recognition.errors import IntentError
+
+
+def test_stale_or_missing_joint_states_start_nothing():
+    world = World()
+    world.measures = False
+    world.begin("plate")
+    world.run(0.5)
+    assert world.commands == [] and "stale_joint_states" in world.rejected
+    world.measures = True
+    world.run(0.1)
+    assert world.activation.mode is Mode.EXECUTING
+
+
+def test_joint_states_going_silent_stop_the_arm():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.measures = False
+    world.run_until(Mode.STOPPED)
+    assert world.activation.stop_reason == "stale_joint_states"
+
+
+def test_an_arm_pushed_off_its_reference_is_stopped_and_counted():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.2)
+    world.push = np.full(7, 0.6)
+    world.run_until(Mode.STOPPED)
+    assert world.activation.stop_reason == "arm_off_reference"
+    assert "arm_off_reference" in world.rejected
+
+
+def test_an_arm_moved_while_idle_starts_from_where_it_is():
+    world = World()
+    world.begin("plate")
+    world.run_until(Mode.HOMING)
+    world.task = "idle"
+    world.run_until(Mode.IDLE)
+    n = len(world.commands)
+    world.push = np.full(7, -0.5)
+    world.begin("screw")
+    world.run_until(Mode.EXECUTING)
+    np.testing.assert_allclose(world.commands[n].plan.positions[0], HOME - 0.5, atol=1e-9)
+
+
+def test_an_arm_in_motion_by_others_starts_nothing():
+    world = World()
+    world.begin("plate")
+    world.measures = False
+    for _ in range(20):
+        world.activation.take_joint_state(world.now_ns + STEP_NS, HOME, np.full(7, 0.5))
+        world.step()
+    assert world.commands == [] and "arm_moving" in world.rejected
+
+
+@pytest.mark.parametrize(
+    ("onset_s", "reason"), [(-60.0, "outdated"), (30.0, "stamp_in_future"), (-1e12, "zero_stamp")]
+)
+def test_predictions_out_of_time_are_rejected(onset_s, reason):
+    world = World()
+    onset_ns = max(0, START_NS + round(onset_s * 1e9))
+    world.activation.take_prediction(START_NS, prediction("plate", onset_ns))
+    assert world.rejected == [reason]
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "reason"),
+    [
+        (0, "zero_stamp"),
+        (START_NS - 1, "stamp_not_increasing"),
+        (START_NS + 5_000_000_000, "stamp_in_future"),
+    ],
+)
+def test_tasks_out_of_time_are_rejected(stamp_ns, reason):
+    world = World()
+    world.activation.take_tasks(START_NS, START_NS, LABELS, world.probabilities())
+    world.activation.take_tasks(START_NS + STEP_NS, stamp_ns, LABELS, world.probabilities())
+    assert world.rejected == [reason]
+
+
+@pytest.mark.parametrize("n_bodies", [2, 3])
+def test_bodies_measured_at_the_same_time_all_count(n_bodies):
+    world = World()
+    labels, rest = LABELS, np.array([0.0, 0.0, 1.0])
+    doubtful, sure = np.array([0.55, 0.4, 0.05]), np.array([0.96, 0.02, 0.02])
+    evidence = np.array([3.0, 0.0, -3.0])
+    for step in range(6):
+        for body in range(n_bodies):
+            p = rest if step == 0 else sure + body * np.array([1e-3, -1e-3, 0.0])
+            said = None if step == 0 else evidence + step + body
+            world.activation.take_tasks(START_NS, START_NS + step * STEP_NS, labels, p, said)
+        assert world.activation.decision.n_for == step * n_bodies
+    assert world.rejected == []
+    stamp = START_NS + 6 * STEP_NS
+    for body in range(n_bodies):  # the newest of one time is what is believed
+        p = sure if body < n_bodies - 1 else doubtful
+        world.activation.take_tasks(START_NS, stamp, labels, p, evidence + body)
+    assert world.activation.decision.candidate == "" and world.rejected == []
+
+
+def test_the_same_estimate_once_more_is_a_sender_that_is_stuck():
+    world = World()
+    world.begin("plate")
+    for _ in range(8):
+        world.activation.take_tasks(START_NS, START_NS, LABELS, world.probabilities())
+    assert world.rejected == ["stamp_not_increasing"] * 7
+    assert world.activation.decision.n_for == 1
+
+
+def test_repeated_stamps_count_as_silence():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    stamp = world.now_ns
+    world.speaks = False
+    for _ in range(60):
+        world.activation.take_tasks(world.now_ns, stamp, LABELS, world.probabilities())
+        world.step()
+    assert world.activation.mode is Mode.STOPPED
+
+
+def test_malformed_probabilities_raise_and_change_nothing():
+    world = World()
+    before = world.activation.decision
+    for p in (np.array([0.5]), np.array([np.nan, 0.5, 0.5]), np.array([])):
+        with pytest.raises(IntentError):
+            world.activation.take_tasks(START_NS, START_NS, LABELS, p)
+    assert world.activation.decision == before
+    world.activation.take_tasks(START_NS, START_NS, LABELS, world.probabilities())
+    assert world.rejected == []
+
+
+def test_reset_sends_the_arm_home_and_does_not_start_the_same_movement_again():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.3)
+    world.commands.append(world.activation.reset(world.now_ns))
+    assert world.activation.mode is Mode.HOMING
+    world.run_until(Mode.IDLE)
+    assert Mode.EXECUTING not in world.modes[2:]
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    world.check_continuous()
+
+
+def test_halt_brakes_the_arm():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.3)
+    command = world.activation.halt(world.now_ns)
+    world.commands.append(command)
+    assert command.plan.kind == "stop" and world.activation.mode is Mode.IDLE
+    assert world.activation.halt(world.now_ns) is None
+    world.check_continuous()
+
+
+def test_without_return_home_it_stays_and_is_idle():
+    world = World(return_home=False)
+    world.begin("plate")
+    world.run_until(Mode.EXECUTING)
+    world.run_until(Mode.IDLE)
+    world.run(1.0)
+    np.testing.assert_allclose(world.arm(), world.commands[-1].plan.end, atol=1e-9)
+    assert np.abs(world.arm() - HOME).max() > 0.2
+
+
+def test_a_clock_that_goes_back_starts_over():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    assert world.activation.step(world.now_ns - 10_000_000_000) is None
+    assert world.activation.mode is Mode.IDLE and "clock_jumped_back" in world.rejected

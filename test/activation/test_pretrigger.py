@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Going ahead to where the expected task begins: when, how, and leaving again."""
+
+import numpy as np
+import pytest
+from activation_world import HOME, LABELS, STEP_NS, World
+
+from intent_recognition.activation.pretrigger import Pretrigger, PretriggerSettings
+from intent_recognition.activation.settings import Mode
+from intent_recognition.errors import IntentError
+from intent_recognition.recognition.decision import DecisionSettings, DecisionState
+
+AHEAD = HOME + np.array([0.3, -0.2, 0.1, 0.2, 0.0, -0.1, 0.4])
+TASKS = LABELS[:2]
+BUSY = DecisionState(idle=False)
+EXPECTED = np.array([0.1, 0.9])
+
+
+def make_world(*, starts=None, threshold=0.7, timeout_s=3.0, **settings):
+    starts = {"plate": HOME, "screw": AHEAD} if starts is None else starts
+    return World(pretrigger=PretriggerSettings(threshold, timeout_s, starts), **settings)
+
+
+def expect(world, probabilities=EXPECTED):
+    """What the estimator says when a movement has ended."""
+    world.activation.pretrigger.take_expectation(world.now_ns, TASKS, np.array(probabilities))
+
+
+def after_a_plate(world, probabilities=EXPECTED):
+    """A plate is handed over; the human rests, and the next task is expected."""
+    world.begin("plate")
+    world.run_until(Mode.EXECUTING)
+    world.run(1.2)
+    world.task = "idle"
+    world.step()
+    expect(world, probabilities)
+    return world
+
+
+def test_the_arm_goes_ahead_and_the_interaction_starts_from_there():
+    world = after_a_plate(make_world())
+    world.run_until(Mode.PRETRIGGERED)
+    assert world.activation.active_task == "" and world.activation.pretrigger.label == "screw"
+    assert world.commands[-1].plan.kind == "pretrigger"
+    world.run(2.0)
+    np.testing.assert_allclose(world.arm(), AHEAD, atol=1e-9)
+    assert world.tasks_seen == ["", "plate", ""]
+    assert world.activation.counts["activated"] == world.activation.counts["started"] == 1
+    n = len(world.commands)
+    world.begin("screw", already_s=0.4)
+    world.run_until(Mode.EXECUTING)
+    np.testing.assert_allclose(world.commands[n].plan.positions[0], AHEAD, atol=1e-9)
+    assert world.activation.counts["pretrigger right"] == 1
+    world.run_until(Mode.HOMING)
+    world.task = "idle"
+    world.run_until(Mode.IDLE)
+    assert world.tasks_seen == ["", "plate", "", "screw", ""]
+    world.check_continuous()
+
+
+def test_the_human_beginning_while_the_arm_is_on_its_way_starts_from_the_moving_arm():
+    world = after_a_plate(make_world())
+    world.run_until(Mode.PRETRIGGERED)
+    world.run(0.3)
+    world.begin("screw", already_s=0.4)
+    world.run_until(Mode.EXECUTING)
+    assert np.abs(world.reference().velocity).max() > 0.01
+    world.run_until(Mode.HOMING)
+    world.check_continuous()
+
+
+def test_another_task_takes_over_from_there_or_on_the_way_home():
+    world = after_a_plate(make_world())
+    world.run_until(Mode.PRETRIGGERED)
+    world.run(1.5)
+    world.begin("plate", already_s=0.4)
+    world.run_until(Mode.EXECUTING)
+    assert world.activation.active_task == "plate"
+    counts = world.activation.counts
+    assert counts["pretrigger wrong"] + counts["pretrigger withdrawn: another_task"] == 1
+    assert counts["pretrigger right"] == 0
+    world.check_continuous()
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_an_unknown_movement_makes_it_withdraw(moving):
+    world = after_a_plate(make_world())
+    world.run_until(Mode.PRETRIGGERED)
+    world.run(0.3 if moving else 2.0)
+    world.begin("none")
+    world.run_until(Mode.HOMING, longest_s=0.2)
+    assert world.activation.counts["pretrigger withdrawn: none"] == 1
+    world.run_until(Mode.IDLE)
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    world.task = "idle"
+    world.step()
+    expect(world)
+    world.run(3.0)
+    assert world.modes[-1] is Mode.IDLE  # once after each interaction
+    assert world.tasks_seen == ["", "plate", ""]
+    world.check_continuous()
+
+
+def test_a_movement_that_ends_unrecognised_makes_it_withdraw():
+    world = after_a_plate(make_world())
+    world.run_until(Mode.PRETRIGGERED)
+    world.task = "undecided"
+    world.probabilities = lambda: (
+        np.array([0.0, 0.0, 1.0]) if world.task == "idle" else np.array([0.1, 0.6, 0.3])
+    )
+    world.run(0.5)
+    assert world.activation.mode is Mode.PRETRIGGERED
+    world.task = "idle"
+    world.run_until(Mode.HOMING, longest_s=0.1)
+    assert world.activation.counts["pretrigger withdrawn: not_recognised"] == 1
+
+
+def test_it_waits_no_longer_than_its_timeout():
+    world = after_a_plate(make_world(timeout_s=2.0))
+    world.run_until(Mode.PRETRIGGERED)
+    arrives_ns = world.commands[-1].end_ns
+    world.run_until(Mode.HOMING)
+    assert 2.0 < (world.now_ns - arrives_ns) * 1e-9 < 2.1
+    assert world.activation.counts["pretrigger withdrawn: timeout"] == 1
+    world.run_until(Mode.IDLE)
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    world.check_continuous()
+
+
+@pytest.mark.parametrize("reason", ["stream_stopped", "stale_joint_states", "arm_off_reference"])
+def test_on_the_way_it_is_guarded_like_any_motion(reason):
+    world = after_a_plate(make_world())
+    world.run_until(Mode.PRETRIGGERED)
+    world.run(0.2)
+    world.speaks = reason != "stream_stopped"
+    world.measures = reason != "stale_joint_states"
+    world.push = np.full(7, 0.6 if reason == "arm_off_reference" else 0.0)
+    world.run_until(Mode.STOPPED, longest_s=0.7)
+    assert world.activation.stop_reason == reason
+    world.speaks = world.measures = True
+    world.push = np.zeros(7)
+    world.run_until(Mode.IDLE)
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-6)
+    world.check_continuous()
+
+
+@pytest.mark.parametrize("when", ["on the way", "there"])
+def test_reset_and_halt(when):
+    for act in ("reset", "halt"):
+        world = after_a_plate(make_world())
+        world.run_until(Mode.PRETRIGGERED)
+        world.run(0.3 if when == "on the way" else 2.5)
+        command = getattr(world.activation, act)(world.now_ns)
+        if command is not None:
+            world.commands.append(command)
+        assert world.activation.pretrigger.label == ""
+        assert (command is None) == (act == "halt" and when == "there")
+        world.run(4.0)
+        assert world.activation.mode is Mode.IDLE
+        if act == "reset":
+            np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+        world.check_continuous()
+
+
+def test_where_the_task_begins_at_home_nothing_moves():
+    world = after_a_plate(make_world(starts={"plate": HOME, "screw": HOME + 0.01}))
+    world.run_until(Mode.PRETRIGGERED)
+    n = len(world.commands)
+    world.run_until(Mode.IDLE)
+    assert len(world.commands) == n  # it was on its way home anyhow, and stays there
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    assert world.activation.counts["pretriggered"] == 1
+    assert world.activation.counts["pretrigger withdrawn: timeout"] == 1
+    world.begin("screw", already_s=0.4)
+    world.run_until(Mode.EXECUTING)
+    world.check_continuous()
+
+
+def test_an_arm_at_home_already_is_sent_nothing():
+    world = make_world(starts={"plate": HOME, "screw": HOME + 0.01})
+    world.activation.pretrigger.interaction_began()
+    world.run(0.1)
+    expect(world)
+    world.run_until(Mode.PRETRIGGERED)
+    world.run_until(Mode.IDLE)
+    assert world.commands == []
+    assert world.activation.counts["pretrigger withdrawn: timeout"] == 1
+
+
+def test_without_a_home_it_returns_to_where_it_came_from():
+    world = after_a_plate(make_world(return_home=False))
+    world.run_until(Mode.PRETRIGGERED)
+    end = next(c for c in reversed(world.commands) if c.plan.kind == "interaction").plan.end
+    world.run_until(Mode.IDLE)
+    # the first posture seen is home; from there the arm is not asked to return, but withdrawn
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    assert np.abs(end - HOME).max() > 0.3
+
+
+@pytest.mark.parametrize(
+    ("change", "probabilities"),
+    [
+        ({"threshold": 0.0}, EXPECTED),
+        ({"threshold": 0.95}, EXPECTED),
+        ({"starts": {"plate": AHEAD}}, EXPECTED),
+        ({}, [0.45, 0.55]),
+    ],
+)
+def test_it_stays_home_where_it_is_off_or_nothing_is_expected(change, probabilities):
+    world = after_a_plate(make_world(**change), probabilities)
+    world.run_until(Mode.IDLE)
+    world.run(2.0)
+    assert Mode.PRETRIGGERED not in world.modes
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+
+
+def test_it_never_moves_before_an_interaction_nor_on_an_old_expectation():
+    world = make_world()
+    world.run(0.2)
+    expect(world)
+    world.run(3.0)
+    assert world.commands == []
+    expect(world)  # before the movement that follows
+    world.begin("plate")
+    world.run_until(Mode.EXECUTING)
+    world.run(1.2)
+    world.task = "idle"
+    world.run_until(Mode.IDLE)
+    assert Mode.PRETRIGGERED not in world.modes
+
+
+def test_it_does_not_start_while_the_human_moves_or_is_not_seen():
+    world = after_a_plate(make_world())
+    world.speaks = False
+    world.run(6.0)
+    assert Mode.PRETRIGGERED not in world.modes
+
+
+def test_a_start_outside_the_limits_is_refused():
+    world = after_a_plate(make_world(starts={"screw": np.full(7, 9.0)}))
+    world.run_until(Mode.IDLE)
+    assert Mode.PRETRIGGERED not in world.modes and "infeasible" in world.rejected
+
+
+def test_malformed_expectations_raise_and_change_nothing():
+    pretrigger = Pretrigger(PretriggerSettings(0.7, 1.0, {"screw": AHEAD}), DecisionSettings())
+    pretrigger.interaction_began()
+    pretrigger.take_expectation(5, TASKS, EXPECTED)
+    for labels, p in (
+        (TASKS, [1.0]),
+        ((), []),
+        (TASKS, [0.5, np.nan]),
+        (TASKS, [0.5, 0.6]),
+        (TASKS, [-0.5, 1.5]),
+    ):
+        with pytest.raises(IntentError, match="next task"):
+            pretrigger.take_expectation(6, labels, np.array(p))
+    assert pretrigger.wanted(5) == "screw" and pretrigger.wanted(6) == ""
+    assert pretrigger.expected == "screw (0.90)"
+    with pytest.raises(IntentError, match="threshold"):
+        PretriggerSettings(threshold=1.5)
+
+
+def test_single_odd_observations_do_not_withdraw():
+    pretrigger = Pretrigger(PretriggerSettings(0.7, 1.0, {"screw": AHEAD}), DecisionSettings())
+    pretrigger.begin("screw", 0)
+    for k in range(40):
+        odd = np.array([0.9, 0.05, 0.05]) if k % 5 == 4 else np.array([0.1, 0.85, 0.05])
+        pretrigger.observe(BUSY, LABELS, odd)
+        assert pretrigger.reason_to_withdraw(k * STEP_NS, BUSY) == ""
+    for _ in range(5):
+        pretrigger.observe(BUSY, LABELS, np.array([0.9, 0.05, 0.05]))
+    assert pretrigger.reason_to_withdraw(0, BUSY) == "another_task"

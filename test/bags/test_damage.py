@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Truncated and bit-flipped files: the reader names the damage, recovery saves the rest."""
+
+import shutil
+
+import numpy as np
+import pytest
+from bag_builder import SteppingClock, raw, write_bag
+
+from intent_recognition.bags.mcap.scan import scan_file
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.bags.recover import recover_bag
+from intent_recognition.errors import BagError, ResourceBusyError
+
+COUNT = 120
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A bag of many chunks and all its messages."""
+    folder = tmp_path_factory.mktemp("whole")
+    path = write_bag(folder / "bag", COUNT, clock=SteppingClock(0.02))
+    return path, raw(path, BagReader)
+
+
+@pytest.fixture
+def damaged(whole, tmp_path):
+    """Function that writes the bag with other bytes; returns its path."""
+
+    def change(data: bytes):
+        folder = tmp_path / "damaged"
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(whole[0], folder)
+        (folder / "bag.mcap").write_bytes(data)
+        return folder
+
+    return change
+
+
+def content(whole) -> bytes:
+    return (whole[0] / "bag.mcap").read_bytes()
+
+
+def read_until_error(path) -> tuple[list, BagError | None]:
+    found = []
+    try:
+        for m in BagReader(path).raw_messages():
+            found.append((m.topic, m.type, m.log_time_ns, m.publish_time_ns, m.data))
+    except BagError as error:
+        return found, error
+    return found, None
+
+
+def recovered(path, tmp_path) -> list:
+    shutil.rmtree(tmp_path / "saved", ignore_errors=True)
+    recover_bag(path, tmp_path / "saved")
+    return raw(tmp_path / "saved", BagReader)
+
+
+def test_truncation_anywhere_is_an_error_and_the_whole_chunks_are_saved(whole, damaged, tmp_path):
+    data, messages = content(whole), whole[1]
+    scan = scan_file(whole[0] / "bag.mcap")
+    ends = [(b.offset + 9 + b.length, b.end_ns) for b in scan.blocks]
+    for size in range(60, len(data), 509):
+        path = damaged(data[:size])
+        found, error = read_until_error(path)
+        assert found == messages[: len(found)]
+        if error is None:  # cut between two records: what was written is whole
+            assert not BagReader(path).is_finished
+        else:
+            assert "bag.mcap" in str(error) and "time" in str(error)
+        complete_ns = max((end_ns for end, end_ns in ends if end <= size), default=0)
+        expected = [m for m in messages if m[2] <= complete_ns]
+        if not expected:
+            continue
+        saved = recovered(path, tmp_path)
+        assert saved[: len(expected)] == expected
+        assert saved == messages[: len(saved)]
+
+
+def test_flipped_bits_are_never_read_silently(whole, damaged, tmp_path):
+    data, messages = content(whole), whole[1]
+    chunks = len(scan_file(whole[0] / "bag.mcap").blocks)
+    rng = np.random.default_rng(1)
+    for _ in range(120):
+        flipped = bytearray(data)
+        flipped[int(rng.integers(len(data)))] ^= 1 << int(rng.integers(8))
+        path = damaged(bytes(flipped))
+        found, error = read_until_error(path)
+        assert found == messages or error is not None
+        assert found == messages[: len(found)]
+        saved = recovered(path, tmp_path)
+        assert set(saved) <= set(messages)
+        assert len(saved) >= len(messages) * (1 - 2.5 / chunks)
+
+
+def test_several_damaged_places(whole, damaged, tmp_path):
+    data = bytearray(content(whole))
+    blocks = scan_file(whole[0] / "bag.mcap").blocks
+    for block in (blocks[2], blocks[5]):
+        data[block.offset : block.offset + 40] = bytes(40)
+    path = damaged(bytes(data))
+    report = recover_bag(path, tmp_path / "saved")
+    lost = {m for m in whole[1] for b in (blocks[2], blocks[5]) if b.start_ns <= m[2] <= b.end_ns}
+    assert set(whole[1]) - set(raw(tmp_path / "saved", BagReader)) == lost
+    assert len(report.damage) == 2
+    assert report.message_count == len(whole[1]) - len(lost)
+    assert BagReader(tmp_path / "saved").task == "plate"
+    assert (path / "bag.mcap").read_bytes() == bytes(data)
+
+
+def test_the_only_chunk_cut_in_half_gives_its_first_part(tmp_path, shared_data):
+    source = shared_data / "hri_yumi" / "demo_0000"
+    messages = raw(source, BagReader)
+    shutil.copytree(source, tmp_path / "demo")
+    file = tmp_path / "demo" / "demo_0000.mcap"
+    file.chmod(0o644)
+    data = (source / "demo_0000.mcap").read_bytes()
+    file.write_bytes(data[: len(data) // 2])
+    with pytest.raises(BagError, match=r"demo_0000\.mcap: topics .*/joint_states.*time 17"):
+        list(BagReader(tmp_path / "demo").messages())
+    report = recover_bag(tmp_path / "demo", tmp_path / "saved")
+    assert report.message_count > len(messages) // 4
+    assert raw(tmp_path / "saved", BagReader) == messages[: report.message_count]
+
+
+def test_recovering_a_whole_bag_loses_nothing(whole, tmp_path):
+    report = recover_bag(whole[0], tmp_path / "saved")
+    assert raw(tmp_path / "saved", BagReader) == whole[1]
+    assert not report.damage and report.message_count == len(whole[1])
+
+
+def test_nothing_to_save_and_nothing_overwritten(whole, tmp_path, damaged):
+    for data in (b"", b"no mcap at all", bytes(1000)):
+        with pytest.raises(BagError, match=r"damaged"):
+            recover_bag(damaged(data), tmp_path / "saved")
+        assert not (tmp_path / "saved").exists()
+    with pytest.raises(ResourceBusyError):
+        recover_bag(whole[0], whole[0])
+
+
+def test_bag_without_metadata_reads_with_a_note(whole, damaged):
+    path = damaged(content(whole))
+    (path / "metadata.yaml").unlink()
+    reader = BagReader(path)
+    assert reader.task is None and "metadata.yaml" in reader.notes[0]
+    assert raw(path, BagReader) == whole[1]
+    assert raw(path / "bag.mcap", BagReader) == whole[1]
+
+
+@pytest.mark.parametrize("text", ["", "a: [", "rosbag2_bagfile_information: {}", "3"])
+def test_broken_metadata_is_named_and_recovered(whole, damaged, tmp_path, text):
+    path = damaged(content(whole))
+    (path / "metadata.yaml").write_text(text)
+    with pytest.raises(BagError, match=r"metadata\.yaml"):
+        BagReader(path)
+    assert recovered(path, tmp_path) == whole[1]

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The DOF file: what it says is what is read, and what is wrong with it is named."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from intent_recognition.bags.definitions import make_message
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, extract, load_dofs
+from intent_recognition.errors import DofError, MessageError
+
+ENTRY = {"topic": "/a", "type": "geometry_msgs/msg/PoseStamped", "fields": ["pose.x"], "unit": "m"}
+JOINT_ENTRY = {
+    "topic": "/j",
+    "type": "sensor_msgs/msg/JointState",
+    "joints": ["a", "b"],
+    "unit": "rad",
+}
+VALUES = {
+    "geometry_msgs/msg/PoseStamped": ("pose.position.y", {"pose": {"position": {"y": 3.0}}}),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": (
+        "pose.pose.orientation.z",
+        {"pose": {"pose": {"orientation": {"z": 3.0}}}},
+    ),
+    "nav_msgs/msg/Odometry": ("twist.twist.linear.x", {"twist": {"twist": {"linear": {"x": 3.0}}}}),
+    "geometry_msgs/msg/PointStamped": ("point.z", {"point": {"z": 3.0}}),
+    "geometry_msgs/msg/Vector3Stamped": ("vector.x", {"vector": {"x": 3.0}}),
+    "geometry_msgs/msg/TransformStamped": (
+        "transform.translation.x",
+        {"transform": {"translation": {"x": 3.0}}},
+    ),
+    "sensor_msgs/msg/JointState": ("position.1", {"name": ["a", "b"], "position": [1.0, 3.0]}),
+    "sensor_msgs/msg/Range": ("range", {"range": 3.0}),
+    "std_msgs/msg/Float64MultiArray": ("data.2", {"data": [1.0, 2.0, 3.0]}),
+}
+
+
+def spec(**changes) -> dict:
+    return {"observed": [ENTRY | changes], "controlled": [JOINT_ENTRY]}
+
+
+@pytest.mark.parametrize("kind", VALUES)
+def test_any_field_of_any_type(kind):
+    field, fields = VALUES[kind]
+    entry = DofEntry("t", kind, fields=(field,), unit="m")
+    assert extract(entry, make_message(kind, fields)).tolist() == [3.0]
+    assert entry.names == (f"t.{field}",)
+
+
+@given(order=st.permutations(["a", "b", "c", "d"]))
+def test_joints_are_found_in_any_order(order):
+    entry = DofEntry("j", "sensor_msgs/msg/JointState", joints=("c", "a"), unit="rad")
+    message = SimpleNamespace(name=order, position=[float(ord(n)) for n in order])
+    assert extract(entry, message).tolist() == [ord("c"), ord("a")]
+
+
+def test_velocity_and_effort_have_names_of_their_own():
+    content = spec()
+    content["controlled"].append(JOINT_ENTRY | {"quantity": "velocity"})
+    dofs = DofSpec.from_dict(content)
+    assert dofs.controlled_names == ("a", "b", "a.velocity", "b.velocity")
+    message = SimpleNamespace(name=["a", "b"], position=[1.0, 2.0], velocity=[3.0, 4.0])
+    assert extract(dofs.controlled[1], message).tolist() == [3.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        SimpleNamespace(name=["a"], position=[1.0]),
+        SimpleNamespace(name=["a", "b"], position=[1.0]),
+        SimpleNamespace(name=[], position=[]),
+        SimpleNamespace(pose=1),
+    ],
+)
+def test_missing_joint_is_a_message_error(message):
+    with pytest.raises(MessageError, match=r"^j"):
+        extract(DofEntry("j", "sensor_msgs/msg/JointState", joints=("a", "b")), message)
+
+
+def test_missing_field_is_a_message_error():
+    entry = DofEntry("t", "geometry_msgs/msg/PoseStamped", fields=("pose.position.q",))
+    with pytest.raises(MessageError, match=r"t\.pose\.position\.q"):
+        extract(entry, make_message(entry.type, {}))
+
+
+def test_shipped_file_is_the_contract():
+    dofs = load_dofs()
+    assert dofs.observed_names == tuple(f"mocap/wrist/pose.pose.position.{a}" for a in "xyz")
+    assert dofs.controlled_names == tuple(f"lwr_a{i}_joint" for i in range(1, 8))
+    assert dofs.observed[0].topic == "mocap/wrist/pose"
+
+
+def test_round_trip():
+    dofs = load_dofs()
+    assert DofSpec.from_dict(dofs.to_dict()) == dofs
+    assert DofSpec.from_dict(yaml.safe_load(yaml.safe_dump(dofs.to_dict()))) == dofs
+
+
+@pytest.mark.parametrize(
+    ("content", "named"),
+    [
+        ([], "mapping"),
+        ({}, "observed"),
+        ({"observed": []}, "observed"),
+        (spec() | {"extra": 1}, "extra"),
+        (spec(colour="red"), "colour"),
+        (spec(topic=""), "topic"),
+        (spec(topic="/"), "topic"),
+        (spec(topic=3), "topic"),
+        (spec(type="PoseStamped"), "type"),
+        (spec(unit=None), "unit"),
+        (spec(fields=[]), "fields"),
+        (spec(fields="pose.x"), "fields"),
+        (spec(fields=["pose..x"]), "fields"),
+        (spec(joints=["a"]), "both"),
+        (spec(fields=["pose.x", "pose.x"]), "twice"),
+        (spec(quantity="velocity"), "quantity"),
+        ({"observed": [JOINT_ENTRY], "controlled": [JOINT_ENTRY]}, "twice a, b"),
+        ({"observed": [ENTRY], "controlled": [JOINT_ENTRY | {"quantity": "x"}]}, "quantity"),
+        ({"observed": [ENTRY], "controlled": [ENTRY | {"type": "a/msg/B", "fields": ["q"]}]}, "a"),
+    ],
+)
+def test_mistakes_are_named(tmp_path, content, named):
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(content))
+    with pytest.raises(DofError, match=named) as caught:
+        load_dofs(path)
+    assert "mine.yaml" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["observed: [", "\x00", ": :"])
+def test_no_yaml_is_named(tmp_path, text):
+    (tmp_path / "bad.yaml").write_text(text)
+    with pytest.raises(DofError, match=r"bad\.yaml"):
+        load_dofs(tmp_path / "bad.yaml")
+    with pytest.raises(DofError, match="nowhere"):
+        load_dofs(tmp_path / "nowhere.yaml")
+
+
+def test_extract_gives_float64():
+    entry = DofEntry("t", "sensor_msgs/msg/Range", fields=("range",))
+    assert extract(entry, SimpleNamespace(range=np.float32(0.5))).dtype == np.float64

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Demonstrations from bags, folders and sessions; what is left out is named, the rest is used."""
+
+import numpy as np
+import pytest
+from bag_builder import (
+    JOINTS,
+    POSE,
+    START_NS,
+    STEP_NS,
+    TEXT,
+    SteppingClock,
+    joints,
+    pose,
+    write_bag,
+    write_session,
+)
+
+from intent_recognition.bags.writer import BagWriter
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations.inspect import inspect_bag
+from intent_recognition.demonstrations.reading import iter_demonstrations
+from intent_recognition.demonstrations.reading import read_demonstrations as read
+from intent_recognition.errors import BagError
+
+DOFS = load_dofs()
+
+
+def write(path, poses, states=None, task="plate"):
+    with BagWriter(path, {"task": task}) as writer:
+        for i, message in enumerate(poses):
+            writer.write_message("mocap/wrist/pose", POSE, message, START_NS + i * STEP_NS)
+        for i, message in enumerate(states or [joints(i) for i in range(len(poses))]):
+            writer.write_message("joint_states", JOINTS, message, START_NS + i * STEP_NS)
+    return path
+
+
+def test_one_bag(tmp_path):
+    (demonstration,), rejections = read(write_bag(tmp_path / "demo", 50), DOFS)
+    assert not rejections
+    assert demonstration.name == "demo" and demonstration.task == "plate"
+    (wrist,), (arm,) = demonstration.observed, demonstration.controlled
+    np.testing.assert_allclose(wrist.values[:, 0], 0.001 * np.arange(50), atol=1e-15)
+    assert arm.values[7].tolist() == joints(7)["position"]
+    assert (demonstration.start_ns, demonstration.end_ns) == (START_NS, START_NS + 49 * STEP_NS)
+    assert dict(demonstration.rejected) == {}
+
+
+def test_label_missing_is_no_error(tmp_path):
+    (demonstration,), _ = read(write_bag(tmp_path / "demo", task=None), DOFS)
+    assert demonstration.task is None
+
+
+def test_bad_poses_are_dropped_and_counted_as_the_node_does(tmp_path):
+    poses = [pose(i) for i in range(40)]
+    poses[5] = pose(5, x=float("nan"))
+    poses[9] = pose(9, x=float("inf"))
+    poses[12] = pose(12, stamp_ns=0)
+    poses[15] = pose(14)
+    poses[20] = pose(20, x=5.0)
+    poses[25] = pose(25, frame_id="elsewhere")
+    (demonstration,), _ = read(write(tmp_path / "demo", poses), DOFS)
+    assert demonstration.rejected == {
+        "not_finite": 2,
+        "zero_stamp": 1,
+        "stamp_not_increasing": 1,
+        "jump": 1,
+        "unknown_frame": 1,
+    }
+    assert demonstration.observed[0].stamps_ns.size == 34
+
+
+def test_bad_joint_states_are_dropped_and_counted(tmp_path):
+    states = [joints(i) for i in range(30)]
+    states[3] = joints(3, positions=[float("nan")] * 7)
+    states[4] = joints(4, names=["gripper"], positions=[0.0])
+    states[6] = joints(2)
+    states[8] = joints(8, stamp_ns=0)
+    bag = write(tmp_path / "demo", [pose(i) for i in range(30)], states)
+    (demonstration,), _ = read(bag, DOFS)
+    assert demonstration.rejected == {
+        "not_finite": 1,
+        "missing_dof": 1,
+        "stamp_not_increasing": 1,
+        "zero_stamp": 1,
+    }
+
+
+def test_extrinsics_put_poses_into_the_world(tmp_path):
+    bag = write(tmp_path / "demo", [pose(i, frame_id="tracker") for i in range(20)])
+    turned = {"tracker": (np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0, 0.0]))}
+    (moved,), _ = read(bag, DOFS, extrinsics=turned)
+    (plain,), _ = read(bag, DOFS)
+    expected = plain.observed[0].values * [-1, -1, 1] + [1, 0, 0]
+    np.testing.assert_allclose(moved.observed[0].values, expected, atol=1e-12)
+    none, (rejection,) = read(bag, DOFS, extrinsics={})
+    assert not none and "unknown_frame" in rejection.reason
+
+
+def test_folder_with_broken_bags_uses_the_rest(tmp_path):
+    for name in ("a", "c", "e", "g"):
+        write_bag(tmp_path / name, task=name)
+    data = (tmp_path / "c" / "c.mcap").read_bytes()
+    (tmp_path / "c" / "c.mcap").write_bytes(data[: len(data) * 2 // 3])
+    (tmp_path / "e" / "e.mcap").unlink()
+    (tmp_path / "g" / "metadata.yaml").write_text("nonsense")
+    with BagWriter(tmp_path / "i") as writer:
+        writer.write_message("joint_states", JOINTS, joints(0), START_NS)
+    with BagWriter(tmp_path / "k") as writer:
+        writer.write_message("joint_states", JOINTS, joints(0), START_NS)
+        writer.write_message("mocap/wrist/pose", TEXT, {"data": "x"}, START_NS)
+    with BagWriter(tmp_path / "m") as writer:
+        writer.add_topic("mocap/wrist/pose", POSE)
+        writer.add_topic("joint_states", JOINTS)
+    write_bag(tmp_path / "z", task="z")
+    (tmp_path / "figures").mkdir()
+    demonstrations, rejections = read(tmp_path, DOFS)
+    assert [d.task for d in demonstrations] == ["a", "z"]
+    reasons = {r.path.rsplit("/", 1)[1]: r.reason for r in rejections}
+    expected = {
+        "c": "damaged",
+        "e": "e.mcap",
+        "g": "metadata.yaml",
+        "i": "missing topic",
+        "k": "wrong schema",
+        "m": "empty",
+    }
+    assert reasons.keys() == expected.keys()
+    assert all(expected[name] in reason for name, reason in reasons.items())
+    assert [str(r).startswith(str(tmp_path)) for r in rejections] == [True] * 6
+
+
+def test_killed_recording_is_left_out_with_the_cure(tmp_path):
+    writer = BagWriter(tmp_path / "demo")
+    for i in range(30):
+        writer.write_message("mocap/wrist/pose", POSE, pose(i), START_NS + i)
+        writer.write_message("joint_states", JOINTS, joints(i), START_NS + i)
+    writer.flush()
+    demonstrations, (rejection,) = read(tmp_path, DOFS)
+    assert not demonstrations and "intent recover" in rejection.reason
+    writer.close()
+
+
+def test_session_is_split_at_its_markers(tmp_path):
+    bag = write_session(tmp_path / "session", ["plate", "screw", "plate"])
+    demonstrations, rejections = read(bag, DOFS)
+    assert not rejections
+    assert [d.task for d in demonstrations] == ["plate", "screw", "plate"]
+    assert [d.name for d in demonstrations] == ["session#000", "session#001", "session#002"]
+    for number, demonstration in enumerate(demonstrations):
+        first = 30 * number + 5
+        assert demonstration.start_ns == START_NS + first * STEP_NS
+        assert demonstration.end_ns == START_NS + (first + 20) * STEP_NS
+        assert demonstration.observed[0].stamps_ns.size == 21
+    summary = inspect_bag(bag)
+    assert [part.task for part in summary.demonstrations] == ["plate", "screw", "plate"]
+
+
+def test_session_without_its_last_end(tmp_path):
+    bag = write_session(tmp_path / "session", ["plate", "screw"], last_end=False)
+    (demonstration,), (rejection,) = read(bag, DOFS)
+    assert demonstration.task == "plate"
+    assert "screw" in rejection.reason and rejection.stamp_ns == START_NS + 35 * STEP_NS
+
+
+def test_truncated_session_keeps_what_was_complete(tmp_path):
+    clock = SteppingClock(0.05)
+    bag = write_session(tmp_path / "session", ["plate", "screw", "plate", "screw"], clock=clock)
+    file = bag / "session.mcap"
+    data = file.read_bytes()
+    file.write_bytes(data[: len(data) * 3 // 5])
+    demonstrations, rejections = read(bag, DOFS)
+    assert [d.task for d in demonstrations] == ["plate", "screw", "plate"][: len(demonstrations)]
+    assert demonstrations
+    assert "damaged" in rejections[-1].reason
+
+
+def test_iterating_gives_the_same_in_order(tmp_path):
+    for name in ("b", "a"):
+        write_bag(tmp_path / name, task=name)
+    found = list(iter_demonstrations([tmp_path / "b", tmp_path], DOFS))
+    assert [d.task for d in found] == ["b", "a", "b"]
+
+
+def test_nothing_there(tmp_path):
+    with pytest.raises(BagError, match="nowhere"):
+        read(tmp_path / "nowhere", DOFS)
+    none, (rejection,) = read(tmp_path, DOFS)
+    assert not none and "no bag" in rejection.reason
+
+
+@pytest.mark.parametrize(("folder", "count"), [("nuisi", 29), ("hri_yumi", 28), ("baton", 68)])
+def test_real_recordings(shared_data, folder, count):
+    dofs = load_dofs(shared_data / folder / "dofs.yaml")
+    demonstrations, rejections = read(shared_data / folder, dofs)
+    assert len(demonstrations) == count and not rejections
+    assert all(d.task for d in demonstrations)
+    shares = [d.rejected.get("jump", 0) / d.observed[0].stamps_ns.size for d in demonstrations]
+    assert max(shares) < 0.05
+
+
+def test_inspection_reports_gaps_rates_and_outliers(tmp_path):
+    poses = [pose(i) for i in range(60) if not 20 <= i < 35]
+    poses[10] = pose(10, x=4.0)
+    poses[12] = pose(12, x=float("nan"))
+    summary = inspect_bag(write(tmp_path / "demo", poses))
+    (wrist,) = [t for t in summary.topics if t.name == "/mocap/wrist/pose"]
+    assert wrist.count == 45 and wrist.rate_hz == pytest.approx(100.0)
+    assert wrist.gaps == ((START_NS + 19 * STEP_NS, pytest.approx(0.16)),)
+    assert wrist.rejected == {"jump": 1, "not_finite": 1} and wrist.not_finite == 1
+    assert summary.task == "plate" and summary.message_count == 90 and not summary.damage

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The stream of a recording is what the running nodes would see of it."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from bag_builder import joints, pose, write_bag
+from geometry_msgs.msg import PoseStamped
+from model_builder import GLOVE, TOOL, WRIST, make_dofs, perform, true_library, write_recording
+from nav_msgs.msg import Odometry
+from rclpy.serialization import deserialize_message
+
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.bags.writer import BagWriter
+from intent_recognition.demonstrations.dofs import DofEntry
+from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.demonstrations.stream import iter_observations
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import position_array, stamp_ns
+from intent_recognition.nodes.mocap_ingest import MocapIngest
+from intent_recognition.signals.observation import merge
+from intent_recognition.tracking.ingest import IngestSettings
+
+DOFS = make_dofs(WRIST)
+
+
+def stream(path, dofs=DOFS, settings=None, rejected=None):
+    return list(iter_observations(BagReader(path), dofs, settings, rejected))
+
+
+def test_it_equals_what_the_ingest_node_publishes(harness, repository):
+    bag = repository / "bags/toolbox/test/screw_handover_03"
+    node = harness.add(MocapIngest())
+    received = harness.collect(Odometry, "human/wrist", qos.SENSOR)
+    publisher = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
+    harness.connect(publisher, *node._outputs.values())
+    for raw in BagReader(bag).raw_messages(["mocap/wrist/pose"]):
+        known = len(received)
+        publisher.publish(deserialize_message(raw.data, PoseStamped))
+        harness.spin_until(lambda known=known: len(received) > known, what="odometry")
+    observations = stream(bag)
+    assert [o.stamp_ns for o in observations] == [stamp_ns(m) for m in received]
+    for observation, message in zip(observations, received, strict=True):
+        np.testing.assert_array_equal(observation.values, position_array(message.pose.pose))
+        covariance = np.reshape(message.pose.covariance, (6, 6))[:3, :3]
+        np.testing.assert_array_equal(observation.covariance, covariance)
+
+
+@pytest.mark.parametrize("name", ["plate_handover_00", "hold_screwdriver_01"])
+def test_it_is_what_training_reads(repository, name):
+    bag = repository / "bags/toolbox/test" / name
+    (demonstration,), rejections = read_demonstrations(bag, DOFS)
+    assert not rejections
+    trained_on = list(merge(demonstration.observed))
+    seen = stream(bag)
+    assert [o.stamp_ns for o in seen] == [o.stamp_ns for o in trained_on]
+    np.testing.assert_array_equal([o.values for o in seen], [o.values for o in trained_on])
+
+
+def test_topics_of_several_kinds_come_in_the_order_of_the_recording(tmp_path):
+    dofs = make_dofs(TOOL, GLOVE, WRIST)
+    recording = perform(true_library(dofs), 0, 3)
+    bag = write_recording(tmp_path / "bag", recording, dofs)
+    seen = stream(bag, dofs)
+    expected = list(merge(recording.observed))
+    assert [(o.stamp_ns, o.group) for o in seen] == [(o.stamp_ns, o.group) for o in expected]
+    for ours, theirs in zip(seen, expected, strict=True):
+        np.testing.assert_array_equal(ours.values, theirs.values)
+        assert (ours.covariance is None) == (ours.group != 2)
+
+
+def test_two_entries_of_one_topic_share_its_messages(tmp_path):
+    halves = [
+        DofEntry(WRIST.topic, WRIST.type, fields=fields, unit="m")
+        for fields in (WRIST.fields[:1], WRIST.fields[1:])
+    ]
+    bag = write_bag(tmp_path / "bag", count=10)
+    seen = stream(bag, make_dofs(*halves))
+    assert [o.group for o in seen] == [0, 1] * 10
+    whole = stream(bag)
+    for k, observation in enumerate(whole):
+        parts = np.r_[seen[2 * k].values, seen[2 * k + 1].values]
+        np.testing.assert_array_equal(parts, observation.values)
+        np.testing.assert_array_equal(seen[2 * k + 1].covariance, observation.covariance[1:, 1:])
+
+
+def test_what_is_dropped_is_counted_by_reason(tmp_path):
+    spoiled = {
+        3: {"x": float("nan")},
+        5: {"stamp_ns": 0},
+        7: {"x": 4.0},
+        9: {"frame_id": "elsewhere"},
+        11: {"stamp_ns": pose(2)["header"]["stamp"]},
+    }
+    with BagWriter(tmp_path / "bag") as writer:
+        for i in range(20):
+            at_ns = pose(i)["header"]["stamp"]
+            writer.write_message(WRIST.topic, WRIST.type, pose(i, **spoiled.get(i, {})), at_ns)
+    counted = Counter()
+    seen = stream(tmp_path / "bag", rejected=counted)
+    reasons = ("not_finite", "zero_stamp", "jump", "unknown_frame", "stamp_not_increasing")
+    assert counted == dict.fromkeys(reasons, 1)
+    kept = [pose(i)["header"]["stamp"] for i in range(20) if i not in spoiled]
+    assert [o.stamp_ns for o in seen] == kept
+
+
+def test_a_message_without_one_joint_tells_of_the_other_and_one_without_any_is_counted(tmp_path):
+    human = DofEntry("joint_states", GLOVE.type, joints=("lwr_a1_joint", "lwr_a2_joint"), unit="r")
+    with BagWriter(tmp_path / "bag") as writer:
+        for i in range(10):
+            names = ["lwr_a2_joint", "lwr_a1_joint"]
+            if i % 5 >= 3:
+                names = ["lwr_a2_joint"] if i % 5 == 3 else ["other"]
+            message = joints(i, names=names, positions=[2.0, 1.0][: len(names)])
+            writer.write_message("joint_states", GLOVE.type, message, message["header"]["stamp"])
+    counted = Counter()
+    seen = stream(tmp_path / "bag", type(DOFS)((human,), ()), rejected=counted)
+    assert counted == {"missing_dof": 2} and len(seen) == 8
+    whole, part = ([1.0, 2.0], None), ([2.0], (1,))
+    assert [(list(o.values), o.dofs) for o in seen] == 2 * [whole, whole, whole, part]
+
+
+def test_extrinsics_turn_values_and_covariance(tmp_path):
+    half = 0.5**0.5
+    settings = IngestSettings(
+        extrinsics={"tracker": (np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, half, half]))},
+        position_std_m=np.array([0.001, 0.002, 0.003]),
+    )
+    with BagWriter(tmp_path / "bag") as writer:
+        message = pose(1, x=0.5, frame_id="tracker")
+        writer.write_message(WRIST.topic, WRIST.type, message, message["header"]["stamp"])
+    (seen,) = stream(tmp_path / "bag", settings=settings)
+    np.testing.assert_allclose(seen.values, [0.8, 2.5, 4.0], atol=1e-12)
+    np.testing.assert_allclose(seen.covariance, np.diag([4e-6, 1e-6, 9e-6]), atol=1e-15)

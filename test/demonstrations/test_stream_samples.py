@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Both agents' measurements of a recording, in the order they were recorded."""
+
+from collections import Counter
+
+import numpy as np
+from bag_builder import JOINTS, LWR, POSE, START_NS, STEP_NS, joints, pose, write_bag
+from model_builder import make_dofs
+
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.bags.writer import BagWriter
+from intent_recognition.demonstrations.stream import iter_observations, iter_samples
+
+DOFS = make_dofs()
+
+
+def test_both_agents_in_order_and_the_human_s_as_without_the_other(tmp_path):
+    reader = BagReader(write_bag(tmp_path / "bag", count=10))
+    samples = list(iter_samples(reader, DOFS))
+    assert [s.controlled for s in samples] == [False, True] * 10
+    human = [s.observation for s in samples if not s.controlled]
+    for ours, alone in zip(human, iter_observations(reader, DOFS), strict=True):
+        assert ours.stamp_ns == alone.stamp_ns
+        np.testing.assert_array_equal(ours.values, alone.values)
+    arm = [s.observation for s in samples if s.controlled]
+    assert [o.group for o in arm] == [0] * 10
+    np.testing.assert_array_equal(arm[3].values, 0.03 + np.arange(7))
+    assert arm[3].stamp_ns == START_NS + 3 * STEP_NS
+
+
+def test_an_arm_that_is_missing_or_incomplete_leaves_the_human(tmp_path):
+    with BagWriter(tmp_path / "human") as writer:
+        for k in range(5):
+            writer.write_message("mocap/wrist/pose", POSE, pose(k), START_NS + k * STEP_NS)
+    assert len(list(iter_samples(BagReader(tmp_path / "human"), DOFS))) == 5
+    with BagWriter(tmp_path / "six") as writer:
+        for k in range(5):
+            at_ns = START_NS + k * STEP_NS
+            writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
+            short = joints(k, names=LWR[:6], positions=[0.0] * 6)
+            writer.write_message("joint_states", JOINTS, short, at_ns)
+    rejected = Counter()
+    samples = list(iter_samples(BagReader(tmp_path / "six"), DOFS, rejected=rejected))
+    assert len(samples) == 5 and rejected == {"missing_dof": 5}

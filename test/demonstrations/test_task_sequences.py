@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reading from session bags which task followed which."""
+
+import pytest
+from bag_builder import write_bag
+
+from intent_recognition.bags.writer import BagWriter
+from intent_recognition.demonstrations.task_sequences import read_task_sequences
+from intent_recognition.errors import BagError
+
+STRING = "std_msgs/msg/String"
+START_NS = 1_700_000_000_000_000_000
+
+
+def session(path, events, topic="demonstration"):
+    """A bag of labels: (seconds, text)."""
+    with BagWriter(path) as writer:
+        for seconds, text in events:
+            at_ns = START_NS + round(seconds * 1e9)
+            writer.write_message(topic, STRING, {"data": text}, at_ns)
+    return path
+
+
+def tasks(*paths, **options):
+    sequences, rejections = read_task_sequences(paths, **options)
+    assert rejections == []
+    return [sequence.tasks for sequence in sequences]
+
+
+def test_markers_give_the_order(tmp_path):
+    events = [(1, "plate"), (3, ""), (5, "screw"), (7, ""), (9, "screw"), (11, "")]
+    assert tasks(session(tmp_path / "s", events)) == [("plate", "screw", "screw")]
+
+
+def test_a_long_silence_ends_a_sequence(tmp_path):
+    path = session(
+        tmp_path / "s", [(1, "plate"), (3, ""), (63.5, "screw"), (200, ""), (210, "plate")]
+    )
+    assert tasks(path) == [("plate",), ("screw", "plate")]
+    assert tasks(path, forget_after_s=100.0) == [("plate", "screw", "plate")]
+
+
+def test_an_end_that_is_missing_does_not_break_the_order(tmp_path):
+    path = session(tmp_path / "s", [(1, "plate"), (5, "screw"), (7, ""), (9, "plate")])
+    assert tasks(path) == [("plate", "screw", "plate")]
+
+
+def test_active_tasks_serve_where_there_are_no_markers(tmp_path):
+    events = [(0, ""), (1, "plate"), (2, "screw"), (3, ""), (5, "plate"), (6, "")]
+    path = session(tmp_path / "s", events, "/cell1/intent/active_task")
+    assert tasks(path) == [("screw", "plate")]  # a switch is one movement
+
+
+def test_a_folder_with_bags_that_are_no_sessions(tmp_path):
+    session(tmp_path / "bags" / "good", [(1, "plate"), (3, "")])
+    write_bag(tmp_path / "bags" / "single")
+    (tmp_path / "bags" / "void").mkdir()
+    (tmp_path / "bags" / "void" / "void.mcap").write_bytes(b"")
+    sequences, rejections = read_task_sequences([tmp_path / "bags"])
+    assert [s.tasks for s in sequences] == [("plate",)]
+    assert "no session" in str(rejections[0]) and len(rejections) == 2
+    (tmp_path / "nothing").mkdir()
+    _, rejections = read_task_sequences([tmp_path / "nothing"])
+    assert "no bag" in str(rejections[0])
+    with pytest.raises(BagError):
+        read_task_sequences([tmp_path / "elsewhere"])

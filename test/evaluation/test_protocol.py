@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Evaluation on data whose scores are known, and its JSON as the contract has it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from simulation import START_NS, Recording, make_library, minimum_jerk, simulate
+
+from intent_recognition.errors import ArgumentError, IntentError, TrainingError
+from intent_recognition.evaluation.protocol import evaluate, make_folds
+from intent_recognition.evaluation.scoring import (
+    PREDICTION_FRACTIONS,
+    RECOGNITION_FRACTIONS,
+    Scores,
+    collect,
+    per_unit,
+    score_demonstration,
+)
+from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.signals.signal import Signal
+
+SETTINGS = TrainingSettings(n_basis=8, segmentation="recording")
+PREDICTION_KEYS = {
+    "rmse", "rmse_inferred_task", "rmse_future", "rmse_mean_of_task", "rmse_nearest_neighbour",
+    "end_rmse", "coverage_2_sigma", "nll",
+}  # fmt: skip
+
+
+def exact(
+    name: str, task: str, goal: float, duration_s: float = 2.0, shift: float = 0.0
+) -> Recording:
+    """The same movement every time: human to `goal`, robot to minus twice the goal."""
+    times = np.linspace(0.0, duration_s, 101)
+    stamps = START_NS + np.round(times * 1e9).astype(np.int64)
+    share = minimum_jerk(times / duration_s)[:, None]
+    return Recording(
+        name,
+        task,
+        (Signal(("x",), stamps, goal * share + shift, "m"),),
+        (Signal(("q",), stamps, -2.0 * goal * share + shift, "rad"),),
+        START_NS,
+        int(stamps[-1]),
+    )
+
+
+IDENTICAL = [
+    exact(f"{task}{i}", task, goal) for i in range(3) for task, goal in (("a", 0.3), ("b", -0.3))
+]
+
+
+@pytest.fixture(scope="module")
+def identical() -> dict:
+    return evaluate(IDENTICAL, make_folds(6, "loo"), SETTINGS)
+
+
+def numbers(tree) -> list:
+    return [x for v in tree.values() for x in (numbers(v) if isinstance(v, dict) else [v])]
+
+
+def test_identical_demonstrations_are_predicted_perfectly(identical):
+    for phase in ("known_phase", "unknown_phase"):
+        for fraction in ("0.1", "0.5", "1.0"):
+            assert identical["recognition"][phase][fraction]["accuracy"] == 1.0
+            assert identical["recognition"][phase][fraction]["log_loss"] < 0.05
+    for fraction in ("0.25", "0.5", "0.75", "1.0"):
+        row = identical["prediction"]["known_phase"][fraction]
+        for key in ("rmse", "end_rmse", "rmse_inferred_task"):
+            assert row[key] < 0.01
+        for key in ("rmse_mean_of_task", "rmse_nearest_neighbour"):
+            assert row[key] == pytest.approx(0.0, abs=1e-12)
+        assert row["coverage_2_sigma"] > 0.9
+
+
+def test_the_json_is_the_contracts(identical):
+    again = json.loads(json.dumps(identical, allow_nan=False))
+    assert again == identical
+    assert set(identical) == {
+        "n_demonstrations",
+        "tasks",
+        "unit",
+        "recognition",
+        "prediction",
+        "reliability",
+        "coverage",
+        "confusion",
+        "none",
+    }
+    assert identical["n_demonstrations"] == 6
+    assert identical["tasks"] == ["a", "b"]
+    assert identical["unit"] == "rad"
+    for room, fractions, keys in (
+        ("recognition", RECOGNITION_FRACTIONS, {"accuracy", "log_loss"}),
+        ("prediction", PREDICTION_FRACTIONS, PREDICTION_KEYS),
+    ):
+        assert set(identical[room]) == {"known_phase", "unknown_phase"}
+        for table in identical[room].values():
+            assert list(table) == [str(fraction) for fraction in fractions]
+            assert all(set(row) == keys for row in table.values())
+    assert list(identical["recognition"]["known_phase"]) == [
+        "0.1",
+        "0.2",
+        "0.3",
+        "0.5",
+        "0.7",
+        "1.0",
+    ]
+    assert list(identical["prediction"]["known_phase"]) == ["0.25", "0.5", "0.75", "1.0"]
+
+
+def test_only_the_future_of_a_finished_movement_has_no_number(identical):
+    for phase in ("known_phase", "unknown_phase"):
+        table = identical["prediction"][phase]
+        assert table["1.0"]["rmse_future"] is None
+        rest = [
+            v
+            for f, row in table.items()
+            for k, v in row.items()
+            if (f, k) != ("1.0", "rmse_future")
+        ]
+        assert all(np.isfinite(value) for value in rest)
+
+
+@given(st.integers(2, 30), st.data())
+def test_folds_are_index_modulo_k_and_test_each_recording_once(n, data):
+    k = data.draw(st.integers(2, n))
+    folds = make_folds(n, f"kfold:{k}")
+    assert len(folds) == k
+    for f, (train, test) in enumerate(folds):
+        assert test == [i for i in range(n) if i % k == f]
+        assert sorted(train + test) == list(range(n))
+    assert sorted(i for _, test in folds for i in test) == list(range(n))
+
+
+@given(st.integers(2, 30))
+def test_leave_one_out_is_as_many_folds_as_recordings(n):
+    assert make_folds(n, "loo") == make_folds(n, f"kfold:{n}")
+
+
+@pytest.mark.parametrize(
+    "protocol", ["", "kfold", "kfold:", "kfold:1", "kfold:x", "kfold:-2", "loo:3", "LOO"]
+)
+def test_an_unknown_protocol_names_those_that_exist(protocol):
+    with pytest.raises(ArgumentError, match="protocol: expected loo, kfold:K or holdout:FOLDER"):
+        make_folds(10, protocol)
+
+
+@pytest.mark.parametrize(("n", "protocol"), [(0, "loo"), (1, "loo"), (3, "kfold:4")])
+def test_too_few_recordings_for_a_protocol(n, protocol):
+    with pytest.raises(ArgumentError, match=f"at least {4 if n == 3 else 2} recordings, got {n}"):
+        make_folds(n, protocol)
+
+
+def test_several_units_give_one_number_each_in_their_own_unit():
+    def with_hand(recording: Recording, factor: float) -> Recording:
+        own = recording.controlled[0]
+        hand = Signal(("hx", "hy"), own.stamps_ns, np.repeat(own.values, 2, axis=1) * factor, "m")
+        return replace(recording, controlled=(own, hand))
+
+    rng = np.random.default_rng(0)
+    noisy = [exact(f"d{i}", "a", 0.3 + 0.05 * rng.normal()) for i in range(5)]
+    result = evaluate([with_hand(r, 10.0) for r in noisy], make_folds(5, "loo"), SETTINGS)
+    assert result["unit"] == ["rad", "m"]
+    for phase in ("known_phase", "unknown_phase"):
+        row = result["prediction"][phase]["0.5"]
+        for key in PREDICTION_KEYS:
+            assert set(row[key]) == {"rad", "m"}
+        for key in ("rmse_mean_of_task", "rmse_nearest_neighbour"):
+            assert row[key]["m"] == pytest.approx(10.0 * row[key]["rad"], rel=1e-9)
+        assert row["rmse"]["m"] == pytest.approx(10.0 * row["rmse"]["rad"], rel=0.1)
+    assert result["prediction"]["known_phase"]["1.0"]["rmse_future"] == {"rad": None, "m": None}
+    assert set(result["recognition"]["known_phase"]["0.5"]) == {"accuracy", "log_loss"}
+    json.dumps(result, allow_nan=False)
+
+
+def test_per_unit_is_the_mean_over_the_dofs_of_a_unit(rng):
+    library = replace(
+        make_library(rng, n_controlled=3, n_basis=4), controlled_units=("rad", "m", "rad")
+    )
+    values = np.array([[1.0, 10.0, 3.0], [3.0, 20.0, 5.0]])
+    assert per_unit(library, values).tolist() == [3.0, 15.0]
+    assert np.all(np.isnan(per_unit(library, values[:0])))
+
+
+def test_scores_by_hand():
+    scores = Scores()
+    scores.add("known_phase", 0.5, rmse=np.array([1.0, 10.0]), accuracy=1.0)
+    scores.add("known_phase", 0.5, rmse=np.array([3.0, 30.0]), accuracy=0.0)
+    table = scores.table("known_phase", (0.5,), ("rad", "m"), ("rmse", "accuracy"))
+    assert table == {"0.5": {"rmse": {"rad": 2.0, "m": 20.0}, "accuracy": 0.5}}
+
+
+def test_baselines_of_a_shifted_demonstration():
+    """Three alike and one off by 0.4: the mean of the others is what it must be."""
+    four = [exact(f"d{i}", "a", 0.3) for i in range(3)] + [exact("d3", "a", 0.3, shift=0.4)]
+    row = evaluate(four, make_folds(4, "loo"), SETTINGS)["prediction"]["known_phase"]["0.5"]
+    # Three are predicted from two alike and the shifted one (error 0.4 / 3), one from three alike.
+    assert row["rmse_mean_of_task"] == pytest.approx((3 * 0.4 / 3 + 0.4) / 4, rel=1e-9)
+    assert row["rmse_nearest_neighbour"] == pytest.approx(0.4 / 4, rel=1e-9)
+
+
+def test_percentages_observed_are_of_time_not_of_samples():
+    """Nearly all samples lie in the first tenth; half of the time must still reach the middle."""
+    truth = [exact(f"{t}{i}", t, g) for i in range(3) for t, g in (("a", 0.3), ("b", -0.3))]
+    library, _ = learn(truth, SETTINGS)
+    times = np.r_[np.linspace(0.0, 0.2, 400), np.linspace(0.21, 2.0, 20)]
+    stamps = START_NS + np.round(times * 1e9).astype(np.int64)
+    human = 0.3 * minimum_jerk(times / 2.0)
+    human = np.where(times <= 0.9, -human, human)  # like b until 45 % of the time, like a after
+    odd = replace(truth[0], observed=(Signal(("x",), stamps, human[:, None], "m"),))
+    collected = collect()
+    score_demonstration(collected, library, truth, odd, False)
+    table = collected.scores.table("known_phase", RECOGNITION_FRACTIONS, ("rad",), ("accuracy",))
+    assert table["0.3"]["accuracy"] == 0.0
+    assert table["1.0"]["accuracy"] == 1.0
+
+
+def test_what_comes_after_a_fraction_does_not_change_its_scores(rng):
+    truth = make_library(rng, n_tasks=2, groups=(2,), n_basis=8)
+    training = [simulate(truth, i % 2, rng, name=str(i), n_samples=40) for i in range(8)]
+    library, _ = learn(training, SETTINGS)
+    test = simulate(truth, 0, rng, n_samples=41, duration_s=2.0)
+    signal = test.observed[0]
+    changed = signal.values.copy()
+    changed[21:] += 5.0
+    other = replace(test, observed=(Signal(signal.names, signal.stamps_ns, changed, "m"),))
+    tables = []
+    for recording in (test, other):
+        collected = collect()
+        score_demonstration(collected, library, training, recording, False)
+        names = tuple(PREDICTION_KEYS - {"rmse_nearest_neighbour"})
+        tables.append(
+            (
+                collected.scores.table("unknown_phase", (0.25, 0.5), ("rad",), names),
+                collected.scores.table(
+                    "unknown_phase", (0.1, 0.2, 0.3, 0.5), ("rad",), ("accuracy", "log_loss")
+                ),
+                collected.scores.table("unknown_phase", (1.0,), ("rad",), ("rmse",)),
+            )
+        )
+    assert tables[0][:2] == tables[1][:2]
+    assert tables[0][2] != tables[1][2]
+
+
+def test_start_posture_moves_trajectories_and_never_the_recognition(rng):
+    """The robot stands elsewhere each time, of which the human's movement tells nothing."""
+    recordings = []
+    for i in range(12):
+        one = exact(f"d{i}", "ab"[i % 2], (0.3, -0.3)[i % 2] + 0.02 * rng.normal())
+        robot = one.controlled[0]
+        moved = Signal(robot.names, robot.stamps_ns, robot.values + 0.2 * rng.normal(), "rad")
+        recordings.append(replace(one, controlled=(moved,)))
+    folds = make_folds(12, "kfold:3")
+    off = evaluate(recordings, folds, SETTINGS)
+    on = evaluate(recordings, folds, SETTINGS, start_posture=True)
+    assert off["recognition"] == on["recognition"]
+    for phase in ("known_phase", "unknown_phase"):
+        for fraction in ("0.25", "1.0"):
+            with_it, without = (r["prediction"][phase][fraction]["rmse"] for r in (on, off))
+            assert with_it < 0.5 * without
+
+
+def test_scores_against_a_loop_written_out(rng):
+    """RMSE, coverage and likelihood at full observation, known phase, one joint Gaussian each."""
+    truth = make_library(rng, n_tasks=1, groups=(1,), n_controlled=2, n_basis=8)
+    recordings = [simulate(truth, 0, rng, name=str(i), n_samples=12) for i in range(6)]
+    folds = make_folds(6, "loo")
+    row = evaluate(recordings, folds, SETTINGS)["prediction"]["known_phase"]["1.0"]
+    expected = {"rmse": [], "coverage_2_sigma": [], "nll": [], "end_rmse": []}
+    for train, (i,) in folds:
+        library, _ = learn([recordings[k] for k in train], SETTINGS)
+        test = recordings[i]
+        duration = (test.end_ns - test.start_ns) * 1e-9
+        times = test.observed[0].seconds(test.start_ns)
+        H = np.hstack([library.basis.design_matrix(times / duration), np.zeros((12, 16))])
+        crowding = np.r_[1.0, np.maximum(1.0, library.correlation_time_s / np.diff(times))]
+        R = np.diag(library.noise_variance[0] * library.noise_scale * crowding)
+        mean, covariance = library.primitive(0)
+        gain = covariance @ H.T @ np.linalg.inv(H @ covariance @ H.T + R)
+        mean = mean + gain @ (test.observed[0].values[:, 0] - H @ mean)
+        covariance = covariance - gain @ H @ covariance
+        at = np.linspace(0.0, 1.0, 100)
+        design = library.basis.design_matrix(at)
+        error, std = np.empty((100, 2)), np.empty((100, 2))
+        for q in range(2):
+            block = slice(8 + 8 * q, 16 + 8 * q)
+            own = np.interp(at * duration, times, test.controlled[0].values[:, q])
+            error[:, q] = design @ mean[block] - own
+            variance = np.diag(design @ covariance[block, block] @ design.T)
+            std[:, q] = np.sqrt(variance + library.noise_variance[1 + q])
+        expected["rmse"].append(np.sqrt(np.mean(error**2)))
+        expected["end_rmse"].append(np.sqrt(np.mean(error[-1] ** 2)))
+        expected["coverage_2_sigma"].append(np.mean(np.abs(error) < 2 * std))
+        nll = 0.5 * (error / std) ** 2 + np.log(std) + 0.5 * np.log(2 * np.pi)
+        expected["nll"].append(np.mean(nll))
+    for name, values in expected.items():
+        assert row[name] == pytest.approx(np.mean(values), rel=1e-3, abs=1e-9), name
+
+
+def test_a_task_that_no_fold_can_learn_counts_as_missed_and_stays_json():
+    lonely = [*IDENTICAL[:4], exact("c0", "c", 0.9)]
+    result = evaluate(lonely, make_folds(5, "loo"), SETTINGS)
+    assert result["n_demonstrations"] == 5
+    assert result["recognition"]["known_phase"]["1.0"]["accuracy"] == pytest.approx(0.8)
+    json.dumps(result, allow_nan=False)
+
+
+def test_nothing_left_that_can_be_scored_is_still_json():
+    """Trained on two tasks, tested on a third only."""
+    result = evaluate([*IDENTICAL, exact("c0", "c", 0.9)], [([*range(6)], [6])], SETTINGS)
+    assert result["recognition"]["known_phase"]["1.0"]["accuracy"] == 0.0
+    assert result["prediction"]["known_phase"]["0.5"]["rmse"] is None
+    json.dumps(result, allow_nan=False)
+
+
+def test_a_movement_unlike_any_task_is_scored_without_none():
+    """None outweighs every task by more than a float can hold; the rest still sums to one."""
+    recordings = [*IDENTICAL, exact("far", "a", 0.3, shift=40.0)]
+    folds = [([*range(6)], [6])]
+    result = evaluate(recordings, folds, SETTINGS)
+    for table in result["recognition"].values():
+        assert all(np.isfinite(row["log_loss"]) for row in table.values())
+    assert all(np.isfinite(r["rmse"]) for r in result["prediction"]["known_phase"].values())
+    json.dumps(result, allow_nan=False)
+
+
+def test_a_recording_without_duration_is_named(rng):
+    library, _ = learn(IDENTICAL, SETTINGS)
+    still = replace(IDENTICAL[0], name="frozen", end_ns=START_NS)
+    with pytest.raises(IntentError, match=r"frozen: expected a positive duration, got 0"):
+        score_demonstration(collect(), library, IDENTICAL, still, False)
+
+
+def test_progress_counts_every_demonstration():
+    seen = []
+    evaluate(IDENTICAL, make_folds(6, "kfold:2"), SETTINGS, progress=seen.append)
+    assert seen == [1, 2, 3, 4, 5, 6]
+
+
+def test_one_demonstration_to_learn_from_is_an_error():
+    with pytest.raises(TrainingError, match="at least two"):
+        evaluate(IDENTICAL[:2], make_folds(2, "loo"), SETTINGS)

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's summary: identities over any records, and the form of its last line."""
+
+import json
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.evaluation.session_summary import (
+    HandError,
+    InteractionRecord,
+    hand_error,
+    summarise,
+    summary_line,
+    to_json,
+)
+from intent_recognition.report.interaction_table import FIELDS, cells, record_line, table_lines
+
+RELAXED = settings(deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow])
+PLATE, HOLD, SCREW = "plate_handover", "hold_screwdriver", "screw_handover"
+LINE = re.compile(
+    r"summary: recognised \d+/\d+, decided before the end \d+/\d+, "
+    r"hand error (\d+\.\d \+- (\d+\.\d|-)|-) cm(, .*)?"
+)
+
+
+def record(index=1, task=PLATE, **changes) -> InteractionRecord:
+    values = {
+        "recognised": task,
+        "observations": 42,
+        "decision_time_s": 0.42,
+        "decision_share": 0.3,
+        "hand_error_m": 0.02,
+        "arrival_s": 0.25,
+        "movement_s": 1.4,
+    }
+    return InteractionRecord(index, task, **{**values, **changes})
+
+
+def missed(index=1, task=PLATE, recognised="none") -> InteractionRecord:
+    nothing = dict.fromkeys(
+        ("observations", "decision_time_s", "decision_share", "hand_error_m", "arrival_s")
+    )
+    return record(index, task, recognised=recognised, **nothing)
+
+
+@st.composite
+def any_records(draw):
+    distance = st.floats(0.0, 0.2)
+    records = []
+    for index in range(1, draw(st.integers(0, 30)) + 1):
+        task = draw(st.sampled_from((PLATE, HOLD, SCREW)))
+        if draw(st.integers(0, 5)) == 0:
+            wrong = draw(st.sampled_from(("none", "", *({PLATE, HOLD, SCREW} - {task}))))
+            records.append(missed(index, task, wrong))
+        else:
+            records.append(
+                record(
+                    index,
+                    task,
+                    decision_share=draw(st.none() | st.floats(0.0, 1.5)),
+                    hand_error_m=draw(st.none() | distance),
+                    arrival_s=draw(st.none() | st.floats(-2.0, 3.0)),
+                )
+            )
+    return records
+
+
+@RELAXED
+@given(any_records())
+def test_counts_add_up(records):
+    summary = summarise(records)
+    assert summary.n == len(records)
+    assert summary.recognised_right + summary.missed == summary.n
+    assert summary.decided_before_end <= summary.recognised_right
+    assert set(summary.hand_error_by_task) == {r.task for r in records}
+    measured = sum(r.hand_error_m is not None for r in records)
+    assert sum(e.n for e in summary.hand_error_by_task.values()) == measured
+    apart = summary.hand_error_by_task.get(SCREW, HandError(0, None, None)).n
+    assert summary.hand_error.n == measured - apart
+    assert summary.too_many_missed == (40 * summary.missed > summary.n)
+
+
+@RELAXED
+@given(any_records(), st.randoms())
+def test_order_does_not_matter(records, random):
+    shuffled = list(records)
+    random.shuffle(shuffled)
+    one, other = summarise(records), summarise(shuffled)
+    assert (one.n, one.recognised_right, one.median_decision_share, one.median_arrival_s) == (
+        other.n,
+        other.recognised_right,
+        other.median_decision_share,
+        other.median_arrival_s,
+    )
+    assert str(one.hand_error) == str(other.hand_error)
+
+
+@RELAXED
+@given(any_records())
+def test_the_mean_over_tasks_is_the_weighted_mean_of_tasks(records):
+    summary = summarise(records)
+    parts = [
+        e for t, e in summary.hand_error_by_task.items() if t != SCREW and e.mean_cm is not None
+    ]
+    if parts:
+        weighted = sum(e.n * e.mean_cm for e in parts) / sum(e.n for e in parts)
+        assert summary.hand_error.mean_cm == pytest.approx(weighted)
+    else:
+        assert summary.hand_error == HandError(0, None, None)
+
+
+@RELAXED
+@given(st.lists(st.floats(0.0, 1.0), min_size=2, max_size=40))
+def test_hand_error_equals_numpy(errors_m):
+    found = hand_error(errors_m)
+    assert found.mean_cm == pytest.approx(100 * np.mean(errors_m), abs=1e-9)
+    assert found.two_std_cm == pytest.approx(200 * np.std(errors_m, ddof=1), abs=1e-6)
+
+
+def test_one_error_has_no_spread():
+    assert hand_error([0.03]) == HandError(1, 3.0, None)
+    assert str(hand_error([0.03])) == "3.0 +- - cm"
+    assert str(hand_error([])) == "- cm"
+
+
+@RELAXED
+@given(any_records())
+def test_the_line_has_the_form_of_the_contract(records):
+    line = summary_line(summarise(records))
+    assert LINE.fullmatch(line), line
+    assert "\n" not in line
+
+
+def test_the_line_says_the_numbers_and_the_papers():
+    records = [
+        record(1, PLATE, hand_error_m=0.02),
+        record(2, HOLD, hand_error_m=0.04, decision_share=0.6),
+        record(3, SCREW, hand_error_m=0.5, arrival_s=-0.1),
+        missed(4, PLATE),
+    ]
+    summary = summarise(records)
+    line = summary_line(summary)
+    assert line.startswith(
+        "summary: recognised 3/4, decided before the end 3/4, hand error 3.0 +- 2.8 cm, "
+    )
+    assert "hold_screwdriver 4.0 +- - cm (paper 2.1 +- 2.3 cm)" in line
+    assert "plate_handover 2.0 +- - cm (paper 3.2 +- 2.6 cm)" in line
+    assert "screw_handover 50.0 +- - cm (apart" in line
+    assert "median decision at 30 %" in line
+    assert summary.too_many_missed
+
+
+def test_one_miss_in_forty_is_allowed():
+    right = [record(i) for i in range(1, 40)]
+    assert not summarise([*right, missed(40)]).too_many_missed
+    assert summarise([*right[:-1], missed(39), missed(40)]).too_many_missed
+    assert summarise([*right[:4], missed(5)]).too_many_missed
+    assert not summarise([]).too_many_missed
+
+
+def test_a_wrong_task_counts_as_missed_even_if_early():
+    summary = summarise([replace(missed(1, PLATE), recognised=HOLD, decision_share=0.2)])
+    assert (summary.recognised_right, summary.decided_before_end) == (0, 0)
+    assert summary.median_decision_share is None
+
+
+def test_the_end_itself_is_not_before_the_end():
+    assert not record(decision_share=1.0).before_end
+    assert record(decision_share=np.nextafter(1.0, 0.0)).before_end
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"hand_error_m": math.nan},
+        {"hand_error_m": -0.01},
+        {"arrival_s": math.inf},
+        {"recognised": "none"},
+        {"recognised": HOLD},
+    ],
+)
+def test_impossible_records_are_refused(changes):
+    with pytest.raises(ArgumentError, match="interaction 7: "):
+        record(7, **changes)
+
+
+@RELAXED
+@given(any_records())
+def test_json_can_be_written_and_holds_every_record(records):
+    content = json.loads(json.dumps(to_json(records, summarise(records), {"seed": 3})))
+    assert [entry["index"] for entry in content["interactions"]] == [r.index for r in records]
+    assert [entry["hand_error_m"] for entry in content["interactions"]] == [
+        r.hand_error_m for r in records
+    ]
+    assert content["summary"]["recognised_right"] == sum(r.right for r in records)
+    assert content["summary"]["line"] == summary_line(summarise(records))
+    assert content["settings"] == {"seed": 3}
+
+
+@RELAXED
+@given(any_records())
+def test_the_table_has_a_line_per_record_and_aligned_columns(records):
+    lines = table_lines(records)
+    assert len(lines) == 2 + len(records)
+    end = lines[0].index("arrival [s]") + len("arrival [s]")
+    for line, one in zip(lines[2:], records, strict=True):
+        arrival = "-" if one.arrival_s is None else f"{one.arrival_s:+.2f}"
+        assert line[:end].endswith(arrival)
+        assert ("MISSED" in line) == (not one.right)
+
+
+def test_the_table_shows_the_numbers():
+    one = record(3, HOLD, note="hesitated")
+    texts = dict(zip((field.title for field in FIELDS), cells(one), strict=True))
+    assert texts == {
+        "#": "3",
+        "true task": HOLD,
+        "recognised": HOLD,
+        "observations": "42",
+        "decided": "0.42",
+        "share": "30",
+        "movement": "1.40",
+        "hand error": "2.0",
+        "arrival": "+0.25",
+        "note": "hesitated",
+    }
+    assert record_line(one).endswith("hesitated")

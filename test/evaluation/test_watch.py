@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The watch over a movement decides as the nodes do, and says which gate kept one back."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from intent_recognition.evaluation.unknown_movements import Watch, compare
+from intent_recognition.filtering.hypotheses import Hypotheses
+
+
+@pytest.mark.parametrize(("none_evidence", "activated"), [(-3.0, "a"), (2.0, "")])
+def test_a_movement_that_speaks_for_none_activates_nothing_however_probable(
+    none_evidence, activated
+):
+    log_prior = np.log([0.9989, 0.0001, 0.001])
+    run = SimpleNamespace(
+        hypotheses=Hypotheses(1, np.ones(3), log_prior),
+        log_evidence=np.array([1.0, -5.0, none_evidence]),
+        task_filters=SimpleNamespace(end_std=lambda task: 0.01),
+    )
+    watch = Watch(SimpleNamespace(labels=("a", "b")))
+    for k in range(10):
+        watch.observe(run, 0.1 * k)
+    assert watch.outcome("a").above_threshold
+    assert watch.outcome("a").activated == activated
+
+
+def followed(end_std, task="a"):
+    log_prior = np.log([0.445, 0.445, 0.11])
+    run = SimpleNamespace(
+        hypotheses=Hypotheses(1, np.ones(3), log_prior),
+        log_evidence=np.array([5.0, -5.0, -3.0]),
+        task_filters=SimpleNamespace(end_std=lambda task: end_std.pop(0)),
+    )
+    watch = Watch(SimpleNamespace(labels=("a", "b")))
+    for k in range(8):
+        watch.observe(run, 0.1 * k)
+    return watch.outcome(task)
+
+
+def test_what_is_recognised_and_held_back_by_its_uncertain_end_is_told_apart():
+    sure, unsure = followed([0.3, 0.2]), followed([0.9, 0.8, 0.7, 0.6, 0.5])
+    late = followed([0.4, 0.4, 0.3, 0.1])
+    assert (sure.recognised, sure.activated, sure.held_back, sure.end_std) == ("a", "a", False, 0.2)
+    assert (unsure.recognised, unsure.activated, unsure.held_back) == ("a", "", True)
+    assert late.activated == "a" and late.end_std == 0.1
+    content = compare([sure, unsure, late, late], [unsure])
+    assert content["recognised_known"] == 1.0
+    assert content["held_back_known"] == 0.25 and content["activated_known"] == 0.75
+    assert content["held_back_unknown"] == 1.0 and content["activated_unknown"] == 0.0
+    assert content["end_std_known"]["0.5"] == pytest.approx(0.15)
+    assert content["left_out"]["a"]["recognised"] == 1.0
+    assert compare([], [])["end_std_known"] is None

@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recursive bank against one big joint Gaussian and a full-state Kalman filter."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal, norm
+from simulation import make_library
+
+from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.filtering.bank import FilterBank, condition_bank, start_bank
+from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
+from intent_recognition.promp.basis import NormalizedRBFBasis
+
+BASIS = NormalizedRBFBasis(6, 1.0)
+N_DOFS = 3
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_bank(rng: np.random.Generator, n_hypotheses: int = 4) -> FilterBank:
+    d = N_DOFS * BASIS.n_basis
+    root = rng.normal(size=(n_hypotheses, d, d)) / np.sqrt(d)
+    covariance = root @ np.swapaxes(root, 1, 2) + 0.05 * np.eye(d)
+    return FilterBank(rng.normal(size=(n_hypotheses, d)), covariance, np.zeros(n_hypotheses))
+
+
+def random_stream(rng: np.random.Generator, n_hypotheses: int = 4, n_steps: int = 8):
+    """Steps (dofs, rows, values, noise): subsets, positions and velocities, a phase each."""
+    steps = []
+    for _ in range(n_steps):
+        m = rng.integers(1, 5)
+        dofs = rng.integers(0, N_DOFS, size=m)  # a DOF may come twice, any order
+        phase = rng.uniform(size=n_hypotheses)
+        rate = rng.uniform(0.2, 2.0, size=n_hypotheses)
+        rows = np.empty((n_hypotheses, m, BASIS.n_basis))
+        for i in range(m):
+            velocity = BASIS.derivative_matrix(phase) * rate[:, None]
+            rows[:, i] = velocity if rng.uniform() < 0.4 else BASIS.design_matrix(phase)
+        root = rng.normal(size=(m, m))
+        steps.append((dofs, rows, rng.normal(size=m), root @ root.T + 0.1 * np.eye(m)))
+    return steps
+
+
+def run(bank: FilterBank, steps) -> FilterBank:
+    for step in steps:
+        bank = condition_bank(bank, *step)
+    return bank
+
+
+def dense(step, hypothesis: int) -> np.ndarray:
+    """Observation matrix (m, P N) of a step under one hypothesis."""
+    dofs, rows, _, _ = step
+    rows = np.broadcast_to(rows, (len(rows), len(dofs), rows.shape[-1]))
+    matrix = np.zeros((len(dofs), N_DOFS * BASIS.n_basis))
+    for i, dof in enumerate(dofs):
+        matrix[i, dof * BASIS.n_basis : (dof + 1) * BASIS.n_basis] = rows[hypothesis, i]
+    return matrix
+
+
+def batch(bank: FilterBank, steps, hypothesis: int):
+    """Mean, covariance and log evidence from one joint Gaussian over weights and observations."""
+    H = np.vstack([dense(step, hypothesis) for step in steps])
+    y = np.concatenate([values for _, _, values, _ in steps])
+    R = np.zeros((len(y), len(y)))
+    at = 0
+    for *_, noise in steps:
+        R[at : at + len(noise), at : at + len(noise)] = noise
+        at += len(noise)
+    mean, covariance = bank.mean[hypothesis], bank.covariance[hypothesis]
+    S = H @ covariance @ H.T + R
+    gain = np.linalg.solve(S, H @ covariance).T
+    return (
+        mean + gain @ (y - H @ mean),
+        covariance - gain @ H @ covariance,
+        multivariate_normal(H @ mean, S).logpdf(y),
+    )
+
+
+@settings(max_examples=40)
+@given(seeds)
+def test_recursion_equals_one_joint_gaussian(seed):
+    rng = np.random.default_rng(seed)
+    bank, steps = random_bank(rng), random_stream(rng)
+    filtered = run(bank, steps)
+    for b in range(4):
+        mean, covariance, log_evidence = batch(bank, steps, b)
+        np.testing.assert_allclose(filtered.mean[b], mean, atol=1e-9)
+        np.testing.assert_allclose(filtered.covariance[b], covariance, atol=1e-9)
+        assert filtered.log_evidence[b] == pytest.approx(log_evidence, rel=1e-8, abs=1e-8)
+
+
+@settings(max_examples=20)
+@given(seeds, st.randoms(use_true_random=False))
+def test_order_of_observations_does_not_matter(seed, source):
+    rng = np.random.default_rng(seed)
+    bank, steps = random_bank(rng), random_stream(rng)
+    shuffled = list(steps)
+    source.shuffle(shuffled)
+    one, other = run(bank, steps), run(bank, shuffled)
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+
+
+@settings(max_examples=20)
+@given(seeds)
+def test_rows_of_one_observation_may_come_in_any_order(seed):
+    rng = np.random.default_rng(seed)
+    bank = random_bank(rng)
+    dofs, rows, values, noise = random_stream(rng, n_steps=1)[0]
+    order = rng.permutation(len(dofs))
+    one = condition_bank(bank, dofs, rows, values, noise)
+    other = condition_bank(
+        bank, dofs[order], rows[:, order], values[order], noise[np.ix_(order, order)]
+    )
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-10)
+
+
+@settings(max_examples=20)
+@given(seeds)
+def test_posterior_never_wider_exactly_symmetric_and_positive_definite(seed):
+    rng = np.random.default_rng(seed)
+    bank = random_bank(rng)
+    for step in random_stream(rng):
+        after = condition_bank(bank, *step)
+        assert np.array_equal(after.covariance, np.swapaxes(after.covariance, 1, 2))
+        assert np.linalg.eigvalsh(after.covariance).min() > 0.0
+        assert np.linalg.eigvalsh(bank.covariance - after.covariance).min() > -1e-10
+        bank = after
+
+
+def test_observed_block_and_regression_equal_a_full_state_kalman_filter(rng):
+    """The reduction of Maeda et al. 2014 to P N states loses nothing of the (P + Q) N."""
+    library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=8)
+    hypotheses = fixed_hypotheses(library, 2.0)
+    bank = start_bank(library, hypotheses)
+    split, total = library.n_observed_weights, library.weight_mean.shape[1]
+    mean, covariance = library.weight_mean.copy(), library.weight_covariance.copy()
+    noise = np.diag(library.noise_variance[:2])
+    for phase in np.sort(rng.uniform(size=12)):
+        row = library.basis.design_matrix(np.array([phase]))
+        y = rng.normal(size=2) * 0.1
+        H = np.zeros((2, total))
+        H[0, :8] = H[1, 8:16] = row[0]
+        for task in range(2):
+            P = covariance[task]
+            K = P @ H.T @ np.linalg.inv(H @ P @ H.T + noise)
+            mean[task] += K @ (y - H @ mean[task])
+            # The Joseph form, another algebra than the one under test.
+            left = np.eye(total) - K @ H
+            covariance[task] = left @ P @ left.T + K @ noise @ K.T
+        bank = condition_bank(bank, np.arange(2), row[None], y, noise)
+    for task in range(2):
+        matrix, offset, rest = library.primitives.recovery[task]
+        np.testing.assert_allclose(bank.mean[task], mean[task, :split], atol=1e-8)
+        np.testing.assert_allclose(
+            bank.covariance[task], covariance[task, :split, :split], atol=1e-8
+        )
+        recovered = matrix @ bank.mean[task] + offset
+        np.testing.assert_allclose(recovered, mean[task, split:], atol=1e-8)
+        spread = rest + matrix @ bank.covariance[task] @ matrix.T
+        np.testing.assert_allclose(spread, covariance[task, split:, split:], atol=1e-8)
+
+
+def test_thousands_of_nearly_noiseless_updates_stay_symmetric_and_positive_definite(rng):
+    bank = random_bank(rng, 2)
+    noise = 1e-8 * np.eye(N_DOFS)
+    smallest = np.inf
+    for step in range(4000):
+        row = BASIS.design_matrix(rng.uniform(size=2))[:, None]
+        bank = condition_bank(bank, np.arange(N_DOFS), row, rng.normal(size=N_DOFS), noise)
+        if step % 100 == 99:
+            assert np.array_equal(bank.covariance, np.swapaxes(bank.covariance, 1, 2))
+            smallest = min(smallest, np.linalg.eigvalsh(bank.covariance).min())
+    assert smallest > 0.0
+    assert np.all(np.isfinite(bank.mean))
+    assert np.all(np.isfinite(bank.log_evidence))
+
+
+def test_many_updates_at_low_noise_equal_the_batch(rng):
+    """600 observations with noise variance 1e-8 against the information form."""
+    bank = random_bank(rng, 1)
+    information = np.linalg.inv(bank.covariance[0])
+    shift = information @ bank.mean[0]
+    truth = rng.normal(size=(N_DOFS, BASIS.n_basis))
+    start = bank
+    for _ in range(600):
+        row = BASIS.design_matrix(rng.uniform(size=1))
+        y = truth @ row[0] + 1e-4 * rng.normal(size=N_DOFS)
+        H = np.kron(np.eye(N_DOFS), row)
+        information += 1e8 * H.T @ H
+        shift += 1e8 * H.T @ y
+        bank = condition_bank(bank, np.arange(N_DOFS), row[None], y, 1e-8 * np.eye(N_DOFS))
+    np.testing.assert_allclose(bank.mean[0], np.linalg.solve(information, shift), atol=1e-6)
+    expected = np.linalg.inv(information)
+    np.testing.assert_allclose(bank.covariance[0], expected, atol=1e-6 * start.covariance.max())
+    assert np.linalg.eigvalsh(bank.covariance[0]).min() > 0.0
+
+
+def test_unobserved_dofs_have_no_influence_not_one_bit(rng):
+    bank, steps = random_bank(rng), random_stream(rng)
+    dofs, rows, _, noise = steps[0]
+    bystanders = [np.nan, np.inf, -7.0]
+    for rubbish in bystanders:
+        frame = np.full(N_DOFS, rubbish)  # what a caller holds: all DOFs, some of them missing
+        frame[dofs] = np.arange(N_DOFS, dtype=float)[dofs]
+        result = condition_bank(bank, dofs, rows, frame[dofs], noise)
+        expected = condition_bank(bank, dofs, rows, np.arange(N_DOFS, dtype=float)[dofs], noise)
+        for a, b in zip(result, expected, strict=True):
+            assert np.array_equal(a, b)
+
+
+def test_independent_dofs_do_not_move_each_other(rng):
+    bank = random_bank(rng, 1)
+    n = BASIS.n_basis
+    covariance = bank.covariance.copy()
+    covariance[:, :n, n:] = covariance[:, n:, :n] = 0.0
+    bank = bank._replace(covariance=covariance)
+    row = BASIS.design_matrix(np.array([0.3]))[None]
+    after = condition_bank(bank, np.array([0]), row, np.ones(1), np.eye(1))
+    assert np.array_equal(after.mean[:, n:], bank.mean[:, n:])
+    assert np.array_equal(after.covariance[:, n:, n:], bank.covariance[:, n:, n:])
+
+
+def test_one_row_shared_by_all_dofs_equals_the_row_written_out(rng):
+    bank = random_bank(rng)
+    row = BASIS.design_matrix(rng.uniform(size=4))[:, None]
+    dofs, values, noise = np.array([2, 0]), rng.normal(size=2), np.eye(2)
+    shared = condition_bank(bank, dofs, row, values, noise)
+    written = condition_bank(bank, dofs, np.repeat(row, 2, axis=1), values, noise)
+    for a, b in zip(shared, written, strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_hypotheses_do_not_influence_each_other(rng):
+    bank, steps = random_bank(rng), random_stream(rng)
+    together = run(bank, steps)
+    for b in range(4):
+        alone = run(
+            FilterBank(*(a[b : b + 1] for a in bank)),
+            [(dofs, rows[b : b + 1], values, noise) for dofs, rows, values, noise in steps],
+        )
+        np.testing.assert_allclose(alone.mean[0], together.mean[b], rtol=1e-12, atol=1e-12)
+        assert alone.log_evidence[0] == pytest.approx(together.log_evidence[b], rel=1e-12)
+
+
+def test_the_argument_is_not_modified(rng):
+    bank, steps = random_bank(rng), random_stream(rng)
+    before = [np.copy(a) for a in bank]
+    run(bank, steps)
+    for a, b in zip(bank, before, strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_a_covariance_of_the_sender_enters_with_its_correlations(rng):
+    """A full R is not its diagonal."""
+    bank = random_bank(rng)
+    row = BASIS.design_matrix(rng.uniform(size=4))[:, None]
+    noise = np.array([[1.0, 0.9], [0.9, 1.0]])
+    full = condition_bank(bank, np.arange(2), row, np.array([1.0, -1.0]), noise)
+    diagonal = condition_bank(bank, np.arange(2), row, np.array([1.0, -1.0]), np.eye(2))
+    assert np.abs(full.mean - diagonal.mean).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("values", "noise"), [(np.zeros(3), np.eye(2)), (np.zeros(2), np.eye(3)), (0.0, np.eye(2))]
+)
+def test_shapes_that_do_not_fit_are_named(rng, values, noise):
+    row = BASIS.design_matrix(np.zeros(4))[:, None]
+    with pytest.raises(ShapeError, match=r"values, noise_covariance: expected shapes \(2,\).*Pass"):
+        condition_bank(random_bank(rng), np.arange(2), row, values, noise)
+
+
+def test_a_noise_that_is_not_positive_definite_is_refused(rng):
+    row = BASIS.design_matrix(np.zeros(4))[:, None]
+    with pytest.raises(ArgumentError, match="innovation covariance"):
+        condition_bank(random_bank(rng), np.arange(2), row, np.zeros(2), -1e6 * np.eye(2))
+    with pytest.raises(ArgumentError, match="innovation covariance"):
+        condition_bank(random_bank(rng), np.arange(2), row, np.zeros(2), np.nan * np.eye(2))
+
+
+@given(seeds, st.integers(1, 20))
+@settings(max_examples=10)
+def test_grid_of_durations_covers_the_timing_prior(seed, n_scales):
+    library = make_library(np.random.default_rng(seed), n_basis=4)
+    hypotheses = make_hypotheses(library, n_scales=n_scales)
+    logs = np.log(hypotheses.duration_s).reshape(-1, n_scales)
+    weight = np.exp(hypotheses.log_prior).reshape(-1, n_scales)
+    assert np.exp(hypotheses.log_prior).sum() == pytest.approx(1.0, abs=1e-12)
+    prior = np.r_[library.task_prior * (1 - library.none_prior), library.none_prior]
+    np.testing.assert_allclose(weight.sum(axis=1), prior, atol=1e-12)
+    density = norm(library.log_duration_mean[0], library.log_duration_std[0]).pdf(logs[0])
+    np.testing.assert_allclose(weight[0] / weight[0].sum(), density / density.sum(), atol=1e-12)
+    mean = (weight * logs).sum(axis=1) / prior
+    np.testing.assert_allclose(mean[:-1], library.log_duration_mean, atol=1e-12)
+    if n_scales >= 15:
+        spread = np.sqrt((weight * (logs - mean[:, None]) ** 2).sum(axis=1) / prior)
+        np.testing.assert_allclose(spread[:-1], library.log_duration_std, rtol=0.06)
+
+
+def test_phase_runs_from_zero_to_one_and_stays_there(rng):
+    hypotheses = make_hypotheses(make_library(rng, n_basis=4))
+    assert not hypotheses.phase(0.0).any()
+    assert not hypotheses.phase(-3.0).any()
+    assert np.array_equal(hypotheses.phase(1e6), np.ones(len(hypotheses.duration_s)))
+    np.testing.assert_allclose(hypotheses.phase(0.5) * hypotheses.duration_s, 0.5)
+    assert hypotheses.phase(np.zeros((2, 3))).shape == (2, 3, len(hypotheses.duration_s))
+
+
+def test_an_excluded_task_keeps_probability_zero(rng):
+    library = make_library(rng, n_basis=4)
+    with np.errstate(all="raise"):
+        hypotheses = make_hypotheses(library, np.array([0.0, 0.5, 0.5]))
+    assert np.all(np.isneginf(hypotheses.log_prior[: hypotheses.n_scales]))

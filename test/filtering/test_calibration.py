@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Uncertainty tested as uncertainty: what is simulated lies where the model says it does."""
+
+import numpy as np
+import pytest
+from simulation import START_NS, Recording, make_library, simulate
+
+from intent_recognition.filtering.hypotheses import Hypotheses, fixed_hypotheses, make_hypotheses
+from intent_recognition.filtering.task_filter import TaskFilters
+from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.signals.observation import merge
+
+WHOLE = TrainingSettings(n_basis=8, segmentation="recording")
+FRACTIONS = (0.25, 0.5, 1.0)
+
+
+def standardised_errors(
+    library: TaskLibrary, recording: Recording, fraction: float, known: bool, n_times: int = 12
+) -> np.ndarray:
+    """(truth - mean) / std of the controlled agent given its task, (n_times, Q)."""
+    duration = (recording.end_ns - START_NS) * 1e-9
+    hypotheses: Hypotheses = (
+        fixed_hypotheses(library, duration) if known else make_hypotheses(library)
+    )
+    seen = [
+        o
+        for o in merge(recording.observed)
+        if (o.stamp_ns - START_NS) * 1e-9 <= fraction * duration
+    ]
+    task_filters = TaskFilters(library, hypotheses, START_NS)
+    for observation in seen:
+        task_filters.observe(observation)
+    times = np.linspace(0.0, duration, n_times)
+    mean, square = task_filters[library.labels.index(recording.task)].mixture_at(times)
+    std = np.sqrt(square - mean**2)
+    signal = recording.controlled[0]
+    columns = [np.interp(times, signal.seconds(START_NS), c) for c in signal.values.T]
+    return (np.stack(columns, axis=1) - mean) / std
+
+
+def truth_library(seed: int, **options) -> TaskLibrary:
+    rng = np.random.default_rng(seed)
+    return make_library(
+        rng,
+        **{"n_tasks": 2, "groups": (2,), "n_basis": 8, "spread": 0.08, "noise_std": 0.004}
+        | options,
+    )
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_known_library_covers_95_percent(known):
+    """No learning: the filter's own arithmetic, durations known or from the bank."""
+    truth, rng, errors = truth_library(1), np.random.default_rng(2), []
+    for i in range(150):
+        recording = simulate(truth, i % 2, rng, rate_hz=30.0)
+        fraction = FRACTIONS[i % 3]
+        errors.append(standardised_errors(truth, recording, fraction, known, n_times=6))
+    z = np.array(errors)
+    assert 0.93 < np.mean(np.abs(z) < 2.0) < 0.975
+    assert np.mean(z**2) == pytest.approx(1.0, abs=0.15)
+    assert abs(np.mean(z)) < 0.12
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_library_learned_from_many_covers_held_out_demonstrations(known):
+    covered, squared = [], []
+    for seed in range(3):
+        truth, rng = truth_library(seed), np.random.default_rng(100 + seed)
+        training = [simulate(truth, i % 2, rng, name=f"d{i}", n_samples=50) for i in range(160)]
+        library, _ = learn(training, WHOLE)
+        for i in range(60):
+            recording = simulate(truth, i % 2, rng, n_samples=30)
+            z = standardised_errors(library, recording, FRACTIONS[i % 3], known)
+            covered.append(np.mean(np.abs(z) < 2.0))
+            squared.append(np.mean(z**2))
+    assert 0.93 < np.mean(covered) < 0.97
+    assert np.mean(squared) == pytest.approx(1.0, abs=0.25)
+
+
+def test_noise_denser_than_the_correlation_time_widens_rather_than_narrows():
+    """Ten times the samples of independent noise: the model counts them as one piece of evidence
+    per correlation time, so it is cautious and never overconfident."""
+    truth, rng, errors = truth_library(1), np.random.default_rng(3), []
+    cautious = truth_library(1, correlation_time_s=2.0 / 30)
+    for i in range(60):
+        recording = simulate(truth, i % 2, rng, rate_hz=300.0)
+        errors.append(standardised_errors(cautious, recording, 0.5, True, n_times=6))
+    assert np.mean(np.abs(np.array(errors)) < 2.0) > 0.93

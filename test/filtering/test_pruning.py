@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tasks set aside: the posterior stays what it is, and nobody is lost."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from simulation import START_NS, make_library, simulate
+
+from intent_recognition.errors import ShapeError
+from intent_recognition.filtering import pruning, running_bank
+from intent_recognition.filtering.bank import start_bank
+from intent_recognition.filtering.bank_run import BankRun, make_memory
+from intent_recognition.filtering.hypotheses import make_hypotheses
+from intent_recognition.filtering.running_bank import RunningBank
+from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.recognition.transitions import weigh
+from intent_recognition.signals.observation import merge
+
+seeds = st.integers(0, 2**32 - 1)
+N_SCALES = 4
+
+
+def scene(seed: int, n_tasks: int = 40, **made):
+    """A library of many tasks, its grid, and what is seen of one of them."""
+    rng = np.random.default_rng(seed)
+    library = make_library(rng, n_tasks=n_tasks, n_basis=8, **made)
+    task = int(rng.integers(n_tasks))
+    observations = list(merge(simulate(library, task, rng, rate_hz=40.0).observed))
+    return library, make_hypotheses(library, n_scales=N_SCALES), observations
+
+
+def runs(library, hypotheses):
+    """The same bank with and without pruning."""
+    return (BankRun(library, hypotheses, None, START_NS, prune=prune) for prune in (True, False))
+
+
+def task_joint(log_evidence: np.ndarray, hypotheses) -> np.ndarray:
+    joint = (log_evidence + hypotheses.log_prior).reshape(-1, hypotheses.n_scales)
+    return np.logaddexp.reduce(joint, axis=1)
+
+
+@settings(max_examples=8)
+@given(seeds, st.sampled_from([1e-9, 0.1]))
+def test_probabilities_are_those_of_a_bank_never_pruned(seed, correlation_time_s):
+    library, hypotheses, observations = scene(seed, correlation_time_s=correlation_time_s)
+    pruned, whole = runs(library, hypotheses)
+    most_aside = 0
+    for observation in observations:
+        pruned.observe(observation)
+        whole.observe(observation)
+        elapsed_s = (observation.stamp_ns - START_NS) * 1e-9
+        ours = task_posterior(pruned, hypotheses, elapsed_s)
+        expected = task_posterior(whole, hypotheses, elapsed_s)
+        np.testing.assert_allclose(ours.probabilities, expected.probabilities, atol=1e-12)
+        assert ours.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
+        bound = task_joint(pruned.log_evidence, hypotheses)
+        assert np.all(task_joint(whole.log_evidence, hypotheses) <= bound + 1e-8)
+        most_aside = max(most_aside, len(pruned.pruned_tasks))
+    assert most_aside >= 3
+    assert library.n_tasks not in pruned.pruned_tasks  # none
+
+
+@settings(max_examples=8)
+@given(seeds)
+def test_a_pruned_task_comes_back_as_if_it_had_never_been_pruned(seed):
+    library, hypotheses, observations = scene(seed)
+    pruned, whole = runs(library, hypotheses)
+    for observation in observations[:70]:
+        pruned.observe(observation)
+        whole.observe(observation)
+    expected = whole.bank
+    for task in pruned.pruned_tasks[:1]:  # one alone, then all others
+        one = pruned.task(int(task))
+        block = slice(task * N_SCALES, (task + 1) * N_SCALES)
+        np.testing.assert_allclose(one.mean, expected.mean[block], rtol=1e-12, atol=1e-12)
+        assert task not in pruned.pruned_tasks
+    for ours, theirs in zip(pruned.bank, expected, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+    assert not len(pruned.pruned_tasks)
+    for observation in observations[70:]:  # and goes on
+        pruned.observe(observation)
+        whole.observe(observation)
+    for ours, theirs in zip(pruned.bank, whole.bank, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+
+
+def test_when_the_movement_turns_to_a_task_set_aside_it_is_taken_back():
+    """The first half of one task, then another's positions: the evidence turns over."""
+    library, hypotheses, first = scene(5)
+    rng = np.random.default_rng(6)
+    pruned, whole = runs(library, hypotheses)
+    for observation in first[:50]:
+        pruned.observe(observation)
+        whole.observe(observation)
+    other = int(pruned.pruned_tasks[0])
+    second = list(merge(simulate(library, other, rng, rate_hz=40.0).observed))
+    for observation in (o for o in second if o.stamp_ns > first[49].stamp_ns):
+        pruned.observe(observation)
+        whole.observe(observation)
+        ours = task_posterior(pruned, hypotheses, 1.0).probabilities
+        expected = task_posterior(whole, hypotheses, 1.0).probabilities
+        np.testing.assert_allclose(ours, expected, atol=1e-12)
+    np.testing.assert_allclose(pruned.bank.mean, whole.bank.mean, atol=1e-12)
+
+
+def test_an_outlier_takes_nobody_s_chance(monkeypatch):
+    library, hypotheses, observations = scene(7)
+    pruned, whole = runs(library, hypotheses)
+    for k, observation in enumerate(observations):
+        if k == 60:
+            observation = observation._replace(values=observation.values + 3.0)
+        pruned.observe(observation)
+        whole.observe(observation)
+        ours = task_posterior(pruned, hypotheses, 1.0).probabilities
+        expected = task_posterior(whole, hypotheses, 1.0).probabilities
+        np.testing.assert_allclose(ours, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("unlikely", [1e-40, 0.0])
+def test_a_posterior_that_is_weighed_anew_is_exact_too(unlikely):
+    """The likeliest task is made next to impossible: the others must not have been left behind."""
+    library, hypotheses, observations = scene(13)
+    whole = BankRun(library, hypotheses, None, START_NS)
+    for observation in observations:
+        whole.observe(observation)
+    ratio = np.ones(library.n_tasks)
+    ratio[np.argmax(task_posterior(whole, hypotheses, 1.0).probabilities[:-1])] = unlikely
+    whole = BankRun(library, hypotheses, None, START_NS)
+    pruned = BankRun(library, hypotheses, None, START_NS, prune=True, task_weight=ratio)
+    for observation in observations:
+        pruned.observe(observation)
+        whole.observe(observation)
+        ours, theirs = (
+            weigh(task_posterior(run, hypotheses, 1.0), ratio).probabilities
+            for run in (pruned, whole)
+        )
+        np.testing.assert_allclose(ours, theirs, atol=1e-12)
+    assert len(pruned.pruned_tasks)
+
+
+def test_an_excluded_task_is_set_aside_and_stays_impossible():
+    library, _, observations = scene(8, n_tasks=40)
+    prior = np.full(40, 1.0 / 39.0)
+    prior[3] = 0.0
+    hypotheses = make_hypotheses(library, prior, N_SCALES)
+    run = BankRun(library, hypotheses, None, START_NS, prune=True)
+    for observation in observations:
+        run.observe(observation)
+        assert task_posterior(run, hypotheses, 1.0).probabilities[3] == 0.0
+    assert 3 in run.pruned_tasks
+    assert np.all(np.isfinite(run.bank.mean))
+
+
+def test_kept_observations_are_replayed_before_they_fill_the_memory(monkeypatch):
+    monkeypatch.setattr(pruning, "MAX_KEPT", 10)
+    library, hypotheses, observations = scene(9)
+    pruned, whole = runs(library, hypotheses)
+    for observation in observations:
+        pruned.observe(observation)
+        whole.observe(observation)
+        assert len(pruned._pruned._kept) <= 10
+    for ours, theirs in zip(pruned.bank, whole.bank, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+
+
+def test_few_hypotheses_are_all_filtered(rng):
+    library = make_library(rng, n_basis=4)
+    run = BankRun(library, make_hypotheses(library), None, START_NS, prune=True)
+    for observation in merge(simulate(library, 0, rng).observed):
+        run.observe(observation)
+    assert not len(run.pruned_tasks)
+
+
+def test_blocks_make_no_difference(monkeypatch):
+    library, hypotheses, observations = scene(10)
+    expected = BankRun(library, hypotheses, None, START_NS)
+    for observation in observations[:30]:
+        expected.observe(observation)
+    monkeypatch.setattr(running_bank, "BLOCK_SIZE", 7)
+    cut = BankRun(library, hypotheses, None, START_NS, prune=True)
+    for observation in observations[:30]:
+        cut.observe(observation)
+    for ours, theirs in zip(cut.bank, expected.bank, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+
+
+def test_memory_used_again_remembers_nothing():
+    library, hypotheses, observations = scene(11)
+    memory = make_memory(library, hypotheses)
+    first = BankRun(library, hypotheses, None, START_NS, memory=memory, prune=True)
+    for observation in observations:
+        first.observe(observation)
+    assert len(first.pruned_tasks)
+    second = BankRun(library, hypotheses, None, START_NS, memory=memory)
+    fresh = BankRun(library, hypotheses, None, START_NS)
+    assert second.memory is memory
+    for observation in observations[:20]:
+        second.observe(observation)
+        fresh.observe(observation)
+    for ours, theirs in zip(second.bank, fresh.bank, strict=True):
+        assert np.array_equal(ours, theirs)
+    small = make_hypotheses(library, n_scales=2)
+    assert BankRun(library, small, None, START_NS, memory=memory).memory is not memory
+
+
+def test_a_run_may_begin_with_a_bank_that_has_seen_something():
+    library, hypotheses, observations = scene(12)
+    whole = BankRun(library, hypotheses, start_bank(library, hypotheses), START_NS)
+    half = BankRun(library, hypotheses, None, START_NS)
+    for observation in observations[:20]:
+        whole.observe(observation)
+        half.observe(observation)
+    rest = BankRun(library, hypotheses, half.bank, START_NS, prune=True)
+    rest._last_ns = list(half._last_ns)
+    for observation in observations[20:]:
+        whole.observe(observation)
+        rest.observe(observation)
+    for ours, theirs in zip(rest.bank, whole.bank, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+
+
+def test_distributions_that_do_not_fit_are_named():
+    bank = RunningBank(2, 3, 1, 4)
+    with pytest.raises(ShapeError, match=r"expected \(2 or 6, 4\).*Pass one"):
+        bank.start(np.zeros((3, 4)), np.zeros((3, 4, 4)))

@@ -1,0 +1,319 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trajectories of a movement under way, against the bank, Monte Carlo and finite differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plain import mixture_at
+from simulation import START_NS, make_library, minimum_jerk, simulate, weights_of
+
+from intent_recognition.filtering.bank import start_bank
+from intent_recognition.filtering.bank_run import run_bank
+from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
+from intent_recognition.filtering.task_filter import TaskFilter, TaskFilters, control_grid
+from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.aligned import AlignedPrimitives
+from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
+from intent_recognition.promp.prediction import StartPosture, controlled_weights, rollout
+from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.signals.observation import Observation, merge
+
+BRIDGE = np.sqrt(4.0 * np.linspace(0, 1, 51) * np.linspace(1, 0, 51))
+LEADING = PhaseDeviation(0.06 * BRIDGE, 0.4, 0.5)
+
+
+def library_with(
+    rng: np.random.Generator, phase_deviation: PhaseDeviation, **settings
+) -> TaskLibrary:
+    library = make_library(rng, n_tasks=2, n_controlled=2, n_basis=8, **settings)
+    return replace(library, aligned=replace(library.primitives, phase_deviation=phase_deviation))
+
+
+def seen(library: TaskLibrary, rng: np.random.Generator, n: int, task: int = 0) -> list:
+    recording = simulate(library, task, rng, n_samples=20, duration_s=2.0)
+    return list(merge(recording.observed))[:n]
+
+
+def run_on(library, task, hypotheses, observations) -> TaskFilter:
+    run = TaskFilter(library, task, hypotheses, START_NS)
+    for observation in observations:
+        run.observe(observation)
+    return run
+
+
+def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng):
+    library = library_with(rng, STEADY, groups=(2, 1))
+    hypotheses = fixed_hypotheses(library, 2.0)
+    observations = seen(library, rng, 25)
+    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
+    run = run_on(library, 1, hypotheses, observations)
+    noise = library.control_noise_variance()
+    for start in (None, StartPosture(np.array([0.01, 0.02]), np.full(2, 1e-5))):
+        observed = Gaussian(bank.mean[1], bank.covariance[1])
+        weights = controlled_weights(library.primitives, 1, observed, start)
+        times = np.array([0.0, 0.5, 1.0, 2.0])
+        expected = rollout(library.basis, weights, times / 2, 2.0, noise)
+        mean, square = run.mixture_at(np.r_[times, 5.0], start)
+        np.testing.assert_allclose(mean[:4], expected.positions, atol=1e-9)
+        np.testing.assert_allclose(mean[4], mean[3], atol=1e-12)
+        np.testing.assert_allclose(np.sqrt(square - mean**2)[:4], expected.std, atol=1e-8)
+        found = run.controlled(5, start)
+        expected = rollout(library.basis, weights, np.linspace(0, 1, 5), 2.0, noise)
+        for ours, theirs in zip(found, expected, strict=True):
+            np.testing.assert_allclose(ours, theirs, atol=1e-7)
+
+
+@pytest.mark.parametrize("n", [0, 8])
+def test_durations_at_steady_progress_are_mixed_as_in_the_bank(rng, n):
+    library = library_with(rng, STEADY)
+    hypotheses = make_hypotheses(library, n_scales=5)._replace(duration_evidence=0.1)
+    observations = seen(library, rng, n)
+    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
+    run = run_on(library, 0, hypotheses, observations)
+    posterior = task_posterior(bank, hypotheses, 1.0)
+    np.testing.assert_allclose(run.duration_weights, posterior.scale_weights[0], atol=1e-9)
+    np.testing.assert_allclose(run.duration_s, posterior.duration_s[0], atol=1e-9)
+    weights = posterior.scale_weights[:2] * np.array([[1.0], [0.0]])
+    times = np.linspace(0, 3, 7)
+    mean, std = mixture_at(library, bank, hypotheses, weights, times)
+    found, square = run.mixture_at(times)
+    np.testing.assert_allclose(found, mean, atol=1e-4)
+    np.testing.assert_allclose(np.sqrt(square - found**2), std, atol=1e-4)
+
+
+def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
+    library = library_with(rng, LEADING, spread=0.3, noise_std=0.02)
+    hypotheses = make_hypotheses(library, n_scales=4)._replace(duration_evidence=0.3)
+    run = run_on(library, 0, hypotheses, seen(library, rng, 5))
+    times = np.array([0.1, 0.8, 1.6, 4.0])
+    mean, square = run.mixture_at(times)
+    std = np.sqrt(square - mean**2)
+    n, phase_deviation = 60_000, run.filter.deviations_at(times)
+    drawn = []
+    for s, count in enumerate(rng.multinomial(n, run.duration_weights)):
+        observed = Gaussian(run.filter.mean[s], run.filter.covariance[s])
+        w = rng.multivariate_normal(
+            *controlled_weights(library.primitives, 0, observed), size=count
+        )
+        recorded = times / run.filter.duration_s[s]
+        values = np.empty((count, len(times), 2))
+        for t, phases in enumerate(reference_phase(LEADING, recorded)):
+            at = rng.choice(
+                phases, size=count, p=phase_deviation[s, t] / phase_deviation[s, t].sum()
+            )
+            row = library.basis.design_matrix(at)
+            values[:, t] = np.einsum("nk,nqk->nq", row, w.reshape(count, 2, -1))
+        drawn.append(values)
+    drawn = np.concatenate(drawn)
+    drawn += rng.normal(size=drawn.shape) * np.sqrt(library.control_noise_variance())
+    np.testing.assert_allclose(mean, drawn.mean(axis=0), atol=4.5 * std.max() / np.sqrt(n))
+    np.testing.assert_allclose(std, drawn.std(axis=0), rtol=0.02)
+
+
+def test_tabulated_phases_keep_the_probability_and_the_mean_of_the_leads(rng):
+    library = library_with(rng, LEADING)
+    run = run_on(library, 0, make_hypotheses(library, n_scales=3), seen(library, rng, 6))
+    times = np.linspace(0.0, 5.0, 11)
+    table = run.phases_at(times)
+    assert table.shape == (3, 11, 201)
+    assert table.min() >= 0.0
+    np.testing.assert_allclose(table.sum(axis=2), 1.0)
+    phase = reference_phase(LEADING, times / run.filter.duration_s[:, None])
+    mean = np.sum(run.filter.deviations_at(times) * phase, axis=2)
+    np.testing.assert_allclose(table @ np.linspace(0, 1, 201), mean, atol=1e-12)
+
+
+@pytest.mark.parametrize("phase_deviation", [STEADY, LEADING])
+@pytest.mark.parametrize("n", [0, 1, 12])
+def test_the_controlled_agent_begins_and_ends_where_its_weights_say(rng, phase_deviation, n):
+    library = library_with(rng, phase_deviation)
+    run = run_on(library, 0, make_hypotheses(library, n_scales=5), seen(library, rng, n))
+    found = run.controlled(41)
+    weights = controlled_weights(library.primitives, 0, run.observed_weights())
+    noise = library.control_noise_variance()
+    ends = rollout(library.basis, weights, np.array([0.0, 1.0]), 1.0, noise)
+    np.testing.assert_allclose(found.positions[[0, -1]], ends.positions, atol=1e-9)
+    assert found.times_s[0] == 0.0
+    assert found.times_s[-1] == pytest.approx(run.duration_s)
+    assert np.all(found.std > 0.0)
+    assert np.all(found.std[[0, -1]] >= ends.std - 1e-9)
+    end = run.controlled(1)
+    for alone, whole in zip(end[:2], found[:2], strict=True):
+        np.testing.assert_allclose(alone[0], whole[-1], atol=1e-9)
+    kept = run.controlled(41, grid=control_grid(library.primitives, 0))
+    for ours, theirs in zip(kept, found, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("phase_deviation", [STEADY, LEADING])
+@pytest.mark.parametrize("agent", ["controlled", "observed"])
+def test_velocities_are_the_slope_of_the_positions(rng, phase_deviation, agent):
+    library = library_with(rng, phase_deviation)
+    run = run_on(library, 0, make_hypotheses(library, n_scales=5), seen(library, rng, 8))
+    found = getattr(run, agent)(801)
+    numeric = np.gradient(found.positions, found.times_s, axis=0)
+    worst = np.max(np.abs(found.velocities - numeric)[2:-2], axis=0)
+    assert np.all(worst < 0.02 * np.abs(numeric).max())
+
+
+def test_the_observed_agent_goes_on_from_now_to_the_end(rng):
+    library = library_with(rng, LEADING)
+    run = run_on(library, 0, make_hypotheses(library, n_scales=5), seen(library, rng, 10))
+    found = run.observed(9)
+    assert found.times_s[0] == pytest.approx(run.filter.elapsed_s)
+    assert found.times_s[-1] == pytest.approx(run.duration_s)
+    weights = run.observed_weights().mean.reshape(3, -1)
+    np.testing.assert_allclose(
+        found.positions[-1], library.basis.design_matrix(np.ones(1))[0] @ weights.T
+    )
+    end = run.observed(1)
+    np.testing.assert_allclose(end.positions[0], found.positions[-1])
+    assert np.array_equal(end.velocities, np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize("phase_deviation", [STEADY, LEADING])
+@pytest.mark.parametrize("n_points", [1, 2, 7])
+def test_past_the_expected_end_all_is_finite_and_at_the_end(rng, phase_deviation, n_points):
+    library = library_with(rng, phase_deviation)
+    observations = seen(library, rng, 15)
+    observations.append(observations[-1]._replace(stamp_ns=START_NS + 60_000_000_000))
+    run = run_on(library, 0, make_hypotheses(library, n_scales=5), observations)
+    found = run.observed(n_points)
+    assert all(np.all(np.isfinite(part)) for part in found)
+    assert found.times_s.shape == (n_points,)
+    np.testing.assert_array_equal(found.velocities, 0.0)
+    np.testing.assert_allclose(found.positions, found.positions[[-1]] * np.ones((n_points, 1)))
+    assert all(np.all(np.isfinite(part)) for part in run.controlled(n_points))
+
+
+def test_the_start_posture_is_used(rng):
+    library = library_with(rng, LEADING, noise_std=1e-4)
+    run = run_on(library, 0, make_hypotheses(library, n_scales=3), seen(library, rng, 4))
+    start = StartPosture(np.array([0.04, -0.03]), np.zeros(2))
+    np.testing.assert_allclose(run.controlled(11, start).positions[0], start.position, atol=1e-3)
+    mean, _ = run.mixture_at(np.zeros(1), start)
+    np.testing.assert_allclose(mean[0], start.position, atol=1e-3)
+    assert np.all(run.controlled(11, start).std[0] < 0.1 * run.controlled(11).std[0])
+
+
+def test_a_task_of_no_prior_can_be_asked_for(rng):
+    library = library_with(rng, LEADING)
+    hypotheses = make_hypotheses(library, np.array([1.0, 0.0]), 5)
+    run = run_on(library, 1, hypotheses, seen(library, rng, 4))
+    assert all(np.all(np.isfinite(part)) for part in run.controlled(5))
+
+
+def test_some_dofs_with_a_covariance_are_taken_as_such(rng):
+    """A DOF that is not measured equals one measured with a boundless variance."""
+    library = library_with(rng, LEADING)
+    hypotheses = make_hypotheses(library, n_scales=3)
+    part = Observation(
+        START_NS + 700_000_000, 0, np.array([0.1, 0.2]), np.diag([1e-4, 2e-4]), (0, 2)
+    )
+    whole = part._replace(
+        values=np.array([0.1, 0.0, 0.2]), covariance=np.diag([1e-4, 1e9, 2e-4]), dofs=None
+    )
+    one, other = (run_on(library, 0, hypotheses, [o]) for o in (part, whole))
+    np.testing.assert_allclose(one.filter.mean, other.filter.mean, atol=1e-7)
+    np.testing.assert_allclose(one.duration_weights, other.duration_weights, atol=1e-7)
+    np.testing.assert_allclose(one.filter.phase_deviation, other.filter.phase_deviation, atol=1e-7)
+
+
+def dense_stream(library: TaskLibrary, rng: np.random.Generator) -> list[Observation]:
+    """Two signals, at 100 and at 20 per second, and velocities of the first."""
+    observations = []
+    for k in range(100):
+        stamp = START_NS + k * 10_000_000
+        values = 0.01 * rng.normal(size=2)
+        observations.append(Observation(stamp, 0, values))
+        observations.append(Observation(stamp, 0, values, np.eye(2), None, True))
+        if k % 5 == 0:
+            observations.append(Observation(stamp, 1, 0.01 * rng.normal(size=1)))
+    return observations
+
+
+def test_each_signal_is_used_once_per_correlation_time(rng):
+    library = library_with(rng, LEADING, groups=(2, 1), correlation_time_s=0.1)
+    hypotheses = make_hypotheses(library, n_scales=3)
+    observations = dense_stream(library, rng)
+    task_filters = TaskFilters(library, hypotheses, START_NS)
+    for observation in observations:
+        task_filters.observe(observation)
+    kept = [
+        o for o in observations if (o.stamp_ns - START_NS) % 100_000_000 == 0 and not o.derivative
+    ]
+    assert len(kept) == 20
+    expected = run_on(library, 1, hypotheses, kept)
+    np.testing.assert_array_equal(task_filters[1].filter.mean, expected.filter.mean)
+    np.testing.assert_array_equal(
+        task_filters[1].filter.phase_deviation, expected.filter.phase_deviation
+    )
+
+
+def test_asking_late_equals_asking_all_the_time(rng):
+    library = library_with(rng, LEADING, groups=(2, 1), correlation_time_s=0.03)
+    hypotheses = make_hypotheses(library, n_scales=3)
+    late, always = (TaskFilters(library, hypotheses, START_NS) for _ in range(2))
+    for observation in dense_stream(library, rng):
+        late.observe(observation)
+        always.observe(observation)
+        assert always[0].filter.elapsed_s is not None
+    start = StartPosture(np.zeros(2), np.full(2, 1e-4))
+    for ours, theirs in zip(
+        late.controlled(0, 9, start), always.controlled(0, 9, start), strict=True
+    ):
+        np.testing.assert_array_equal(ours, theirs)
+    whole = late[0].controlled(9, start)
+    np.testing.assert_array_equal(late.controlled(0, 9, start).positions, whole.positions)
+    assert late[0] is late[0]
+
+
+def hesitation(recorded: np.ndarray) -> np.ndarray:
+    """Reference phase of a person who stands still from 0.35 to 0.55 and makes up for it."""
+    return np.interp(recorded, [0.0, 0.35, 0.55, 1.0], [0.0, 0.42, 0.42, 1.0])
+
+
+def swinging(phase_deviation: PhaseDeviation) -> TaskLibrary:
+    """Human and robot reach and swing together, nearly the same in every demonstration."""
+    basis, phase = NormalizedRBFBasis(25, 1.0), np.linspace(0.0, 1.0, 400)
+    shape = [minimum_jerk(phase), 0.4 * np.sin(2 * np.pi * phase), np.cos(2 * np.pi * phase)]
+    mean = weights_of(basis, np.stack(shape, axis=1), phase)
+    covariance = 0.02**2 * (0.98 * np.kron(np.eye(3), np.ones((25, 25))) + 0.02 * np.eye(75))
+    library = make_library(np.random.default_rng(0), n_tasks=1, groups=(2,), n_controlled=1)
+    noise = np.full(3, 0.01**2)
+    aligned = AlignedPrimitives(
+        basis, 2, mean.reshape(1, -1), covariance[None], noise, 1.0, phase_deviation
+    )
+    return replace(library, aligned=aligned)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_who_hesitates_is_predicted_better_with_leads(seed):
+    """The robot, just after the pause: with less error, and its errors are covered."""
+    errors, covered = [], []
+    for phase_deviation in (LEADING, STEADY):
+        rng = np.random.default_rng(seed)
+        library = swinging(phase_deviation)
+        primitives = library.primitives
+        weights = rng.multivariate_normal(
+            primitives.weight_mean[0], primitives.weight_covariance[0]
+        )
+        run = TaskFilter(library, 0, fixed_hypotheses(library, 2.0), START_NS)
+
+        def truth(times, weights=weights, basis=primitives.basis):
+            row = basis.design_matrix(hesitation(times / 2.0))
+            return row @ weights.reshape(3, -1).T
+
+        for time in np.arange(1, 18) / 30 * 2.0:
+            values = truth(np.array([time]))[0, :2] + 0.01 * rng.normal(size=2)
+            run.observe(Observation(START_NS + round(time * 1e9), 0, values))
+        ahead = np.linspace(0.6, 1.3, 15)
+        mean, square = run.mixture_at(ahead)
+        error = mean[:, 0] - truth(ahead)[:, 2]
+        errors.append(np.sqrt(np.mean(error**2)))
+        covered.append(np.mean(np.abs(error) < 2 * np.sqrt(square - mean**2)[:, 0]))
+    assert errors[0] < 0.5 * errors[1]
+    assert covered[0] > max(covered[1], 0.6)

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mixture of primitives: its coordinates, its clusters, and what an observation makes of it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+from simulation import draw_weights, make_library
+
+from intent_recognition.errors import TrainingError
+from intent_recognition.gaussian.mixture import fit_mixture, one_hot
+from intent_recognition.gaussian.normal import Gaussian, condition
+from intent_recognition.learning import mixture
+from intent_recognition.learning.mixture import (
+    cluster,
+    condition_mixture,
+    leave_each_out,
+    left_out_labels,
+    mixture_features,
+)
+from intent_recognition.promp.basis import NormalizedRBFBasis
+
+BASIS = NormalizedRBFBasis(10, 1.0)
+
+
+def drawn(rng, n_each=(8, 7, 6)):
+    """Weights of demonstrations of a few tasks, (n, D, N), and their tasks."""
+    library = make_library(rng, n_tasks=len(n_each), spread=0.02)
+    tasks = np.repeat(np.arange(len(n_each)), n_each)
+    return np.array([draw_weights(library, task, rng) for task in tasks]), tasks
+
+
+def same_partition(first, second):
+    """Whether two labellings name the same groups."""
+    pairs = {(int(a), int(b)) for a, b in zip(first, second, strict=True)}
+    return len(pairs) == len(set(first)) == len(set(second))
+
+
+def test_units_and_offsets_of_the_dofs_do_not_matter(rng):
+    weights, _ = drawn(rng)
+    factor = np.array([1000.0, 1.0, 1e-3, 57.3, 0.1])[:, None]
+    first = mixture_features(weights, 3, BASIS)
+    second = mixture_features(weights * factor + 3.0 * factor, 3, BASIS)
+    gram = first.coordinates @ first.coordinates.T
+    np.testing.assert_allclose(second.coordinates @ second.coordinates.T, gram, atol=1e-9)
+
+
+def test_each_agent_counts_alike_and_the_controlled_trajectory_is_kept(rng):
+    weights, _ = drawn(rng)
+    features = mixture_features(weights, 3, BASIS)
+    split = features.n_observed
+    for part in (features.coordinates[:, :split], features.coordinates[:, split:]):
+        np.testing.assert_allclose(np.sum(part**2), len(weights), rtol=1e-9)
+    rebuilt = features.coordinates[:, split:] @ features.loadings
+    np.testing.assert_allclose(rebuilt, features.controlled, atol=1e-12)
+
+
+def test_a_dof_that_never_moves_is_left_alone(rng):
+    weights, _ = drawn(rng)
+    still = np.insert(weights, 5, 0.3, axis=1)
+    first, second = (mixture_features(w, 3, BASIS) for w in (weights, still))
+    assert np.all(np.isfinite(second.coordinates))
+    assert first.coordinates.shape == second.coordinates.shape
+
+
+def test_none_or_too_many_demonstrations_are_refused():
+    for n in (0, mixture.MAX_DEMONSTRATIONS + 1):
+        with pytest.raises(TrainingError, match="demonstrations"):
+            mixture_features(np.zeros((n, 4, 10)), 2, BASIS)
+
+
+def test_tasks_are_found_and_numbered_by_size(rng):
+    weights, tasks = drawn(rng)
+    order = rng.permutation(len(tasks))
+    features = mixture_features(weights[order], 3, BASIS)
+    found = cluster(features, 3, np.random.default_rng(0))
+    assert same_partition(found.labels, tasks[order])
+    assert np.bincount(found.labels).tolist() == [8, 7, 6]
+
+
+def test_the_same_generator_gives_the_same_components(rng):
+    features = mixture_features(drawn(rng)[0], 3, BASIS)
+    first, second = (cluster(features, 4, np.random.default_rng(1)) for _ in range(2))
+    np.testing.assert_array_equal(first.labels, second.labels)
+    assert first.log_likelihood == second.log_likelihood
+
+
+def test_an_odd_demonstration_does_not_get_a_component_of_its_own(rng):
+    weights, tasks = drawn(rng)
+    weights[0] += 4.0 * (weights[0] - weights[tasks == 0].mean(axis=0))
+    features = mixture_features(weights, 3, BASIS)
+    found = cluster(features, 3, np.random.default_rng(0))
+    assert np.bincount(found.labels).min() >= mixture.MIN_MEMBERS
+
+
+def test_more_components_than_can_stand_alone_do_no_harm(rng):
+    features = mixture_features(drawn(rng, (3, 2))[0], 3, BASIS)
+    for n_components in (3, 5):
+        found = cluster(features, n_components, np.random.default_rng(0))
+        assert np.isfinite(found.log_likelihood) and found.labels.max() < n_components
+
+
+def test_identical_demonstrations_do_no_harm(rng):
+    weights = np.repeat(drawn(rng)[0][:1], 6, axis=0)
+    found = cluster(mixture_features(weights, 3, BASIS), 2, np.random.default_rng(0))
+    assert np.isfinite(found.log_likelihood)
+
+
+def test_the_fits_without_each_are_fits_of_the_rest(rng):
+    weights, tasks = drawn(rng)
+    features = mixture_features(weights, 3, BASIS)
+    points, prior = features.coordinates, features.prior
+    left_out = leave_each_out(points, tasks, 3, prior)
+    for index in (0, 9, 20):
+        rest = np.delete(np.arange(len(points)), index)
+        alone = fit_mixture(points[rest], one_hot(tasks[rest], 3)[None], prior).components
+        np.testing.assert_allclose(left_out.mean[index], alone.mean[0], atol=1e-10)
+        np.testing.assert_allclose(left_out.diagonal[index], alone.diagonal[0], rtol=1e-9)
+    assert same_partition(left_out_labels(points, left_out), tasks)
+
+
+def test_of_many_demonstrations_folds_are_left_out_together(rng, monkeypatch):
+    weights, tasks = drawn(rng)
+    features = mixture_features(weights, 3, BASIS)
+    monkeypatch.setattr(mixture, "MAX_FOLDS", 4)
+    left_out = leave_each_out(features.coordinates, tasks, 3, features.prior)
+    assert left_out.mean.shape[0] == len(tasks)
+    np.testing.assert_array_equal(left_out.mean[0], left_out.mean[4])
+    assert left_out.count[0].sum() == pytest.approx(len(tasks) - 6)
+
+
+@given(seed=st.integers(0, 1000))
+def test_an_observation_weighs_and_conditions_every_component(seed):
+    rng = np.random.default_rng(seed)
+    components = []
+    for _ in range(3):
+        root = rng.normal(size=(4, 4))
+        components.append(Gaussian(rng.normal(size=4), root @ root.T + 0.1 * np.eye(4)))
+    share = rng.dirichlet(np.ones(3))
+    matrix, value, noise = rng.normal(size=(2, 4)), rng.normal(size=2), 0.3 * np.eye(2)
+    found = condition_mixture(share, components, matrix, value, noise)
+    evidence = [
+        multivariate_normal(matrix @ c.mean, matrix @ c.covariance @ matrix.T + noise).pdf(value)
+        for c in components
+    ]
+    expected = share * evidence / np.sum(share * evidence)
+    np.testing.assert_allclose(found.probabilities, expected, atol=1e-10)
+    for component, conditioned in zip(components, found.components, strict=True):
+        alone, _ = condition(component, matrix, value, noise)
+        np.testing.assert_allclose(conditioned.mean, alone.mean, atol=1e-12)
+    assert found.most_probable is found.components[int(np.argmax(expected))]
+    second = sum(
+        p * (c.covariance + np.outer(c.mean, c.mean))
+        for p, c in zip(expected, found.components, strict=True)
+    )
+    mean = found.moments.mean
+    np.testing.assert_allclose(found.moments.covariance, second - np.outer(mean, mean), atol=1e-9)
+
+
+def test_a_component_without_weight_takes_no_part():
+    near, far = Gaussian(np.zeros(1), np.eye(1)), Gaussian(np.ones(1), np.eye(1))
+    found = condition_mixture([0.0, 1.0], [near, far], np.eye(1), np.zeros(1), np.eye(1))
+    np.testing.assert_array_equal(found.probabilities, [0.0, 1.0])

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""People's timing, recovered from recordings whose timing is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulation import START_NS, Recording, minimum_jerk
+
+from intent_recognition.learning.timing import SMALLEST_LEAD, UNKNOWN_LEAD, Timing, settle_timing
+from intent_recognition.promp.phase_deviation import PhaseDeviation
+from intent_recognition.signals.signal import Signal
+
+PHASE = np.linspace(0.0, 1.0, 101)
+AHEAD = np.array([-0.08, -0.05, -0.03, 0.03, 0.05, 0.08])
+
+
+def reference_of(recorded: np.ndarray, ahead: float) -> np.ndarray:
+    """Reference phase of a person who is ahead by so much amid the movement."""
+    return recorded + ahead * np.sin(np.pi * recorded)
+
+
+def shape(phase: np.ndarray, task: int) -> np.ndarray:
+    """Five DOFs of a task over reference phase, (T, 5)."""
+    columns = [np.sin((k + 1 + task) * np.pi * phase + k) for k in range(4)]
+    return np.stack([*columns, minimum_jerk(phase)], axis=1)
+
+
+def a_recording(
+    rng: np.random.Generator, ahead: float, task: int = 0, noise: float = 0.01, name: str = ""
+) -> Recording:
+    """Of 1 to 3 s, its signals sampled at times of their own, each displaced a little."""
+    duration_ns = round(rng.uniform(1.0, 3.0) * 1e9)
+    signals = []
+    for names, rate, columns in ((("a", "b", "c"), 60, slice(0, 3)), (("d", "e"), 45, slice(3, 5))):
+        recorded = np.linspace(0.0, 1.0, rate)
+        values = shape(reference_of(recorded, ahead), task)[:, columns]
+        values = values + noise * rng.normal(size=values.shape) + 0.05 * rng.normal()
+        stamps = START_NS + np.round(recorded * duration_ns).astype(np.int64)
+        signals.append(Signal(names, stamps, values, "m"))
+    return Recording(
+        name, f"task_{task}", signals[:1], signals[1:], START_NS, START_NS + duration_ns
+    )
+
+
+def some(rng: np.random.Generator, task: int = 0, scale: float = 1.0) -> list[Recording]:
+    return [a_recording(rng, scale * ahead, task) for ahead in AHEAD]
+
+
+def test_known_timing_is_recovered(rng):
+    recordings = [*some(rng, 0), *some(rng, 1)]
+    timing = settle_timing(recordings)
+    assert list(timing.templates) == ["task_0", "task_1"]
+    for warp, ahead in zip(timing.warps(recordings), np.tile(AHEAD, 2), strict=True):
+        error = warp.inverse(PHASE) - reference_of(PHASE, ahead)
+        assert np.sqrt(np.mean(error**2)) < 0.012
+        assert np.abs(error).max() < 0.03
+
+
+def test_the_spread_of_leads_is_that_of_the_people(rng):
+    found = settle_timing(some(rng)).deviation_std
+    assert found.shape == (51,)
+    assert found[25] == pytest.approx(np.std(AHEAD, ddof=1), rel=0.2)
+    np.testing.assert_allclose(found, found[::-1], atol=1e-12)
+    assert found[[0, -1]] == pytest.approx(SMALLEST_LEAD)
+    steady = settle_timing(some(rng, scale=0.0)).deviation_std
+    assert steady.max() < 0.3 * found.max()
+    assert steady.min() >= SMALLEST_LEAD
+
+
+def test_tasks_share_the_spread_of_leads(rng):
+    wide, narrow = some(rng, 0), some(rng, 1, scale=0.25)
+    both = settle_timing([*wide, *narrow]).deviation_std[25]
+    apart = [settle_timing(part).deviation_std[25] for part in (wide, narrow)]
+    assert both == pytest.approx(np.sqrt(np.mean(np.square(apart))), rel=1e-6)
+
+
+def test_where_no_task_has_two_recordings_nothing_is_aligned(rng):
+    recordings = [a_recording(rng, 0.05, 0), a_recording(rng, 0.05, 1)]
+    timing = settle_timing(recordings)
+    assert not timing.templates
+    assert timing.deviation_std.max() == pytest.approx(UNKNOWN_LEAD)
+    for warp in timing.warps(recordings):
+        np.testing.assert_array_equal(warp.inverse(PHASE), PHASE)
+    assert settle_timing([]) == timing
+
+
+def test_a_recording_comes_out_the_same_alone_and_in_company(rng):
+    recordings = [*some(rng, 0), *some(rng, 1)]
+    timing = settle_timing(recordings)
+    together = timing.warps(recordings[::-1])[::-1]
+    for recorded, warp in zip(recordings, together, strict=True):
+        (alone,) = timing.warps([recorded])
+        np.testing.assert_allclose(alone.recorded, warp.recorded, atol=1e-9)
+
+
+def test_a_later_recording_is_brought_onto_the_same_template(rng):
+    timing = settle_timing(some(rng))
+    later, unknown = a_recording(rng, 0.06), a_recording(rng, 0.06, task=4)
+    warp, identity = timing.warps([later, unknown])
+    np.testing.assert_allclose(warp.inverse(PHASE), reference_of(PHASE, 0.06), atol=0.03)
+    np.testing.assert_array_equal(identity.inverse(PHASE), PHASE)
+    assert timing.warps([]) == []
+
+
+def test_recordings_without_samples_are_passed_over(rng):
+    recordings = some(rng)
+    silent = replace(recordings[0], start_ns=0, end_ns=START_NS - 1)
+    never = replace(recordings[0], end_ns=START_NS)
+    assert settle_timing([silent, *recordings, never]) == settle_timing(recordings)
+
+
+def test_timings_are_equal_where_all_of_them_is(rng):
+    recordings = some(rng)
+    timing = settle_timing(recordings)
+    assert timing == settle_timing(recordings)
+    assert timing != settle_timing(recordings[1:])
+    assert timing != Timing({}, timing.deviation_std)
+    assert timing != Timing(timing.templates, timing.deviation_std + 1e-9)
+    template = timing.templates["task_0"]
+    moved = template._replace(values=template.values + 1e-9)
+    assert timing != Timing({"task_0": moved}, timing.deviation_std)
+    assert timing != "timing"
+
+
+def test_its_progress_has_the_leads(rng):
+    timing = settle_timing(some(rng))
+    assert isinstance(timing.phase_deviation, PhaseDeviation)
+    np.testing.assert_array_equal(timing.phase_deviation.deviation_std, timing.deviation_std)
+    assert 0.0 < timing.phase_deviation.evidence <= 1.0

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From recordings to a library: what is recovered, what is refused, what is left out and why."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulation import START_NS, Recording, draw_weights, make_library, simulate
+
+from intent_recognition.errors import ArgumentError, TrainingError
+from intent_recognition.learning.examples import make_example
+from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.signals.segmentation import END_MARGIN_S
+from intent_recognition.signals.signal import Signal
+
+WHOLE = TrainingSettings(n_basis=8, segmentation="recording")
+
+
+def recordings(truth, rng, n_each: int, **options) -> list[Recording]:
+    return [
+        simulate(truth, task, rng, name=f"{task}_{i}", **options)
+        for task in range(truth.n_tasks)
+        for i in range(n_each)
+    ]
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return make_library(np.random.default_rng(11), n_tasks=2, groups=(2, 1), n_basis=8)
+
+
+def test_weights_of_an_example_are_those_it_was_simulated_with(truth, rng):
+    w = draw_weights(truth, 0, rng)
+    quiet = replace(truth, noise_variance=np.full(5, 1e-12))
+    recording = simulate(quiet, 0, rng, weights=w, rate_hz=200.0, duration_s=1.7)
+    recording = replace(recording, start_ns=START_NS, end_ns=START_NS + 1_700_000_000)
+    example = make_example(recording, truth.basis, 1e-9)
+    np.testing.assert_allclose(example.weights, w, atol=2e-3)
+    assert example.duration_s == pytest.approx(1.7)
+    phase = (np.arange(30) + 0.5) / 30
+    expected = truth.basis.design_matrix(phase) @ w[:3].T
+    np.testing.assert_allclose(example.observed, expected, atol=1e-3)
+    expected = truth.basis.design_matrix(np.linspace(0, 1, 20)) @ w[3:].T
+    np.testing.assert_allclose(example.controlled, expected, atol=2e-2)
+
+
+def test_what_was_simulated_is_learned_back(truth, rng):
+    """200 demonstrations a task: means, covariance, noise, timing."""
+    library, report = learn(recordings(truth, rng, 200, n_samples=60), WHOLE)
+    assert library.labels == truth.labels
+    assert library.observed_names == truth.observed_names
+    assert library.observed_groups == (2, 1)
+    assert library.observed_units == ("m",) * 3
+    assert library.controlled_units == ("rad",) * 2
+    assert len(report.used) == 400
+    assert report.rejected == ()
+    design = truth.basis.design_matrix(np.linspace(0, 1, 15))
+    for task in range(2):
+        H = np.kron(np.eye(5), design)
+        error = H @ (library.weight_mean[task] - truth.weight_mean[task])
+        spread = H @ truth.weight_covariance[task] @ H.T
+        assert np.abs(error).max() < 5 * np.sqrt(np.diag(spread).max() / 200)
+        found = H @ library.weight_covariance[task] @ H.T
+        assert np.linalg.norm(found - spread) < 0.3 * np.linalg.norm(spread)
+        assert np.linalg.eigvalsh(library.weight_covariance[task]).min() > 0
+    np.testing.assert_allclose(np.sqrt(library.noise_variance), 0.005, rtol=0.2)
+    np.testing.assert_allclose(library.log_duration_mean, truth.log_duration_mean, atol=0.05)
+    np.testing.assert_allclose(library.log_duration_std, truth.log_duration_std, rtol=0.15)
+    assert library.n_demonstrations.tolist() == [200, 200]
+    assert library.provenance["settings"]["n_basis"] == 8
+
+
+@pytest.mark.parametrize("n_each", [1, 2, 3])
+def test_few_demonstrations_train_with_positive_definite_covariances(truth, rng, n_each):
+    examples = recordings(truth, rng, n_each)
+    if n_each == 1:
+        examples.append(simulate(truth, 0, rng, name="second"))
+    library, _ = learn(examples, WHOLE)
+    for covariance in (*library.weight_covariance, library.none_covariance):
+        assert np.array_equal(covariance, covariance.T)
+        assert np.linalg.eigvalsh(covariance).min() > 0
+    assert np.all(np.isfinite(library.log_duration_std))
+    assert np.all(library.log_duration_std >= 0.05)
+    assert library.primitive(0).covariance.shape == (40, 40)
+
+
+def test_identical_demonstrations_train(truth, rng):
+    one = simulate(truth, 0, rng)
+    library, _ = learn([one, replace(one, name="again"), replace(one, name="third")], WHOLE)
+    assert np.linalg.eigvalsh(library.weight_covariance[0]).min() > 0
+    assert np.all(np.isfinite(library.primitives.recovery[0].matrix))
+
+
+def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
+    examples = [
+        simulate(truth, i % 2, rng, name=f"d{i}", rate_hz=rate, duration_s=duration)
+        for i, (rate, duration) in enumerate([(30, 1.0), (60, 2.0), (120, 3.0), (50, 4.0)] * 2)
+    ]
+    one, _ = learn(examples, WHOLE)
+    other, _ = learn(examples[::-1], WHOLE)
+    np.testing.assert_allclose(one.weight_mean, other.weight_mean, atol=1e-9)
+    np.testing.assert_allclose(one.weight_covariance, other.weight_covariance, atol=1e-9)
+    np.testing.assert_allclose(one.log_duration_std, other.log_duration_std)
+
+
+def test_segmentation_takes_the_rest_away(rng):
+    truth = make_library(rng, n_tasks=2, n_basis=8, spread=0.02, noise_std=0.0005)
+    examples = recordings(truth, rng, 8, rest_before_s=1.0, rest_after_s=1.5, duration_s=2.0)
+    cut, _ = learn(examples, TrainingSettings(n_basis=8))
+    whole, _ = learn(examples, WHOLE)
+    np.testing.assert_allclose(whole.durations_s, 4.5, rtol=0.02)
+    np.testing.assert_allclose(cut.durations_s, 2.0 + END_MARGIN_S, rtol=0.15)
+
+
+def test_unusable_recordings_are_left_out_by_name_and_reason(truth, rng):
+    good = recordings(truth, rng, 3)
+    short = simulate(truth, 0, rng, name="short", duration_s=0.1)
+    sparse = simulate(truth, 0, rng, name="sparse", n_samples=3, duration_s=2.0)
+    unlabelled = replace(simulate(truth, 0, rng, name="unlabelled"), task=None)
+    reserved = replace(simulate(truth, 0, rng, name="reserved"), task="none")
+    library, report = learn([short, *good, sparse, unlabelled, reserved], WHOLE)
+    reasons = dict(report.rejected)
+    assert set(reasons) == {"short", "sparse", "unlabelled", "reserved"}
+    assert "at least 0.2 s" in reasons["short"]
+    assert "at least 4 samples" in reasons["sparse"]
+    assert "human_0, human_1" in reasons["sparse"]
+    assert "no label" in reasons["unlabelled"]
+    assert "reserved" in reasons["reserved"]
+    assert len(report.used) == 6
+    assert library.labels == truth.labels
+
+
+def test_nothing_to_learn_from_is_an_error_that_says_why(truth, rng):
+    with pytest.raises(TrainingError, match=r"demonstrations: .*none of 0.*Check the labels"):
+        learn([], WHOLE)
+    with pytest.raises(TrainingError, match=r"none of 1; demo: it has no label"):
+        learn([replace(simulate(truth, 0, rng), task=None)], WHOLE)
+    with pytest.raises(TrainingError, match=r"one of each of 2.*Record more"):
+        learn(recordings(truth, rng, 1), WHOLE)
+
+
+def test_recordings_of_other_dofs_are_left_out(truth, rng):
+    other = simulate(truth, 0, rng, name="other")
+    stranger = Signal(("foot", "knee"), other.observed[0].stamps_ns, other.observed[0].values, "m")
+    other = replace(other, observed=(stranger, other.observed[1]))
+    _, report = learn([*recordings(truth, rng, 3), other], WHOLE)
+    assert [name for name, _ in report.rejected] == ["other"]
+    assert "foot" in report.rejected[0][1]
+
+
+def test_a_signal_that_stays_silent_is_a_reason_not_a_crash(truth, rng):
+    good = recordings(truth, rng, 3)
+    one = simulate(truth, 0, rng, name="silent")
+    empty = Signal(one.observed[1].names, [], np.zeros((0, 1)), "m")
+    silent = replace(one, observed=(one.observed[0], empty))
+    for settings in (WHOLE, TrainingSettings(n_basis=8)):
+        _, report = learn([silent, *good], settings)
+        assert [name for name, _ in report.rejected] == ["silent"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"segmentation": "half"}, "segmentation: expected one of .*got half"),
+        ({"none_prior": 0.0}, "none_prior: expected a probability"),
+        ({"none_prior": 1.0}, "none_prior: expected a probability"),
+    ],
+)
+def test_settings_out_of_range_are_named(options, words):
+    with pytest.raises(ArgumentError, match=words):
+        TrainingSettings(**options)
+
+
+def test_the_basis_of_the_settings_is_used(truth, rng):
+    library, _ = learn(recordings(truth, rng, 2), replace(WHOLE, n_basis=13, width=1.4))
+    assert library.basis == NormalizedRBFBasis(13, 1.4)

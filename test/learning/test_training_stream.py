@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One by one equals all at once: streams, parts, and demonstrations added to a library."""
+
+import tracemalloc
+from dataclasses import fields, replace
+from functools import reduce
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from simulation import Recording, make_library, signals, simulate
+
+from intent_recognition.errors import TrainingError
+from intent_recognition.learning import accumulation as gathering
+from intent_recognition.learning import statistics, training
+from intent_recognition.learning.accumulation import accumulate, merge_accumulated
+from intent_recognition.learning.fitting import aligned_primitives, library_from_statistics
+from intent_recognition.learning.training import (
+    Trained,
+    TrainingSettings,
+    add_demonstration,
+    add_statistics,
+    choose,
+    learn,
+    learn_accumulated,
+)
+from intent_recognition.promp.library import TaskLibrary
+
+CUT = TrainingSettings(n_basis=6)
+WHOLE = replace(CUT, segmentation="recording")
+TRUTH = make_library(np.random.default_rng(4), n_tasks=3, groups=(2, 1), n_basis=6)
+
+
+def recordings(seed: int, n: int, n_tasks: int = 3) -> list[Recording]:
+    """Recordings with rest at both ends, their tasks in turn."""
+    rng = np.random.default_rng(seed)
+    rests = {"rest_before_s": 0.5, "rest_after_s": 0.5, "rate_hz": 30.0}
+    return [simulate(TRUTH, i % n_tasks, rng, name=f"demo_{i:02d}", **rests) for i in range(n)]
+
+
+def assert_equal(found: TaskLibrary, expected: TaskLibrary, tolerance: float = 1e-8) -> None:
+    """All but where it came from."""
+    assert_same_fields(found, expected, tolerance, "provenance", "aligned")
+    assert (found.aligned is None) == (expected.aligned is None)
+    if expected.aligned is not None:
+        assert_same_fields(found.aligned, expected.aligned, tolerance, "phase_deviation")
+        for value, other in zip(
+            expected.aligned.phase_deviation, found.aligned.phase_deviation, strict=True
+        ):
+            np.testing.assert_array_equal(other, value)
+
+
+def assert_same_fields(found, expected, tolerance: float, *apart: str) -> None:
+    for name in (attribute.name for attribute in fields(expected)):
+        value, other = getattr(expected, name), getattr(found, name)
+        if isinstance(value, np.ndarray | float):
+            np.testing.assert_allclose(other, value, rtol=tolerance, atol=tolerance, err_msg=name)
+        elif name not in apart:
+            assert other == value, name
+
+
+def anew(demonstrations: list[Recording], like: Trained) -> Trained:
+    """Trained from nothing at the reference and hyperparameters of another."""
+    accumulated = accumulate(demonstrations, CUT, like.reference)
+    library = library_from_statistics(
+        accumulated.tasks,
+        like.reference,
+        like.chosen,
+        none_calibration=like.library.none_calibration,
+    )
+    return Trained(library, like.reference, accumulated.tasks, like.chosen)
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 2**32 - 1), st.randoms(use_true_random=False), st.integers(1, 9))
+def test_adding_in_any_order_equals_training_anew(seed, random, n_added):
+    """Also when what is added is a task that was not there, and the first one of it."""
+    all_of_them = recordings(seed, 12)
+    start = [r for r in all_of_them if r.task != "task_1"][:3]
+    added = [r for r in all_of_them if r not in start][:n_added]
+    random.shuffle(added)
+    trained = learn(start, CUT)[1].trained
+    for recorded in added:
+        trained = add_demonstration(trained, recorded)
+    expected = anew([*start, *added], trained)
+    assert_equal(trained.library, expected.library)
+    found, aligned = (
+        aligned_primitives(t.tasks, t.reference, t.chosen) for t in (trained, expected)
+    )
+    assert_same_fields(found, aligned, 1e-8, "phase_deviation")
+    tried = choose(trained.tasks, trained.reference)[1]
+    expected_tried = choose(expected.tasks, expected.reference)[1]
+    np.testing.assert_allclose(tried, expected_tried, rtol=1e-6, atol=1e-6)
+
+
+def test_training_all_at_once_is_training_anew_at_its_own_reference():
+    library, report = learn(recordings(1, 12), CUT)
+    assert_equal(anew(recordings(1, 12), report.trained).library, library, 1e-12)
+    assert_equal(report.trained.library, library, 0.0)
+
+
+def test_adding_leaves_what_it_adds_to_unchanged():
+    *start, last = recordings(2, 7)
+    before = learn(start, CUT, {"bags": ["a"]})[1].trained
+    mean = before.library.weight_mean.copy()
+    after = add_demonstration(before, last)
+    assert np.array_equal(before.library.weight_mean, mean)
+    assert before.library.n_demonstrations.tolist() == [2, 2, 2]
+    assert after.library.n_demonstrations.tolist() == [3, 2, 2]
+    assert after.library.provenance["bags"] == ["a", last.name]
+    assert before.library.provenance["bags"] == ["a"]
+    assert after.chosen == before.chosen and after.reference == before.reference
+
+
+def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
+    trained = learn(recordings(3, 6, n_tasks=2), CUT)[1].trained
+    transition = np.array([[0.1, 0.9], [0.7, 0.3], [0.6, 0.4]])
+    library = replace(trained.library, transition_prior=transition, task_prior=np.array([0.2, 0.8]))
+    trained = replace(trained, library=library)
+    same = add_demonstration(trained, recordings(3, 7, n_tasks=2)[-1])
+    assert np.array_equal(same.library.transition_prior, transition)
+    new = replace(recordings(3, 1)[0], task="a new one", name="new")
+    more = add_demonstration(trained, new).library
+    assert more.labels == ("a new one", "task_0", "task_1")
+    np.testing.assert_allclose(more.task_prior, [1 / 3, 0.2 * 2 / 3, 0.8 * 2 / 3])
+    np.testing.assert_allclose(more.transition_prior.sum(axis=1), 1.0)
+    np.testing.assert_allclose(more.transition_prior[1:, 1:], transition * 2 / 3)
+
+
+def test_what_cannot_be_added_is_refused_by_name_and_reason():
+    trained = learn(recordings(5, 6), CUT)[1].trained
+    one = replace(recordings(6, 1)[0], name="odd")
+    with pytest.raises(TrainingError, match="odd: it has no label"):
+        add_demonstration(trained, replace(one, task=None))
+    with pytest.raises(TrainingError, match="odd: the label 'none' is reserved"):
+        add_demonstration(trained, replace(one, task="none"))
+    with pytest.raises(TrainingError, match="odd: DOFs: expected those of demo_00"):
+        add_demonstration(trained, replace(one, observed=one.observed[:1]))
+    with pytest.raises(TrainingError, match=r"odd: demonstration: expected at least 0\.2 s"):
+        add_demonstration(trained, replace(one, end_ns=one.start_ns + 1))
+
+
+@pytest.mark.parametrize("options", [CUT, WHOLE])
+def test_a_stream_equals_a_list(options):
+    demonstrations = recordings(7, 20)
+    whole, report = learn(demonstrations, options)
+    streamed, streamed_report = learn(iter(demonstrations), options)
+    assert_equal(streamed, whole, 0.0)
+    assert streamed_report.used == report.used
+
+
+def test_parts_gathered_apart_are_the_whole():
+    """As by processes that read a share of the bags each."""
+    demonstrations = recordings(8, 25)
+    whole = accumulate(demonstrations, CUT)
+    parts = [accumulate(demonstrations[k : k + 7], CUT, whole.reference) for k in range(0, 25, 7)]
+    merged = reduce(merge_accumulated, parts)
+    assert_equal(learn_accumulated(merged)[0], learn_accumulated(whole)[0], 1e-12)
+    assert merged.used == whole.used and merged.n_used == 25
+
+
+def test_many_may_be_added_at_once():
+    demonstrations = recordings(9, 15)
+    trained = learn(demonstrations[:9], CUT)[1].trained
+    rest = accumulate(demonstrations[9:], CUT, trained.reference)
+    at_once = add_statistics(trained, rest.tasks, rest.used)
+    one_by_one = reduce(add_demonstration, demonstrations[9:], trained)
+    assert_equal(at_once.library, one_by_one.library)
+    assert at_once.library.provenance["bags"] == one_by_one.library.provenance["bags"]
+
+
+def test_parts_of_different_references_do_not_merge():
+    demonstrations = recordings(10, 12)
+    parts = [accumulate(demonstrations[:6], CUT), accumulate(demonstrations[6:], CUT)]
+    with pytest.raises(TrainingError, match="Gather all parts with one reference"):
+        merge_accumulated(*parts)
+
+
+def test_a_long_stream_settles_its_reference_by_its_first_recordings(monkeypatch):
+    monkeypatch.setattr(gathering, "REFERENCE_RECORDINGS", 5)
+    demonstrations = recordings(11, 20)
+    unlabelled = replace(demonstrations[0], task=None, name="unlabelled")
+    found = accumulate(iter([unlabelled, *demonstrations]), CUT)
+    assert found.reference == accumulate(demonstrations[:5], CUT).reference
+    assert found.n_used == 20 and found.used == tuple(f"demo_{i:02d}" for i in range(20))
+    assert [name for name, _ in found.rejected] == ["unlabelled"]
+
+
+def test_names_in_a_report_are_bounded_and_numbers_are_not(monkeypatch):
+    monkeypatch.setattr(gathering, "NAMES_KEPT", 4)
+    bad = [replace(r, task=None) for r in recordings(12, 7)]
+    _, report = learn([*recordings(12, 9), *bad], CUT)
+    assert (len(report.used), report.n_used) == (4, 9)
+    assert (len(report.rejected), report.n_rejected) == (4, 7)
+
+
+def test_hyperparameters_of_very_many_are_chosen_on_a_sample(monkeypatch):
+    """Means and covariances are still those of all of them."""
+    demonstrations = recordings(13, 30)
+    whole, report = learn(demonstrations, CUT)
+    monkeypatch.setattr(statistics, "MAX_EXAMPLES", 4)
+    sampled, sampled_report = learn(demonstrations, CUT)
+    assert all(len(task.examples) == 4 for task in sampled_report.trained.tasks.values())
+    assert np.array_equal(sampled.weight_mean, whole.weight_mean)
+    assert sampled_report.chosen.score == pytest.approx(report.chosen.score, abs=0.5)
+
+
+def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeypatch):
+    trained = learn(recordings(14, 18), CUT)[1].trained
+    asked = []
+    real = training.select
+
+    def watched(samples, *rest, **grid):
+        samples = list(samples)
+        asked.append([len(part.weights) for part in samples])
+        return real(samples, *rest, **grid)
+
+    monkeypatch.setattr(training, "select", watched)
+    everything = choose(trained.tasks, trained.reference)
+    monkeypatch.setattr(training, "MAX_SCORED", 13)
+    monkeypatch.setattr(training, "SCORED_TOGETHER", 3)
+    some = choose(trained.tasks, trained.reference)
+    assert asked == [[6, 6, 6], [3, 1] * 3]
+    assert some[0].score == pytest.approx(everything[0].score, abs=0.5)
+
+
+def stream(n: int, seed: int = 0):
+    """Recordings made when asked for, each from a few random shapes; two tasks."""
+    rng = np.random.default_rng(seed)
+    times = np.linspace(0.0, 2.0, 60)
+    shapes = np.sin(np.outer(times, np.arange(1, 6)))
+    stamps = np.round(times * 1e9).astype(np.int64)
+    for i in range(n):
+        values = shapes @ rng.normal(size=(5, 6)) + 0.01 * rng.normal(size=(60, 6))
+        values[:, i % 2] += times
+        yield Recording(
+            f"demo_{i}",
+            f"task_{i % 2}",
+            signals(("x", "y", "z"), (3,), stamps, values[:, :3], "m"),
+            signals(("a", "b", "c"), (3,), stamps, values[:, 3:], "rad"),
+            0,
+            int(stamps[-1]),
+        )
+
+
+def peak_memory(n: int) -> int:
+    tracemalloc.start()
+    try:
+        learn(stream(n), WHOLE)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_memory_does_not_grow_with_the_number_of_demonstrations(monkeypatch):
+    monkeypatch.setattr(statistics, "MAX_EXAMPLES", 30)
+    few, many = peak_memory(100), peak_memory(2000)
+    assert many < 1.1 * few

@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The model file: exact there and back, and a clear error for everything that is not one."""
+
+import io
+import json
+import zipfile
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from model_builder import GLOVE, WRIST, make_dofs, true_library
+
+from intent_recognition.demonstrations.dofs import DofSpec
+from intent_recognition.errors import DofError, ModelError
+from intent_recognition.model.file import (
+    FORMAT_VERSION,
+    NUMBERS,
+    Model,
+    check_dofs,
+    load_model,
+    save_model,
+)
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    dofs = make_dofs(WRIST, GLOVE)
+    library = true_library(dofs)
+    library = replace(
+        library,
+        recognition_covariance=library.observed_covariance[:-1],
+        recognition_noise_scale=2.0,
+        provenance={"bags": ["a", "b"], "package_version": "1"},
+    )
+    return Model(library, dofs)
+
+
+@pytest.fixture(scope="module")
+def written(model, tmp_path_factory):
+    path = tmp_path_factory.mktemp("models") / "model.npz"
+    save_model(path, model)
+    return path
+
+
+def content(path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
+def rewritten(path, written, **changes):
+    """The written model with arrays replaced, or left out where the change is None."""
+    arrays = {k: v for k, v in (content(written) | changes).items() if v is not None}
+    np.savez(path, **arrays)
+    return path
+
+
+def with_header(path, written, change):
+    header = json.loads(str(content(written)["header"]))
+    change(header)
+    return rewritten(path, written, header=np.array(json.dumps(header)))
+
+
+def refused(path, *words):
+    with pytest.raises(ModelError) as caught:
+        load_model(path)
+    text = str(caught.value)
+    for word in (str(path), *words):
+        assert word in text, text
+    return text
+
+
+def test_what_was_written_is_read_bit_for_bit(model, written):
+    read = load_model(written)
+    assert read.dofs == model.dofs
+    assert read.labels == model.labels and read.controlled_names == model.controlled_names
+    for field in fields(model.library):
+        ours, theirs = getattr(model.library, field.name), getattr(read.library, field.name)
+        if isinstance(ours, np.ndarray):
+            assert theirs.dtype == ours.dtype
+            np.testing.assert_array_equal(theirs, ours, err_msg=field.name)
+        else:
+            assert theirs == ours, field.name
+
+
+def test_reading_and_writing_again_changes_nothing(written, tmp_path):
+    save_model(tmp_path / "again.npz", load_model(written))
+    ours, theirs = content(written), content(tmp_path / "again.npz")
+    assert ours.keys() == theirs.keys()
+    for name in ours:
+        np.testing.assert_array_equal(theirs[name], ours[name])
+
+
+def test_the_file_holds_what_the_contract_lists(written):
+    arrays = content(written)
+    header = json.loads(str(arrays["header"]))
+    assert header["format_version"] == FORMAT_VERSION
+    assert {"labels", "dofs", "provenance"} <= header.keys()
+    assert {"weight_mean", "weight_covariance", "transition_prior"} <= arrays.keys()
+    assert all(entry["unit"] for entry in header["dofs"]["observed"])
+
+
+def test_a_folder_is_made_and_nothing_is_left_beside(model, tmp_path):
+    save_model(tmp_path / "new" / "deep" / "m.npz", model)
+    save_model(tmp_path / "new" / "deep" / "m.npz", model)
+    assert [p.name for p in (tmp_path / "new" / "deep").iterdir()] == ["m.npz"]
+
+
+def test_an_output_that_cannot_be_written_is_named(model, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ModelError, match="file"):
+        save_model(tmp_path / "file" / "m.npz", model)
+    (tmp_path / "folder.npz").mkdir()
+    with pytest.raises(ModelError, match=r"folder\.npz"):
+        save_model(tmp_path / "folder.npz", model)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.npz"]
+
+
+def test_what_is_no_model_is_refused(written, tmp_path):
+    refused(tmp_path / "missing.npz")
+    refused(tmp_path)
+    for name, data in (("empty", b""), ("text", b"hello"), ("zip", b"PK\x03\x04 no zip")):
+        path = tmp_path / f"{name}.npz"
+        path.write_bytes(data)
+        refused(path)
+    array = tmp_path / "array.npz"
+    with array.open("wb") as file:
+        np.save(file, np.zeros(3))
+    refused(array)
+    other = tmp_path / "other.npz"
+    np.savez(other, weights=np.zeros(3))
+    refused(other, "header")
+    archive = tmp_path / "archive.npz"
+    with zipfile.ZipFile(archive, "w") as file:
+        file.writestr("notes.txt", "no arrays")
+    refused(archive)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.7, 0.99])
+def test_a_truncated_file_is_refused(written, tmp_path, share):
+    data = written.read_bytes()
+    path = tmp_path / "cut.npz"
+    path.write_bytes(data[: int(share * len(data))])
+    refused(path)
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(data=st.data())
+def test_flipped_bits_are_an_error_or_harmless(model, written, tmp_path, data):
+    raw = bytearray(written.read_bytes())
+    at = data.draw(st.integers(0, len(raw) - 1))
+    raw[at] ^= 1 << data.draw(st.integers(0, 7))
+    path = tmp_path / "flipped.npz"
+    path.write_bytes(raw)
+    try:
+        read = load_model(path)
+    except ModelError as error:
+        assert str(path) in str(error)
+    else:
+        np.testing.assert_array_equal(read.library.weight_mean, model.library.weight_mean)
+
+
+@pytest.mark.parametrize("name", [*NUMBERS, "header"])
+def test_a_missing_array_is_named(written, tmp_path, name):
+    refused(rewritten(tmp_path / "m.npz", written, **{name: None}), name)
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("fault", ["longer", "flat", "words", "complex"])
+def test_a_wrong_shape_or_kind_is_named(written, tmp_path, name, fault):
+    right = content(written)[name]
+    wrong = {
+        "longer": np.stack([right, right]),
+        "flat": np.zeros((1, 1, 1, 1)),
+        "words": np.full(right.shape, "word"),
+        "complex": right + 1j,
+    }[fault]
+    refused(rewritten(tmp_path / "m.npz", written, **{name: wrong}), name)
+
+
+@pytest.mark.parametrize("name", [n for n in NUMBERS if n not in ("observed_groups",)])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_value_that_is_not_finite_is_named(written, tmp_path, name, value):
+    wrong = content(written)[name].astype(np.float64)
+    wrong.reshape(-1)[-1] = value
+    refused(rewritten(tmp_path / "m.npz", written, **{name: wrong}), name)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("noise_variance", 0.0),
+        ("noise_scale", -1.0),
+        ("correlation_time_s", 0.0),
+        ("log_duration_std", 0.0),
+        ("none_prior", 1.0),
+        ("task_prior", 0.9),
+    ],
+)
+def test_a_value_that_makes_no_sense_is_named(written, tmp_path, name, value):
+    wrong = np.full_like(content(written)[name], value)
+    refused(rewritten(tmp_path / "m.npz", written, **{name: wrong}), name)
+
+
+def test_groups_that_do_not_add_up_are_refused(written, tmp_path):
+    wrong = np.array([4, 2])
+    refused(rewritten(tmp_path / "m.npz", written, observed_groups=wrong), "observed_groups")
+
+
+def test_a_pickled_object_is_refused_unread(written, tmp_path):
+    class Trap:
+        def __reduce__(self):
+            return (pytest.fail, ("the pickle was executed",))
+
+    buffer = io.BytesIO()
+    np.save(buffer, np.array([Trap()], dtype=object), allow_pickle=True)
+    path = tmp_path / "m.npz"
+    with zipfile.ZipFile(written) as source, zipfile.ZipFile(path, "w") as target:
+        for name in source.namelist():
+            trapped = name == "weight_mean.npy"
+            target.writestr(name, buffer.getvalue() if trapped else source.read(name))
+    refused(path, "weight_mean")
+
+
+@pytest.mark.parametrize("version", [FORMAT_VERSION + 1, 0, "1", None])
+def test_another_version_is_refused_before_anything_else(written, tmp_path, version):
+    def change(header):
+        header.clear()
+        header["format_version"] = version
+
+    refused(with_header(tmp_path / "m.npz", written, change), "format_version", str(version))
+
+
+@pytest.mark.parametrize(
+    "key", ["format_version", "labels", "basis", "onset", "dofs", "provenance"]
+)
+def test_a_header_without_a_key_is_refused(written, tmp_path, key):
+    refused(with_header(tmp_path / "m.npz", written, lambda header: header.pop(key)), key)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("labels", ["a", "a", "b"]),
+        ("labels", ["a", "b", "none"]),
+        ("labels", 3),
+        ("basis", {"n_basis": 0, "width": 1.0}),
+        ("basis", {"n": 3}),
+        ("onset", [{"reference_speed": -1.0}]),
+        ("onset", []),
+        ("dofs", {"observed": []}),
+        ("dofs", []),
+        ("provenance", "words"),
+    ],
+)
+def test_a_header_with_a_bad_value_is_refused(written, tmp_path, key, value):
+    refused(with_header(tmp_path / "m.npz", written, lambda header: header.update({key: value})))
+
+
+@pytest.mark.parametrize("text", ["", "[]", "3", "{", "null"])
+def test_a_header_that_is_no_mapping_is_refused(written, tmp_path, text):
+    refused(rewritten(tmp_path / "m.npz", written, header=np.array(text)), "header")
+
+
+def test_dofs_that_differ_are_named_on_both_sides(model):
+    check_dofs(model, model.dofs, "mine.yaml")
+    fewer = make_dofs(WRIST)
+    with pytest.raises(DofError) as caught:
+        check_dofs(model, fewer, "mine.yaml")
+    text = str(caught.value)
+    assert "mine.yaml: observed" in text and GLOVE.joints[0] in text
+    assert text.count(WRIST.topic) == 2  # what the model has, and what the file has
+    other = replace(model.dofs.controlled[0], joints=tuple("abcdefg"))
+    with pytest.raises(DofError, match=r"mine.yaml: controlled.*lwr_a1_joint.*\"a\", \"b\""):
+        check_dofs(model, DofSpec(model.dofs.observed, (other,)), "mine.yaml")

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Statistics in the model file: exact there and back, passed by where they are not wanted."""
+
+import json
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from model_builder import make_dofs, perform, true_library
+
+from intent_recognition.errors import ModelError
+from intent_recognition.learning.fitting import aligned_primitives, learned_from
+from intent_recognition.learning.statistics import TaskStatistics
+from intent_recognition.learning.training import TrainingSettings, add_demonstration, learn
+from intent_recognition.model.file import Model, load_model, load_trained, save_model
+from intent_recognition.promp.library import TaskLibrary
+
+DOFS = make_dofs()
+TRUTH = true_library(DOFS)
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["steady", "aligned"])
+def trained(request):
+    recordings = [perform(TRUTH, k % 3, k) for k in range(8)]
+    trained = learn(recordings, TrainingSettings(n_basis=6))[1].trained
+    chosen = trained.chosen._replace(aligned=request.param)
+    parts = learned_from(trained.tasks, trained.reference, chosen)
+    return replace(trained, library=replace(trained.library, **parts), chosen=chosen)
+
+
+@pytest.fixture(scope="module")
+def written(trained, tmp_path_factory):
+    path = tmp_path_factory.mktemp("models") / "model.npz"
+    save_model(path, Model(trained.library, DOFS), trained)
+    return path
+
+
+def assert_identical(found: TaskLibrary, expected: TaskLibrary) -> None:
+    assert_same_fields(found, expected, "aligned")
+    assert (found.aligned is None) == (expected.aligned is None)
+    if expected.aligned is not None:
+        assert_same_fields(found.aligned, expected.aligned, "phase_deviation")
+        pairs = zip(found.aligned.phase_deviation, expected.aligned.phase_deviation, strict=True)
+        assert all(np.array_equal(*pair) for pair in pairs)
+
+
+def assert_same_fields(found, expected, *apart: str) -> None:
+    for name in (field.name for field in fields(expected) if field.name not in apart):
+        assert np.array_equal(getattr(found, name), getattr(expected, name)), name
+
+
+def assert_same_statistics(found: TaskStatistics, expected: TaskStatistics) -> None:
+    assert_same_fields(found, expected, "examples", "aligned")
+    for ours, theirs in zip(expected.examples, found.examples, strict=True):
+        for name in set(ours._fields) - {"aligned"}:
+            assert np.array_equal(getattr(ours, name), getattr(theirs, name)), name
+
+
+def test_what_was_written_is_read_bit_for_bit(trained, written):
+    model, read = load_trained(written)
+    assert model.dofs == DOFS and read.library is model.library
+    assert (read.reference, read.chosen) == (trained.reference, trained.chosen)
+    assert list(read.tasks) == list(trained.tasks)
+    for label, task in trained.tasks.items():
+        assert_same_statistics(read.tasks[label], task)
+        assert_same_statistics(read.tasks[label].aligned, task.aligned)
+        for ours, theirs in zip(task.aligned.examples, read.tasks[label].examples, strict=True):
+            assert all(map(np.array_equal, ours, theirs.aligned))
+
+
+def test_a_later_session_adds_the_same(trained, written):
+    recorded = perform(TRUTH, 1, 30)
+    later = add_demonstration(load_trained(written)[1], recorded)
+    assert_identical(later.library, add_demonstration(trained, recorded).library)
+
+
+def test_the_model_alone_is_read_without_them(trained, written, tmp_path):
+    save_model(tmp_path / "plain.npz", Model(trained.library, DOFS))
+    assert_identical(load_model(written).library, load_model(tmp_path / "plain.npz").library)
+
+
+def test_a_model_without_statistics_says_so(trained, tmp_path):
+    save_model(tmp_path / "old.npz", Model(trained.library, DOFS))
+    with pytest.raises(ModelError, match=r"old\.npz: .*statistics.*older version.*Train it again"):
+        load_trained(tmp_path / "old.npz")
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("statistics_mean", lambda a: a[:, :-1]),
+        ("aligned_statistics_mean", lambda a: a[:, :-1]),
+        ("aligned_examples_weights", lambda a: None),
+        ("timing_lead_std", lambda a: a * 0.0),
+        ("timing_values", lambda a: a[:-1]),
+        ("timing_scale", lambda a: a * np.nan),
+        ("statistics_scatter", lambda a: a * np.nan),
+        ("statistics_n", lambda a: a.astype(float)),
+        ("examples_weights", lambda a: None),
+        ("examples_count", lambda a: a[::-1] * 0),
+    ],
+)
+def test_what_is_damaged_is_named(written, tmp_path, name, change):
+    with np.load(written, allow_pickle=False) as file:
+        arrays = {key: file[key] for key in file.files}
+    changed = arrays | {name: change(arrays[name])}
+    path = tmp_path / "bad.npz"
+    np.savez(path, **{key: value for key, value in changed.items() if value is not None})
+    with pytest.raises(ModelError, match=rf"bad\.npz: {name}"):
+        load_trained(path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda s: s.pop("reference"),
+        lambda s: s["reference"]["settings"].update(n_basis="many", colour="red"),
+        lambda s: s.update(labels=["other"]),
+        lambda s: s.update(chosen={}),
+        lambda s: s["reference"].pop("templates"),
+    ],
+)
+def test_a_damaged_header_is_named(written, tmp_path, change):
+    with np.load(written, allow_pickle=False) as file:
+        arrays = {key: file[key] for key in file.files}
+    header = json.loads(str(arrays["header"]))
+    change(header["statistics"])
+    np.savez(tmp_path / "bad.npz", **(arrays | {"header": np.array(json.dumps(header))}))
+    with pytest.raises(ModelError, match=r"bad\.npz: statistics"):
+        load_trained(tmp_path / "bad.npz")
+
+
+def test_priors_changed_after_learning_are_kept(trained, tmp_path):
+    """The library written is the model's; the statistics only tell how to go on."""
+    prior = np.array([0.5, 0.25, 0.25])
+    library = replace(trained.library, task_prior=prior)
+    save_model(tmp_path / "model.npz", Model(library, DOFS), trained)
+    added = add_demonstration(load_trained(tmp_path / "model.npz")[1], perform(TRUTH, 0, 31))
+    assert np.array_equal(added.library.task_prior, prior)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("aligned_weight_mean", lambda a: a[:, :-1]),
+        ("aligned_weight_covariance", lambda a: a * np.nan),
+        ("aligned_noise_variance", lambda a: -a),
+        ("aligned_noise_scale", lambda a: None),
+        ("aligned_lead_std", lambda a: -a),
+        ("aligned", lambda a: None),
+    ],
+)
+def test_what_is_damaged_of_aligned_primitives_is_named(trained, tmp_path, name, change):
+    primitives = aligned_primitives(trained.tasks, trained.reference, trained.chosen)
+    save_model(tmp_path / "m.npz", Model(replace(trained.library, aligned=primitives), DOFS))
+    with np.load(tmp_path / "m.npz", allow_pickle=False) as file:
+        arrays = {key: file[key] for key in file.files}
+    if name in arrays:
+        arrays[name] = change(arrays[name])
+    else:
+        header = json.loads(str(arrays["header"]))
+        header["aligned"]["evidence"] = 2.0
+        arrays["header"] = np.array(json.dumps(header))
+    path = tmp_path / "bad.npz"
+    np.savez(path, **{key: value for key, value in arrays.items() if value is not None})
+    with pytest.raises(ModelError, match=rf"bad\.npz: {name}"):
+        load_model(path)

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A library of tasks on disk: it grows, it goes back, and nothing recorded is lost."""
+
+import json
+from datetime import datetime, timezone
+
+import numpy as np
+import pytest
+from bag_builder import write_bag
+from model_builder import make_dofs, perform, true_library, write_recording
+
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
+from intent_recognition.errors import (
+    BagError,
+    DofError,
+    ModelError,
+    ResourceBusyError,
+    TrainingError,
+)
+from intent_recognition.learning.unknown_task_calibration import calibrate_none
+from intent_recognition.model.file import load_model, load_trained
+from intent_recognition.model.from_bags import accumulate_bags
+from intent_recognition.model.task_folder import LEARN, START, UNDO, WAIT, TaskFolder
+
+DOFS = make_dofs()
+TRUTH = true_library(DOFS)
+NOON = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
+
+
+def folder_of(path, dofs=DOFS):
+    return TaskFolder(path, dofs, clock=lambda: NOON)
+
+
+def teach(folder, task, seed):
+    label = TRUTH.labels[task]
+    bag = folder.new_bag(label)
+    return folder.learn(write_recording(bag, perform(TRUTH, task, seed), DOFS))
+
+
+@pytest.fixture(scope="module")
+def started(tmp_path_factory):
+    """A folder that has learned two tasks from three recordings each."""
+    folder = folder_of(tmp_path_factory.mktemp("tasks") / "mine")
+    changes = [teach(folder, task, 10 * task + k) for k in range(3) for task in (0, 1)]
+    return folder, changes
+
+
+def copy_of(folder, target):
+    import shutil
+
+    shutil.copytree(folder.path, target)
+    return folder_of(target)
+
+
+def test_waits_for_a_second_recording_of_a_task_then_learns_all(started):
+    _, changes = started
+    assert [c.action for c in changes[:3]] == [WAIT, WAIT, LEARN]
+    assert dict(changes[-1].tasks) == {TRUTH.labels[0]: 3, TRUTH.labels[1]: 3}
+
+
+def test_adding_equals_learning_at_the_same_reference(started):
+    folder, _ = started
+    model, trained = load_trained(folder.model_path)
+    again = accumulate_bags(
+        [folder.path / "bags"], DOFS, trained.reference.settings, reference=trained.reference
+    )
+    for label, statistics in again.accumulated.tasks.items():
+        k = model.library.labels.index(label)
+        assert np.allclose(
+            np.ravel(model.library.weight_mean[k]), np.ravel(statistics.mean), atol=1e-12
+        )
+
+
+def test_evidence_against_none_is_read_as_by_training_anew(started):
+    """A first model of two recordings knows nothing of unknown movements; the next ones tell."""
+    _, trained = load_trained(started[0].model_path)
+    strength = trained.chosen.recognition_strength
+    anew = calibrate_none(trained.library, trained.tasks, trained.reference, strength)
+    assert np.allclose(trained.library.none_calibration, anew, rtol=1e-6)
+    first = load_model(started[0].path / "models" / "0001.npz").library
+    assert not np.allclose(first.none_calibration, anew, rtol=0.1)
+
+
+def test_undo_brings_the_model_before_back_and_keeps_the_recording(started, tmp_path):
+    folder = copy_of(started[0], tmp_path / "copy")
+    before = folder.model_path.read_bytes()
+    added = teach(folder, 2, 40)
+    assert load_model(folder.model_path).labels == TRUTH.labels
+    undone = folder.undo()
+    assert undone.action == UNDO
+    assert folder.model_path.read_bytes() == before
+    assert not (folder.path / added.bag).exists()
+    assert (folder.path / added.bag.replace("bags/", "undone/", 1)).exists()
+    assert folder.new_bag(TRUTH.labels[2]).name != added.bag.split("/")[-1]
+
+
+def test_undo_goes_back_as_far_as_there_are_recordings(started, tmp_path):
+    folder = copy_of(started[0], tmp_path / "copy")
+    for _ in range(6):
+        folder.undo()
+    assert not folder.model_path.exists()
+    with pytest.raises(ModelError, match="undo"):
+        folder.undo()
+    assert len(list((folder.path / "undone").glob("*/*"))) == 6
+
+
+def test_starts_from_a_model_trained_elsewhere_and_never_forgets_it(started, tmp_path):
+    folder = folder_of(tmp_path / "new")
+    folder.start_from(started[0].model_path)
+    assert folder.history()[0].action == START
+    with pytest.raises(ResourceBusyError, match="model"):
+        folder.start_from(started[0].model_path)
+    teach(folder, 2, 40)
+    folder.undo()
+    with pytest.raises(ModelError, match="undo"):
+        folder.undo()
+    assert load_model(folder.model_path).labels == TRUTH.labels[:2]
+
+
+def test_what_cannot_be_learned_is_set_aside_and_the_model_stays(started, tmp_path):
+    folder = copy_of(started[0], tmp_path / "copy")
+    before = folder.model_path.read_bytes()
+    bag = folder.new_bag("still")
+    write_bag(bag, count=3, task="still")
+    with pytest.raises(TrainingError, match="undone"):
+        folder.learn(bag)
+    assert folder.model_path.read_bytes() == before
+    assert (folder.path / "undone" / "still" / bag.name).exists()
+
+
+def test_history_is_one_line_of_json_per_change(started):
+    folder, changes = started
+    lines = (folder.path / "history.jsonl").read_text().splitlines()
+    assert [json.loads(line)["action"] for line in lines] == [c.action for c in changes]
+    assert folder.history() == changes
+    assert changes[0].time == "2026-01-01T12:00:00.000+00:00"
+
+
+@pytest.mark.parametrize("label", ["", "a/b", "..", ".hidden", "none"])
+def test_labels_that_name_no_folder_are_refused(label, tmp_path):
+    with pytest.raises(BagError, match="task"):
+        folder_of(tmp_path).new_bag(label)
+
+
+def test_other_dofs_than_the_models_are_refused(started):
+    other = DofSpec((DofEntry("elbow", DOFS.observed[0].type, fields=("pose.position.x",)),),
+                    DOFS.controlled)  # fmt: skip
+    with pytest.raises(DofError, match="observed"):
+        folder_of(started[0].path, other)

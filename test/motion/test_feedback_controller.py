@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The stochastic feedback controller: the controlled system has the primitive's distribution."""
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_continuous_lyapunov
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.motion.feedback_controller import (
+    FeedbackSettings,
+    feedback_policy,
+    initial_state,
+    propagate,
+    resting_gains,
+)
+from intent_recognition.promp.basis import NormalizedRBFBasis
+
+BASIS = NormalizedRBFBasis(10, 1.0)
+DURATION_S = 2.5
+
+
+def primitive(n_joints, rank=None, seed=0):
+    """Weights of smooth movements that vary in `rank` ways (all of them by default)."""
+    rng = np.random.default_rng(seed)
+    size = n_joints * BASIS.n_basis
+    smooth = np.exp(-0.5 * ((BASIS.centers[:, None] - BASIS.centers) / 0.3) ** 2)
+    factor = np.kron(np.eye(n_joints), smooth) @ rng.standard_normal((size, rank or size))
+    mean = np.kron(np.eye(n_joints), smooth) @ rng.standard_normal(size)
+    return Gaussian(0.3 * mean, 0.002 * factor @ factor.T / (rank or size))
+
+
+def errors(policy, n_steps):
+    times, moments = propagate(policy, n_steps)
+    stride = n_steps // (len(policy.times_s) - 1)
+    np.testing.assert_allclose(times[::stride], policy.times_s, atol=1e-12)
+    covariance = moments.covariance[::stride]
+    scale = np.sqrt(np.einsum("tii,tjj->tij", policy.covariance, policy.covariance))
+    return (
+        np.abs(moments.mean[::stride] - policy.mean).max(),
+        np.abs((covariance - policy.covariance) / scale).max(),
+    )
+
+
+def test_second_derivative_of_the_basis_is_that_of_the_first():
+    phase, step = np.linspace(0.01, 0.99, 33), 1e-6
+    numeric = (BASIS.derivative_matrix(phase + step) - BASIS.derivative_matrix(phase - step)) / (
+        2 * step
+    )
+    exact = BASIS.second_derivative_matrix(phase)
+    np.testing.assert_allclose(exact, numeric, atol=1e-5 * np.abs(exact).max())
+    assert not BASIS.second_derivative_matrix(np.array([-0.1, 1.1])).any()
+
+
+@pytest.mark.parametrize(("n_joints", "rank"), [(1, None), (3, None), (3, 2), (4, 0)])
+def test_controlled_system_has_the_primitives_mean_and_covariance_at_all_times(n_joints, rank):
+    weights = primitive(n_joints, rank)
+    if rank == 0:
+        weights = Gaussian(weights.mean, np.zeros_like(weights.covariance))
+    policy = feedback_policy(BASIS, weights, DURATION_S, FeedbackSettings(n_times=801))
+    mean_error, covariance_error = errors(policy, 1600)
+    assert mean_error < 2e-4
+    assert covariance_error < 2e-3
+
+
+def test_what_is_left_is_discretisation():
+    weights = primitive(2, 3)
+    found = [
+        errors(feedback_policy(BASIS, weights, DURATION_S, FeedbackSettings(n_times=n)), 2 * n - 2)
+        for n in (201, 401)
+    ]
+    for coarse, fine in zip(*found, strict=True):
+        assert fine < coarse / 3.0
+
+
+def test_state_is_the_primitives_own_but_for_the_floor():
+    settings = FeedbackSettings(disturbance=(0.3, 0.1), bandwidth_rad_s=15.0, n_times=101)
+    weights = primitive(2)
+    policy = feedback_policy(BASIS, weights, DURATION_S, settings)
+    design = np.kron(np.eye(2), BASIS.design_matrix(np.array([0.37]))[0])
+    at = 37
+    floor = np.diag([0.3, 0.1]) / (4 * 15.0**3)
+    np.testing.assert_allclose(policy.mean[at, :2], design @ weights.mean, atol=1e-12)
+    np.testing.assert_allclose(
+        policy.covariance[at, :2, :2], design @ weights.covariance @ design.T + floor, atol=1e-12
+    )
+    slope = np.kron(np.eye(2), BASIS.derivative_matrix(np.array([0.37]))[0]) / DURATION_S
+    np.testing.assert_allclose(policy.mean[at, 2:], slope @ weights.mean, atol=1e-12)
+    np.testing.assert_allclose(
+        policy.covariance[at, :2, 2:], design @ weights.covariance @ slope.T, atol=1e-12
+    )
+
+
+def test_at_rest_the_end_is_held_with_its_spread_critically_damped():
+    policy = feedback_policy(BASIS, primitive(3), DURATION_S, FeedbackSettings(disturbance=0.2))
+    gain, offset = policy.at(DURATION_S + 1.0)
+    flow = np.block([[np.zeros((3, 3)), np.eye(3)], [gain]])
+    np.testing.assert_allclose(gain @ np.r_[policy.mean[-1, :3], 0, 0, 0] + offset, 0, atol=1e-9)
+    noise = np.zeros((6, 6))
+    noise[3:, 3:] = 0.2 * np.eye(3)
+    held = solve_continuous_lyapunov(flow, -noise)
+    np.testing.assert_allclose(held[:3, :3], policy.covariance[-1, :3, :3], rtol=1e-6, atol=1e-12)
+    roots = np.linalg.eigvals(flow)
+    assert np.all(roots.real < 0)
+    assert np.abs(roots.imag).max() < 1e-3 * np.abs(roots.real).max()
+
+
+def test_no_spread_at_all_gives_the_largest_bandwidth():
+    weights = Gaussian(primitive(1).mean, np.zeros((10, 10)))
+    policy = feedback_policy(BASIS, weights, DURATION_S, FeedbackSettings(bandwidth_rad_s=12.0))
+    np.testing.assert_allclose(policy.stiffness, 144.0, rtol=1e-6)
+    np.testing.assert_allclose(policy.gain[:, 0, 1], -24.0, rtol=1e-6)
+
+
+def test_softer_where_demonstrations_vary():
+    stiffness, damping = resting_gains(np.array([0.0, 0.01, 0.05, 0.2]), FeedbackSettings())
+    assert np.all(np.diff(stiffness) < 0)
+    np.testing.assert_allclose(damping, 2 * np.sqrt(stiffness))
+    assert stiffness[0] == pytest.approx(20.0**2)
+    spread = np.sqrt(0.3 / (2 * stiffness * damping))  # of a damped oscillator under white noise
+    np.testing.assert_allclose(spread[1:], [0.01, 0.05, 0.2])
+
+
+def test_simulated_executions_scatter_as_the_primitive():
+    policy = feedback_policy(BASIS, primitive(1, seed=4), DURATION_S, FeedbackSettings())
+    rng = np.random.default_rng(5)
+    n_runs, dt = 3000, 0.0025
+    state = np.array([initial_state(policy, rng) for _ in range(n_runs)])
+    for k in range(1000):
+        gain, offset = policy.at(k * dt)
+        kick = rng.standard_normal(n_runs) * np.sqrt(policy.disturbance[0] * dt)
+        state[:, 1] += dt * (state @ gain[0] + offset[0]) + kick
+        state[:, 0] += dt * state[:, 1]
+        if k == 499:
+            half = state[:, 0].std(), policy.std[200, 0]
+    assert half[0] == pytest.approx(half[1], rel=0.06)
+    assert state[:, 0].std() == pytest.approx(policy.std[-1, 0], rel=0.06)
+    assert state[:, 0].mean() == pytest.approx(policy.mean[-1, 0], abs=0.1 * policy.std[-1, 0])
+
+
+def test_bad_settings_are_named():
+    with pytest.raises(ArgumentError, match="FeedbackSettings"):
+        FeedbackSettings(disturbance=0.0)
+    with pytest.raises(ArgumentError, match="weights"):
+        feedback_policy(BASIS, Gaussian(np.zeros(11), np.eye(11)), 1.0)
+    with pytest.raises(ArgumentError, match="duration_s"):
+        feedback_policy(BASIS, primitive(1), 0.0)

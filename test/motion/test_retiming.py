@@ -1,0 +1,347 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plans stay within the limits, are continuous over updates, catch up, and end at rest."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import CubicHermiteSpline
+
+from intent_recognition.errors import TrajectoryError
+from intent_recognition.kinematics.lwr import LWR_LIMITS
+from intent_recognition.motion.blending import decay
+from intent_recognition.motion.path import make_path
+from intent_recognition.motion.plan import JointPlan, Reference, excess
+from intent_recognition.motion.planning import (
+    PlanSettings,
+    brake_plan,
+    home_plan,
+    plan_interaction,
+    scaled_limits,
+    stop_plan,
+)
+from intent_recognition.motion.retiming import NominalTiming
+
+LIMITS = scaled_limits(LWR_LIMITS)
+HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])
+
+
+def minimum_jerk(x):
+    x = np.clip(x, 0.0, 1.0)
+    return x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+
+
+def samples(seed, duration_s, size=0.4, n_via=1, n=50):
+    """A smooth path from HOME over n_via points, each part minimum jerk, overlapping."""
+    rng = np.random.default_rng(seed)
+    s = np.linspace(0.0, 1.0, n)
+    q = np.tile(HOME, (n, 1))
+    starts = np.linspace(0.0, 1.0, n_via + 2)[:-1]
+    for start in starts:
+        width = (1.0 - start) if start == starts[-1] else 1.4 / (n_via + 1)
+        q = q + np.outer(minimum_jerk((s - start) / width), rng.normal(0.0, size, 7))
+    times = s * duration_s
+    v = np.gradient(q, times, axis=0)
+    v[[0, -1]] = 0.0
+    return times, q, v
+
+
+def path_of(times, q, v, limits=LIMITS):
+    return make_path(times, q, limits, v)
+
+
+def check_by_differences(plan: JointPlan, limits=LIMITS):
+    """Limits and continuity by differences of finely sampled positions: an independent check."""
+    cubic = CubicHermiteSpline(plan.times_s, plan.positions, plan.velocities)
+    for x in np.linspace(0.0, plan.duration_s, 7):
+        np.testing.assert_allclose(plan.at(x).position, cubic(x), atol=1e-9)
+        np.testing.assert_allclose(plan.at(x).velocity, cubic(x, 1), atol=1e-9)
+    t = np.arange(0.0, plan.duration_s + 0.1, 1e-3)
+    q = cubic(np.minimum(t, plan.duration_s))
+    v = np.diff(q, axis=0) / 1e-3
+    a = np.diff(v, axis=0) / 1e-3
+    assert np.all(q >= limits.lower - 1e-6) and np.all(q <= limits.upper + 1e-6)
+    assert np.all(np.abs(v) <= limits.velocity * (1.0 + 1e-6))
+    assert np.all(np.abs(a) <= limits.acceleration * (1.0 + 1e-6) + 1e-6)
+
+
+phases = st.floats(0.05, 0.9)
+durations = st.floats(0.8, 6.0)
+seeds = st.integers(0, 10_000)
+few = settings(max_examples=25, deadline=None)
+
+
+@few
+@given(seeds, durations, phases, st.integers(0, 2), st.floats(0.0, 0.3))
+def test_a_late_start_from_rest_keeps_the_limits_and_ends_at_the_end(
+    seed, duration_s, late, n_via, away
+):
+    times, q, v = samples(seed, duration_s, n_via=n_via)
+    path = path_of(times, q, v)
+    rng = np.random.default_rng(seed)
+    start = Reference.at_rest(HOME + rng.uniform(-away, away, 7))
+    plan = plan_interaction(
+        path, NominalTiming(-late * duration_s, duration_s), start, 0.0, 0.0, LIMITS
+    )
+    assert plan is not None
+    assert plan.times_s[0] == 0.0 and np.all(np.diff(plan.times_s) > 0.0)
+    np.testing.assert_allclose(plan.positions[0], start.position, atol=1e-12)
+    np.testing.assert_allclose(plan.velocities[0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(plan.end, path.spline(1.0), atol=1e-9)
+    assert np.all(plan.velocities[-1] == 0.0)
+    assert np.all(np.diff(plan.phase) >= 0.0) and plan.phase[-1] == 1.0
+    assert excess(plan.times_s, plan.positions, plan.velocities, LIMITS).within()
+    check_by_differences(plan)
+
+
+@few
+@given(seeds, durations, phases, st.lists(st.integers(1, 12), min_size=1, max_size=12))
+def test_updates_of_path_and_timing_never_jump(seed, duration_s, late, gaps):
+    rng = np.random.default_rng(seed)
+    times, q, _ = samples(seed, duration_s)
+    onset = -late * duration_s
+    now, start, phase, rate, change = 0.0, Reference.at_rest(HOME + 0.02), 0.0, 0.0, 0.0
+    n_refused = 0
+    plan, since = None, 0.0
+    for gap in [0, *gaps]:
+        dt = 0.04 * gap
+        now += dt
+        since += dt
+        if plan is not None:
+            start, (phase, rate, change) = plan.at(since), plan.phase_at(since)
+        q = q + np.outer(np.linspace(0.0, 1.0, len(q)), rng.normal(0.0, 0.015, 7))
+        scale = 1.0 + rng.normal(0.0, 0.03)
+        path = path_of(times * scale, q, np.gradient(q, times * scale, axis=0))
+        nominal = NominalTiming(onset - now, duration_s * scale)
+        new = plan_interaction(path, nominal, start, phase, rate, LIMITS, phase_acceleration=change)
+        if new is None:  # the plan in force goes on
+            n_refused += 1
+            continue
+        np.testing.assert_allclose(new.positions[0], start.position, atol=1e-12)
+        np.testing.assert_allclose(new.velocities[0], start.velocity, atol=1e-9)
+        assert new.phase[0] == pytest.approx(phase)
+        assert excess(new.times_s, new.positions, new.velocities, LIMITS).within()
+        plan, since = new, 0.0
+    assert n_refused <= 1 + len(gaps) // 4
+    check_by_differences(plan)
+    assert np.all(plan.velocities[-1] == 0.0)
+    np.testing.assert_allclose(plan.positions[-1], plan.end)
+
+
+def test_catches_up_with_the_nominal_timing_and_then_follows_it():
+    times, q, v = samples(3, 4.0)
+    plan = plan_interaction(
+        path_of(times, q, v), NominalTiming(-1.6, 4.0), Reference.at_rest(HOME), 0.0, 0.0, LIMITS
+    )
+    nominal = (plan.times_s + 1.6) / 4.0
+    lag = nominal - plan.phase
+    together = np.flatnonzero(np.abs(lag) < 0.01)
+    assert together.size and nominal[together[0]] < 0.75
+    assert np.all(np.abs(lag[together[0] : -10]) < 0.012)
+    assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] < 2.4 + 0.1
+    assert not plan.slowed
+
+
+def test_is_not_early_when_it_starts_in_time():
+    times, q, v = samples(4, 3.0)
+    plan = plan_interaction(
+        path_of(times, q, v), NominalTiming(0.0, 3.0), Reference.at_rest(HOME), 0.0, 0.0, LIMITS
+    )
+    assert np.all(plan.phase <= plan.times_s / 3.0 + 0.01)
+    assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] == pytest.approx(3.0, abs=0.1)
+
+
+def test_waits_for_an_onset_in_the_future():
+    times, q, v = samples(4, 3.0)
+    plan = plan_interaction(
+        path_of(times, q, v), NominalTiming(0.5, 3.0), Reference.at_rest(HOME), 0.0, 0.0, LIMITS
+    )
+    assert np.all(plan.phase[plan.times_s < 0.45] == 0.0)
+    assert plan.phase[-1] == 1.0
+
+
+def test_follows_the_path_and_does_not_cut_it():
+    times, q, v = samples(5, 2.0, n_via=1)
+    path = path_of(times, q, v)
+    start = Reference.at_rest(HOME)
+    plan = plan_interaction(path, NominalTiming(-1.2, 2.0), start, 0.0, 0.0, LIMITS)
+    fine = path.spline(np.linspace(0.0, 1.0, 2000))
+    for t in np.linspace(0.0, plan.duration_s, 200):
+        assert np.min(np.abs(fine - plan.at(t).position).max(axis=1)) < 2e-3
+
+
+def test_goes_to_the_start_of_the_path_before_it_follows_it():
+    times, q, v = samples(6, 2.0)
+    away = Reference.at_rest(HOME - 0.8)
+    settings_ = PlanSettings(join_within_rad=0.1)
+    plan = plan_interaction(
+        path_of(times, q, v), NominalTiming(-1.0, 2.0), away, 0.0, 0.0, LIMITS, settings_
+    )
+    far = np.abs(plan.positions - HOME).max(axis=1) > 0.12
+    assert np.all(plan.phase[: np.flatnonzero(~far)[0]] == 0.0)
+    check_by_differences(plan)
+
+
+def test_a_prediction_too_fast_is_slowed_and_said_to_be():
+    times, q, v = samples(7, 0.5, size=1.0)
+    path = path_of(times, q, v)
+    plan = plan_interaction(path, NominalTiming(0.0, 0.5), Reference.at_rest(HOME), 0, 0.0, LIMITS)
+    assert plan.slowed and plan.duration_s > 0.6
+    check_by_differences(plan)
+
+
+def test_a_prediction_outside_the_position_limits_is_clamped_and_said_to_be():
+    times, q, v = samples(8, 3.0)
+    q = q + np.outer(minimum_jerk(times / 3.0), [0, 0, 0, 1.5, 0, 0, -4.0])
+    v = np.gradient(q, times, axis=0)
+    path = path_of(times, q, v)
+    plan = plan_interaction(
+        path, NominalTiming(-1.0, 3.0), Reference.at_rest(HOME), 0.0, 0.0, LIMITS
+    )
+    assert set(plan.clamped) == {3, 6}
+    check_by_differences(plan)
+    others = [0, 1, 2, 4, 5]
+    np.testing.assert_allclose(plan.end[others], q[-1, others], atol=1e-9)
+
+
+@few
+@given(seeds, durations, phases, st.floats(0.0, 1.0))
+def test_a_stop_stays_on_the_path_within_the_limits(seed, duration_s, late, share):
+    times, q, v = samples(seed, duration_s)
+    path = path_of(times, q, v)
+    running = plan_interaction(
+        path, NominalTiming(-late * duration_s, duration_s), Reference.at_rest(HOME), 0, 0, LIMITS
+    )
+    t = share * running.duration_s
+    phase, rate, change = running.phase_at(t)
+    plan = stop_plan(path, running.at(t), phase, rate, LIMITS, phase_acceleration=change)
+    assert plan.kind == "stop" and np.all(plan.velocities[-1] == 0.0)
+    np.testing.assert_allclose(plan.positions[0], running.at(t).position, atol=1e-12)
+    np.testing.assert_allclose(plan.velocities[0], running.at(t).velocity, atol=1e-9)
+    check_by_differences(plan)
+    fine = path.spline(np.linspace(0.0, 1.0, 3000))
+    for x in np.linspace(0.0, plan.duration_s, 40):
+        assert np.min(np.abs(fine - plan.at(x).position).max(axis=1)) < 2e-2
+    assert np.min(np.abs(fine - plan.end).max(axis=1)) < 2e-2
+
+
+def test_goes_on_from_a_stop_without_starting_over():
+    times, q, v = samples(9, 3.0)
+    path = path_of(times, q, v)
+    running = plan_interaction(
+        path, NominalTiming(-1.0, 3.0), Reference.at_rest(HOME), 0.0, 0.0, LIMITS
+    )
+    phase, rate, _ = running.phase_at(1.0)
+    stopped = stop_plan(path, running.at(1.0), phase, rate, LIMITS)
+    phase, rate, _ = stopped.phase_at(stopped.duration_s + 1.0)
+    assert phase > 0.2 and rate == 0.0
+    again = plan_interaction(
+        path, NominalTiming(-3.5, 3.0), Reference.at_rest(stopped.end), phase, rate, LIMITS
+    )
+    assert again.phase[0] == phase and again.phase[-1] == 1.0
+    check_by_differences(again)
+
+
+@few
+@given(seeds, st.floats(0.0, 1.0))
+def test_home_is_reached_at_rest_also_from_a_moving_start(seed, share):
+    times, q, v = samples(seed, 2.0)
+    path = path_of(times, q, v)
+    running = plan_interaction(path, NominalTiming(0.0, 2.0), Reference.at_rest(HOME), 0, 0, LIMITS)
+    start, progress = (f(share * running.duration_s) for f in (running.at, running.phase_at))
+    plan = home_plan(start, HOME, LIMITS)
+    if plan is None:  # in rare fast motions away from home: brake first
+        assert np.abs(start.velocity).max() > 0.1
+        start = Reference.at_rest(stop_plan(path, start, *progress[:2], LIMITS).end)
+        plan = home_plan(start, HOME, LIMITS)
+    assert plan is not None and plan.kind == "home"
+    np.testing.assert_allclose(plan.positions[0], start.position, atol=1e-9)
+    np.testing.assert_allclose(plan.velocities[0], start.velocity, atol=1e-9)
+    np.testing.assert_allclose(plan.end, HOME, atol=1e-12)
+    assert np.all(plan.velocities[-1] == 0.0)
+    check_by_differences(plan)
+
+
+@few
+@given(seeds)
+def test_the_brake_of_last_resort_keeps_velocity_and_acceleration(seed):
+    rng = np.random.default_rng(seed)
+    velocity = rng.uniform(-1.0, 1.0, 7) * LIMITS.velocity
+    plan = brake_plan(Reference(HOME, velocity, np.zeros(7)), 0.3, LIMITS)
+    np.testing.assert_allclose(plan.velocities[0], velocity)
+    use = excess(plan.times_s, plan.positions, plan.velocities, LIMITS)
+    assert use.velocity <= 1.0 + 1e-9 and use.acceleration <= 1.0 + 1e-6
+    assert np.all(plan.velocities[-1] == 0.0)
+
+
+@few
+@given(seeds, st.floats(0.0, 0.5), st.floats(0.0, 0.5))
+def test_an_offset_decays_within_its_bounds(seed, size, speed):
+    rng = np.random.default_rng(seed)
+    position, velocity = rng.uniform(-size, size, 7), rng.uniform(-speed, speed, 7)
+    acceleration = rng.uniform(-2.0, 2.0, 7)
+    bound_v, bound_a = np.full(7, 0.6), np.full(7, 3.0)
+    offset = decay(
+        position,
+        velocity,
+        acceleration,
+        max_velocity=bound_v,
+        max_acceleration=bound_a,
+        shortest_s=0.2,
+    )
+    t = np.linspace(0.0, offset.duration_s, 2001)
+    q, v = offset.sample(t)
+    np.testing.assert_allclose(q[0], position, atol=1e-12)
+    np.testing.assert_allclose(v[0], velocity, atol=1e-12)
+    np.testing.assert_allclose(q[-1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.gradient(q, t, axis=0)[1:-1], v[1:-1], atol=2e-3)
+    a = np.gradient(v, t, axis=0)
+    assert np.all(np.abs(a) <= bound_a * 1.03)
+    assert np.all(np.abs(v) <= np.maximum(bound_v, np.abs(velocity)) * 1.03)
+
+
+@pytest.mark.parametrize("slowest", [1, 10, 40])
+def test_cubics_of_excess_agree_with_dense_sampling(slowest):
+    rng = np.random.default_rng(slowest)
+    times = np.cumsum(rng.uniform(0.02, 0.05, slowest + 2)) - 0.01
+    times[0] = 0.0
+    q, v = rng.normal(0, 0.01, (len(times), 7)), rng.normal(0, 0.2, (len(times), 7))
+    plan = JointPlan(times, q, v, 0 * times, 0 * times, "stop")
+    use = excess(times, q, v, LIMITS)
+    dense = np.linspace(0.0, times[-1] - 1e-9, 20000)
+    references = [plan.at(t) for t in dense]
+    speed = max(float((np.abs(r.velocity) / LIMITS.velocity).max()) for r in references)
+    sharp = max(float((np.abs(r.acceleration) / LIMITS.acceleration).max()) for r in references)
+    assert speed == pytest.approx(use.velocity, rel=1e-3)
+    assert sharp == pytest.approx(use.acceleration, rel=1e-2)
+
+
+@pytest.mark.parametrize("fault", ["short", "size", "nan", "times", "velocities"])
+def test_what_is_no_trajectory_is_refused(fault):
+    times, q, v = samples(1, 2.0)
+    if fault == "short":
+        times, q, v = times[:1], q[:1], v[:1]
+    elif fault == "size":
+        q = q[:, :6]
+    elif fault == "nan":
+        q[3, 2] = np.nan
+    elif fault == "times":
+        times[5] = times[4]
+    else:
+        v = v[:-1]
+    with pytest.raises(TrajectoryError):
+        make_path(times, q, LIMITS, v)
+
+
+def test_two_samples_without_velocities_are_enough():
+    path = make_path(np.array([0.0, 2.0]), np.stack([HOME, HOME - 0.3]), LIMITS)
+    plan = plan_interaction(path, NominalTiming(0.0, 2.0), Reference.at_rest(HOME), 0, 0, LIMITS)
+    np.testing.assert_allclose(plan.end, HOME - 0.3)
+    check_by_differences(plan)
+
+
+def test_a_plan_of_no_motion_is_a_plan():
+    path = make_path(np.linspace(0, 1, 10), np.tile(HOME, (10, 1)), LIMITS)
+    plan = plan_interaction(path, NominalTiming(-0.4, 1.0), Reference.at_rest(HOME), 0, 0, LIMITS)
+    np.testing.assert_allclose(plan.positions, np.tile(HOME, (len(plan.positions), 1)))
+    assert plan.phase[-1] == 1.0

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The lead's process on its grid: a stationary one, whatever the steps it is followed in."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from intent_recognition.promp import phase_deviation as module
+from intent_recognition.promp.phase_deviation import (
+    STEADY,
+    PhaseDeviation,
+    deviation_grid,
+    deviation_prior,
+    deviation_transition,
+    reference_phase,
+)
+
+passed = st.floats(0.0, 3.0)
+correlations = st.floats(0.02, 2.0)
+
+
+def a_progress(correlation: float = 0.4, std: float = 0.03) -> PhaseDeviation:
+    phase = np.linspace(0.0, 1.0, 51)
+    return PhaseDeviation(std * np.sqrt(4.0 * phase * (1.0 - phase)) + 0.004, correlation, 0.3)
+
+
+def test_steady_progress_has_one_lead():
+    assert np.array_equal(deviation_grid(STEADY), [0.0])
+    assert np.array_equal(deviation_prior(STEADY), [1.0])
+    assert np.array_equal(deviation_transition(STEADY, np.array([0.0, 0.3])), np.ones((2, 1, 1)))
+    phase = np.array([-0.5, 0.0, 0.25, 1.0, 1.7])
+    assert np.array_equal(reference_phase(STEADY, phase)[:, 0], np.clip(phase, 0.0, 1.0))
+
+
+@given(passed, correlations)
+def test_a_transition_is_one_and_keeps_the_prior(step, correlation):
+    phase_deviation = a_progress(correlation)
+    moved, prior = (
+        deviation_transition(phase_deviation, np.array(step)),
+        deviation_prior(phase_deviation),
+    )
+    assert moved.min() > 0.0
+    np.testing.assert_allclose(moved.sum(axis=-1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(prior @ moved, prior, atol=1e-12)
+    flow = prior[:, None] * moved
+    np.testing.assert_allclose(flow, flow.T, atol=1e-12)
+
+
+@given(passed, passed, correlations)
+def test_two_transitions_are_that_of_their_sum(first, second, correlation):
+    phase_deviation = a_progress(correlation)
+    both = deviation_transition(phase_deviation, np.array(first)) @ deviation_transition(
+        phase_deviation, np.array(second)
+    )
+    np.testing.assert_allclose(
+        both, deviation_transition(phase_deviation, np.array(first + second)), atol=1e-10
+    )
+
+
+@pytest.mark.parametrize("step", [0.0, -0.01])
+def test_the_lead_stays_while_nothing_passes(step):
+    np.testing.assert_allclose(
+        deviation_transition(a_progress(), np.array(step)), np.eye(15), atol=1e-10
+    )
+
+
+@pytest.mark.parametrize("step", [1e-3, 0.033, 0.2, 0.8, 2.0])
+def test_the_lead_is_forgotten_like_an_ornstein_uhlenbeck_process(step):
+    """Means decay as exp(-u / correlation); the variance of a grid of 2.5 sigma is a bit less."""
+    phase_deviation = a_progress()
+    grid, prior = deviation_grid(phase_deviation), deviation_prior(phase_deviation)
+    variance = prior @ grid**2
+    assert 0.9 < variance < 1.0
+    kept = (prior * grid) @ deviation_transition(phase_deviation, np.array(step)) @ grid / variance
+    np.testing.assert_allclose(kept, np.exp(-step / 0.4), atol=0.002)
+
+
+def test_transitions_of_many_steps_come_at_once():
+    steps = np.random.default_rng(1).uniform(0.0, 1.0, size=(3, 4))
+    together = deviation_transition(a_progress(), steps)
+    assert together.shape == (3, 4, 15, 15)
+    np.testing.assert_allclose(
+        together[2, 1], deviation_transition(a_progress(), steps[2, 1]), atol=1e-14
+    )
+
+
+def test_modes_follow_the_grid(monkeypatch):
+    monkeypatch.setattr(module, "N_DEVIATIONS", 3)
+    phase_deviation = a_progress()
+    moved, prior = (
+        deviation_transition(phase_deviation, np.array(0.1)),
+        deviation_prior(phase_deviation),
+    )
+    assert moved.shape == (3, 3)
+    np.testing.assert_allclose(prior @ moved, prior, atol=1e-12)
+
+
+@given(st.lists(st.floats(-2.0, 3.0), min_size=1, max_size=6), st.floats(0.001, 0.3))
+def test_phases_lie_in_the_movement_and_rise_with_the_lead(recorded, std):
+    phase_deviation = a_progress(std=std)
+    phase = reference_phase(phase_deviation, np.array(recorded))
+    assert phase.shape == (len(recorded), 15)
+    assert phase.min() >= 0.0
+    assert phase.max() <= 1.0
+    assert np.all(np.diff(phase, axis=-1) >= 0.0)
+    np.testing.assert_allclose(phase[:, 7], np.clip(recorded, 0.0, 1.0), atol=1e-15)
+
+
+def test_the_lead_counts_in_its_standard_deviation_at_that_phase():
+    phase_deviation = PhaseDeviation(np.array([0.0, 0.1, 0.0]), 0.4, 1.0)
+    np.testing.assert_allclose(
+        reference_phase(phase_deviation, np.array([0.0, 0.25, 0.5])),
+        np.array([[0.0], [0.25], [0.5]])
+        + np.array([[0.0], [0.05], [0.1]]) * deviation_grid(phase_deviation),
+    )

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When a task activates, stays, switches and is let go."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.recognition.decision import (
+    DecisionSettings,
+    DecisionState,
+    decide,
+    evidence_share,
+    uncertain_end,
+)
+
+LABELS = ("plate", "screw", "none")
+SURE = {"plate": (0.95, 0.04, 0.01), "screw": (0.02, 0.97, 0.01), "none": (0.03, 0.02, 0.95)}
+IDLE = (0.0, 0.0, 1.0)
+UNCLEAR = (0.4, 0.35, 0.25)
+SETTINGS = DecisionSettings()
+
+
+def play(steps, settings=SETTINGS, state=DecisionState(), end_std=0.1):  # noqa: B008
+    active = []
+    events = []
+    for p in steps:
+        state, now = decide(settings, state, LABELS, np.array(p), end_std)
+        active.append(now)
+        events.append(state.event)
+    return state, active, [event for event in events if event]
+
+
+def test_activates_at_the_nth_observation_on_end_and_not_before():
+    _, active, events = play([SURE["plate"]] * 7)
+    assert active == [""] * 4 + ["plate"] * 3
+    assert events == ["activated"]
+
+
+def test_one_doubtful_observation_starts_the_count_again():
+    _, active, _ = play([SURE["plate"]] * 4 + [UNCLEAR] + [SURE["plate"]] * 4)
+    assert set(active) == {""}
+
+
+def test_another_task_in_between_starts_the_count_again():
+    _, active, _ = play([SURE["plate"]] * 4 + [SURE["screw"]] * 4)
+    assert set(active) == {""}
+
+
+@pytest.mark.parametrize("end_std", [0.5, None])
+def test_an_uncertain_or_unknown_end_holds_it_back(end_std):
+    assert set(play([SURE["plate"]] * 9, end_std=end_std)[1]) == {""}
+    loose = DecisionSettings(max_end_std_rad=np.inf)
+    assert play([SURE["plate"]] * 5, loose, end_std=end_std)[1][-1] == "plate"
+
+
+def test_why_it_is_held_back_is_said_once_everything_else_holds():
+    state, _, _ = play([SURE["plate"]] * 4, end_std=0.52)
+    assert uncertain_end(SETTINGS, state, 0.52) == ""
+    state, _, _ = play([SURE["plate"]] * 5, end_std=0.52)
+    text = "recognised plate, but the predicted end is uncertain: 0.52 rad > max_end_std 0.35"
+    assert uncertain_end(SETTINGS, state, 0.52) == text
+    assert "0.52 m >" in uncertain_end(SETTINGS, state, 0.52, "m")
+    assert "not predicted" in uncertain_end(SETTINGS, state, None)
+    state, _, _ = play([SURE["plate"]], state=state)
+    assert state.active == "plate" and uncertain_end(SETTINGS, state, 0.52) == ""
+
+
+def test_activates_as_soon_as_the_end_becomes_certain():
+    state, _, _ = play([SURE["plate"]] * 9, end_std=0.5)
+    assert decide(SETTINGS, state, LABELS, np.array(SURE["plate"]), 0.2)[1] == "plate"
+
+
+def test_stays_active_while_probability_is_middling_and_end_std_grows():
+    state, _, _ = play([SURE["plate"]] * 5)
+    _, active, events = play([(0.55, 0.3, 0.15)] * 50, state=state, end_std=2.0)
+    assert set(active) == {"plate"} and events == []
+
+
+def test_switches_when_the_other_task_passed_the_test_in_the_meantime():
+    _, active, events = play([SURE["plate"]] * 5 + [SURE["screw"]] * 5)
+    assert active[-2:] == ["plate", "screw"] and events == ["activated", "switched"]
+
+
+def test_is_withdrawn_when_none_of_the_tasks_fits_any_more():
+    _, active, events = play([SURE["plate"]] * 5 + [SURE["none"]] * 5)
+    assert active[-2:] == ["plate", ""] and events == ["activated", "withdrawn"]
+
+
+def test_is_withdrawn_when_it_becomes_unclear_and_can_come_back():
+    state, active, events = play([SURE["plate"]] * 5 + [UNCLEAR] * 5)
+    assert active[-1] == "" and events[-1] == "withdrawn"
+    assert play([SURE["plate"]] * 5, state=state)[1][-1] == "plate"
+
+
+def test_idle_ends_the_interaction_at_once_and_the_count_with_it():
+    state, active, events = play([SURE["plate"]] * 6 + [IDLE])
+    assert active[-1] == "" and events == ["activated", "over"] and state.idle
+    assert play([SURE["plate"]] * 4, state=state)[1][-1] == ""
+
+
+def test_none_that_is_likely_but_not_certain_is_not_idle():
+    state, _, events = play([SURE["plate"]] * 5 + [(1e-6, 0.0, 1.0 - 1e-6)])
+    assert state.active == "plate" and events == ["activated"]
+
+
+def test_a_label_that_disappears_counts_against_the_active_task():
+    state, _, _ = play([SURE["plate"]] * 5)
+    for _ in range(5):
+        state, active = decide(SETTINGS, state, ("screw", "none"), np.array([0.6, 0.4]), 0.1)
+    assert active == ""
+
+
+simplex = st.lists(st.floats(0.0, 1.0), min_size=3, max_size=3).map(
+    lambda x: tuple(np.array(x) / sum(x)) if sum(x) > 1e-3 else (0.5, 0.25, 0.25)
+)
+steps = st.lists(
+    st.one_of(simplex, st.sampled_from([*SURE.values(), IDLE, UNCLEAR])), min_size=1, max_size=60
+)
+
+
+@given(steps, st.integers(1, 6))
+def test_every_activation_is_backed_by_n_observations_on_end(p, n):
+    settings = DecisionSettings(n_observations=n)
+    _, active, _ = play(p, settings)
+    before = [""] + active[:-1]
+    for k, (was, now) in enumerate(zip(before, active, strict=True)):
+        if now and now != was:
+            assert k + 1 >= n
+            column = LABELS.index(now)
+            assert all(p[j][column] >= settings.threshold for j in range(k - n + 1, k + 1))
+        if was and now != was and p[k][2] < 1.0 - settings.idle_margin:
+            column = LABELS.index(was)
+            against = [p[j][column] for j in range(k - n + 1, k + 1)]
+            assert len(against) == n and max(against) < settings.release_below
+        assert now != "none"
+
+
+@given(steps)
+def test_order_of_labels_does_not_matter(p):
+    state, other = DecisionState(), DecisionState()
+    for row in p:
+        state, active = decide(SETTINGS, state, LABELS, np.array(row), 0.1)
+        turned = np.array(row)[[2, 0, 1]]
+        other, same = decide(SETTINGS, other, ("none", "plate", "screw"), turned, 0.1)
+        assert active == same
+
+
+@pytest.mark.parametrize(
+    ("labels", "p", "error"),
+    [
+        (LABELS, (0.5, 0.5), ShapeError),
+        (("plate", "screw"), (0.5, 0.5), ArgumentError),
+        (LABELS, (0.5, 0.5, np.nan), ArgumentError),
+        (LABELS, (0.5, 0.7, -0.2), ArgumentError),
+        (LABELS, (0.5, 0.3, 0.1), ArgumentError),
+    ],
+)
+def test_what_is_no_distribution_is_refused(labels, p, error):
+    with pytest.raises(error):
+        decide(SETTINGS, DecisionState(), labels, np.array(p), 0.1)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"threshold": 0.4},
+        {"threshold": 1.1},
+        {"n_observations": 0},
+        {"max_end_std_rad": 0.0},
+        {"release_below": 0.95},
+    ],
+)
+def test_settings_out_of_range_are_refused(wrong):
+    with pytest.raises(ArgumentError):
+        DecisionSettings(**wrong)
+
+
+def test_a_habit_alone_activates_nothing():
+    """Probable because it usually comes next: the movement itself must speak for it."""
+    expected = np.array((0.95, 0.03, 0.02))
+    for evidence, activates in (
+        ((0.0, 0.0, 0.0), False),  # nothing seen yet
+        ((0.0, 0.2, -9.0), False),  # what was seen speaks for another task
+        ((0.0, -1.0, -9.0), True),
+        ((0.0, -1.0, -0.5), True),
+        ((0.0, -1.0, 9.0), False),  # what was seen speaks for none
+        ((-800.0, -900.0, -np.inf), True),
+        ((np.nan, 0.0, 0.0), False),
+        (None, True),
+    ):
+        state = DecisionState()
+        e = None if evidence is None else np.array(evidence)
+        for _ in range(6):
+            state, active = decide(SETTINGS, state, LABELS, expected, 0.1, e)
+        assert (active == "plate") == activates, evidence
+
+
+def test_evidence_is_no_further_condition_where_all_tasks_are_expected_alike(rng):
+    for _ in range(200):
+        log_evidence = rng.normal(size=3) * 5.0
+        p = np.exp(log_evidence) * np.array([0.475, 0.475, 0.05])
+        p /= p.sum()
+        best = int(np.argmax(p))
+        if LABELS[best] != "none" and p[best] >= SETTINGS.threshold:
+            assert evidence_share(LABELS, best, log_evidence) >= SETTINGS.threshold - 1e-12

@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The online estimator as a whole: recognises, predicts, ends, begins again, swaps, resets."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from online_stream import episodes, feed, going_back, humans, learned, movement, same, shifted
+from scipy.stats import multivariate_normal
+from simulation import START_NS, make_library
+
+from intent_recognition.errors import DofError
+from intent_recognition.filtering.bank import start_bank
+from intent_recognition.filtering.bank_run import run_bank
+from intent_recognition.filtering.hypotheses import make_hypotheses
+from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.prediction import rollout
+from intent_recognition.recognition.estimator import IntentEstimator
+from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.signals.observation import Observation, merge
+
+
+@pytest.fixture(scope="module")
+def truth() -> TaskLibrary:
+    """What the simulated humans do."""
+    return humans()
+
+
+@pytest.fixture(scope="module")
+def library(truth) -> TaskLibrary:
+    """Learned from recordings, cut where the online detector would cut them."""
+    return learned(truth)
+
+
+def test_each_task_is_recognised_before_its_end(library, truth, rng):
+    for task in range(3):
+        for _ in range(5):
+            estimator = IntentEstimator(library)
+            estimates = feed(estimator, merge(movement(truth, task, rng).observed))
+            episode = max(episodes(estimates), key=len)
+            middle = episode[len(episode) // 2]
+            assert int(np.argmax(middle.probabilities)) == task
+            assert middle.probabilities[task] > 0.9
+
+
+def test_every_estimate_is_a_distribution_with_a_phase(library, truth, rng):
+    for estimate in feed(IntentEstimator(library), merge(movement(truth, 1, rng).observed)):
+        assert abs(estimate.probabilities.sum() - 1.0) < 1e-12
+        assert np.all((estimate.phase >= 0.0) & (estimate.phase <= 1.0))
+        assert estimate.phase[-1] == 0.0
+        if not estimate.moving:
+            assert estimate.probabilities.tolist() == [0.0, 0.0, 0.0, 1.0]
+            assert estimate.onset_ns == 0
+            assert not estimate.phase.any()
+            assert not estimate.log_evidence.any()
+
+
+def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
+    """No observation since onset is lost, none before it is used."""
+    observations = list(merge(movement(truth, 2, rng).observed))
+    estimates = feed(IntentEstimator(library), observations)
+    hypotheses = make_hypotheses(library)
+    for estimate in max(episodes(estimates), key=len)[::20]:
+        used = [o for o in observations if estimate.onset_ns <= o.stamp_ns <= estimate.stamp_ns]
+        bank = run_bank(
+            library, hypotheses, start_bank(library, hypotheses), used, estimate.onset_ns
+        )
+        elapsed = (estimate.stamp_ns - estimate.onset_ns) * 1e-9
+        expected = task_posterior(bank, hypotheses, elapsed)
+        np.testing.assert_allclose(estimate.probabilities, expected.probabilities, atol=1e-12)
+        seen = expected.probabilities > 1e-15  # the others were set aside
+        known = seen[:-1]
+        np.testing.assert_allclose(
+            estimate.phase[:-1][known], expected.phase[:-1][known], atol=1e-12
+        )
+        np.testing.assert_allclose(
+            estimate.log_evidence[seen], expected.log_evidence[seen], rtol=1e-12
+        )
+
+
+def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, rng):
+    """At steady progress: both agents' weights from all samples at once, for each duration."""
+    library = replace(library, aligned=None)
+    observations = list(merge(movement(truth, 0, rng).observed))
+    estimator = IntentEstimator(library)
+    assert estimator.predict_controlled() is None
+    for observation in observations:
+        estimate = estimator.observe(observation)
+        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.0:
+            break
+    prediction = estimator.predict_controlled(n_points=21)
+    assert prediction.task == "task_0"
+    assert prediction.onset_ns == estimate.onset_ns
+    moving = [o for o in observations if estimate.onset_ns <= o.stamp_ns <= estimate.stamp_ns]
+    used = [moving[0]]
+    for observation in moving[1:]:
+        if observation.stamp_ns - used[-1].stamp_ns >= 0.999e9 * library.correlation_time_s:
+            used.append(observation)
+    weights, duration_s = by_hand(library, 0, used, estimate.onset_ns)
+    phase = np.linspace(0.0, 1.0, 21)
+    expected = rollout(library.basis, weights, phase, duration_s, library.control_noise_variance())
+    for a, b in zip(prediction.trajectory, expected, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-8)
+
+
+def by_hand(
+    library: TaskLibrary, task: int, used: list[Observation], onset_ns: int
+) -> tuple[Gaussian, float]:
+    """Controlled weights and expected duration from one regression per duration."""
+    hypotheses, n_dofs = make_hypotheses(library), len(library.noise_variance)
+    durations = hypotheses.duration_s.reshape(-1, hypotheses.n_scales)[task]
+    log_weight = hypotheses.log_prior.reshape(-1, hypotheses.n_scales)[task].copy()
+    times_s = np.array([(o.stamp_ns - onset_ns) * 1e-9 for o in used])
+    values = np.concatenate([o.values for o in used])
+    noise = library.noise_variance[: library.n_observed] * library.noise_scale
+    prior_mean, prior = library.weight_mean[task], library.weight_covariance[task]
+    means, covariances = [], []
+    for index, duration_s in enumerate(durations):
+        rows = library.basis.design_matrix(np.clip(times_s / duration_s, 0.0, 1.0))
+        design = np.vstack([np.kron(np.eye(library.n_observed, n_dofs), row) for row in rows])
+        spread = design @ prior @ design.T + np.diag(np.tile(noise, len(rows)))
+        density = multivariate_normal(design @ prior_mean, spread).logpdf(values)
+        log_weight[index] += library.duration_evidence * density
+        gain = np.linalg.solve(spread, design @ prior).T
+        means.append(prior_mean + gain @ (values - design @ prior_mean))
+        covariances.append(prior - gain @ design @ prior)
+    weight = np.exp(log_weight - np.logaddexp.reduce(log_weight))
+    mean = weight @ np.array(means)
+    deviation = np.array(means) - mean
+    covariance = np.tensordot(weight, covariances, axes=1) + (deviation.T * weight) @ deviation
+    controlled = slice(library.n_observed_weights, None)
+    return Gaussian(mean[controlled], covariance[controlled, controlled]), weight @ durations
+
+
+def test_rest_of_the_human_begins_where_the_human_is(library, truth, rng):
+    estimator = IntentEstimator(library)
+    for observation in merge(movement(truth, 1, rng).observed):
+        estimate = estimator.observe(observation)
+        if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.2:
+            break
+    rest = estimator.predict_observed(n_points=10)
+    assert rest.task == "task_1"
+    np.testing.assert_allclose(rest.trajectory.positions[0], observation.values, atol=0.02)
+    now = (estimate.stamp_ns - estimate.onset_ns) * 1e-9
+    assert rest.trajectory.times_s[0] == pytest.approx(now, abs=0.1)
+    assert np.all(np.diff(rest.trajectory.times_s) > 0)
+
+
+def test_asynchronous_signals_equal_the_joint_filter_whatever_order_they_arrive_in(rng):
+    """Two trackers with stamps of their own; the late one's samples come in bursts."""
+    truth = make_library(rng, groups=(2, 1), n_basis=8, spread=0.02, noise_std=0.001)
+    library = truth
+    recording = movement(truth, 0, rng)
+    first, second = recording.observed
+    second = replace(second, stamps_ns=second.stamps_ns + 3_333_333)
+    merged = list(merge((first, second)))
+    stamps = [o.stamp_ns for o in merged]
+    assert stamps == sorted(stamps)
+    reference = feed(IntentEstimator(library), merged)
+    moving = max(episodes(reference), key=len)
+    until = moving[len(moving) * 2 // 3].stamp_ns
+    begun = moving[0].stamp_ns
+    early = [o for o in merged if o.stamp_ns <= begun]
+    later = [o for o in merged if begun < o.stamp_ns <= until]
+    swapped = []
+    for i in range(0, len(later) - 1, 2):  # neighbours arrive in the other order
+        swapped += [later[i + 1], later[i]]
+    expected = feed(IntentEstimator(library), early + later[: len(swapped)])[-1]
+    found = feed(IntentEstimator(library), early + swapped)[-1]
+    np.testing.assert_allclose(found.log_evidence, expected.log_evidence, rtol=1e-9, atol=1e-8)
+    np.testing.assert_allclose(found.probabilities, expected.probabilities, atol=1e-9)
+
+
+def test_one_signal_of_three_dofs_equals_two_signals_with_the_same_stamps(rng):
+    together = make_library(
+        np.random.default_rng(3), groups=(3,), n_basis=8, spread=0.02, noise_std=0.001
+    )
+    apart = replace(together, observed_groups=(2, 1), onset=together.onset * 2)
+    recording = movement(together, 2, rng)
+    signal = recording.observed[0]
+    one = IntentEstimator(together)
+    other = IntentEstimator(apart)
+    onset = None
+    for i, stamp in enumerate(signal.stamps_ns.tolist()):
+        a = one.observe(Observation(stamp, 0, signal.values[i]))
+        other.observe(Observation(stamp, 0, signal.values[i, :2]))
+        b = other.observe(Observation(stamp, 1, signal.values[i, 2:]))
+        if a.moving and b.moving and a.onset_ns == b.onset_ns:
+            onset = a.onset_ns
+            same(a, b, 1e-8)
+    # The detectors see different norms; where they agree the numbers must.
+    hypotheses = make_hypotheses(together)
+    used = [Observation(s, 0, v) for s, v in zip(signal.stamps_ns.tolist(), signal.values)][50:90]
+    split = [
+        Observation(o.stamp_ns, g, o.values[c]) for o in used for g, c in ((0, [0, 1]), (1, [2]))
+    ]
+    start = used[0].stamp_ns if onset is None else onset
+    a = run_bank(together, hypotheses, start_bank(together, hypotheses), used, start)
+    b = run_bank(apart, hypotheses, start_bank(apart, hypotheses), split, start)
+    np.testing.assert_allclose(a.mean, b.mean, atol=1e-9)
+    np.testing.assert_allclose(a.log_evidence, b.log_evidence, rtol=1e-9)
+
+
+def test_occlusion_widens_the_prediction_and_harms_nothing(library, truth, rng):
+    recording = movement(truth, 0, rng, rate_hz=100.0, duration_s=2.0)
+    observations = list(merge(recording.observed))
+    start = observations[0].stamp_ns
+    stop = start + round(2.0 * 1e9)
+    seen = [o for o in observations if o.stamp_ns <= stop]
+    occluded = [o for o in seen if not 1.2 < (o.stamp_ns - start) * 1e-9 < 1.99]
+    full, gap = IntentEstimator(library), IntentEstimator(library)
+    a, b = feed(full, seen)[-1], feed(gap, occluded)[-1]
+    assert a.moving
+    assert b.moving
+    assert int(np.argmax(b.probabilities)) == 0
+    widths = [np.linalg.norm(e.predict_observed().trajectory.std) for e in (full, gap)]
+    assert widths[1] > widths[0]
+
+
+def test_a_library_swapped_in_mid_movement_has_seen_everything(library, truth, rng):
+    other = replace(library, weight_mean=library.weight_mean[::-1].copy())
+    observations = list(merge(movement(truth, 0, rng).observed))
+    fresh = feed(IntentEstimator(other), observations)
+    swapping = IntentEstimator(library)
+    half = len(observations) // 2
+    before = feed(swapping, observations[:half])
+    assert before[-1].moving
+    swapping.swap(other)
+    after = feed(swapping, observations[half:])
+    moving = [
+        i for i in range(half, len(observations)) if fresh[i].moving and after[i - half].moving
+    ]
+    assert len(moving) > 20
+    for i in moving:
+        same(after[i - half], fresh[i])
+
+
+def test_a_swap_between_movements_and_a_task_prior(library, truth, rng):
+    estimator = IntentEstimator(library)
+    first = list(merge(movement(truth, 0, rng).observed))
+    feed(estimator, first)
+    estimator.swap(library, np.array([0.0, 0.5, 0.5]))
+    second = list(merge(movement(truth, 0, rng).observed))
+    later = feed(estimator, shifted(second, (first[-1].stamp_ns - START_NS) * 1e-9 + 0.02))
+    assert all(e.probabilities[0] == 0.0 for e in later)
+
+
+def test_a_library_of_other_dofs_is_refused_and_nothing_changes(library, truth, rng):
+    estimator = IntentEstimator(library)
+    observations = list(merge(movement(truth, 0, rng).observed))
+    feed(estimator, observations[:80])
+    for other in (
+        replace(library, observed_names=("a", "b", "c")),
+        replace(library, controlled_names=("left", "right")),
+        replace(library, observed_groups=(2, 1)),
+    ):
+        with pytest.raises(DofError, match=r"library \w+: expected .*got .*Train on the same DOFs"):
+            estimator.swap(other)
+    undisturbed = IntentEstimator(library)
+    feed(undisturbed, observations[:80])
+    same(estimator.observe(observations[80]), undisturbed.observe(observations[80]))
+
+
+def test_reset_forgets_everything(library, truth, rng):
+    observations = list(merge(movement(truth, 1, rng).observed))
+    fresh = feed(IntentEstimator(library), observations)
+    estimator = IntentEstimator(library)
+    feed(estimator, observations[: len(observations) // 2])
+    estimator.reset()
+    assert estimator.predict_controlled() is None
+    assert estimator.predict_observed() is None
+    for a, b in zip(feed(estimator, observations), fresh, strict=True):  # old stamps again
+        same(a, b)
+
+
+def test_several_interactions_in_one_stream_are_told_apart(library, truth, rng):
+    tasks = [2, 0, 1, 1]
+    stream = list(merge(movement(truth, tasks[0], rng, rest_after_s=1.2).observed))
+    for task in tasks[1:]:
+        following = list(merge(movement(truth, task, rng, rest_after_s=1.2).observed))
+        stream += going_back(stream[-1], following[0].values)
+        stream += shifted(following, (stream[-1].stamp_ns - START_NS) * 1e-9 + 0.02)
+    found = [e for e in episodes(feed(IntentEstimator(library), stream)) if len(e) > 30]
+    recognised = [int(np.argmax(e[len(e) // 2].probabilities)) for e in found]
+    assert recognised == tasks
+
+
+def hesitating(library: TaskLibrary, task: int, pause_s: float, rng) -> list[Observation]:
+    """A reach of 2 s that stands still half-way for a while."""
+    times = np.arange(-0.8, 2.8 + pause_s, 0.02)
+    own = np.where(times < 1.0, times, np.clip(times - pause_s, 1.0, None))
+    w = library.weight_mean[task].reshape(-1, library.basis.n_basis)[:3]
+    values = library.basis.design_matrix(own / 2.0) @ w.T
+    values += rng.normal(size=values.shape) * 0.001
+    stamps = START_NS + np.round((times - times[0]) * 1e9).astype(np.int64)
+    return [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
+
+
+@pytest.mark.parametrize("pause_s", [0.1, 0.2, 0.35])
+def test_a_hesitation_does_not_end_the_movement(library, truth, rng, pause_s):
+    for task in range(3):
+        estimates = feed(IntentEstimator(library), hesitating(truth, task, pause_s, rng))
+        found = [e for e in episodes(estimates) if len(e) > 5]
+        assert len(found) == 1
+        assert (found[0][-1].stamp_ns - found[0][0].onset_ns) * 1e-9 > 1.6 + pause_s

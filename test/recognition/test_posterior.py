@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bayes over tasks against brute-force enumeration of every (task, duration)."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+from simulation import START_NS, make_library, simulate
+
+from intent_recognition.filtering.bank import FilterBank, start_bank
+from intent_recognition.filtering.bank_run import run_bank
+from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
+from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.signals.observation import merge
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def bank_with(log_evidence: np.ndarray) -> FilterBank:
+    return FilterBank(
+        np.zeros((len(log_evidence), 1)), np.ones((len(log_evidence), 1, 1)), log_evidence
+    )
+
+
+@settings(max_examples=60)
+@given(seeds, st.integers(1, 5), st.integers(1, 6), st.floats(0.0, 1e4))
+def test_probabilities_sum_to_one(seed, n_tasks, n_scales, size):
+    rng = np.random.default_rng(seed)
+    b = (n_tasks + 1) * n_scales
+    log_prior = np.log(rng.dirichlet(np.ones(b)))
+    hypotheses = Hypotheses(n_scales, rng.uniform(0.5, 5.0, size=b), log_prior)
+    posterior = task_posterior(bank_with(-size * rng.uniform(size=b)), hypotheses, 1.0)
+    assert abs(posterior.probabilities.sum() - 1.0) < 1e-12
+    np.testing.assert_allclose(posterior.scale_weights.sum(axis=1), 1.0, atol=1e-12)
+    assert np.all(posterior.probabilities >= 0.0)
+    assert np.all((posterior.phase >= 0.0) & (posterior.phase <= 1.0 + 1e-12))
+
+
+@settings(max_examples=40)
+@given(seeds, st.integers(1, 4), st.integers(1, 5))
+def test_equals_bayes_written_out(seed, n_tasks, n_scales):
+    rng = np.random.default_rng(seed)
+    shape = (n_tasks + 1, n_scales)
+    prior = rng.dirichlet(np.ones(shape[0] * shape[1])).reshape(shape)
+    evidence = rng.uniform(0.01, 1.0, size=shape)
+    duration = rng.uniform(0.5, 5.0, size=shape)
+    hypotheses = Hypotheses(n_scales, duration.ravel(), np.log(prior).ravel())
+    posterior = task_posterior(bank_with(np.log(evidence).ravel()), hypotheses, 1.0)
+    joint = prior * evidence
+    by_task = joint.sum(axis=1)
+    np.testing.assert_allclose(posterior.probabilities, by_task / by_task.sum())
+    np.testing.assert_allclose(np.exp(posterior.log_evidence), by_task / prior.sum(axis=1))
+    given_task = joint / by_task[:, None]
+    np.testing.assert_allclose(posterior.scale_weights, given_task)
+    np.testing.assert_allclose(posterior.duration_s, (given_task * duration).sum(axis=1))
+    phase = (given_task * np.minimum(1.0 / duration, 1.0)).sum(axis=1)
+    np.testing.assert_allclose(posterior.phase, phase)
+
+
+def test_whole_chain_equals_enumeration_with_joint_gaussians(rng):
+    """Every (task, duration): the stacked observations' density under one multivariate normal."""
+    library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=1, n_basis=6)
+    recording = simulate(library, 1, rng, n_samples=9, duration_s=1.7)
+    hypotheses = make_hypotheses(library, n_scales=5)
+    observations = list(merge(recording.observed))
+    bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
+    posterior = task_posterior(bank, hypotheses, 1.7)
+    y = np.concatenate([o.values for o in observations])
+    log_joint = np.empty((3, 5))
+    for task in range(3):
+        for scale in range(5):
+            index = task * 5 + scale
+            H = np.vstack(
+                [
+                    np.kron(
+                        np.eye(2),
+                        library.basis.design_matrix(
+                            np.array(
+                                [(o.stamp_ns - START_NS) * 1e-9 / hypotheses.duration_s[index]]
+                            )
+                        ),
+                    )
+                    for o in observations
+                ]
+            )
+            mean, covariance = library.observed_mean[task], library.observed_covariance[task]
+            R = np.kron(np.eye(9), np.diag(library.noise_variance[:2]))
+            density = multivariate_normal(H @ mean, H @ covariance @ H.T + R)
+            log_joint[task, scale] = hypotheses.log_prior[index] + density.logpdf(y)
+    joint = np.exp(log_joint - log_joint.max())
+    np.testing.assert_allclose(posterior.probabilities, joint.sum(axis=1) / joint.sum(), atol=1e-8)
+    np.testing.assert_allclose(
+        posterior.scale_weights, joint / joint.sum(axis=1, keepdims=True), atol=1e-6
+    )
+
+
+def test_before_any_observation_the_posterior_is_the_prior(rng):
+    library = make_library(rng, n_basis=4)
+    prior = np.array([0.2, 0.7, 0.1])
+    hypotheses = make_hypotheses(library, prior)
+    posterior = task_posterior(start_bank(library, hypotheses), hypotheses, 0.0)
+    expected = np.r_[prior * (1 - library.none_prior), library.none_prior]
+    np.testing.assert_allclose(posterior.probabilities, expected, atol=1e-12)
+    np.testing.assert_allclose(posterior.log_evidence, 0.0, atol=1e-12)
+
+
+def test_an_impossible_task_stays_impossible_and_nothing_turns_into_nan():
+    log_prior = np.log(np.array([0.5, 0.5, 1e-300, 1e-300]))
+    log_prior[:2] = -np.inf
+    hypotheses = Hypotheses(2, np.ones(4), log_prior)
+    with np.errstate(invalid="raise"):
+        posterior = task_posterior(bank_with(np.array([5.0, 5.0, -1e5, -2e5])), hypotheses, 0.5)
+    assert posterior.probabilities.tolist() == [0.0, 1.0]
+    assert np.isneginf(posterior.log_evidence[0])
+    assert np.all(np.isfinite(posterior.phase))
+
+
+@given(st.floats(-1e6, 1e6))
+def test_a_common_factor_of_all_evidences_changes_nothing(shift):
+    hypotheses = Hypotheses(2, np.ones(4), np.log(np.full(4, 0.25)))
+    evidence = np.array([0.0, -1.0, -2.0, -3.0])
+    base = task_posterior(bank_with(evidence), hypotheses, 0.5)
+    moved = task_posterior(bank_with(evidence + shift), hypotheses, 0.5)
+    np.testing.assert_allclose(moved.probabilities, base.probabilities, atol=1e-9)
+
+
+def test_recognition_is_calibrated_in_simulation(rng):
+    """Over many drawn movements the mean probability of an answer is how often it is right."""
+    library = make_library(
+        rng, n_tasks=3, groups=(2,), n_controlled=1, n_basis=8, spread=0.35, none_prior=1e-6
+    )
+    hypotheses = make_hypotheses(library)
+    probabilities, hits = [], []
+    for i in range(400):
+        task = int(rng.integers(3))
+        recording = simulate(library, task, rng, n_samples=12)
+        seen = list(merge(recording.observed))[: 1 + i % 8]
+        bank = run_bank(library, hypotheses, start_bank(library, hypotheses), seen, START_NS)
+        p = task_posterior(bank, hypotheses, (seen[-1].stamp_ns - START_NS) * 1e-9).probabilities
+        probabilities.append(p[:3])
+        hits.append(np.eye(3)[task])
+    p, hit = np.array(probabilities), np.array(hits)
+    assert (
+        0.45 < (p.argmax(axis=1) == hit.argmax(axis=1)).mean() < 0.97
+    )  # neither trivial nor blind
+    for low, high in [(0.0, 0.1), (0.1, 0.4), (0.4, 0.7), (0.7, 0.95), (0.95, 1.01)]:
+        chosen = (p >= low) & (p < high)
+        n = chosen.sum()
+        expected, happened = p[chosen].sum(), hit[chosen].sum()
+        std = np.sqrt(np.sum(p[chosen] * (1 - p[chosen])))
+        assert n > 20
+        assert abs(happened - expected) < 3.5 * std + 1.0
+    assert pytest.approx(1.0, abs=1e-3) == p.sum(axis=1).mean()
+
+
+def test_the_evidence_of_the_duration_can_be_taken_to_a_power(rng):
+    """It moves the duration's posterior toward the prior, and nothing else."""
+    library = make_library(rng, n_tasks=2, n_basis=6)
+    hypotheses = make_hypotheses(library, n_scales=5)
+    bank = start_bank(library, hypotheses)._replace(log_evidence=rng.normal(size=15) * 10.0)
+    exact = task_posterior(bank, hypotheses, 0.5)
+    for power in (1.0, 0.3, 0.0):
+        found = task_posterior(bank, hypotheses._replace(duration_evidence=power), 0.5)
+        prior = hypotheses.log_prior.reshape(3, 5)
+        expected = np.exp(prior + power * bank.log_evidence.reshape(3, 5))
+        expected /= expected.sum(axis=1, keepdims=True)
+        np.testing.assert_allclose(found.scale_weights, expected, atol=1e-12)
+        np.testing.assert_array_equal(found.probabilities, exact.probabilities)
+        np.testing.assert_array_equal(found.log_evidence, exact.log_evidence)

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Learning which task follows which, and using it online."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from simulation import START_NS, make_library, simulate
+
+from intent_recognition.errors import ShapeError
+from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
+from intent_recognition.recognition.estimator import IntentEstimator
+from intent_recognition.recognition.posterior import TaskPosterior
+from intent_recognition.recognition.transitions import (
+    HABIT_TRUST,
+    TaskMemory,
+    next_task_prior,
+    remember,
+    weigh,
+)
+from intent_recognition.signals.observation import merge
+
+LABELS = ("a", "b", "c")
+DONE = np.ones(4)
+
+
+def test_counts_by_hand():
+    counts = count_transitions([("a", "b", "a", "b"), ("c", "x", "a"), ()], LABELS)
+    expected = [[0, 2, 0], [1, 0, 0], [1, 0, 0], [1, 0, 1]]
+    np.testing.assert_array_equal(counts, expected)
+
+
+@given(hnp.arrays(np.int64, (4, 3), elements=st.integers(0, 200)))
+def test_smoothed_rows_are_distributions_that_keep_the_order_of_the_counts(counts):
+    prior = smoothed_transitions(counts)
+    np.testing.assert_allclose(prior.sum(axis=1), 1.0, rtol=0.0, atol=1e-12)
+    assert np.all(prior > 0.0)
+    for n, row in zip(counts, prior, strict=True):
+        order = np.argsort(n, kind="stable")
+        assert np.all(np.diff(row[order]) >= -1e-12)
+        share = n / n.sum() if n.sum() else np.full(3, 1 / 3)  # between data and uniform
+        assert np.all(row <= np.maximum(share, 1 / 3) + 1e-12)
+        assert np.all(row >= np.minimum(share, 1 / 3) - 1e-12)
+
+
+def test_without_counts_nothing_is_expected_and_many_counts_are_believed(rng):
+    np.testing.assert_allclose(smoothed_transitions(np.zeros((4, 3))), 1 / 3)
+    truth = rng.dirichlet(np.ones(3), size=4)
+    counts = np.array([rng.multinomial(20000, row) for row in truth])
+    np.testing.assert_allclose(smoothed_transitions(counts), truth, atol=0.015)
+
+
+def test_the_strength_of_the_smoothing_comes_from_the_data():
+    """The same row of counts is believed more where the other rows show strong habits."""
+    row = [3, 0, 0]
+    habit = smoothed_transitions([row, [0, 30, 0], [0, 0, 30], [30, 0, 0]])
+    none = smoothed_transitions([row, [10, 11, 9], [9, 10, 11], [11, 9, 10]])
+    assert habit[0, 0] > none[0, 0] + 0.2
+
+
+def test_smoothing_predicts_better_than_raw_counts_and_than_nothing(rng):
+    gain = []
+    for _ in range(40):
+        truth = rng.dirichlet(np.full(3, 0.3), size=4)
+        counts = np.array([rng.multinomial(8, row) for row in truth])
+        prior = smoothed_transitions(counts)
+        raw = (counts + 1e-3) / (8 + 3e-3)
+        score = [np.sum(truth * np.log(p)) / 4 for p in (prior, raw, np.full((4, 3), 1 / 3))]
+        gain.append([score[0] - score[1], score[0] - score[2]])
+    assert np.all(np.mean(gain, axis=0) > 0.02)
+
+
+@pytest.mark.parametrize("shape", [(3, 3), (4,), (3, 4)])
+def test_counts_of_another_shape_are_refused(shape):
+    with pytest.raises(ShapeError, match="counts"):
+        smoothed_transitions(np.zeros(shape))
+
+
+def test_memory_is_the_forward_recursion_over_the_last_task(rng):
+    memory = TaskMemory.empty(3)
+    assert memory.is_empty and memory.last_task(LABELS) == ""
+    p1, p2 = np.array([0.7, 0.1, 0.0, 0.2]), np.array([0.0, 0.5, 0.2, 0.3])
+    memory = remember(memory, p1, DONE, 5)
+    np.testing.assert_allclose(memory.belief, p1)
+    memory = remember(memory, p2, DONE, 9)
+    np.testing.assert_allclose(memory.belief, p2 * [1, 1, 1, 0] + 0.3 * p1)
+    assert (memory.ended_ns, memory.last_task(LABELS)) == (9, "b")
+    transition, p0 = rng.dirichlet(np.ones(3), size=4), np.array([0.5, 0.3, 0.2])
+    np.testing.assert_allclose(
+        next_task_prior(transition, memory, p0, 1.0), memory.belief @ transition
+    )
+    np.testing.assert_allclose(next_task_prior(transition, memory, p0, 0.0), p0)
+    np.testing.assert_allclose(next_task_prior(transition, memory, p0).sum(), 1.0)
+
+
+def test_none_and_a_movement_broken_off_leave_the_memory():
+    memory = remember(TaskMemory.empty(3), np.array([0.0, 1.0, 0.0, 0.0]), DONE, 5)
+    after = remember(memory, np.array([0.0, 0.0, 0.0, 1.0]), DONE, 7)
+    np.testing.assert_array_equal(after.belief, memory.belief)
+    twitch = remember(memory, np.array([0.1, 0.1, 0.8, 0.0]), np.full(4, 0.3), 7)
+    np.testing.assert_array_equal(twitch.belief, memory.belief)
+
+
+def test_relabelled_memory_follows_its_labels():
+    memory = TaskMemory(np.array([0.5, 0.3, 0.1, 0.1]), 5)
+    other = memory.relabelled(LABELS, ("c", "a", "d"))
+    np.testing.assert_allclose(other.belief, [0.1, 0.5, 0.0, 0.4])
+    assert other.ended_ns == 5
+
+
+def posterior(prior, likelihood) -> TaskPosterior:
+    """By Bayes' rule, none having probability 0.1 and likelihood 0.3."""
+    p = np.r_[0.9 * prior * likelihood, 0.1 * 0.3]
+    return TaskPosterior(p / p.sum(), *[np.zeros(4)] * 4)
+
+
+def test_weighing_is_bayes_and_never_speaks_for_none(rng):
+    for _ in range(50):
+        p0, p1 = rng.dirichlet(np.ones(3)), rng.dirichlet(np.ones(3))
+        likelihood = rng.uniform(size=3)
+        before, after = posterior(p0, likelihood), posterior(p1, likelihood)
+        weighed = weigh(before, p1 / p0).probabilities
+        assert weighed.sum() == pytest.approx(1.0, abs=1e-12)
+        if p1 @ likelihood >= p0 @ likelihood:
+            np.testing.assert_allclose(weighed, after.probabilities, atol=1e-12)
+        else:
+            assert weighed[-1] == pytest.approx(before.probabilities[-1], abs=1e-12)
+            shares = after.probabilities[:-1] / after.probabilities[:-1].sum()
+            np.testing.assert_allclose(weighed[:-1] / weighed[:-1].sum(), shares, atol=1e-12)
+    certain = before._replace(probabilities=np.array([0.0, 0.0, 0.0, 1.0]))
+    assert weigh(certain, p1 / p0) is certain
+
+
+# Online
+
+
+@pytest.fixture(scope="module")
+def library():
+    """Three tasks that follow one another in a ring, nine times in ten."""
+    plain = make_library(np.random.default_rng(5), spread=0.03, noise_std=0.001)
+    ring = np.full((4, 3), 0.05)
+    ring[(0, 1, 2, 3), (1, 2, 0, 0)] = 0.9
+    return replace(plain, transition_prior=ring)
+
+
+def expected(row):
+    """p(s) where a row of the transition prior is known to be the right one."""
+    return HABIT_TRUST * np.asarray(row) + (1 - HABIT_TRUST) / 3
+
+
+def recording(library, task, rng, after_ns):
+    shown = simulate(library, task, rng, rest_before_s=0.8, rest_after_s=0.8, duration_s=2.0)
+    shift = after_ns + 20_000_000 - START_NS
+    return [o._replace(stamp_ns=o.stamp_ns + shift) for o in merge(shown.observed)]
+
+
+def feed(estimator, observations):
+    for observation in observations:
+        assert estimator.reason_to_reject(observation) is None
+        last = estimator.observe(observation)
+    return last
+
+
+def perform(estimator, library, task, rng, after_ns):
+    """Feed a movement; the estimates while it was under way, and its last stamp."""
+    observations = recording(library, task, rng, after_ns)
+    estimates = [estimator.observe(observation) for observation in observations]
+    assert not estimates[-1].moving
+    return [e for e in estimates if e.moving], observations[-1].stamp_ns
+
+
+def test_the_task_before_picks_the_row(library, rng):
+    on, off = IntentEstimator(library), IntentEstimator(library, transitions=False)
+    np.testing.assert_allclose(on.expectation.prior, expected([0.9, 0.05, 0.05]))
+    stamp = START_NS
+    for task in (0, 1, 2):
+        seed = rng.integers(1 << 30)
+        known, now = perform(on, library, task, np.random.default_rng(seed), stamp)
+        plain, _ = perform(off, library, task, np.random.default_rng(seed), stamp)
+        stamp = now
+        row = expected(library.transition_prior[task - 1 if task else 3])
+        for ours, theirs in zip(known, plain, strict=True):
+            weighted = weigh(theirs.posterior, 3.0 * row).probabilities
+            np.testing.assert_allclose(ours.probabilities, weighted, atol=2e-3)
+            np.testing.assert_array_equal(ours.log_evidence, theirs.log_evidence)
+        assert on.expectation.last_task == library.labels[task]
+        row = expected(library.transition_prior[task])
+        np.testing.assert_allclose(on.expectation.prior, row, atol=1e-3)
+    np.testing.assert_allclose(off.expectation.prior, 1 / 3)
+
+
+def test_without_learned_sessions_nothing_changes_by_one_bit(library, rng):
+    plain = replace(library, transition_prior=np.full((4, 3), 1 / 3))
+    on, off = IntentEstimator(plain), IntentEstimator(plain, transitions=False)
+    stamp = START_NS
+    for task in (0, 1):
+        seed = rng.integers(1 << 30)
+        ours, now = perform(on, plain, task, np.random.default_rng(seed), stamp)
+        theirs, _ = perform(off, plain, task, np.random.default_rng(seed), stamp)
+        stamp = now
+        for one, other in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(one.probabilities, other.probabilities)
+    assert on.expectation.last_task == "task_1"
+
+
+def test_reset_silence_and_a_fixed_prior(library, rng):
+    estimator = IntentEstimator(library, forget_after_s=10.0)
+    _, stamp = perform(estimator, library, 1, rng, START_NS)
+    assert estimator.expectation.last_task == "task_1"
+    estimator.reset()
+    np.testing.assert_allclose(estimator.expectation.prior, expected(library.transition_prior[3]))
+    _, stamp = perform(estimator, library, 1, rng, stamp)
+    late = recording(library, 0, rng, stamp + 10_000_000_000)
+    feed(estimator, late[:2])
+    assert estimator.expectation.memory.is_empty
+    fixed = IntentEstimator(library, np.array([0.2, 0.3, 0.5]))
+    perform(fixed, library, 1, rng, START_NS)
+    np.testing.assert_array_equal(fixed.expectation.prior, [0.2, 0.3, 0.5])
+
+
+def test_a_swap_keeps_the_memory(library, rng):
+    estimator = IntentEstimator(library)
+    perform(estimator, library, 1, rng, START_NS)
+    estimator.swap(replace(library, labels=("task_1", "task_2", "task_9")))
+    assert estimator.expectation.last_task == "task_1"
+    row = expected(library.transition_prior[0])
+    np.testing.assert_allclose(estimator.expectation.prior, row, atol=1e-3)

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Onset and rest: causal, equal online and offline, silent on noise, right at any speed."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from simulation import minimum_jerk
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.signals.onset import (
+    OnsetSettings,
+    at_rest,
+    detect_onset,
+    first_onset,
+    last_motion,
+    peak_speed,
+    windowed_velocity,
+)
+
+REFERENCE = OnsetSettings(reference_speed=0.5)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def reach(
+    rng: np.random.Generator,
+    *,
+    duration_s: float = 1.0,
+    distance_m: float = 0.4,
+    before_s: float = 1.0,
+    after_s: float = 1.0,
+    rate_hz: float = 100.0,
+    noise_m: float = 0.001,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rest, a minimum-jerk reach that begins at `before_s`, rest: times (T,) and values (T, 3)."""
+    times = np.arange(0.0, before_s + duration_s + after_s, 1.0 / rate_hz)
+    direction = np.array([0.6, 0.0, 0.8])
+    values = np.outer(minimum_jerk((times - before_s) / duration_s) * distance_m, direction)
+    return times, values + noise_m * rng.normal(size=values.shape)
+
+
+def streamed(settings: OnsetSettings, times, values) -> tuple[float | None, int]:
+    """First answer of the online detector and the sample at which it came."""
+    for end in range(1, len(times) + 1):
+        onset = detect_onset(settings, times[:end], values[:end])
+        if onset is not None:
+            return onset, end
+    return None, len(times)
+
+
+def test_windowed_velocity_equals_a_line_fitted_to_each_window(rng):
+    times = np.cumsum(rng.uniform(0.002, 0.03, size=80))
+    values = rng.normal(size=(80, 2))
+    found = windowed_velocity(times, values, 0.15)
+    for i in range(80):
+        window = (times >= times[i] - 0.15 - 1e-9) & (times <= times[i])
+        if window.sum() < 3 or times[i] - times[window][0] < 0.075:
+            assert np.all(np.isnan(found[i]))
+        else:
+            slope = np.polyfit(times[window] - times[i], values[window], 1)[0]
+            np.testing.assert_allclose(found[i], slope, rtol=1e-6, atol=1e-8)
+
+
+@given(seeds, st.integers(5, 60))
+@settings(max_examples=25)
+def test_windowed_velocity_does_not_look_ahead(seed, cut):
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.005, 0.03, size=60))
+    values = rng.normal(size=(60, 2))
+    changed = values.copy()
+    changed[cut:] = rng.normal(size=changed[cut:].shape) * 100
+    one, other = (windowed_velocity(times, v, 0.15)[:cut] for v in (values, changed))
+    assert np.array_equal(one, other, equal_nan=True)
+
+
+def test_velocity_far_from_the_origin_and_late_in_a_recording():
+    times = 3600.0 + np.arange(0.0, 600.0, 0.01)
+    values = 1e4 + 0.3 * (times[:, None] - 3600.0)
+    np.testing.assert_allclose(windowed_velocity(times, values, 0.15)[50:], 0.3, rtol=1e-3)
+
+
+@given(seeds, st.floats(0.5, 2.0), st.floats(0.0, 0.003))
+@settings(max_examples=25)
+def test_offline_detector_equals_the_streamed_one(seed, duration, noise):
+    times, values = reach(np.random.default_rng(seed), duration_s=duration, noise_m=noise)
+    online, _ = streamed(REFERENCE, times, values)
+    assert first_onset(REFERENCE, times, values) == online
+
+
+@given(seeds)
+@settings(max_examples=15)
+def test_offline_equals_streamed_on_irregular_samples_and_repeated_starts(seed):
+    """Short twitches below the persistence must not count, in neither."""
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.004, 0.03, size=250))
+    values = np.cumsum(rng.normal(size=(250, 2)) * 0.004, axis=0)
+    assert first_onset(REFERENCE, times, values) == streamed(REFERENCE, times, values)[0]
+
+
+def test_the_future_changes_nothing(rng):
+    times, values = reach(rng)
+    onset, end = streamed(REFERENCE, times, values)
+    changed = values.copy()
+    changed[end:] = rng.normal(size=changed[end:].shape) * 10.0
+    assert streamed(REFERENCE, times, changed) == (onset, end)
+    assert first_onset(REFERENCE, times, changed) == onset
+
+
+@pytest.mark.parametrize("rate_hz", [30.0, 100.0, 300.0])
+@pytest.mark.parametrize("noise_m", [0.0, 0.002])
+def test_noise_alone_never_triggers(noise_m, rate_hz):
+    for seed in range(5):
+        times, values = reach(
+            np.random.default_rng(seed),
+            distance_m=0.0,
+            before_s=30.0,
+            rate_hz=rate_hz,
+            noise_m=noise_m,
+        )
+        assert first_onset(REFERENCE, times, values) is None
+
+
+@pytest.mark.parametrize("speed", [1 / 2.5, 1 / 1.6, 1.0, 1.6, 2.5])
+def test_onset_of_a_minimum_jerk_reach_is_found_over_a_range_of_speeds(speed):
+    """A reach of 0.5 m/s peak at factor 1; the onset is put where the movement began."""
+    duration = 1.5 / speed
+    errors = []
+    for seed in range(10):
+        times, values = reach(np.random.default_rng(seed), duration_s=duration, before_s=1.5)
+        onset = first_onset(REFERENCE, times, values)
+        assert onset is not None
+        errors.append(onset - 1.5)
+    assert np.abs(errors).max() < 0.15 * duration
+    assert -0.1 * duration < np.mean(errors) < 0.06 * duration
+
+
+def test_detection_comes_soon_after_the_movement_began(rng):
+    for duration in (0.6, 1.0, 1.5):
+        times, values = reach(rng, duration_s=duration)
+        onset, end = streamed(REFERENCE, times, values)
+        assert times[end - 1] - 1.0 < 0.45 * duration
+        assert onset <= times[end - 1]
+
+
+def test_a_twitch_shorter_than_the_persistence_is_ignored():
+    times = np.arange(0.0, 3.0, 0.01)
+    values = np.zeros((300, 1))
+    values[150] = 0.02  # one outlier of a tracker
+    assert first_onset(OnsetSettings(0.5, window_s=0.05), times, values) is None
+
+
+def test_a_gap_before_the_movement_does_no_harm(rng):
+    times, values = reach(rng)
+    seen = (times < 0.4) | (times > 0.9)
+    onset = first_onset(REFERENCE, times[seen], values[seen])
+    assert onset == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3])
+def test_too_few_samples_are_no_movement(n):
+    times, values = np.arange(n) * 0.1, np.zeros((n, 2))
+    assert detect_onset(REFERENCE, times, values) is None
+    assert first_onset(REFERENCE, times, values) is None
+    assert not at_rest(REFERENCE, times, values)
+    assert peak_speed(times, values) == 0.0
+
+
+def test_rest_needs_its_time_and_ends_with_movement(rng):
+    times, values = reach(rng, before_s=1.0, duration_s=1.0, after_s=1.0)
+    resting = np.array(
+        [at_rest(REFERENCE, times[:end], values[:end]) for end in range(1, len(times) + 1)]
+    )
+    assert not resting[times < 0.3].any()
+    assert resting[(times > 0.6) & (times < 1.0)].all()
+    assert not resting[(times > 1.3) & (times < 2.0)].any()
+    assert resting[times > 2.6].all()
+    assert not at_rest(REFERENCE, times, values, rest_s=2.5)
+
+
+def test_peak_speed_of_a_minimum_jerk_reach(rng):
+    times, values = reach(rng, duration_s=2.0, distance_m=0.4, noise_m=0.0)
+    assert peak_speed(times, values) == pytest.approx(1.875 * 0.4 / 2.0, rel=0.01)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.001, 0.003])
+@pytest.mark.parametrize("duration_s", [0.6, 1.5, 3.0])
+def test_last_motion_is_the_end_of_the_reach_however_long_the_rest(duration_s, noise_m):
+    for seed, after_s in enumerate((1.0, 5.0, 20.0)):
+        times, values = reach(
+            np.random.default_rng(seed), duration_s=duration_s, after_s=after_s, noise_m=noise_m
+        )
+        assert last_motion(REFERENCE, times, values) == pytest.approx(1.0 + duration_s, abs=0.25)
+
+
+def test_last_motion_of_the_last_of_several_movements_and_of_none(rng):
+    times, values = reach(rng, after_s=0.5)
+    later, again = reach(rng)
+    times = np.r_[times, times[-1] + 0.01 + later]
+    values = np.vstack([values, values[-1] + again])
+    assert last_motion(REFERENCE, times, values) == pytest.approx(2.5 + 2.0, abs=0.15)
+    assert last_motion(REFERENCE, times, np.zeros_like(values)) == times[0]
+
+
+@pytest.mark.parametrize("name", ["reference_speed", "window_s", "persistence_s", "rest_share"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_settings_that_cannot_be_are_refused(name, value):
+    with pytest.raises(ArgumentError, match=f"{name}: expected a positive number.*OnsetSettings"):
+        OnsetSettings(**{"reference_speed": 1.0, name: value})

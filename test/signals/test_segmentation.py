@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cutting a recording to the interaction."""
+
+import numpy as np
+import pytest
+from simulation import START_NS, minimum_jerk
+
+from intent_recognition.signals.onset import OnsetSettings, first_onset
+from intent_recognition.signals.segmentation import END_MARGIN_S, movement_span, onset_settings
+from intent_recognition.signals.signal import Signal
+
+
+def moving(begin_s: float, end_s: float, total_s: float = 6.0, rng=None) -> Signal:
+    """One DOF that goes from 0 to 0.4 between two times."""
+    times = np.arange(0.0, total_s, 0.01)
+    values = 0.4 * minimum_jerk((times - begin_s) / (end_s - begin_s))[:, None]
+    if rng is not None:
+        values = values + 0.0005 * rng.normal(size=values.shape)
+    return Signal(("x",), START_NS + np.round(times * 1e9).astype(np.int64), values, "m")
+
+
+def span(observed, controlled, end_s: float = 6.0) -> tuple[float, float]:
+    settings = (OnsetSettings(0.5),)
+    found = movement_span(
+        observed,
+        controlled,
+        settings * len(observed),
+        settings * len(controlled),
+        START_NS,
+        START_NS + round(end_s * 1e9),
+    )
+    return (found[0] - START_NS) * 1e-9, (found[1] - START_NS) * 1e-9
+
+
+def test_from_the_humans_onset_to_the_end_of_the_last_of_both(rng):
+    start, end = span([moving(1.0, 2.0, rng=rng)], [moving(1.5, 4.0, rng=rng)])
+    assert start == pytest.approx(1.0, abs=0.12)
+    assert end == pytest.approx(4.0 + END_MARGIN_S, abs=0.25)
+    _, end = span([moving(1.0, 4.5)], [moving(1.5, 3.0)])
+    assert end == pytest.approx(4.5 + END_MARGIN_S, abs=0.25)
+
+
+def test_a_robot_that_moves_first_does_not_begin_the_interaction():
+    start, _ = span([moving(2.0, 3.0)], [moving(0.5, 4.0)])
+    assert start == pytest.approx(2.0, abs=0.12)
+
+
+def test_the_earliest_of_several_observed_signals_begins_it():
+    start, _ = span([moving(2.5, 3.0), moving(1.0, 2.0)], [moving(2.0, 4.0)])
+    assert start == pytest.approx(1.0, abs=0.12)
+
+
+def test_the_start_is_what_the_online_detector_would_say(rng):
+    signal = moving(1.0, 2.0, rng=rng)
+    start, _ = span([signal], [moving(1.5, 3.0)])
+    online = first_onset(OnsetSettings(0.5), signal.seconds(START_NS), signal.values)
+    assert start == pytest.approx(online, abs=1e-9)
+
+
+def test_a_recording_without_onset_is_kept_whole():
+    still = Signal(("x",), START_NS + np.arange(100) * 10_000_000, np.zeros((100, 1)), "m")
+    assert span([still], [still], 0.99) == pytest.approx((0.0, 0.99))
+
+
+def test_the_end_never_lies_behind_the_recordings():
+    _, end = span([moving(1.0, 2.0)], [moving(1.0, 7.0)], 5.95)
+    assert end == 5.95
+
+
+def test_reference_speed_is_the_median_of_the_peaks(rng):
+    recordings = [(moving(1.0, 1.0 + d),) for d in (1.0, 2.0, 4.0)]
+    settings = onset_settings(recordings)
+    assert len(settings) == 1
+    assert settings[0].reference_speed == pytest.approx(1.875 * 0.4 / 2.0, rel=0.02)
+
+
+def test_signals_that_never_move_or_are_empty_still_get_settings():
+    empty = Signal(("x",), [], np.zeros((0, 1)), "m")
+    still = Signal(("x",), [1, 2, 3, 4], np.zeros((4, 1)), "m")
+    for signal in (empty, still):
+        assert onset_settings([(signal,)])[0].reference_speed > 0

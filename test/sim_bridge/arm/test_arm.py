@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the simulated arm does when held, pushed, guided, loaded and moved."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
+from intent_recognition.kinematics.forward import hand_position, jacobian
+from intent_recognition.kinematics.lwr import LWR_LIMITS
+from sim_bridge.arm.arm import READY_POSITION, LwrArm, SensorNoise
+from sim_bridge.arm.controllers import ControllerGains
+from sim_bridge.arm.trajectory_command import TrajectoryCommand
+from sim_bridge.arm.trajectory_follower import TrajectoryFollower
+
+
+@pytest.fixture(scope="module")
+def world():
+    with LwrArm() as made:
+        yield made
+
+
+@pytest.fixture
+def arm(world):
+    world.before_step.clear()
+    world.set_gravity_compensation(False)
+    world.set_payload(0.0)
+    world.reset()
+    return world
+
+
+def displacement_mm(arm, start):
+    return 1000.0 * float(np.linalg.norm(arm.hand_pose().position - start))
+
+
+def test_holds_still(arm):
+    arm.step(2000)
+    assert np.allclose(arm.state().q, READY_POSITION, atol=1e-9)
+    assert arm.time_s == pytest.approx(2.0)
+    assert arm.saturated_steps == 0
+
+
+def test_gravity_compensation_does_not_drift(arm):
+    arm.set_gravity_compensation(True)
+    arm.step(5000)
+    assert np.allclose(arm.state().q, READY_POSITION, atol=1e-9)
+
+
+@pytest.mark.parametrize(("force_n", "least_mm", "most_mm"), [(10.0, 15, 70), (30.0, 50, 200)])
+@pytest.mark.parametrize("direction", [(0.0, 1.0, 0.0), (0.0, 0.0, -1.0)])
+def test_push_moves_it_and_it_comes_back(arm, force_n, least_mm, most_mm, direction):
+    start = arm.hand_pose().position
+    arm.apply_force(force_n * np.array(direction), n_steps=2000)
+    arm.step(2000)
+    assert least_mm < displacement_mm(arm, start) < most_mm
+    arm.step(2500)
+    assert displacement_mm(arm, start) < 2.0
+
+
+def test_push_deflects_as_the_stiffness_says(arm):
+    """At rest, torque from stiffness balances J^T f (small deflection)."""
+    force = np.array([0.0, 1.0, 0.5])
+    arm.apply_force(force, n_steps=6000)
+    arm.step(6000)
+    state = arm.state()
+    balance = arm.gains.stiffness * (state.q - np.array(READY_POSITION))
+    assert np.allclose(balance, jacobian(state.q)[:3].T @ force, atol=1e-3)
+
+
+def test_a_push_ends_after_its_steps(arm):
+    arm.set_gravity_compensation(True)
+    arm.apply_force(np.array([0.0, 20.0, 0.0]), n_steps=5)
+    arm.step(5)
+    speed = np.linalg.norm(arm.state().qd)
+    arm.step(1)
+    assert np.linalg.norm(arm.state().qd) <= speed
+    impulse_torque = jacobian(np.array(READY_POSITION))[:3].T @ np.array([0.0, 20.0, 0.0])
+    assert arm.state().qd @ impulse_torque > 0.0
+
+
+def test_torque_never_exceeds_its_limits(arm):
+    """A reference far away saturates, is clipped and is counted."""
+    seen = []
+    arm.before_step.append(lambda a: seen.append(np.abs(a.state().torque)))
+    target = np.array(READY_POSITION) + np.array([2.0, 1.2, 2.0, -2.0, 2.0, 2.0, -2.8])
+    arm.set_reference(target)
+    arm.apply_force(np.array([0.0, 300.0, 100.0]), n_steps=500)
+    arm.step(1500)
+    assert np.all(np.array(seen) <= LWR_LIMITS.torque)
+    assert arm.saturated_steps > 0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("guided", [False, True])
+def test_joint_limits_hold_under_a_push(arm, sign, guided):
+    q = np.array(READY_POSITION)
+    q[0] = sign * (LWR_LIMITS.upper[0] - 0.15)
+    arm.reset(q)
+    arm.set_gravity_compensation(guided)
+    side = np.array([-np.sin(q[0]), np.cos(q[0]), 0.0]) * sign
+    arm.apply_force(60.0 * side, n_steps=3000)
+    worst = []
+    arm.before_step.append(lambda a: worst.append(np.max(np.abs(a.state().q) - LWR_LIMITS.upper)))
+    arm.step(3000)
+    assert max(worst) < 0.005
+    assert np.max(np.abs(arm.state().q[0])) > abs(q[0]) + 0.05
+
+
+def test_payload_is_carried(arm):
+    """Half a kilogram at the hand, as a force: sags without compensation, not with it."""
+    weight = np.array([0.0, 0.0, -0.5 * 9.81])
+    start = arm.hand_pose().position
+    sag = []
+    for mass in (0.0, 0.5):
+        arm.reset()
+        arm.set_payload(mass, (0.0, 0.0, 0.05))
+        arm.apply_force(weight, n_steps=3000, point_m=(0.0, 0.0, 0.05))
+        arm.step(3000)
+        sag.append(displacement_mm(arm, start))
+    assert 3.0 < sag[0] < 30.0
+    assert sag[1] < 0.1
+
+
+def test_tracks_a_smooth_trajectory(arm):
+    """Rest to rest over 1.5 s: less than 5 mm rms at the hand."""
+    start = np.array(READY_POSITION)
+    goal = start + np.array([0.6, 0.3, -0.3, -0.4, 0.3, 0.4, 0.5])
+    follower = TrajectoryFollower(start)
+    names = [f"lwr_a{i}_joint" for i in range(1, 8)]
+    z = np.linspace(0.0, 1.0, 31)
+    shape = 10 * z**3 - 15 * z**4 + 6 * z**5
+    rate = (30 * z**2 - 60 * z**3 + 30 * z**4) / 1.5
+    follower.accept(
+        TrajectoryCommand.validated(
+            names, 1.5 * z, start + shape[:, None] * (goal - start), rate[:, None] * (goal - start)
+        ),
+        0.0,
+    )
+    arm.before_step.append(lambda a: a.set_reference(*follower.sample(a.time_s)))
+    errors = []
+    for _ in range(2000):
+        arm.step()
+        wanted = hand_position(follower.sample(arm.time_s).q)
+        errors.append(np.linalg.norm(arm.hand_pose().position - wanted))
+    assert np.sqrt(np.mean(np.square(errors))) < 0.005
+    assert errors[-1] < 0.0005
+
+
+def test_a_spring_like_hand_guides_the_arm(arm):
+    """Kinesthetic teaching: a hook pulls the hand toward a moving point; let go, it stops."""
+    arm.set_gravity_compensation(True)
+    start = arm.hand_pose().position
+    goal = start + np.array([0.05, 0.20, 0.10])
+
+    def pull(a):
+        if a.time_s < 2.5:
+            share = min(a.time_s / 1.5, 1.0)
+            target = start + share * (goal - start)
+            a.apply_force(300.0 * (target - a.hand_pose().position) - 25.0 * a.hand_velocity())
+
+    arm.before_step.append(pull)
+    arm.step(2500)
+    assert np.linalg.norm(arm.hand_pose().position - goal) < 0.03
+    arm.step(2000)
+    assert np.abs(arm.state().qd).max() < 0.05
+
+
+def test_taking_hold_again_does_not_jump(arm):
+    arm.set_gravity_compensation(True)
+    arm.apply_force(np.array([0.0, 15.0, 0.0]), n_steps=600)
+    arm.step(2500)
+    before = arm.state().q
+    arm.set_gravity_compensation(False)
+    assert np.array_equal(arm.reference.q, before)
+    arm.step(1500)
+    assert np.abs(arm.state().q - before).max() < 0.05
+
+
+def test_two_runs_are_equal_bit_for_bit():
+    ends = []
+    for _ in range(2):
+        with LwrArm() as arm:
+            arm.apply_force(np.array([3.0, 20.0, -5.0]), n_steps=300)
+            arm.step(800)
+            ends.append(arm.state().q)
+    assert np.array_equal(*ends)
+
+
+def test_sensor_noise_has_its_standard_deviation():
+    noise = SensorNoise(1e-3, 2e-2, 0.5)
+    with LwrArm(noise=noise, rng=np.random.default_rng(5)) as arm:
+        drawn = [arm.state() for _ in range(600)]
+    for k, std in enumerate((1e-3, 2e-2, 0.5)):
+        assert np.std([state[k] for state in drawn], axis=0).mean() == pytest.approx(std, rel=0.1)
+
+
+def test_stiffness_scale_keeps_the_damping_ratio():
+    gains = ControllerGains()
+    stiffer = gains.scaled(4.0)
+    assert np.allclose(stiffer.stiffness, 4.0 * gains.stiffness)
+    assert np.allclose(stiffer.damping, 2.0 * gains.damping)
+    with pytest.raises(ArgumentError):
+        gains.scaled(0.0)
+
+
+def test_bad_arguments(arm):
+    with pytest.raises(ArgumentError, match="rng"):
+        LwrArm(noise=SensorNoise())
+    with pytest.raises(KinematicsError, match="lwr_a2_joint"):
+        arm.reset(np.array([0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(ShapeError):
+        arm.set_reference(np.zeros(6))
+    with pytest.raises(ArgumentError, match="finite"):
+        arm.set_reference(np.full(7, np.nan))
+    with pytest.raises(ArgumentError):
+        arm.apply_force(np.array([np.inf, 0.0, 0.0]))
+    with pytest.raises(ArgumentError):
+        arm.set_payload(-1.0)

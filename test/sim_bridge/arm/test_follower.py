@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reference curve: interpolation, stamps, replacement without a jump, holding."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis.strategies import composite, floats, integers, lists, none, one_of
+
+from intent_recognition.errors import ShapeError
+from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
+from sim_bridge.arm.trajectory_command import TrajectoryCommand
+from sim_bridge.arm.trajectory_follower import BlendSettings, TrajectoryFollower
+
+REST = np.zeros(7)
+
+
+def quintic_rows(start, goal, duration_s, n):
+    """Times and rows of positions, velocities and accelerations from rest to rest."""
+    z = np.linspace(0.0, 1.0, n)[:, None]
+    way = goal - start
+    q = start + way * (10 * z**3 - 15 * z**4 + 6 * z**5)
+    qd = way * (30 * z**2 - 60 * z**3 + 30 * z**4) / duration_s
+    qdd = way * (60 * z - 180 * z**2 + 120 * z**3) / duration_s**2
+    return z[:, 0] * duration_s, q, qd, qdd
+
+
+def command(*rows, **options):
+    return TrajectoryCommand.validated(JOINT_NAMES, *rows, **options)
+
+
+def samples(follower, times):
+    references = [follower.sample(t) for t in times]
+    return tuple(np.array([getattr(r, field) for r in references]) for field in ("q", "qd", "qdd"))
+
+
+def test_quintic_points_give_the_quintic_back():
+    times, q, qd, qdd = quintic_rows(REST, np.full(7, 0.5), 2.0, 5)
+    follower = TrajectoryFollower(REST)
+    follower.accept(command(times, q, qd, qdd), 0.0)
+    fine, *expected = quintic_rows(REST, np.full(7, 0.5), 2.0, 401)
+    for found, wanted in zip(samples(follower, fine), expected, strict=True):
+        assert np.allclose(found, wanted, atol=1e-9)
+
+
+def test_cubic_through_points_and_velocities():
+    times, q, qd, _ = quintic_rows(REST, np.full(7, 0.5), 2.0, 9)
+    follower = TrajectoryFollower(REST)
+    follower.accept(command(times, q, qd), 3.0)
+    found_q, found_qd, _ = samples(follower, 3.0 + times)
+    assert np.allclose(found_q, q, atol=1e-12)
+    assert np.allclose(found_qd, qd, atol=1e-12)
+
+
+def test_positions_alone_do_not_overshoot():
+    q = np.outer([0.0, 0.3, 0.35, 0.35, 0.1], np.ones(7))
+    follower = TrajectoryFollower(REST)
+    follower.accept(command([0.0, 0.5, 1.0, 1.5, 2.0], q), 0.0)
+    found, velocities, _ = samples(follower, np.linspace(0.0, 2.0, 500))
+    assert found.max() <= 0.35 + 1e-9
+    assert found.min() >= -1e-9
+    assert np.abs(np.diff(velocities, axis=0)).max() < 0.05
+
+
+def test_names_in_any_order():
+    order = [3, 0, 6, 1, 5, 2, 4]
+    goal = np.arange(7) * 0.1
+    times, q, qd, qdd = quintic_rows(REST, goal, 2.0, 5)
+    shuffled = TrajectoryCommand.validated(
+        [JOINT_NAMES[i] for i in order], times, q[:, order], qd[:, order], qdd[:, order]
+    )
+    assert np.array_equal(shuffled.positions, q)
+    assert np.array_equal(shuffled.velocities, qd)
+    assert np.array_equal(shuffled.accelerations, qdd)
+
+
+def test_single_point_is_reached_at_its_time_and_held():
+    goal = np.full(7, 0.4)
+    follower = TrajectoryFollower(REST)
+    follower.accept(command([2.0], [goal]), 1.0)
+    assert follower.moving_until_s() == 3.0
+    for t in (3.0, 3.5, 100.0):
+        reference = follower.sample(t)
+        assert np.allclose(reference.q, goal, atol=1e-9)
+        assert np.allclose(reference.qd, 0.0, atol=1e-9)
+    assert np.all(follower.sample(2.0).q > 0.1)
+
+
+def test_a_point_too_soon_is_reached_later_within_the_limits():
+    follower = TrajectoryFollower(REST)
+    follower.accept(command([0.001], [np.full(7, 0.8)]), 0.0)
+    q, qd, qdd = samples(follower, np.linspace(0.0, 3.0, 3000))
+    assert np.all(np.abs(qd) <= LWR_LIMITS.velocity)
+    assert np.all(np.abs(qdd) <= LWR_LIMITS.acceleration)
+    assert np.allclose(q[-1], 0.8)
+
+
+def test_future_stamp_waits_and_the_old_one_goes_on():
+    follower = TrajectoryFollower(REST)
+    times, q, qd, qdd = quintic_rows(REST, np.full(7, 0.5), 2.0, 9)
+    follower.accept(command(times, q, qd, qdd), 0.0)
+    alone = samples(follower, np.linspace(0.0, 1.0, 100))
+    later = command(times, q * -1.0, -qd, -qdd, start_s=1.0)
+    follower.accept(later, 0.5)
+    both = samples(follower, np.linspace(0.5, 0.9999, 50))
+    assert np.allclose(both[0], np.interp(np.linspace(0.5, 0.9999, 50),
+                       np.linspace(0.0, 1.0, 100), alone[0][:, 0])[:, None], atol=1e-4)  # fmt: skip
+    assert np.allclose(follower.sample(10.0).q, -0.5)
+
+
+def test_points_in_the_past_are_skipped():
+    times, q, qd, qdd = quintic_rows(REST, np.full(7, 0.5), 2.0, 9)
+    follower = TrajectoryFollower(q[4])
+    follower.accept(command(times, q, qd, qdd, start_s=4.0, now_s=5.0), 5.0)
+    # The second half is followed once the difference in velocity has faded.
+    assert np.allclose(follower.sample(5.9).q, q[-1], atol=2e-2)
+    assert np.allclose(follower.sample(6.5).q, q[-1], atol=1e-9)
+
+
+def test_a_later_command_replaces_one_that_waits():
+    follower = TrajectoryFollower(REST)
+    follower.accept(command([1.0], [np.full(7, 0.5)], start_s=5.0), 0.0)
+    follower.accept(command([1.0], [np.full(7, -0.3)], start_s=2.0), 0.0)
+    assert np.allclose(follower.sample(20.0).q, -0.3)
+    assert np.allclose(follower.sample(1.9).q, 0.0)
+
+
+def test_hold_forgets_everything():
+    follower = TrajectoryFollower(REST)
+    follower.accept(command([1.0], [np.full(7, 0.5)]), 0.0)
+    follower.hold(np.full(7, 0.2))
+    assert np.array_equal(follower.sample(5.0).q, np.full(7, 0.2))
+    assert follower.moving_until_s() == -np.inf
+    with pytest.raises(ShapeError):
+        follower.hold(np.zeros(6))
+
+
+@composite
+def scripts(draw):
+    """Commands with their moments of arrival: gaps, goals, durations, stamps."""
+    script = []
+    now = 0.0
+    for _ in range(draw(integers(1, 5))):
+        now += draw(floats(0.0, 1.5))
+        goal = np.array(draw(lists(floats(-1.0, 1.0), min_size=7, max_size=7)))
+        begin = np.array(draw(lists(floats(-1.0, 1.0), min_size=7, max_size=7)))
+        delay = draw(one_of(none(), floats(-0.5, 1.0)))
+        script.append((now, begin, goal, draw(floats(2.5, 4.0)), draw(integers(2, 6)), delay))
+    return script
+
+
+@settings(max_examples=60, deadline=None)
+@given(scripts())
+def test_replacement_is_continuous_and_its_acceleration_bounded(script):
+    """Position and velocity at every switch agree from both sides; acceleration has a bound."""
+    blend = BlendSettings()
+    follower = TrajectoryFollower(REST, blend=blend)
+    switches, own = [], 0.0
+    for now, begin, goal, duration, n, delay in script:
+        times, q, qd, qdd = quintic_rows(begin, goal, duration, n)
+        start = None if delay is None else now + delay
+        new = command(times, q, qd, qdd, start_s=start, now_s=now)
+        switch = now if delay is None else max(now, now + delay)
+        before = follower.sample(switch) if switch == now else None
+        follower.accept(new, now)
+        after = follower.sample(switch)
+        if before is not None:
+            assert np.allclose(before.q, after.q, atol=1e-9)
+            assert np.allclose(before.qd, after.qd, atol=1e-9)
+        switches.append(switch)
+        own = max(
+            own,
+            float(np.abs(qdd).max()),
+            10 / np.sqrt(3) * np.abs(goal - begin).max() / duration**2,
+        )
+        # What is still to come is smooth everywhere, across switches that wait as well.
+        grid = np.arange(now, now + 8.0, 0.005)
+        found_q, found_qd, found_qdd = samples(follower, grid)
+        bound = own * len(switches) + blend.acceleration_fraction * 8.0 * len(switches) + 1e-6
+        assert np.abs(found_qdd).max() <= bound
+        assert np.abs(np.diff(found_qd, axis=0)).max() <= bound * 0.005 + 1e-9
+        speed = np.abs(found_qd).max()
+        assert np.abs(np.diff(found_q, axis=0)).max() <= speed * 0.005 + bound * 0.005**2
+    assert np.allclose(follower.sample(50.0).qd, 0.0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(lists(floats(-1.5, 1.5), min_size=7, max_size=7), floats(0.1, 1.0))
+def test_blend_alone_keeps_its_share_of_the_acceleration(goal, fraction):
+    follower = TrajectoryFollower(REST, blend=BlendSettings(acceleration_fraction=fraction))
+    follower.accept(command([0.0], [goal]), 0.0)
+    _, _, qdd = samples(follower, np.linspace(0.0, 5.0, 2000))
+    assert np.all(np.abs(qdd) <= fraction * LWR_LIMITS.acceleration * (1.0 + 1e-9))
+
+
+def test_a_stream_of_updates_is_smooth():
+    """Twenty commands a second along slightly different paths, as activation sends them."""
+    rng = np.random.default_rng(7)
+    follower = TrajectoryFollower(REST)
+    velocities = []
+    goal = np.full(7, 0.6)
+    times, q, qd, qdd = quintic_rows(REST, goal, 2.0, 41)
+    for k in range(40):
+        now = 0.05 * k
+        shift = 0.01 * rng.standard_normal(7)
+        rows = slice(k, None)
+        share = (np.arange(41) / 40)[rows, None]
+        follower.accept(
+            command(times[rows] - now, (q[rows] + share * shift), qd[rows], qdd[rows]), now
+        )
+        _, part, acceleration = samples(follower, np.arange(now, now + 0.05, 0.001))
+        assert np.abs(acceleration).max() < 8.0
+        velocities.append(part)
+    assert np.abs(np.diff(np.concatenate(velocities), axis=0)).max() <= 8.0 * 0.001 + 1e-9

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stiffness from the spread of the prediction, alone and in the node."""
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from intent_recognition.errors import ArgumentError, TrajectoryError
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.motion.feedback_controller import FeedbackSettings, resting_gains
+from intent_recognition.nodes.qos import COMMAND, STATE
+from sim_bridge.arm.arm import LwrArm
+from sim_bridge.arm.spread_control import HOLD_S, SpreadControl
+from sim_bridge.nodes.lwr_sim import LwrSim
+from sim_bridge.scenarios.toolbox.scene import HOME
+
+SURE, UNSURE = np.full(7, 0.005), np.full(7, 0.15)
+
+
+def deflection(control, force_n=8.0):
+    """How far a push moves the resting hand [m], and where it is a while later."""
+    with LwrArm(HOME) as arm:
+        if control is not None:
+            arm.before_step.append(control.control)
+        arm.step(50)
+        before = arm.hand_pose().position
+        arm.apply_force(np.array([0.0, force_n, 0.0]), n_steps=300)
+        farthest = 0.0
+        for _ in range(40):
+            arm.step(10)
+            farthest = max(farthest, np.linalg.norm(arm.hand_pose().position - before))
+        arm.step(6000)
+        return farthest, np.linalg.norm(arm.hand_pose().position - before)
+
+
+def taken(std, length_s=20.0):
+    control = SpreadControl()
+    control.take(0.0, JOINT_NAMES, [0.0, length_s], [std, std])
+    return control
+
+
+def test_a_sure_prediction_is_held_firmly_and_an_unsure_one_softly():
+    firm, soft = deflection(taken(SURE)), deflection(taken(UNSURE))
+    assert firm[0] < 0.5 * soft[0]
+    assert firm[1] < 1e-3
+    assert soft[1] < 0.01
+
+
+def test_without_a_prediction_the_arm_has_low_gains():
+    assert deflection(SpreadControl()) == deflection(None)
+    assert not SpreadControl().in_force(0.0)
+
+
+def test_gains_go_from_point_to_point_and_end_after_a_hold():
+    control = SpreadControl()
+    control.take(1.0, JOINT_NAMES[::-1], [0.0, 2.0], [np.arange(7) * 0.01 + 0.01, SURE])
+    first = resting_gains(np.arange(7)[::-1] * 0.01 + 0.01, FeedbackSettings())
+    last = resting_gains(SURE, FeedbackSettings())
+    np.testing.assert_allclose(control.gains(0.0), first)
+    np.testing.assert_allclose(control.gains(2.0), 0.5 * (np.array(first) + last))
+    np.testing.assert_allclose(control.gains(9.0), last)
+    assert control.in_force(3.0 + HOLD_S)
+    assert not control.in_force(3.1 + HOLD_S)
+
+
+@pytest.mark.parametrize(
+    ("names", "times", "std"),
+    [
+        (JOINT_NAMES[:6], [0.0], [SURE[:6]]),
+        (JOINT_NAMES, [0.0], [[]]),
+        (JOINT_NAMES, [], []),
+        (JOINT_NAMES, [0.0], [-SURE]),
+        (JOINT_NAMES, [0.0], [SURE * np.nan]),
+        (JOINT_NAMES, [1.0, 1.0], [SURE, SURE]),
+    ],
+)
+def test_bad_predictions_are_refused_and_the_one_before_stays(names, times, std):
+    control = taken(UNSURE)
+    before = control.gains(0.0)
+    with pytest.raises(TrajectoryError):
+        control.take(0.0, names, times, std)
+    np.testing.assert_array_equal(control.gains(0.0), before)
+
+
+def prediction(std):
+    message = JointTrajectory(joint_names=list(JOINT_NAMES))
+    for k in range(3):
+        point = JointTrajectoryPoint(positions=list(HOME), effort=[float(s) for s in std])
+        point.time_from_start = Duration(sec=10 * k)
+        message.points.append(point)
+    return message
+
+
+def test_the_node_takes_the_spread_of_predictions(harness):
+    heard = harness.collect(DiagnosticArray, "/diagnostics", 10)
+    sender = harness.publisher(JointTrajectory, "intent/robot_trajectory", COMMAND)
+    overrides = [
+        Parameter("controller", value="stochastic_feedback"),
+        Parameter("publish_clock", value=True),
+    ]
+    node = harness.add(LwrSim(parameter_overrides=overrides))
+    harness.connect(sender)
+    assert not node.spread.in_force(node.arm.time_s)
+    sender.publish(prediction(UNSURE))
+    harness.spin_until(lambda: node.spread.in_force(node.arm.time_s))
+    expected = resting_gains(UNSURE, FeedbackSettings())
+    np.testing.assert_allclose(node.spread.gains(node.arm.time_s), expected)
+    sender.publish(prediction([]))
+    harness.spin_until(
+        lambda: any(
+            "bad_prediction" in value.key
+            for message in heard
+            for status in message.status
+            for value in status.values
+        )
+    )
+    assert node.spread.in_force(node.arm.time_s)
+
+
+def test_the_node_reaches_its_goal_by_either_controller(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    predictions = harness.publisher(JointTrajectory, "intent/robot_trajectory", COMMAND)
+    commands = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    overrides = {"controller": "stochastic_feedback", "publish_clock": True}
+    node = harness.add(
+        LwrSim(parameter_overrides=[Parameter(k, value=v) for k, v in overrides.items()])
+    )
+    harness.connect(predictions)
+    harness.connect(commands)
+    goal = np.array(HOME) + 0.1
+    point = JointTrajectoryPoint(positions=goal.tolist(), velocities=[0.0] * 7)
+    point.time_from_start = Duration(nanosec=800_000_000)
+    predictions.publish(prediction(UNSURE))
+    harness.spin_until(lambda: node.spread.in_force(node.arm.time_s))
+    commands.publish(JointTrajectory(joint_names=list(JOINT_NAMES), points=[point]))
+    harness.spin_until(lambda: states and np.abs(states[-1].position - goal).max() < 2e-3)
+    assert node.spread.in_force(node.arm.time_s)
+
+
+def test_low_gains_are_the_default_and_another_name_is_refused(harness):
+    assert harness.add(LwrSim()).spread is None
+    with pytest.raises(ArgumentError, match="controller"):
+        LwrSim(parameter_overrides=[Parameter("controller", value="stiff")])

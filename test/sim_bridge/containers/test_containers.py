@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ten containers and what is said to be true of them."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.warping.parts import Part
+from sim_bridge.containers.generate import CONTAINER_NAMES, Shape, build_container, make_container
+
+SEEDS = (0, 1, 2)
+HANDLED = ("mug", "tall_mug", "espresso_cup", "tea_cup")
+
+
+@pytest.mark.parametrize("name", CONTAINER_NAMES)
+def test_solids_are_closed_and_wound_outward(name):
+    """Wall, handle and cavity are watertight with positive volume."""
+    for seed in SEEDS:
+        container = make_container(name, seed)
+        solids = [container.mesh, container.inner]
+        solids += [] if container.handle is None else [container.handle]
+        for solid in solids:
+            assert solid.is_watertight
+            assert solid.is_winding_consistent
+            assert solid.volume > 0.0
+        assert container.inner.volume == pytest.approx(container.inner_volume_m3)
+        assert container.mesh.bounds[:, 2] == pytest.approx([0.0, container.height_m])
+        assert (container.handle is not None) == (name in HANDLED)
+
+
+@pytest.mark.parametrize("name", CONTAINER_NAMES)
+def test_sections_are_the_wall(name):
+    """The pieces between the rings and the floor fill the solid without its handle."""
+    container = make_container(name, 1)
+    rings, outer = container.sections, container.sections.outer
+    assert (np.diff(rings.heights_m) > 0.0).all()
+    np.testing.assert_allclose(rings.inner[-1], outer[-1])
+    assert (np.linalg.norm(rings.inner, axis=2) <= np.linalg.norm(outer, axis=2) + 1e-12).all()
+    handle = 0.0 if container.handle is None else container.handle.volume
+    areas = [_area(o) - _area(i) for o, i in zip(outer, rings.inner, strict=True)]
+    walls = np.trapezoid(areas, rings.heights_m)
+    floor = np.trapezoid([_area(rings.base), _area(outer[0])], [0.0, rings.heights_m[0]])
+    assert container.mesh.volume - handle == pytest.approx(walls + floor, rel=0.01)
+
+
+def test_a_cylinder_has_the_tilt_of_its_diagonal():
+    """Half of a cylinder is left when its diagonal is level: tan(angle) = height / diameter."""
+    cup = build_container("can", Shape(0.1, 0.03, 0.03, 1e-5, 1e-5))
+    assert np.tan(cup.tilt_reference_rad) == pytest.approx(0.1 / 0.06, rel=2e-3)
+    assert cup.inner_volume_m3 == pytest.approx(np.pi * 0.03**2 * 0.1, rel=3e-3)
+    assert cup.opening_radius_m == pytest.approx(0.03, rel=1e-3)
+
+
+def test_tilt_of_the_mesh_cut_by_a_plane():
+    """Trimesh's own cut of the cavity at the reference tilt leaves half of it."""
+    for name in CONTAINER_NAMES:
+        container = make_container(name, 2)
+        angle = container.tilt_reference_rad
+        above = np.array([np.sin(angle), 0.0, -np.cos(angle)])
+        left = container.inner.slice_plane(container.lip_point, above)
+        # The lid of the cut lies in the plane of the lip: take that as origin.
+        left.apply_translation(-container.lip_point)
+        volume = np.einsum(
+            "ij,ij->i", left.triangles[:, 0], np.cross(left.triangles[:, 1], left.triangles[:, 2])
+        )
+        assert volume.sum() / 6.0 == pytest.approx(0.5 * container.inner_volume_m3, rel=1e-3)
+
+
+def test_labels_know_the_parts():
+    """Points of the handle are outside of the wall; the rim is a band at the top."""
+    for name in CONTAINER_NAMES:
+        container = make_container(name, 0)
+        points = trimesh.sample.sample_surface(container.mesh, 3000, seed=1)[0]
+        labels = container.labels(points)
+        rim, handle = points[labels == Part.RIM], points[labels == Part.HANDLE]
+        assert rim[:, 2].min() > container.height_m - 0.003
+        assert (len(handle) > 0) == (name in HANDLED)
+        if len(handle):
+            assert np.linalg.norm(handle[:, :2], axis=1).min() > 0.5 * container.opening_radius_m
+
+
+def test_lip_is_where_the_other_container_is():
+    """The lip of a round cup points to the other container; a square one offers its side."""
+    cup, square = make_container("tumbler"), make_container("square_bowl")
+    lip = cup.lip_toward(np.array([0.3, 0.3, -0.2]))
+    np.testing.assert_allclose(lip, [*[cup.opening_radius_m / np.sqrt(2)] * 2, cup.height_m], 1e-2)
+    side = square.lip_toward(np.array([0.0, -0.4, 0.0]))
+    assert abs(side[0]) < 0.002
+    assert -side[1] < square.opening_radius_m
+
+
+def test_seeds_make_sizes():
+    """The same seed is the same container, another is not; a wrong name is refused."""
+    first, again, other = (make_container("mug", seed) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.mesh.vertices, again.mesh.vertices)
+    assert first.height_m != other.height_m
+    with pytest.raises(ArgumentError, match="tea_cup"):
+        make_container("bucket")
+
+
+def _area(outline: np.ndarray) -> float:
+    """Area of a closed outline (S, 2)."""
+    following = np.roll(outline, -1, axis=0)
+    return 0.5 * float((outline[:, 0] * following[:, 1] - outline[:, 1] * following[:, 0]).sum())

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The coworker's habit, and the shipped sessions from which it is learned."""
+
+import hashlib
+from collections import Counter
+
+import numpy as np
+
+from intent_recognition.bags.reader import BagReader
+from intent_recognition.demonstrations.task_sequences import read_task_sequences
+from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
+from sim_bridge.coworker.habit import FIRST, FOLLOWS, ORDER, habitual_tasks
+from sim_bridge.coworker.session import parse_task_list
+from sim_bridge.scenarios.toolbox.record_sessions import (
+    FIRST_SEED,
+    INTERACTIONS,
+    SESSIONS,
+    main,
+    record_session,
+)
+
+
+def test_the_habit_is_the_chain_it_says(repository):
+    np.testing.assert_allclose(np.vstack([FOLLOWS, FIRST]).sum(axis=1), 1.0)
+    sequences = [habitual_tasks(seed, 60) for seed in range(100)]
+    counts = count_transitions(sequences, ORDER)
+    shares = counts / counts.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(shares[:3], FOLLOWS, atol=0.03)
+    np.testing.assert_allclose(shares[3], FIRST, atol=0.12)
+    assert min(Counter(sequences[0]).values()) >= 10
+
+
+def test_the_same_seed_gives_the_same_order():
+    assert parse_task_list("habit", 3, 0) == habitual_tasks(3, 40)
+    assert parse_task_list("habit", 3, 12) == habitual_tasks(3, 40)[:12]
+    assert habitual_tasks(3, 40) != habitual_tasks(4, 40)
+
+
+def test_shipped_sessions_can_be_made_again(repository, tmp_path):
+    shipped = repository / "bags" / "sessions"
+    made = record_session(tmp_path, FIRST_SEED + 1, 1, INTERACTIONS)
+    assert BagReader(made).task is None
+    for file in made.iterdir():
+        assert file.read_bytes() == (shipped / made.name / file.name).read_bytes()
+    listed = dict(
+        reversed(line.split()) for line in (shipped / "SHA256SUMS").read_text().splitlines()
+    )
+    files = {
+        str(path.relative_to(shipped)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in shipped.rglob("*")
+        if path.is_file() and path.name != "SHA256SUMS"
+    }
+    assert files == listed
+
+
+def test_shipped_sessions_hold_the_habit(repository):
+    sequences, rejections = read_task_sequences([repository / "bags" / "sessions"])
+    assert rejections == [] and len(sequences) == SESSIONS
+    for number, sequence in enumerate(sequences):
+        assert sequence.tasks == habitual_tasks(FIRST_SEED + number, INTERACTIONS)
+    prior = smoothed_transitions(count_transitions([s.tasks for s in sequences], ORDER))
+    np.testing.assert_allclose(prior[:3], FOLLOWS, atol=0.1)
+
+
+def test_the_command_refuses_to_overwrite(tmp_path, capsys):
+    options = ["--output", str(tmp_path), "--sessions", "1", "--interactions", "1"]
+    assert main(options) == 0
+    assert main(options) == 1
+    assert "record_sessions: output" in capsys.readouterr().err
+    assert main([*options, "--overwrite"]) == 0

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes.qos import SENSOR, STATE
+from sim_bridge.coworker.session import SessionTiming, plan_session
+from sim_bridge.nodes.coworker_sim import SAMPLE_NS, CoworkerSim
+
+LISTENER = QoSProfile(depth=2000, reliability=ReliabilityPolicy.BEST_EFFORT)
+TIMING = SessionTiming(0.5, (0.5, 0.6), (0.1, 0.2), 0.2, 0.5)
+SESSION = {
+    "seed": 5,
+    "task_list": "plate_handover,hold_screwdriver",
+    "first_idle": 0.5,
+    "idle": [0.5, 0.6],
+    "hold": [0.1, 0.2],
+    "last_idle": 0.2,
+    "occlusions": 0.5,
+    "exit_at_end": True,
+}
+
+
+def make(**overrides) -> CoworkerSim:
+    values = {**SESSION, **overrides}
+    return CoworkerSim(parameter_overrides=[Parameter(k, value=v) for k, v in values.items()])
+
+
+def stamp_ns(message: PoseStamped) -> int:
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def play(harness, node, clock, step_ns=5_000_000):
+    """Advance /clock by one step whenever the executor has dispatched, until the session ends."""
+    now = [1_000_000_000]
+
+    def advance():
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = divmod(now[0], 10**9)
+        clock.publish(message)
+        now[0] += step_ns
+        return node.done
+
+    harness.connect(clock)
+    harness.spin_until(advance, deadline_s=60.0, what="end of the session")
+
+
+@pytest.fixture
+def played(harness):
+    poses = harness.collect(PoseStamped, "mocap/wrist/pose", LISTENER)
+    labels = harness.collect(String, "coworker/task", STATE)
+    node = harness.add(make(use_sim_time=True))
+    play(harness, node, harness.publisher(Clock, "/clock", 10))
+    expected = plan_session(5, ["plate_handover", "hold_screwdriver"], TIMING)
+    harness.spin_until(lambda: len(labels) == 5, what="five labels")
+    harness.spin_until(lambda: len(poses) >= expected.samples.visible.sum(), what="all samples")
+    return node, poses, labels, expected
+
+
+def test_publishes_what_the_plan_says_bit_for_bit(played):
+    node, poses, labels, expected = played
+    seen = np.flatnonzero(expected.samples.visible)
+    assert [m.data for m in labels] == ["plate_handover", "", "hold_screwdriver", "", ""]
+    assert [stamp_ns(m) for m in poses] == [node.first_stamp_ns + k * SAMPLE_NS for k in seen]
+    sent = np.array([[m.pose.position.x, m.pose.position.y, m.pose.position.z] for m in poses])
+    np.testing.assert_array_equal(sent, expected.samples.positions_m[seen])
+    assert {m.header.frame_id for m in poses} == {"world"}
+    assert node.diagnostics.rejected("occluded") == np.sum(~expected.samples.visible)
+
+
+def test_waits_for_subscribers_and_for_the_clock(harness):
+    node = harness.add(make(use_sim_time=True))
+    clock = harness.publisher(Clock, "/clock", 10)
+    harness.connect(clock)
+    ticks = []
+    harness.probe.create_timer(0.05, lambda: ticks.append(0))
+    harness.spin_until(lambda: len(ticks) >= 4)
+    assert node.first_stamp_ns == 0
+    harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    message = Clock()
+    message.clock.sec = 7
+
+    def begin():
+        clock.publish(message)
+        return node.first_stamp_ns
+
+    assert harness.spin_until(begin, what="begin of the session") == 7_000_000_000
+
+
+@pytest.mark.parametrize(
+    "bad", [{"task_list": "dance"}, {"task_list": ","}, {"hold": [2.0, 1.0]}, {"seed": -1}]
+)
+def test_bad_parameters_are_named_errors(harness, bad):
+    with pytest.raises(ArgumentError):
+        make(**bad)

@@ -1,0 +1,329 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node lwr_sim on its topics: rates, motion, pushes, guiding, bad input."""
+
+import signal
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from rclpy.parameter import Parameter
+from rclpy.time import Time
+from ros_harness import NodeProcess
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from intent_recognition.errors import ArgumentError, KinematicsError, ResourceBusyError
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
+from sim_bridge.nodes.lwr_sim import LwrSim
+from sim_bridge.scenarios.toolbox.scene import HOME
+
+SHIFT = np.array([0.3, 0.1, -0.2, 0.15, 0.2, -0.1, 0.3])
+
+
+def make(harness, **parameters):
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    return harness.add(LwrSim(parameter_overrides=overrides))
+
+
+def trajectory(goal, time_s=0.8, names=JOINT_NAMES, stamp_ns=0):
+    point = JointTrajectoryPoint(
+        positions=np.asarray(goal, dtype=np.float64).tolist(),
+        velocities=[0.0] * len(goal),
+        time_from_start=Duration(sec=int(time_s), nanosec=int((time_s % 1.0) * 1e9)),
+    )
+    message = JointTrajectory(joint_names=list(names), points=[point])
+    message.header.stamp = Time(nanoseconds=stamp_ns).to_msg()
+    return message
+
+
+def stamp_ns(message):
+    return Time.from_msg(message.header.stamp).nanoseconds
+
+
+def newest(states, field="position"):
+    return np.array(getattr(states[-1], field))
+
+
+def near(states, goal, tolerance=2e-3):
+    still = states and np.abs(newest(states, "velocity")).max() < 0.02
+    return still and np.abs(newest(states) - goal).max() < tolerance
+
+
+def diagnostics_value(messages, key):
+    values = {}
+    for message in messages:
+        for status in message.status:
+            values |= {pair.key: pair.value for pair in status.values}
+    return values.get(key)
+
+
+def test_joint_states_are_200_hz_of_simulated_time_by_their_stamps(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    clocks = harness.collect(Clock, "/clock", STATE)
+    node = make(harness, publish_clock=True, real_time_factor=2.0)
+    harness.spin_until(lambda: len(states) > 200 and len(clocks) > 200)
+    gaps = np.diff([stamp_ns(message) for message in states])
+    assert np.all(gaps == 5_000_000)
+    ticks = np.diff([Time.from_msg(message.clock).nanoseconds for message in clocks])
+    assert np.all(ticks == 5_000_000)
+    assert list(states[0].name) == list(JOINT_NAMES)
+    assert np.allclose(newest(states), HOME, atol=1e-6)
+    assert len(states[-1].velocity) == len(states[-1].effort) == 7
+    assert np.abs(newest(states, "effort")).max() > 1.0
+    assert node.arm.time_s >= 1.0
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_without_clock_stamps_are_ros_time(harness, factor):
+    states = harness.collect(JointState, "joint_states", STATE)
+    node = make(harness, real_time_factor=factor)
+    before = node.get_clock().now().nanoseconds
+    harness.spin_until(lambda: len(states) > 150)
+    stamps = np.array([stamp_ns(message) for message in states])
+    assert np.all(np.diff(stamps) > 0)
+    assert np.median(np.diff(stamps)) == pytest.approx(5e6 / factor, rel=0.02)
+    now = node.get_clock().now().nanoseconds
+    assert before - 200_000_000 < stamps[0] <= stamps[-1] <= now
+
+
+def test_joint_state_rate_is_a_parameter(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    make(harness, publish_clock=True, real_time_factor=2.0, joint_state_rate=300.0)
+    harness.spin_until(lambda: len(states) > 130)
+    stamps = np.array([stamp_ns(message) for message in states]) * 1e-9
+    assert set(np.round(np.diff(stamps), 6)) <= {0.003, 0.004}
+    assert (len(stamps) - 1) / (stamps[-1] - stamps[0]) == pytest.approx(300.0, rel=0.01)
+
+
+def test_description_reaches_late_subscribers(harness):
+    make(harness)
+    texts = harness.collect(String, "robot_description", LATCHED)
+    harness.spin_until(lambda: texts)
+    robot = ET.fromstring(texts[0].data)
+    joints = [j.get("name") for j in robot.iter("joint") if j.get("type") == "revolute"]
+    assert joints == list(JOINT_NAMES)
+
+
+def test_trajectory_moves_the_arm_to_its_target(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    node = make(harness, publish_clock=True, real_time_factor=2.0)
+    harness.connect(sender)
+    sender.publish(trajectory(HOME + SHIFT))
+    harness.spin_until(lambda: near(states, HOME + SHIFT))
+    assert node.diagnostics.rejected("wrong_joint_names") == 0
+    order = [6, 2, 4, 0, 1, 5, 3]
+    sender.publish(trajectory(HOME[order], names=[JOINT_NAMES[i] for i in order]))
+    harness.spin_until(lambda: near(states, HOME))
+
+
+def test_a_stamp_in_the_future_is_waited_for(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    node = make(harness, publish_clock=True, real_time_factor=2.0)
+    harness.connect(sender)
+    start_ns = int((node.arm.time_s + 1.5) * 1e9)
+    sender.publish(trajectory(HOME + SHIFT, stamp_ns=start_ns))
+    harness.spin_until(lambda: near(states, HOME + SHIFT))
+    early = [np.array(m.position) for m in states if stamp_ns(m) < start_ns]
+    assert len(early) > 50
+    assert np.abs(np.array(early) - HOME).max() < 1e-4
+
+
+def test_ros_time_stamps_work_without_clock(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    node = make(harness)
+    harness.connect(sender)
+    harness.spin_until(lambda: states)
+    start_ns = node.get_clock().now().nanoseconds + 300_000_000
+    sender.publish(trajectory(HOME + SHIFT, stamp_ns=start_ns))
+    harness.spin_until(lambda: near(states, HOME + SHIFT))
+    early = [np.array(m.position) for m in states if stamp_ns(m) < start_ns - 10_000_000]
+    assert np.abs(np.array(early) - HOME).max() < 1e-4
+
+
+def bad_messages(now_ns):
+    """One message per reason."""
+    good = HOME + SHIFT
+    nan = trajectory(good)
+    nan.points[0].positions[3] = float("nan")
+    backward = trajectory(good)
+    backward.points = [backward.points[0], trajectory(good, 0.5).points[0]]
+    sizes = trajectory(good)
+    sizes.points[0].velocities = [0.0] * 6
+    running = trajectory(good)
+    running.points[0].velocities = [0.2] * 7
+    return {
+        "wrong_joint_names": trajectory(good, names=[f"joint_{i}" for i in range(7)]),
+        "empty": JointTrajectory(joint_names=list(JOINT_NAMES)),
+        "wrong_size": sizes,
+        "not_finite": nan,
+        "time_not_increasing": backward,
+        "outside_position_limits": trajectory(HOME + 3.0, 9.0),
+        "velocity_at_end": running,
+        "ends_in_past": trajectory(good, 0.001, stamp_ns=1),
+        "starts_too_late": trajectory(good, stamp_ns=now_ns),
+    }
+
+
+def test_bad_trajectories_are_counted_and_the_arm_keeps_moving(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    reports = harness.collect(DiagnosticArray, "/diagnostics")
+    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    node = make(harness, publish_clock=True, real_time_factor=2.0)
+    harness.connect(sender)
+    harness.spin_until(lambda: len(states) > 10)
+    sender.publish(trajectory(HOME + SHIFT, 2.0))
+    harness.spin_until(lambda: node.follower.moving_until_s() > 0.0)
+    until = node.follower.moving_until_s()
+    for reason, message in bad_messages(node.get_clock().now().nanoseconds).items():
+        sender.publish(message)
+        harness.spin_until(lambda reason=reason: node.diagnostics.rejected(reason), what=reason)
+        assert node.follower.moving_until_s() == until
+    harness.spin_until(lambda: near(states, HOME + SHIFT))
+    for reason in bad_messages(1):
+        harness.spin_until(
+            lambda reason=reason: diagnostics_value(reports, f"rejected {reason}") == "1"
+        )
+
+
+def test_diagnostics_report_rate_and_factor(harness):
+    reports = harness.collect(DiagnosticArray, "/diagnostics")
+    make(harness, real_time_factor=1.0)
+    harness.spin_until(lambda: diagnostics_value(reports, "real time factor"))
+    harness.spin_until(lambda: len(reports) >= 3)
+    assert float(diagnostics_value(reports, "rate joint_states [Hz]")) > 100.0
+    assert float(diagnostics_value(reports, "real time factor")) > 0.5
+    for key in ("largest tracking error [rad]", "steps with saturated torque"):
+        assert float(diagnostics_value(reports, key)) < 1.0
+
+
+def push(force, frame="world"):
+    message = WrenchStamped()
+    message.header.frame_id = frame
+    message.wrench.force.x, message.wrench.force.y, message.wrench.force.z = force
+    return message
+
+
+def test_a_push_moves_the_arm_and_it_comes_back(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    pusher = harness.publisher(WrenchStamped, "lwr_sim/push", SENSOR)
+    node = make(harness, publish_clock=True, real_time_factor=2.0)
+    harness.connect(pusher)
+
+    def pushed():
+        pusher.publish(push((0.0, 20.0, 0.0)))
+        return states and np.abs(newest(states) - HOME).max() > 0.05
+
+    harness.spin_until(pushed)
+    harness.spin_until(lambda: near(states, HOME, 2e-3))
+    for force, frame, reason in (
+        ((np.nan, 0.0, 0.0), "world", "not_finite"),
+        ((1e4, 0.0, 0.0), "", "push_too_strong"),
+        ((1.0, 0.0, 0.0), "elsewhere", "unknown_frame"),
+    ):
+        pusher.publish(push(force, frame))
+        harness.spin_until(lambda reason=reason: node.diagnostics.rejected(reason))
+
+
+def test_gravity_compensation_lets_itself_be_guided(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    pusher = harness.publisher(WrenchStamped, "lwr_sim/push", SENSOR)
+    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    node = make(harness, publish_clock=True, real_time_factor=2.0)
+    harness.connect(pusher, sender)
+    harness.spin_until(lambda: states)
+    answer = harness.call(SetBool, "lwr_sim/gravity_compensation", SetBool.Request(data=True))
+    assert answer.success
+    sender.publish(trajectory(HOME + SHIFT))
+    harness.spin_until(lambda: node.diagnostics.rejected("gravity_compensation"))
+    moved_from = len(states)
+
+    def guided():
+        pusher.publish(push((0.0, 12.0, 0.0)))
+        return np.abs(newest(states) - HOME).max() > 0.15
+
+    harness.spin_until(guided)
+    assert len(states) > moved_from
+    harness.spin_until(lambda: np.abs(newest(states, "velocity")).max() < 0.01)
+    there = newest(states)
+    answer = harness.call(SetBool, "lwr_sim/gravity_compensation", SetBool.Request(data=False))
+    assert answer.success
+    assert np.abs(there - HOME).max() > 0.1
+    since = node.arm.time_s
+    harness.spin_until(lambda: node.arm.time_s > since + 1.0)
+    assert np.abs(newest(states) - there).max() < 0.03
+    sender.publish(trajectory(HOME, 1.5))
+    harness.spin_until(lambda: near(states, HOME))
+
+
+def test_follows_the_clock_of_another_node(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    clock = harness.publisher(Clock, "/clock", 10)
+    node = make(harness, use_sim_time=True)
+    harness.connect(clock)
+    time_ns = 10**9
+
+    def advance():
+        nonlocal time_ns
+        time_ns += 10_000_000
+        clock.publish(Clock(clock=Time(nanoseconds=time_ns).to_msg()))
+        return node.arm.n_steps
+
+    harness.spin_until(advance)
+    offset_ns = time_ns - node.arm.n_steps * 1_000_000
+    for _ in range(200):
+        advance()
+        steps = (time_ns - offset_ns) // 1_000_000
+        harness.spin_until(lambda steps=steps: node.arm.n_steps >= steps - 20)
+    assert node.arm.n_steps * 1_000_000 <= time_ns - 10**9
+    harness.spin_until(lambda: len(states) > 300)
+    assert np.all(np.diff([stamp_ns(message) for message in states]) > 0)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error"),
+    [
+        ({"joint_state_rate": 0.0}, ArgumentError),
+        ({"real_time_factor": -1.0}, ArgumentError),
+        ({"stiffness_scale": 0.0}, ArgumentError),
+        ({"initial_position": [0.0] * 6}, ArgumentError),
+        ({"initial_position": [0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0]}, KinematicsError),
+    ],
+)
+def test_bad_parameters(harness, parameters, error):
+    with pytest.raises(error):
+        make(harness, **parameters)
+
+
+def test_no_display_is_said(harness, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(ResourceBusyError, match="display"):
+        make(harness, headless=False)
+
+
+def test_may_follow_its_own_clock(harness):
+    """With `use_sim_time` for the whole graph the clock's publisher still runs by itself."""
+    states = harness.collect(JointState, "joint_states", STATE)
+    node = make(harness, publish_clock=True, use_sim_time=True)
+    harness.spin_until(lambda: len(states) > 50)
+    harness.spin_until(lambda: node.get_clock().now().nanoseconds >= stamp_ns(states[50]))
+
+
+@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
+def test_ends_in_the_middle_of_work_without_a_traceback(harness, signal_number):
+    states = harness.collect(JointState, "joint_states", STATE)
+    arguments = ("--ros-args", "-p", "publish_clock:=true", "-p", "real_time_factor:=5.0")
+    with NodeProcess("sim_bridge.nodes.lwr_sim", *arguments) as process:
+        harness.spin_until(lambda: len(states) > 100)
+        assert process.stop(signal_number) == 0
+    assert "Traceback" not in process.errors
+    assert "lwr_sim" not in process.errors

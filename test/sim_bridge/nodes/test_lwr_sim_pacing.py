@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pacing of the physics against a made-up clock."""
+
+import pytest
+
+from intent_recognition.errors import ArgumentError
+from sim_bridge.arm.pacing import Pacer
+
+
+@pytest.mark.parametrize("factor", [0.25, 1.0, 3.0])
+def test_keeps_the_factor(factor):
+    pacer = Pacer(0.001, factor, 100.0)
+    done = 0
+    for k in range(1, 1001):
+        done += pacer.due(100.0 + 0.002 * k, done)
+    assert done == pytest.approx(2000 * factor, abs=1)
+    assert pacer.achieved_factor(102.0, done) == pytest.approx(factor, rel=1e-3)
+    assert pacer.dropped_s == 0.0
+
+
+def test_catches_up_a_short_pause_in_batches():
+    pacer = Pacer(0.001, 1.0, 0.0, longest_lag_s=0.1, largest_batch=40)
+    done, batches = 0, []
+    while due := pacer.due(0.09, done):
+        batches.append(due)
+        done += due
+    assert batches == [40, 40, 10]
+    assert pacer.dropped_s == 0.0
+
+
+def test_drops_a_backlog_instead_of_chasing_it():
+    pacer = Pacer(0.001, 2.0, 0.0, longest_lag_s=0.1, largest_batch=1000)
+    assert pacer.due(5.0, 0) == 100
+    assert pacer.dropped_s == pytest.approx(9.9)
+    assert pacer.due(5.0, 100) == 0
+    assert pacer.due(5.01, 100) == 20
+    assert pacer.achieved_factor(5.01, 120) == pytest.approx(0.12 / 5.01)
+
+
+def test_goes_on_after_the_clock_was_set_back():
+    pacer = Pacer(0.001, 2.0, 10.0)
+    assert pacer.due(9.0, 0) == 0
+    assert pacer.due(9.01, 0) == 20
+
+
+@pytest.mark.parametrize("arguments", [(0.0, 1.0, 0.0), (0.001, 0.0, 0.0)])
+def test_bad_arguments(arguments):
+    with pytest.raises(ArgumentError):
+        Pacer(*arguments)
+
+
+def test_another_factor_holds_from_the_moment_it_is_set():
+    pacer = Pacer(0.001, 2.0, 10.0)
+    assert pacer.due(10.01, 0) == 20
+    pacer.change_factor(0.5, 10.01, 20)
+    assert pacer.due(10.01, 20) == 0
+    assert pacer.due(10.05, 20) == 20
+
+
+def test_a_change_of_factor_keeps_the_backlog():
+    pacer = Pacer(0.001, 1.0, 0.0)
+    lag = pacer.lag(0.03, 10)
+    pacer.change_factor(3.0, 0.03, 10)
+    assert abs(pacer.lag(0.03, 10) - lag) < 1e-12

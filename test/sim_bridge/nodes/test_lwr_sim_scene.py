@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm node takes the plate from its stand and gives it away, driven by topics alone."""
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from intent_recognition.nodes.qos import COMMAND, LATCHED
+from sim_bridge.coworker.styles import PLATE, STYLES
+from sim_bridge.nodes.lwr_sim import LwrSim
+from sim_bridge.scenarios.toolbox.objects import Holder
+from sim_bridge.scenarios.toolbox.teaching_path import plan_teaching
+
+
+def fetch_and_carry() -> JointTrajectory:
+    path = plan_teaching(
+        np.random.default_rng(0), PLATE, STYLES[PLATE].goal_centre_m, 0.0, 3.0, 3.2
+    )
+    spline = path.joint_spline()
+    message = JointTrajectory(joint_names=list(JOINT_NAMES))
+    for time_s in np.arange(0.1, 3.21, 0.1):
+        last = time_s > 3.15
+        message.points.append(
+            JointTrajectoryPoint(
+                positions=spline(time_s).tolist(),
+                velocities=[0.0] * 7 if last else spline(time_s, 1).tolist(),
+                time_from_start=Duration(sec=int(time_s), nanosec=int((time_s % 1.0) * 1e9)),
+            )
+        )
+    return message
+
+
+def test_plate_is_taken_and_given(harness):
+    node = harness.add(LwrSim(parameter_overrides=[Parameter("real_time_factor", value=5.0)]))
+    tasks = harness.publisher(String, "intent/active_task", LATCHED)
+    commands = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    harness.connect(tasks, commands)
+    tasks.publish(String(data=PLATE))
+    harness.spin_until(lambda: node.gripper.task == PLATE, what="the task")
+    commands.publish(fetch_and_carry())
+    harness.spin_until(lambda: node.gripper.held == PLATE, what="the plate in the hand")
+    harness.spin_until(lambda: node.gripper.held == "", what="the plate given")
+    assert node.gripper.objects.holders[PLATE] is Holder.WORKER
+    tasks.publish(String(data=""))
+    harness.spin_until(lambda: node.gripper.task == "", what="the end of the task")

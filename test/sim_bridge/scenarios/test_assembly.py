@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two coworkers who assemble a box: mutual timing, places, recordings, the arm's reach."""
+
+import hashlib
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics.forward import hand_position
+from intent_recognition.kinematics.limits import within_position_limits
+from intent_recognition.kinematics.lwr import LWR_LIMITS
+from intent_recognition.share import share_path
+from sim_bridge.coworker.reach import reach_positions
+from sim_bridge.scenarios.assembly.arm_stand_in import hand_joints
+from sim_bridge.scenarios.assembly.interaction import plan_interaction
+from sim_bridge.scenarios.assembly.recordings import messages, orders
+from sim_bridge.scenarios.assembly.session import PER_TASK, SESSIONS, plan_session, session_tasks
+from sim_bridge.scenarios.assembly.styles import (
+    ASSISTANT,
+    FASTENING,
+    FLIPPED_M,
+    GIVE_M,
+    GRASP_S,
+    HAND_OVER,
+    HOLD_M,
+    PERSONAL_STD_M,
+    PLATE_INSERTION,
+    REACTION_S,
+    READY_S,
+    RESTS,
+    TASKS,
+    WORKER,
+)
+
+OFFSETS = {HAND_OVER: GIVE_M, FASTENING: HOLD_M, PLATE_INSERTION: FLIPPED_M}
+
+
+def draws(task, count=60):
+    rng = np.random.default_rng(5)
+    return [
+        plan_interaction(rng, task, RESTS[WORKER].draw(rng), RESTS[ASSISTANT].draw(rng), 1.0)
+        for _ in range(count)
+    ]
+
+
+def end(timed):
+    onset, reach = timed
+    return onset + reach.duration_s
+
+
+@pytest.fixture(scope="module")
+def short_session():
+    return plan_session(3, 0, TASKS)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_movements_of_a_person_are_strung_together(task):
+    for shown in draws(task):
+        for moved in (shown.worker, shown.assistant):
+            for before, after in pairwise(moved):
+                assert after[0] >= end(before)
+                np.testing.assert_array_equal(after[1].start_m, before[1].goal_m)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_assistant_reacts_to_the_worker(task):
+    for shown in draws(task):
+        cause_s = shown.onset_s if task == HAND_OVER else end(shown.worker[0])
+        lag = shown.assistant[0][0] - cause_s
+        assert REACTION_S[0] <= lag <= REACTION_S[1]
+
+
+@pytest.mark.parametrize("task", (FASTENING, PLATE_INSERTION))
+def test_worker_waits_until_both_are_there(task):
+    for shown in draws(task):
+        ready_s = max(shown.arrival_s, end(shown.worker[-2]))
+        wait = shown.worker[-1][0] - ready_s
+        assert READY_S[0] - 1e-9 <= wait <= READY_S[1] + 1e-9
+        assert shown.end_s == pytest.approx(end(shown.worker[-1]))
+
+
+def test_plate_is_there_before_the_box_is_flipped_as_a_rule():
+    early = [shown.arrival_s - end(shown.worker[1]) for shown in draws(PLATE_INSERTION)]
+    assert np.median(early) > 0.0
+    assert max(early) < 0.71
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_assistants_goal_is_the_workers_but_for_the_person(task):
+    off = np.array([s.assistant[-1][1].goal_m - s.goal_m - OFFSETS[task] for s in draws(task, 300)])
+    assert np.abs(off.mean(axis=0)).max() < 4 * PERSONAL_STD_M / np.sqrt(len(off))
+    np.testing.assert_allclose(off.std(axis=0), PERSONAL_STD_M, rtol=0.2)
+
+
+def test_fastening_ends_where_a_hand_over_ends():
+    ends = {t: np.array([s.worker[-1][1].goal_m for s in draws(t, 200)]) for t in TASKS}
+    off = ends[FASTENING] - ends[HAND_OVER].mean(axis=0)
+    covariance = np.cov(ends[HAND_OVER].T)
+    inside = np.einsum("ni,ni->n", off @ np.linalg.inv(covariance), off) <= 7.815
+    assert inside.mean() > 0.9
+
+
+def test_an_interaction_takes_longer_than_its_grasps():
+    for shown in draws(HAND_OVER):
+        pause = shown.assistant[1][0] - end(shown.assistant[0])
+        assert GRASP_S[0] - 1e-9 <= pause <= GRASP_S[1] + 1e-9
+
+
+def test_arm_reaches_wherever_an_assistant_goes():
+    for task in TASKS:
+        for shown in draws(task, 40):
+            for _, reach in shown.assistant:
+                path = reach_positions(reach, np.linspace(0.0, reach.duration_s, 15))
+                joints = hand_joints(path)
+                np.testing.assert_allclose(hand_position(joints), path, atol=1e-9)
+                assert np.all(within_position_limits(joints, LWR_LIMITS))
+                assert np.abs(np.diff(joints, axis=0)).max() < 0.6  # no flip of a branch
+
+
+def test_sessions_share_out_forty_of_each_task():
+    together = [task for index in range(SESSIONS) for task in session_tasks(1, index)]
+    assert {task: together.count(task) for task in TASKS} == dict.fromkeys(TASKS, PER_TASK)
+
+
+def test_unknown_task_and_session_are_refused():
+    rng = np.random.default_rng(0)
+    with pytest.raises(ArgumentError, match="task"):
+        plan_interaction(rng, "sweeping", np.zeros(3), np.zeros(3), 0.0)
+    with pytest.raises(ArgumentError, match="index"):
+        session_tasks(1, SESSIONS)
+
+
+def test_same_seed_same_session(short_session):
+    again = plan_session(3, 0, TASKS)
+    np.testing.assert_array_equal(again.assistant.positions_m, short_session.assistant.positions_m)
+    other = plan_session(4, 0, TASKS)
+    assert not np.array_equal(other.worker.positions_m[:50], short_session.worker.positions_m[:50])
+
+
+def test_marks_enclose_every_movement(short_session):
+    marks = [
+        (stamp, fields["data"])
+        for topic, _, stamp, fields in messages(short_session, 0)
+        if topic == "demonstration"
+    ]
+    assert [label for _, label in marks] == [x for task in TASKS for x in (task, "")]
+    for k, shown in enumerate(short_session.interactions):
+        assert marks[2 * k][0] * 1e-9 < shown.onset_s
+        assert marks[2 * k + 1][0] * 1e-9 > shown.end_s
+
+
+def test_messages_are_in_order_of_time(short_session):
+    stamps = [stamp for _, _, stamp, _ in messages(short_session, 1_000)]
+    assert stamps == sorted(stamps)
+
+
+def test_the_two_face_each_other(short_session):
+    for samples, sign in ((short_session.assistant, 1), (short_session.worker, -1)):
+        y, z = samples.orientations[0, 1:3]
+        assert sign * (1.0 - 2.0 * (y**2 + z**2)) > 0.9  # world x of the wrist's x axis
+
+
+def test_shipped_recordings_are_those_of_the_list():
+    folder = share_path("bags/assembly")
+    for line in (folder / "SHA256SUMS").read_text().splitlines():
+        digest, name = line.split()
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == digest
+    assert len(orders(1)) == SESSIONS
+
+
+def test_shipped_recordings_hold_two_wrists_forty_times_each_task():
+    dofs = load_dofs(share_path("config/dofs_two_humans.yaml"))
+    demonstrations, rejections = read_demonstrations(share_path("bags/assembly"), dofs)
+    assert rejections == []
+    tasks = [d.task for d in demonstrations]
+    assert {task: tasks.count(task) for task in TASKS} == dict.fromkeys(TASKS, PER_TASK)
+    names = demonstrations[0].controlled[0].names
+    assert names == tuple(f"mocap/assistant/pose.pose.position.{axis}" for axis in "xyz")
+    plan = plan_session(1, 0)
+    first = demonstrations[0].observed[0]
+    at = np.round((first.stamps_ns - first.stamps_ns[0]) * 1e-7).astype(int)
+    begin = round((plan.interactions[0].onset_s - 0.4) * 100)
+    shift = [
+        np.abs(plan.worker.true_positions_m[at + begin + k] - first.values).max() for k in (0, 1)
+    ]
+    assert min(shift) < 0.01

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pointing: geometry, the person, the lesson in physics, and the execution."""
+
+import hashlib
+from functools import cache
+
+import numpy as np
+import pytest
+
+from intent_recognition.demonstrations.dofs import load_dofs
+from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics.forward import forward_kinematics
+from intent_recognition.kinematics.inverse import branch_of
+from intent_recognition.kinematics.lwr import LWR_LIMITS
+from sim_bridge.arm.arm import LwrArm
+from sim_bridge.scenarios.pointing.execution import execute
+from sim_bridge.scenarios.pointing.finger import PointingBodies
+from sim_bridge.scenarios.pointing.person import WRIST_TO_TIP_M, wrist_goal
+from sim_bridge.scenarios.pointing.recordings import Order, metadata, orders, record
+from sim_bridge.scenarios.pointing.scene import (
+    CIRCLE_CENTRE_M,
+    CIRCLE_DIAMETER_M,
+    FINGER_LENGTH_M,
+    HOME,
+    SPOTS_M,
+    TABLE_HEIGHT_M,
+    TIP_ABOVE_TABLE_M,
+    arm_posture,
+    home_pose,
+    pointed_at,
+    pointing_pose,
+    spot,
+)
+from sim_bridge.scenarios.toolbox.scene import ARM_BRANCH
+from sim_bridge.teaching.recording import POSITION_STEP_M, to_counts
+
+record_once = cache(record)
+EVERY = [(purpose, k) for purpose in SPOTS_M for k in range(9)]
+
+
+@pytest.mark.parametrize(("purpose", "k"), EVERY)
+def test_the_finger_points_at_each_spot_with_its_tip_just_above(purpose, k):
+    target = spot(purpose, k)
+    q = arm_posture(pointing_pose(target))
+    np.testing.assert_allclose(pointed_at(q), target, atol=1e-9)
+    hand = forward_kinematics(q)
+    tip = hand[:3, 3] + FINGER_LENGTH_M * hand[:3, 2]
+    assert tip[2] - TABLE_HEIGHT_M == pytest.approx(TIP_ABOVE_TABLE_M, abs=1e-9)
+    assert branch_of(q) == ARM_BRANCH
+    assert np.min(LWR_LIMITS.upper - np.abs(q)) > np.radians(8.0)
+
+
+def test_the_spots_fill_the_circle_and_no_test_spot_was_demonstrated():
+    for spots in SPOTS_M.values():
+        assert np.linalg.norm(spots - CIRCLE_CENTRE_M, axis=1).max() <= 0.5 * CIRCLE_DIAMETER_M
+    apart = np.linalg.norm(SPOTS_M["train"][:, None] - SPOTS_M["test"], axis=2)
+    assert apart.min() > 0.02
+    with pytest.raises(ArgumentError, match="index"):
+        spot("train", 9)
+    with pytest.raises(ArgumentError, match="finger"):
+        pointed_at(arm_posture(home_pose() @ np.diag([-1.0, 1.0, -1.0, 1.0])))
+
+
+def test_the_wrist_is_a_hand_away_from_the_spot_and_above_the_table():
+    rng = np.random.default_rng(3)
+    target = spot("train", 5)
+    wrists = np.array([wrist_goal(rng, target) for _ in range(200)])
+    assert np.linalg.norm(wrists - target, axis=1) == pytest.approx(WRIST_TO_TIP_M, abs=0.015)
+    assert wrists[:, 2].min() > TABLE_HEIGHT_M + 0.1
+
+
+def test_the_arm_is_led_to_the_spot_without_touching_the_table():
+    shown = record_once(Order(1, "train", 4))
+    arm = shown.arm
+    assert np.abs(arm.positions_rad[0] - HOME).max() < 0.03
+    assert np.linalg.norm(arm.pointed_m - shown.spot_m) < 0.03
+    assert 1.0 < arm.strongest_pull_n < 40.0
+    assert not arm.touched
+    started = np.abs(arm.positions_rad - arm.positions_rad[0]).max(axis=1) > 0.05
+    assert np.argmax(started) * 0.01 > shown.person.end_s
+    assert np.all(np.abs(arm.velocities_rad_s) < LWR_LIMITS.velocity)
+
+
+def test_the_marker_is_put_on_once_per_set_and_the_arm_stands_in_a_test():
+    tests = [record_once(Order(1, "test", k)) for k in (0, 1)]
+    np.testing.assert_array_equal(tests[0].placement_m, tests[1].placement_m)
+    assert np.any(tests[0].placement_m != record_once(Order(1, "train", 4)).placement_m)
+    assert np.abs(tests[0].arm.velocities_rad_s).mean() < 0.005
+    assert "robot_start_ns" not in metadata(tests[0])
+    again = record(Order(1, "test", 0))
+    np.testing.assert_array_equal(
+        again.person.samples.positions_m, tests[0].person.samples.positions_m
+    )
+
+
+def test_the_arm_ends_where_a_trajectory_says():
+    goal = arm_posture(pointing_pose(spot("test", 7)))
+    times = np.linspace(0.0, 1.5, 20)
+    tau = times / times[-1]
+    share = tau**3 * (10 - 15 * tau + 6 * tau**2)
+    speed = np.gradient(share, times)
+    run = execute(times, HOME + share[:, None] * (goal - HOME), speed[:, None] * (goal - HOME))
+    assert np.linalg.norm(run.pointed_m - spot("test", 7)) < 0.002
+    assert run.largest_lag_rad < 0.02
+    assert not run.touched
+
+
+def test_a_finger_that_comes_down_on_the_table_is_noticed():
+    low = pointing_pose(spot("train", 0))
+    low[2, 3] -= TIP_ABOVE_TABLE_M + 0.005
+    with LwrArm(arm_posture(low)) as arm:
+        bodies = PointingBodies(arm)
+        arm.step(3)
+        assert bodies.touches()
+
+
+def test_what_is_shipped_is_what_the_generator_makes(repository):
+    bag = repository / "bags" / "pointing" / "test" / "pointing_00"
+    (shipped,), _ = read_demonstrations([bag], load_dofs())
+    samples = record_once(Order(1, "test", 0)).person.samples
+    made = to_counts(samples.positions_m[samples.visible], POSITION_STEP_M)
+    np.testing.assert_array_equal(shipped.observed[0].values, made)
+
+
+def test_nine_and_nine_are_shipped_as_listed(repository):
+    folder = repository / "bags" / "pointing"
+    assert {o.folder for o in orders(1)} == {
+        path.relative_to(folder.parent) for path in folder.glob("*/*")
+    }
+    found, rejections = read_demonstrations([folder], load_dofs())
+    assert len(found) == 18
+    assert not rejections
+    listed = dict(
+        reversed(line.split()) for line in (folder / "SHA256SUMS").read_text().split("\n") if line
+    )
+    files = [path for path in folder.rglob("*") if path.is_file() and path.name != "SHA256SUMS"]
+    for path in files:
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        assert listed.pop(str(path.relative_to(folder))) == digest
+    assert not listed
+    assert sum(path.stat().st_size for path in files) < 5_000_000

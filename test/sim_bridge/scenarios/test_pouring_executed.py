@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pours with pairs never demonstrated: plans, their check, and the shipped recordings."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from intent_recognition.kinematics.forward import forward_kinematics
+from intent_recognition.share import share_path
+from sim_bridge.containers.generate import make_container
+from sim_bridge.scenarios.pouring.executed import (
+    MANNERS,
+    MEAN,
+    PAIRS,
+    SAMPLE,
+    UNWARPED,
+    Order,
+    container_named,
+    learn_skill,
+    orders,
+    planned,
+    seen_as,
+)
+from sim_bridge.scenarios.pouring.novel import plan, read_demonstrated, read_pour
+from sim_bridge.scenarios.pouring.pour import plan_joints
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath
+
+SEED = 1
+
+
+@pytest.fixture(scope="module")
+def skill():
+    return learn_skill(share_path("bags/pouring/train"), SEED)
+
+
+def test_ten_demonstrations_of_one_pair_that_is_in_no_order():
+    shown = read_demonstrated(share_path("bags/pouring/train"))
+    assert len(shown.pours) == 10
+    assert (shown.cup, shown.second) not in PAIRS
+    assert len(PAIRS) >= 6
+
+
+def test_no_two_orders_share_folder_or_stamp():
+    todo = orders(SEED)
+    assert len({o.folder for o in todo}) == len({o.start_ns for o in todo}) == len(todo)
+    assert len(todo) == len(PAIRS) * len(MANNERS)
+
+
+def test_the_demonstrated_pair_is_poured_with_as_without_warping(skill):
+    path = plan(skill.primitive, skill.cup.references, skill.second.references)
+    unwarped = planned(Order(SEED, 1, UNWARPED), skill).path
+    np.testing.assert_array_equal(path.offset_m, unwarped.offset_m)
+    np.testing.assert_array_equal(path.tilt_rad, unwarped.tilt_rad)
+
+
+def test_a_plan_scales_with_what_was_scanned(skill):
+    path = planned(Order(SEED, 2, MEAN), skill).path
+    cup, second = (seen_as(name, SEED).references for name in PAIRS[2])
+    demonstrated = plan(skill.primitive, skill.cup.references, skill.second.references)
+    wide = second.opening_radius_m / skill.second.references.opening_radius_m
+    np.testing.assert_allclose(path.offset_m[:, :2], wide * demonstrated.offset_m[:, :2])
+    steep = cup.tilt_rad / skill.cup.references.tilt_rad
+    np.testing.assert_allclose(path.tilt_rad, steep * demonstrated.tilt_rad)
+
+
+def test_scans_tell_reference_values():
+    for name in {name for pair in PAIRS for name in pair}:
+        true, seen = container_named(name), seen_as(name, SEED).references
+        assert abs(seen.opening_radius_m / true.opening_radius_m - 1.0) < 0.02
+        assert abs(seen.tilt_rad - true.tilt_reference_rad) < np.deg2rad(2.0)
+
+
+def test_drawn_paths_differ_from_order_to_order_but_not_from_time_to_time(skill):
+    first, again = (planned(Order(SEED, 1, SAMPLE), skill) for _ in range(2))
+    np.testing.assert_array_equal(first.path.offset_m, again.path.offset_m)
+    assert first.draws >= 1
+    other = planned(Order(SEED + 1, 1, SAMPLE), skill)
+    assert np.abs(first.path.tilt_rad - other.path.tilt_rad).max() > 1e-3
+
+
+def test_risk_is_high_beside_the_opening_and_low_while_upright(skill):
+    cup, second = skill.cup.references, skill.second.references
+    times = np.linspace(0.0, 2.0, 41)
+    offset = np.tile([-3.0 * second.opening_radius_m, 0.0, 0.05], (41, 1))
+    tilted = PourPath(times, offset, 2.5 * cup.tilt_rad * times / 2.0)
+    assert skill.constraints.risk(tilted, cup, second).max() > 0.9
+    upright = PourPath(times, offset, np.zeros(41))
+    assert skill.constraints.risk(upright, cup, second).max() < 0.01
+
+
+def test_a_believed_opening_moves_the_hand_along():
+    cup = make_container("mug")
+    times = np.linspace(0.0, 1.0, 21)
+    path = PourPath(times, np.tile([-0.03, 0.0, 0.04], (21, 1)), np.zeros(21))
+    grasp, off = Grasp(cup.lip_point, cup.height_m), np.array([0.01, -0.02, 0.005])
+    here, there = (
+        forward_kinematics(plan_joints(path, grasp, opening)(0.5))[:3, 3]
+        for opening in (OPENING_M, OPENING_M + off)
+    )
+    np.testing.assert_allclose(there - here, off, atol=2e-5)
+
+
+@pytest.mark.parametrize("pair", [1, 4])
+def test_the_arm_recorded_what_was_planned(skill, pair):
+    order = Order(SEED, pair, MEAN)
+    plan_, (path, labels) = (
+        planned(order, skill),
+        read_pour(share_path(f"bags/{order.folder}")),
+    )
+    assert int(labels["balls"]) == 40
+    assert float(labels["risk"]) == pytest.approx(plan_.risk, abs=0.05)
+    asked = np.interp(path.times_s, plan_.path.times_s, plan_.path.tilt_rad)
+    assert np.degrees(np.abs(path.tilt_rad - asked).max()) < 6.0
+    for axis in range(3):
+        asked = np.interp(path.times_s, plan_.path.times_s, plan_.path.offset_m[:, axis])
+        assert np.abs(path.offset_m[:, axis] - asked).max() < 0.012
+
+
+def test_shipped_bags_are_those_of_the_list():
+    folder = Path(share_path("bags/pouring"))
+    listed = dict(
+        reversed(line.split()) for line in (folder / "SHA256SUMS").read_text().split("\n") if line
+    )
+    files = [p for p in folder.rglob("*") if p.is_file() and p.name != "SHA256SUMS"]
+    assert {str(p.relative_to(folder)) for p in files} == set(listed)
+    for path in files:
+        name = str(path.relative_to(folder))
+        assert hashlib.sha256(path.read_bytes()).hexdigest() == listed[name]
+    assert sum(p.stat().st_size for p in files) < 3e6

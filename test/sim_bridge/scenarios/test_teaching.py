@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kinesthetic teaching in physics, the demonstrator's rule, and the objects' way."""
+
+import itertools
+from functools import cache
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics.forward import forward_kinematics, hand_position
+from intent_recognition.kinematics.inverse import branch_of
+from intent_recognition.kinematics.lwr import LWR_LIMITS
+from sim_bridge.arm.arm import LwrArm
+from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
+from sim_bridge.scenarios.toolbox.gripper import Gripper, make_gripper
+from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
+from sim_bridge.scenarios.toolbox.recordings import Order, demonstrate
+from sim_bridge.scenarios.toolbox.scene import (
+    ARM_BRANCH,
+    HOME,
+    LIFT_M,
+    STANDS_M,
+    arm_posture,
+    handover_point,
+    handover_rotation,
+    home_pose,
+    pose,
+    stand_pose,
+)
+from sim_bridge.scenarios.toolbox.teaching_path import plan_teaching
+
+demonstrate_once = cache(demonstrate)
+SHOWN = [(task, k) for task in TASKS for k in range(3)]
+
+
+def shown(task, k):
+    return demonstrate_once(Order(1, "train", task, k))
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_every_goal_is_reached_on_one_branch_with_margin(task):
+    style = STYLES[task]
+    for signs in itertools.product((-1, 0, 1), repeat=3):
+        goal = style.goal_centre_m + style.goal_half_width_m * np.array(signs)
+        target = pose(handover_point(task, goal), handover_rotation(task))
+        q = arm_posture(target)
+        np.testing.assert_allclose(forward_kinematics(q), target, atol=1e-9)
+        assert branch_of(q) == ARM_BRANCH
+        assert np.min(LWR_LIMITS.upper - np.abs(q)) > np.radians(7.0)
+
+
+def test_the_screw_is_given_at_one_place_and_the_others_follow_the_worker():
+    a, b = np.array([0.8, 0.1, 0.3]), np.array([0.7, -0.1, 0.25])
+    np.testing.assert_array_equal(handover_point(SCREW, a), handover_point(SCREW, b))
+    for task in (PLATE, HOLD):
+        np.testing.assert_allclose(handover_point(task, a) - handover_point(task, b), a - b)
+    with pytest.raises(ArgumentError):
+        handover_point("dance", a)
+    with pytest.raises(ArgumentError, match="stand"):
+        stand_pose(HOLD)
+
+
+def test_the_fetch_is_short_and_the_same_but_for_the_tempo():
+    for task, stand in STANDS_M.items():
+        way = np.linalg.norm(home_pose()[:3, 3] - stand)
+        assert 0.08 < way < 0.15
+        phases = []
+        for k, total in enumerate((2.0, 5.0)):
+            rng = np.random.default_rng(k)
+            path = plan_teaching(rng, task, STYLES[task].goal_centre_m, 0.0, total, total)
+            at = np.interp(path.times.taught_s, path.stamps_s, np.arange(len(path.stamps_s)))
+            steps = np.linspace(0.0, at, 50)
+            phases.append([np.interp(steps, np.arange(len(path.hand_m)), path.hand_m[:, i])
+                           for i in range(3)])  # fmt: skip
+        np.testing.assert_allclose(phases[0], phases[1], atol=2e-3)
+        np.testing.assert_allclose(np.array(phases[0])[:, -1], stand + LIFT_M, atol=1e-3)
+
+
+@pytest.mark.parametrize(("task", "k"), SHOWN)
+def test_taught_arm_stays_within_limits_and_starts_at_home(task, k):
+    arm = shown(task, k).arm
+    assert np.all(np.abs(arm.positions_rad) < LWR_LIMITS.upper - 0.1)
+    assert np.all(np.abs(arm.velocities_rad_s) < LWR_LIMITS.velocity)
+    assert np.abs(arm.positions_rad[0] - HOME).max() < 0.03
+    assert arm.strongest_pull_n < 40.0
+    assert np.linalg.norm(arm.hand_m[-1] - arm.hand_m[-11]) < 0.1 * 0.02
+
+
+def test_arm_ends_where_the_rule_says_within_two_centimetres():
+    errors = [shown(task, k).teaching_error_m for task, k in SHOWN]
+    assert 0.001 < np.mean(errors) < 0.02
+    for task, k in SHOWN:
+        one = shown(task, k)
+        end = hand_position(one.arm.positions_rad[-1])
+        assert np.linalg.norm(end - one.arm.hand_m[-1]) < 0.001
+
+
+def test_joint_states_are_measured_not_planned():
+    one = shown(PLATE, 1)
+    planned = one.path.joint_spline()(one.arm.times_s)
+    lag = np.linalg.norm(one.arm.positions_rad - planned, axis=1)
+    assert lag.max() > 0.02
+    still = one.arm.positions_rad[:50] - one.arm.positions_rad[:50].mean(axis=0)
+    assert 5e-5 < still.std() < 2e-4
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_object_goes_from_its_stand_or_the_worker_through_the_hand(task):
+    arm = shown(task, 0).arm
+    order = [holder for holder, _ in itertools.groupby(arm.holders)]
+    if task == HOLD:
+        assert order == [Holder.WORKER, Holder.ROBOT]
+    else:
+        assert order == [Holder.STAND, Holder.ROBOT, Holder.WORKER]
+        assert np.ptp(arm.object_m[:20], axis=0).max() < 1e-3
+    held = np.array([holder is Holder.ROBOT for holder in arm.holders])
+    distance = np.linalg.norm(arm.object_m - arm.hand_m, axis=1)[held]
+    assert np.ptp(distance) < 0.01
+
+
+def test_gripper_takes_on_passing_slowly_and_releases_at_rest():
+    q_home, q_stand = HOME, arm_posture(stand_pose(PLATE))
+    away = arm_posture(pose(handover_point(PLATE, STYLES[PLATE].goal_centre_m),
+                            handover_rotation(PLATE)))  # fmt: skip
+    with LwrArm(q_home) as arm:
+        objects = ToolboxObjects(arm)
+        gripper = Gripper(arm, objects)
+        gripper.set_task(PLATE)
+        arm.before_step.append(lambda _: gripper.update())
+        seen = [gripper.held]
+        for q, steps in ((q_home, 100), (q_stand, 1500), (away, 2500)):
+            origin = arm.reference.q
+            for n in range(steps):
+                s = min(1.0, n / 900)
+                arm.set_reference(origin + (q - origin) * s * s * (3 - 2 * s))
+                arm.step()
+                if gripper.held != seen[-1]:
+                    seen.append(gripper.held)
+        assert seen == ["", PLATE, ""]
+        assert objects.holders[PLATE] is Holder.WORKER
+        gripper.set_task("")
+        gripper.set_task(PLATE)
+        assert objects.holders[PLATE] is Holder.STAND
+        gripper.set_task("unheard of")
+        assert gripper.held == ""
+
+
+def test_a_held_plate_weighs_on_the_arm_and_is_compensated():
+    with LwrArm(HOME) as arm:
+        objects = ToolboxObjects(arm)
+        arm.step(200)
+        before = arm.state().torque
+        objects.give_to_robot(PLATE)
+        arm.step(1500)
+        loaded = arm.state().torque
+        assert abs(loaded[1] - before[1]) > 1.0
+        assert np.linalg.norm(hand_position(arm.state().q) - home_pose()[:3, 3]) < 0.002
+        objects.give_to_worker(PLATE)
+        arm.step(1500)
+        np.testing.assert_allclose(arm.state().torque, before, atol=0.05)
+        with pytest.raises(ArgumentError, match="task"):
+            objects.put_back("dance")
+        with pytest.raises(ArgumentError, match="scene"):
+            make_gripper(arm, "kitchen")
+        assert make_gripper(arm, "none") is None
