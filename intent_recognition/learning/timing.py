@@ -21,7 +21,7 @@ UNKNOWN_LEAD = 0.03
 """Standard deviations of the lead: the least, and that where no task has two recordings."""
 LEAD_CORRELATION = 0.4
 DEVIATION_EVIDENCE = 0.3
-"""See `promp.PhaseDeviation`, and docs/forecast.md for what was tried."""
+"""See `promp.PhaseDeviation`, and docs/prediction.md for what was tried."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ OTHERS_SAMPLE_SIZE = 5.0
 PHASE_WIDTH = 0.15
 """How far in phase the correlation over DOFs is averaged."""
 OWN_COVARIANCE_SHARE = 0.5
-"""Share of a task's own covariance in the one it is recognised by (docs/forecast.md)."""
+"""Share of a task's own covariance in the one it is recognised by (docs/prediction.md)."""
 AMPLITUDE_SAMPLE_SIZE = 4.0
 """Demonstrations' worth of the assumption that a DOF varies alike at all phases."""
 FEW = 3.5
