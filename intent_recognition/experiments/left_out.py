@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from intent_recognition.evaluation import sample
@@ -72,13 +73,13 @@ class Pairs(NamedTuple):
     """
 
     names: tuple[str, ...]
-    observed: np.ndarray
-    controlled: np.ndarray
-    duration_s: np.ndarray
+    observed: NDArray[np.float64]
+    controlled: NDArray[np.float64]
+    duration_s: NDArray[np.float64]
     features: Features
-    to_observed: np.ndarray
-    to_controlled: np.ndarray
-    mean: tuple[np.ndarray, np.ndarray]
+    to_observed: NDArray[np.float64]
+    to_controlled: NDArray[np.float64]
+    mean: tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 class Predicted(NamedTuple):
@@ -91,10 +92,10 @@ class Predicted(NamedTuple):
         std: of the same, (n, S, Q).
     """
 
-    component: np.ndarray
-    probability: np.ndarray
-    mean: np.ndarray
-    std: np.ndarray
+    component: NDArray[np.float64]
+    probability: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    std: NDArray[np.float64]
 
 
 def pairs_of(demonstrations: Sequence[Recorded]) -> Pairs:
@@ -135,7 +136,9 @@ def pairs_of(demonstrations: Sequence[Recorded]) -> Pairs:
     )
 
 
-def _maps(features: Features, flat: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _maps(
+    features: Features, flat: Sequence[NDArray[np.float64]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """From all coordinates to the deviations of each agent; each agent has its own coordinates."""
     points, split = features.coordinates, features.n_observed
     maps = []
@@ -204,7 +207,7 @@ def to_predict_with(pairs: Pairs, clustering: Clustering) -> Components:
     )
 
 
-def _order(share: np.ndarray, labels: np.ndarray) -> np.ndarray:
+def _order(share: NDArray[np.float64], labels: NDArray[np.float64]) -> NDArray[np.float64]:
     """Which component of the mixtures is label 0, 1 and so on, (K,), from shares (n, n, K)."""
     together = share.sum(axis=0).T @ (labels[:, None] == np.arange(share.shape[2]))
     components, found = linear_sum_assignment(together, maximize=True)
@@ -212,7 +215,10 @@ def _order(share: np.ndarray, labels: np.ndarray) -> np.ndarray:
 
 
 def predict(
-    pairs: Pairs, left_out: Components, seen: np.ndarray, given: np.ndarray | None = None
+    pairs: Pairs,
+    left_out: Components,
+    seen: NDArray[np.float64],
+    given: NDArray[np.float64] | None = None,
 ) -> Predicted:
     """Predict each robot from what is seen of its human, by the mixture fitted without both.
 
@@ -250,12 +256,12 @@ def predict(
     return Predicted(component, probability, mean, std)
 
 
-def rms(errors: np.ndarray) -> np.ndarray:
+def rms(errors: NDArray[np.float64]) -> NDArray[np.float64]:
     """Root mean square (n,) of what each of n demonstrations has of errors (n, ...)."""
     return np.sqrt(np.mean(errors.reshape(len(errors), -1) ** 2, axis=1))
 
 
-def majority_names(names: np.ndarray, labels: np.ndarray) -> dict[int, str]:
+def majority_names(names: NDArray[np.float64], labels: NDArray[np.float64]) -> dict[int, str]:
     """The name that most members (n,) of each component have."""
     found = {}
     for label in np.unique(labels):

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demo's report: key numbers beside the paper's, figures of what was measured, the table."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -41,6 +42,9 @@ from intent_recognition.report.html import (
     write_page,
 )
 from intent_recognition.report.interaction_table import FIELDS, cells
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
 
 MISSES_SHOWN = 3
 TITLE = "Toolbox assembly with a simulated coworker"
@@ -297,7 +301,7 @@ def _settings(settings: Mapping[str, object]) -> tuple[Block, ...]:
 
 def _per_task(records: Sequence[InteractionRecord], name: str) -> dict[str, list[float]]:
     """Values per task in order of the labels; every task that has a record is there, or none."""
-    values = {task: [] for task in sorted({r.task for r in records})}
+    values: dict[str, list[float]] = {task: [] for task in sorted({r.task for r in records})}
     for record in records:
         value = getattr(record, name)
         if value is not None and record.right:
@@ -309,7 +313,7 @@ def _has_posterior(trace: Trace | None) -> bool:
     return trace is not None and "probabilities" in trace
 
 
-def _figure(figure, caption: str) -> Figure:
+def _figure(figure: "Drawing", caption: str) -> Figure:
     return Figure(to_svg(figure), caption)
 
 
@@ -317,7 +321,7 @@ def _hand_error(error: HandError) -> str:
     return str(error).replace("+-", PLUS_MINUS)
 
 
-def _absent(value: float | None, form) -> str:
+def _absent(value: float | None, form: Callable[[float], str]) -> str:
     return "\N{EN DASH}" if value is None else form(value)
 
 

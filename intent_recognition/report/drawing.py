@@ -7,6 +7,10 @@ Figures are objects of their own and never registered anywhere: dropping one fre
 import functools
 from collections.abc import Callable, Iterable, Mapping
 from io import BytesIO
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NONE = "none"
 NONE_COLOUR = "#8792a0"
@@ -20,7 +24,7 @@ PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#7
 
 MARKERS = "os^Dv<>P"
 
-STYLE = {
+STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "text.color": INK,
@@ -58,11 +62,15 @@ STYLE = {
 }
 
 
-def styled(draw: Callable) -> Callable:
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def styled(draw: Callable[P, T]) -> Callable[P, T]:
     """Run a drawing function in this project's style, whatever the user's settings are."""
 
     @functools.wraps(draw)
-    def run(*args, **kwargs):
+    def run(*args: P.args, **kwargs: P.kwargs) -> T:
         from matplotlib import rc_context, rcdefaults
 
         with rc_context():
@@ -73,7 +81,9 @@ def styled(draw: Callable) -> Callable:
     return run
 
 
-def new_figure(width_in: float, height_in: float, margins: Mapping[str, float] | None = None):
+def new_figure(
+    width_in: float, height_in: float, margins: Mapping[str, float] | None = None
+) -> "Figure":
     """A blank matplotlib Figure, drawn without a display.
 
     Args:
@@ -91,7 +101,7 @@ def new_figure(width_in: float, height_in: float, margins: Mapping[str, float] |
 
 
 @styled
-def to_svg(figure) -> bytes:
+def to_svg(figure: "Figure") -> bytes:
     """The figure as an SVG file; equal figures give equal bytes.
 
     It carries no date and, but for the XML namespaces, no address.
@@ -104,7 +114,7 @@ def to_svg(figure) -> bytes:
 
 
 @styled
-def to_png(figure, dpi: float = 150.0) -> bytes:
+def to_png(figure: "Figure", dpi: float = 150.0) -> bytes:
     """The figure as a PNG file."""
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})

@@ -2,8 +2,10 @@
 """Figures of a session of interactions; each function turns arrays into a matplotlib Figure."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report.drawing import (
     INK,
@@ -17,6 +19,10 @@ from intent_recognition.report.drawing import (
     task_markers,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 SHARE_GRID = np.linspace(0.0, 1.0, 101)
 
 
@@ -25,7 +31,7 @@ def hand_error_figure(
     errors_cm: Mapping[str, Sequence[float]],
     paper_cm: Mapping[str, tuple[float, float]] | None = None,
     remarks: Mapping[str, str] | None = None,
-):
+) -> "Figure":
     """Every hand error as a dot, their mean +- two standard deviations, and the paper's beside.
 
     Args:
@@ -59,7 +65,9 @@ def hand_error_figure(
 
 
 @styled
-def decision_share_figure(shares: Mapping[str, Sequence[float]], bin_share: float = 0.05):
+def decision_share_figure(
+    shares: Mapping[str, Sequence[float]], bin_share: float = 0.05
+) -> "Figure":
     """Histogram per task of the share of the human's movement that had passed at the decision."""
     colours = task_colours(shares)
     arrays = [np.asarray(values, dtype=float) for values in shares.values()]
@@ -87,7 +95,7 @@ def decision_share_figure(shares: Mapping[str, Sequence[float]], bin_share: floa
 
 
 @styled
-def arrival_figure(arrivals_s: Mapping[str, Sequence[float]]):
+def arrival_figure(arrivals_s: Mapping[str, Sequence[float]]) -> "Figure":
     """Histogram per task of the robot's arrival, counted from the end of the human's movement."""
     colours = task_colours(arrivals_s)
     arrays = [np.asarray(values, dtype=float) for values in arrivals_s.values()]
@@ -114,7 +122,7 @@ def arrival_figure(arrivals_s: Mapping[str, Sequence[float]]):
 @styled
 def timing_figure(
     movements_s: Mapping[str, Sequence[float]], decisions_s: Mapping[str, Sequence[float]]
-):
+) -> "Figure":
     """When it was decided, after onset, over how long the human's movement took, per task."""
     colours, markers = task_colours(movements_s), task_markers(movements_s)
     figure = new_figure(5.6, 3.7)
@@ -155,10 +163,10 @@ def timing_figure(
 def posterior_figure(
     tasks: Sequence[str],
     labels: Sequence[str],
-    shares: Sequence[np.ndarray],
-    probabilities: Sequence[np.ndarray],
+    shares: Sequence[NDArray[np.float64]],
+    probabilities: Sequence[NDArray[np.float64]],
     decisions: Sequence[float | None] | None = None,
-):
+) -> "Figure":
     """Task posteriors over the share of the movement: one panel per true task, a line each.
 
     Args:
@@ -191,7 +199,9 @@ def posterior_figure(
 
 
 @styled
-def confusion_figure(rows: Sequence[str], columns: Sequence[str], counts: np.ndarray):
+def confusion_figure(
+    rows: Sequence[str], columns: Sequence[str], counts: NDArray[np.float64]
+) -> "Figure":
     """How often each true task (row) was recognised as what (column), (R, C) counts."""
     counts = np.asarray(counts)
     figure = new_figure(5.6, max(3.7, 1.2 + 0.5 * len(rows)))
@@ -221,7 +231,7 @@ def confusion_figure(rows: Sequence[str], columns: Sequence[str], counts: np.nda
 
 def confusion_counts(
     true: Sequence[str], recognised: Sequence[str]
-) -> tuple[list[str], list[str], np.ndarray]:
+) -> tuple[list[str], list[str], NDArray[np.float64]]:
     """Rows (true tasks), columns (those and what else was recognised, none last) and counts."""
     recognised = [name or NONE for name in recognised]
     rows = sorted(set(true))
@@ -233,7 +243,9 @@ def confusion_counts(
     return rows, columns, counts
 
 
-def _bundle(axes, lines: Sequence[tuple[np.ndarray, np.ndarray]], colour: str) -> None:
+def _bundle(
+    axes: "Axes", lines: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]], colour: str
+) -> None:
     """Thin lines, and their median; a line that stops early is held."""
     for share, values in lines:
         inside = np.asarray(share) <= 1.0
@@ -249,7 +261,7 @@ def _bundle(axes, lines: Sequence[tuple[np.ndarray, np.ndarray]], colour: str) -
         axes.plot(100 * SHARE_GRID, np.median(on_grid, axis=0), color=colour, linewidth=2.4)
 
 
-def _spread(values: np.ndarray, half_width: float) -> np.ndarray:
+def _spread(values: NDArray[np.float64], half_width: float) -> NDArray[np.float64]:
     """Offsets that keep dots of a strip apart, the same every time."""
     offsets = np.zeros(values.size)
     pattern = np.array([0.0, 0.5, -0.5, 1.0, -1.0, 0.25, -0.25, 0.75, -0.75])
@@ -257,7 +269,7 @@ def _spread(values: np.ndarray, half_width: float) -> np.ndarray:
     return half_width * offsets
 
 
-def _whisker(axes, x, mean, two_std, colour, label, marker="o") -> None:
+def _whisker(axes: "Axes", x, mean, two_std, colour, label, marker="o") -> None:
     axes.errorbar(
         [x],
         [mean],
@@ -288,7 +300,7 @@ def _mean_handles(with_paper: bool) -> list:
     return handles
 
 
-def _vertical(axes, x: float, text: str) -> None:
+def _vertical(axes: "Axes", x: float, text: str) -> None:
     axes.axvline(x, color=INK, linewidth=1.3, linestyle=(0, (4, 2)))
     axes.margins(y=0.12)
     axes.annotate(
@@ -302,7 +314,7 @@ def _vertical(axes, x: float, text: str) -> None:
     )
 
 
-def _counts(figure, axes) -> None:
+def _counts(figure: "Figure", axes: "Axes") -> None:
     from matplotlib.ticker import MaxNLocator
 
     axes.set_ylabel("interactions")
@@ -311,7 +323,7 @@ def _counts(figure, axes) -> None:
     figure.legend(loc="outside lower center", ncols=4)
 
 
-def _label_legend(figure, labels: Sequence[str], colours: Mapping[str, str]) -> None:
+def _label_legend(figure: "Figure", labels: Sequence[str], colours: Mapping[str, str]) -> None:
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], color=colours[x], linewidth=2.4, label=readable(x)) for x in labels]

@@ -2,15 +2,20 @@
 """Figures of what was said beside what was true: regions, confusions, unknown movements."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_figure, readable, styled
 from intent_recognition.report.figures_evaluation import PHASE_STYLES
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 @styled
-def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]]):
+def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]]) -> "Figure":
     """Share of true values inside regions, against the share that they should hold.
 
     Args:
@@ -40,7 +45,9 @@ def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]
 
 
 @styled
-def confusion_figure(counts: np.ndarray, true: Sequence[str], recognised: Sequence[str]):
+def confusion_figure(
+    counts: NDArray[np.float64], true: Sequence[str], recognised: Sequence[str]
+) -> "Figure":
     """How often each task (rows) was taken for which (columns), as shares of the row.
 
     Args:
@@ -76,7 +83,7 @@ def confusion_figure(counts: np.ndarray, true: Sequence[str], recognised: Sequen
 
 
 @styled
-def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float):
+def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) -> "Figure":
     """Share of known against share of unknown movements that reach each threshold, as steps."""
     figure = new_figure(5.0, 3.9)
     axes = figure.subplots()

@@ -2,10 +2,16 @@
 """Figures of an evaluation on recordings left out of training."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 PHASE_NAMES = {"known_phase": "known phase", "unknown_phase": "unknown phase"}
 PHASE_STYLES = {
@@ -26,7 +32,7 @@ Series = Mapping[str, tuple[Sequence[float], Sequence[float]]]
 
 
 @styled
-def recognition_figure(accuracy: Series, log_loss: Series):
+def recognition_figure(accuracy: Series, log_loss: Series) -> "Figure":
     """Accuracy and log loss over the share observed, phase known and unknown."""
     figure = new_figure(11.2, 3.5)
     left, right = figure.subplots(1, 2)
@@ -42,7 +48,7 @@ def recognition_figure(accuracy: Series, log_loss: Series):
 
 
 @styled
-def rmse_figure(panels: Mapping[str, Series], unit: str):
+def rmse_figure(panels: Mapping[str, Series], unit: str) -> "Figure":
     """Error of the controlled agent beside the baselines, a panel per phase knowledge."""
     figure = new_figure(11.2, 3.9)
     grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
@@ -60,7 +66,7 @@ def rmse_figure(panels: Mapping[str, Series], unit: str):
 
 
 @styled
-def coverage_figure(coverage: Series):
+def coverage_figure(coverage: Series) -> "Figure":
     """Share of true values within +-2 sigma; 95 % is right."""
     figure = new_figure(5.6, 3.7)
     axes = figure.subplots()
@@ -81,7 +87,9 @@ def coverage_figure(coverage: Series):
 
 
 @styled
-def reliability_figure(confidence: np.ndarray, share_right: np.ndarray, counts: np.ndarray):
+def reliability_figure(
+    confidence: NDArray[np.float64], share_right: NDArray[np.float64], counts: NDArray[np.float64]
+) -> "Figure":
     """How often a task was true (B,) when its probability was about `confidence` (B,).
 
     Args:
@@ -118,7 +126,7 @@ def reliability_figure(confidence: np.ndarray, share_right: np.ndarray, counts: 
     return figure
 
 
-def _phases(axes, series: Series) -> None:
+def _phases(axes: "Axes", series: Series) -> None:
     for phase, (fractions, values) in series.items():
         label, colour, marker = PHASE_STYLES.get(phase, (phase, PALETTE[2], "^"))
         _line(axes, fractions, values, label, colour, marker, "-")
@@ -126,7 +134,7 @@ def _phases(axes, series: Series) -> None:
     axes.set_xlim(0, 103)
 
 
-def _line(axes, fractions, values, label, colour, marker, line) -> None:
+def _line(axes: "Axes", fractions, values, label, colour, marker, line) -> None:
     axes.plot(
         100 * np.asarray(fractions, dtype=float),
         np.asarray(values, dtype=float),

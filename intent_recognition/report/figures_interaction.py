@@ -2,8 +2,10 @@
 """One interaction in detail: the wrist's path and the joints, predicted and measured."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report.drawing import (
     INK,
@@ -15,12 +17,16 @@ from intent_recognition.report.drawing import (
     task_colours,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 OBSERVED, PREDICTED, TUBE = INK, PALETTE[1], "#fae3d3"
 MAX_POINTS = 400
 
 
 @styled
-def wrist_figure(trace: Mapping):
+def wrist_figure(trace: Mapping) -> "Figure":
     """The wrist's path seen from above and from the side; keys as in `traces.Trace`."""
     figure = new_figure(5.6, 3.9)
     grid = figure.subplots(1, 2)
@@ -46,7 +52,7 @@ def wrist_figure(trace: Mapping):
 
 
 @styled
-def joint_figure(trace: Mapping):
+def joint_figure(trace: Mapping) -> "Figure":
     """Each joint: predicted mean +- 2 sigma at the decision, and as measured."""
     measured_s = np.asarray(trace.get("joint_s", ()), dtype=float)
     measured = np.asarray(trace.get("joint_rad", ()), dtype=float)
@@ -84,7 +90,7 @@ def joint_figure(trace: Mapping):
 
 
 @styled
-def posterior_over_time_figure(trace: Mapping, movement_s: float):
+def posterior_over_time_figure(trace: Mapping, movement_s: float) -> "Figure":
     """One interaction's task posterior over time, with its decision and the human's end."""
     colours = task_colours(trace["labels"])
     time_s = thin(np.asarray(trace["share"], dtype=float)) * movement_s
@@ -113,14 +119,16 @@ def _margins(rows: int, legend_below: bool) -> dict[str, float]:
     }
 
 
-def thin(values: np.ndarray, count: int = MAX_POINTS) -> np.ndarray:
+def thin(values: NDArray[np.float64], count: int = MAX_POINTS) -> NDArray[np.float64]:
     """At most `count` rows, evenly spaced, first and last kept."""
     if len(values) <= count:
         return values
     return values[np.linspace(0, len(values) - 1, count).round().astype(int)]
 
 
-def _tube(axes, path: np.ndarray, std: np.ndarray | None, dofs: tuple[int, int]) -> None:
+def _tube(
+    axes: "Axes", path: NDArray[np.float64], std: NDArray[np.float64] | None, dofs: tuple[int, int]
+) -> None:
     """Ellipses of two standard deviations along a path, (L, 2)."""
     if std is None:
         return
@@ -144,14 +152,14 @@ def _tube(axes, path: np.ndarray, std: np.ndarray | None, dofs: tuple[int, int])
     )
 
 
-def _events(axes, trace: Mapping) -> None:
+def _events(axes: "Axes", trace: Mapping) -> None:
     if trace.get("decision_s") is not None:
         axes.axvline(trace["decision_s"], color=PALETTE[0], linewidth=1.2)
     if trace.get("end_s") is not None:
         axes.axvline(trace["end_s"], color=SOFT, linewidth=1.2, linestyle=(0, (1, 1.5)))
 
 
-def _legend(figure, grid, count: int, with_band: bool, trace: Mapping) -> None:
+def _legend(figure: "Figure", grid, count: int, with_band: bool, trace: Mapping) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

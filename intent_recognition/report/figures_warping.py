@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of a warp: the points with their parts, and a cut through the cavity."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_figure, styled
 from intent_recognition.warping import Part, PouringParameters, Rim, WarpedObject
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PART_COLOURS = {Part.CONTAINER: PALETTE[0], Part.RIM: PALETTE[1], Part.HANDLE: PALETTE[2]}
 MM = 1e3
 
 
 @styled
-def parts_figure(views: tuple[tuple[str, np.ndarray, np.ndarray], ...]):
+def parts_figure(
+    views: tuple[tuple[str, NDArray[np.float64], NDArray[np.float64]], ...],
+) -> "Figure":
     """Points of several objects, coloured by part, each upright in its own frame.
 
     Args:
@@ -43,7 +51,7 @@ def parts_figure(views: tuple[tuple[str, np.ndarray, np.ndarray], ...]):
 
 
 @styled
-def cut_figure(warped: WarpedObject, parameters: PouringParameters):
+def cut_figure(warped: WarpedObject, parameters: PouringParameters) -> "Figure":
     """Cut along the lip: points near it, the cavity, and the level that leaves half of it."""
     rim, cavity = warped.rim, warped.cavity
     along = parameters.lip_point - rim.centre
@@ -73,7 +81,7 @@ def cut_figure(warped: WarpedObject, parameters: PouringParameters):
     return figure
 
 
-def _outline(rim: Rim, direction: np.ndarray) -> float:
+def _outline(rim: Rim, direction: NDArray[np.float64]) -> float:
     """The rim's distance from its centre in a direction, in mean radii."""
     local = rim.axes[1:] @ direction
     angles = np.arange(len(rim.outline)) * 2.0 * np.pi / len(rim.outline)

@@ -2,12 +2,13 @@
 """Closed surfaces cut by a plane: the volume below it and the tilt at which half is left."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from intent_recognition.errors import ArgumentError, describe
 
 
-def surface_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+def surface_volume(vertices: NDArray[np.float64], faces: NDArray[np.float64]) -> float:
     """Volume enclosed by a closed, outward wound surface.
 
     Args:
@@ -22,7 +23,10 @@ def surface_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
 
 
 def volume_below(
-    vertices: np.ndarray, faces: np.ndarray, point: np.ndarray, normal: np.ndarray
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.float64],
+    point: NDArray[np.float64],
+    normal: NDArray[np.float64],
 ) -> float:
     """Volume of the part of a closed surface below the plane through `point`.
 
@@ -43,7 +47,11 @@ def volume_below(
 
 
 def half_volume_angle(
-    vertices: np.ndarray, faces: np.ndarray, lip: np.ndarray, up: np.ndarray, outward: np.ndarray
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.float64],
+    lip: NDArray[np.float64],
+    up: NDArray[np.float64],
+    outward: NDArray[np.float64],
 ) -> float:
     """Tilt about the lip after which half of the volume is above the lip (Brandl et al. II-D).
 
@@ -81,7 +89,9 @@ def half_volume_angle(
     return float(brentq(surplus, 0.0, np.pi, xtol=1e-6))
 
 
-def _below(triangles: np.ndarray, volumes: np.ndarray, normal: np.ndarray) -> float:
+def _below(
+    triangles: NDArray[np.float64], volumes: NDArray[np.float64], normal: NDArray[np.float64]
+) -> float:
     """Volume below the plane through the origin, whose tetrahedra have these volumes (m,)."""
     heights = triangles @ normal
     n_below = (heights < 0.0).sum(1)
@@ -98,13 +108,15 @@ def _below(triangles: np.ndarray, volumes: np.ndarray, normal: np.ndarray) -> fl
     return float(total)
 
 
-def _signed_volumes(triangles: np.ndarray) -> np.ndarray:
+def _signed_volumes(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Volume (m,) of the tetrahedra between triangles (m, 3, 3) and the origin."""
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = triangles.transpose(1, 2, 0)
     return (ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)) / 6.0
 
 
-def _cut(triangles: np.ndarray, heights: np.ndarray, below: bool) -> tuple[np.ndarray, ...]:
+def _cut(
+    triangles: NDArray[np.float64], heights: NDArray[np.float64], below: bool
+) -> tuple[NDArray[np.float64], ...]:
     """The corner alone on its side, the two others in order, and the cuts toward both."""
     lone = np.argmax((heights < 0.0) == below, axis=1)
     rows = np.arange(len(triangles))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, describe
 from intent_recognition.warping.logistic import LogisticModel, fit_logistic
@@ -49,8 +50,8 @@ class PouringState(NamedTuple):
         tilt_rad: its tilt about the lip, (n,) or a number.
     """
 
-    fluid_m3: np.ndarray | float
-    tilt_rad: np.ndarray | float
+    fluid_m3: NDArray[np.float64] | float
+    tilt_rad: NDArray[np.float64] | float
 
 
 class FillingState(NamedTuple):
@@ -64,10 +65,10 @@ class FillingState(NamedTuple):
             direction of pouring, across it, up.
     """
 
-    fluid_m3: np.ndarray | float
-    second_fluid_m3: np.ndarray | float
-    tilt_rad: np.ndarray | float
-    offset_m: np.ndarray
+    fluid_m3: NDArray[np.float64] | float
+    second_fluid_m3: NDArray[np.float64] | float
+    tilt_rad: NDArray[np.float64] | float
+    offset_m: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class PouringConstraint:
     model: LogisticModel
 
     @staticmethod
-    def features(state: PouringState, cup: References) -> np.ndarray:
+    def features(state: PouringState, cup: References) -> NDArray[np.float64]:
         """Tilt and amount in parts of the container's own (n, 2)."""
         columns = (
             np.asarray(state.tilt_rad, dtype=float) / cup.tilt_rad,
@@ -86,7 +87,9 @@ class PouringConstraint:
         return _stack(columns)
 
     @classmethod
-    def learn(cls, features: np.ndarray, poured: np.ndarray) -> "PouringConstraint":
+    def learn(
+        cls, features: NDArray[np.float64], poured: NDArray[np.float64]
+    ) -> "PouringConstraint":
         """Learn from features (n, 2) of any containers and labels (n,), 1 where some poured.
 
         Raises:
@@ -94,7 +97,7 @@ class PouringConstraint:
         """
         return cls(fit_logistic(features, poured, ridge=RIDGE))
 
-    def probability(self, state: PouringState, cup: References) -> np.ndarray:
+    def probability(self, state: PouringState, cup: References) -> NDArray[np.float64]:
         """Probability (n,) that the container pours."""
         return self.model.probability(self.features(state, cup))
 
@@ -114,7 +117,7 @@ class FillingConstraint:
     @staticmethod
     def features(
         state: FillingState, cup: References, second: References, *, throw: float = 0.0
-    ) -> np.ndarray:
+    ) -> NDArray[np.float64]:
         """Features (n, 8): offsets and their squares, and amounts and tilt, all as ratios.
 
         Horizontal distances are divided by the second's radius, the vertical one by the first's
@@ -143,7 +146,7 @@ class FillingConstraint:
         return landing(_stack(columns), ahead)
 
     @staticmethod
-    def unit_throw(state: FillingState, cup: References, second: References) -> np.ndarray:
+    def unit_throw(state: FillingState, cup: References, second: References) -> NDArray[np.float64]:
         """What a throw is measured in (n,): sqrt(height of the first x height above) / radius.
 
         Ours. What slides down a wall without friction is as fast as the square root of its length,
@@ -153,7 +156,9 @@ class FillingConstraint:
         return np.sqrt(cup.height_m * above) / second.opening_radius_m
 
     @classmethod
-    def learn(cls, features: np.ndarray, filled: np.ndarray) -> "FillingConstraint":
+    def learn(
+        cls, features: NDArray[np.float64], filled: NDArray[np.float64]
+    ) -> "FillingConstraint":
         """Learn from features (n, 8) without throw and labels (n,), 1 where nothing fell beside.
 
         Raises:
@@ -163,7 +168,10 @@ class FillingConstraint:
 
     @classmethod
     def learn_throw(
-        cls, features: np.ndarray, unit_throw: np.ndarray, filled: np.ndarray
+        cls,
+        features: NDArray[np.float64],
+        unit_throw: NDArray[np.float64],
+        filled: NDArray[np.float64],
     ) -> "FillingConstraint":
         """Learn how far is thrown as well: the throw under which the labels are most probable.
 
@@ -186,7 +194,9 @@ class FillingConstraint:
         best = max(range(len(found)), key=lambda k: found[k][0])
         return cls(found[best][1], float(THROWS[best]))
 
-    def probability(self, state: FillingState, cup: References, second: References) -> np.ndarray:
+    def probability(
+        self, state: FillingState, cup: References, second: References
+    ) -> NDArray[np.float64]:
         """Probability (n,) that all that is poured ends up in the second container."""
         return self.model.probability(self.features(state, cup, second, throw=self.throw))
 
@@ -197,7 +207,7 @@ def spill_risk(
     states: FillingState,
     cup: References,
     second: References,
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Probability (n,) that something is poured and not all of it ends up in the second container.
 
     What is to be looked at before a path is executed: it must stay low all along, since liquid
@@ -224,7 +234,7 @@ def references(parameters: PouringParameters) -> References:
     )
 
 
-def landing(features: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+def landing(features: NDArray[np.float64], ahead: NDArray[np.float64]) -> NDArray[np.float64]:
     """Features (n, 8) of filling with the offset along moved ahead by (n,), in radii."""
     moved = np.array(features)
     moved[:, 0] += ahead
@@ -232,7 +242,7 @@ def landing(features: np.ndarray, ahead: np.ndarray) -> np.ndarray:
     return moved
 
 
-def _offsets(state: FillingState) -> np.ndarray:
+def _offsets(state: FillingState) -> NDArray[np.float64]:
     """Offsets (n, 3) of n states, checked."""
     offset = np.asarray(state.offset_m, dtype=float)
     if offset.ndim != 2 or offset.shape[1] != 3:
@@ -241,6 +251,6 @@ def _offsets(state: FillingState) -> np.ndarray:
     return offset
 
 
-def _stack(columns: tuple[np.ndarray, ...]) -> np.ndarray:
+def _stack(columns: tuple[NDArray[np.float64], ...]) -> NDArray[np.float64]:
     """Columns (n,) or single numbers as (n, d)."""
     return np.stack(np.broadcast_arrays(*(np.atleast_1d(c) for c in columns)), axis=1)

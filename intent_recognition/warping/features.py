@@ -2,17 +2,18 @@
 """How the surface looks around each point, free of unit, place and direction."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 N_NEIGHBOURS = 20
 
 
 def local_features(
-    points: np.ndarray,
-    normals: np.ndarray,
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
     tree: cKDTree | None = None,
-    rows: np.ndarray | slice = slice(None),
-) -> np.ndarray:
+    rows: NDArray[np.float64] | slice = slice(None),
+) -> NDArray[np.float64]:
     """Features of the neighbourhood of each point (Brandl et al. II-B).
 
     The eigenvalues of the neighbourhood's covariance and the distance to its mean, as in the

@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.warping.opening import OpeningPlane, across
 
@@ -30,23 +31,23 @@ class ObjectFrame:
             the opening.
     """
 
-    origin: np.ndarray
-    axes: np.ndarray
+    origin: NDArray[np.float64]
+    axes: NDArray[np.float64]
     radius_m: float
     height_m: float
     reach_m: float
-    wall: np.ndarray
+    wall: NDArray[np.float64]
 
     @property
     def has_handle(self) -> bool:
         """Whether a handle was found."""
         return self.reach_m > 0.0
 
-    def to_local(self, points: np.ndarray) -> np.ndarray:
+    def to_local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (n, 3) in the frame's axes, in metres."""
         return (points - self.origin) @ self.axes.T
 
-    def on_handle(self, local: np.ndarray) -> np.ndarray:
+    def on_handle(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
         """Which points (n,) stand out of the wall on the handle's side; local (n, 3) [m]."""
         if not self.has_handle:
             return np.zeros(len(local), dtype=bool)
@@ -56,10 +57,10 @@ class ObjectFrame:
 
 
 def coarse_frame(
-    points: np.ndarray,
-    normals: np.ndarray,
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
     opening: OpeningPlane,
-    handle_probability: np.ndarray | None = None,
+    handle_probability: NDArray[np.float64] | None = None,
 ) -> ObjectFrame:
     """Frame of an object whose opening is known.
 
@@ -101,7 +102,9 @@ def coarse_frame(
     return ObjectFrame(opening.centre, axes, opening.radius_m, height, reach, wall)
 
 
-def outer_wall(share: np.ndarray, radius: np.ndarray, outward: np.ndarray) -> np.ndarray:
+def outer_wall(
+    share: NDArray[np.float64], radius: NDArray[np.float64], outward: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Distance (N_LEVELS,) of the outer wall from the axis, from the base up.
 
     Args:
@@ -122,17 +125,21 @@ def outer_wall(share: np.ndarray, radius: np.ndarray, outward: np.ndarray) -> np
     return np.interp(np.arange(N_LEVELS), np.flatnonzero(known), wall[known])
 
 
-def protruding(share: np.ndarray, radius: np.ndarray, wall: np.ndarray) -> np.ndarray:
+def protruding(
+    share: NDArray[np.float64], radius: NDArray[np.float64], wall: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Which points (n,) stand out of the wall (N_LEVELS,) by far."""
     return radius > PROTRUSION * np.maximum(wall[_level(share)], 0.6 * np.median(wall))
 
 
-def _level(share: np.ndarray) -> np.ndarray:
+def _level(share: NDArray[np.float64]) -> NDArray[np.float64]:
     """Level (n,) of heights -1 to 0."""
     return np.clip(((1.0 + share) * N_LEVELS).astype(int), 0, N_LEVELS - 1)
 
 
-def _widest(flat: np.ndarray, up: np.ndarray, opening: OpeningPlane) -> np.ndarray:
+def _widest(
+    flat: NDArray[np.float64], up: NDArray[np.float64], opening: OpeningPlane
+) -> NDArray[np.float64]:
     """Direction (3,) in which points spread most across the axis, signed toward more of them."""
     plane = np.stack(across(up), 1)
     local = flat @ plane

@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import expit
 
@@ -22,11 +23,11 @@ class LogisticModel:
     """
 
     bias: float
-    weights: np.ndarray
-    offset: np.ndarray
-    scale: np.ndarray
+    weights: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    scale: NDArray[np.float64]
 
-    def log_odds(self, features: np.ndarray) -> np.ndarray:
+    def log_odds(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log odds (n,) at features (n, d)."""
         features = np.asarray(features, dtype=float)
         if features.ndim != 2 or features.shape[1] != len(self.weights):
@@ -35,16 +36,16 @@ class LogisticModel:
             raise ShapeError(describe("features", expected, features.shape, cure))
         return self.bias + (features - self.offset) @ (self.weights / self.scale)
 
-    def probability(self, features: np.ndarray) -> np.ndarray:
+    def probability(self, features: NDArray[np.float64]) -> NDArray[np.float64]:
         """Probability (n,) of label 1 at features (n, d)."""
         return expit(self.log_odds(features))
 
 
 def fit_logistic(
-    features: np.ndarray,
-    labels: np.ndarray,
+    features: NDArray[np.float64],
+    labels: NDArray[np.float64],
     ridge: float = 1e-2,
-    sample_weights: np.ndarray | None = None,
+    sample_weights: NDArray[np.float64] | None = None,
     max_iterations: int = 100,
     tolerance: float = 1e-9,
 ) -> LogisticModel:
@@ -79,7 +80,7 @@ def fit_logistic(
     beta = np.zeros(design.shape[1])
     beta[0] = np.log((weights @ labels) / (weights @ (1.0 - labels)))
 
-    def loss(candidate: np.ndarray) -> float:
+    def loss(candidate: NDArray[np.float64]) -> float:
         odds = design @ candidate
         return weights @ (np.logaddexp(0.0, odds) - labels * odds) + 0.5 * penalty @ candidate**2
 
@@ -105,8 +106,11 @@ def fit_logistic(
 
 
 def _checked(
-    features: np.ndarray, labels: np.ndarray, ridge: float, sample_weights: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    features: NDArray[np.float64],
+    labels: NDArray[np.float64],
+    ridge: float,
+    sample_weights: NDArray[np.float64] | None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """The arguments as float arrays of fitting shapes."""
     features, labels = np.asarray(features, dtype=float), np.asarray(labels, dtype=float)
     if features.ndim != 2 or not len(features):

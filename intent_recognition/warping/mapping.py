@@ -2,6 +2,7 @@
 """Nearest neighbours whose normals agree (Brandl et al. II-B and II-C)."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from intent_recognition.errors import ArgumentError, describe
@@ -11,12 +12,12 @@ CHUNK = 64
 
 
 def agreeing_neighbours(
-    points: np.ndarray,
-    normals: np.ndarray,
-    candidates: np.ndarray,
-    candidate_normals: np.ndarray,
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    candidates: NDArray[np.float64],
+    candidate_normals: NDArray[np.float64],
     k: int = 1,
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """The k nearest candidates of each point with a normal on the same side.
 
     Args:
@@ -52,7 +53,7 @@ def agreeing_neighbours(
     return found
 
 
-def majority(labels: np.ndarray, n_labels: int) -> np.ndarray:
+def majority(labels: NDArray[np.float64], n_labels: int) -> NDArray[np.float64]:
     """Most frequent of k labels (n, k), that of the nearest neighbour where two are level."""
     if labels.shape[1] == 1:
         return labels[:, 0]
@@ -61,18 +62,18 @@ def majority(labels: np.ndarray, n_labels: int) -> np.ndarray:
     return votes.argmax(1)
 
 
-def _chunks(rows: np.ndarray) -> list[np.ndarray]:
+def _chunks(rows: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Rows in pieces that keep the tables of distances small."""
     return [rows[start : start + CHUNK] for start in range(0, len(rows), CHUNK)]
 
 
 def _among_all(
-    points: np.ndarray,
-    normals: np.ndarray,
-    candidates: np.ndarray,
-    candidate_normals: np.ndarray,
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    candidates: NDArray[np.float64],
+    candidate_normals: NDArray[np.float64],
     k: int,
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """The same where the agreeing ones are far away: all candidates are looked at."""
     # Squared distances but for a constant per point, in one product.
     extended = np.column_stack([candidates, (candidates * candidates).sum(1)])

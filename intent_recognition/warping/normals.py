@@ -2,6 +2,7 @@
 """Normals of a cloud that has none, from the places it was seen from."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
@@ -10,7 +11,9 @@ from intent_recognition.warping.object_model import ObjectCloud, checked_points
 N_NEIGHBOURS = 10
 
 
-def with_estimated_normals(points: np.ndarray, viewpoints: np.ndarray | None) -> ObjectCloud:
+def with_estimated_normals(
+    points: NDArray[np.float64], viewpoints: NDArray[np.float64] | None
+) -> ObjectCloud:
     """A cloud whose normals are those of the planes through each point's neighbours.
 
     A surface can only be seen from outside: each normal is turned toward the camera. Neighbours
@@ -49,7 +52,7 @@ def with_estimated_normals(points: np.ndarray, viewpoints: np.ndarray | None) ->
     return ObjectCloud(points, normals)
 
 
-def _plane_normals(points: np.ndarray) -> np.ndarray:
+def _plane_normals(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit normals (n, 3) of either sign."""
     _, near = cKDTree(points).query(points, k=min(N_NEIGHBOURS, len(points)))
     offsets = points[near] - points[near].mean(1, keepdims=True)

@@ -4,6 +4,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.warping.parts import Part
@@ -15,8 +16,8 @@ MIN_POINTS = 100
 class ObjectCloud:
     """Points (n, 3) of an object's surface in metres and outward unit normals (n, 3)."""
 
-    points: np.ndarray
-    normals: np.ndarray
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         """Check shapes, finiteness and normals; take unit copies that cannot be written to."""
@@ -47,7 +48,7 @@ class AnnotatedObject(ObjectCloud):
         name: what it is.
     """
 
-    labels: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    labels: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0, dtype=int))
     name: str = "object"
 
     def __post_init__(self) -> None:
@@ -66,7 +67,7 @@ class AnnotatedObject(ObjectCloud):
         object.__setattr__(self, "labels", labels)
 
 
-def checked_points(points: np.ndarray) -> np.ndarray:
+def checked_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """A float copy of points (n, 3).
 
     Raises:

@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from intent_recognition.errors import ArgumentError, TrainingError, describe
@@ -52,13 +53,13 @@ class WarpedObject:
         mapping: "label": the points are the target's; "point": they are the source's, moved.
     """
 
-    points: np.ndarray
-    normals: np.ndarray
-    labels: np.ndarray
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    labels: NDArray[np.float64]
     frame: ObjectFrame
     mapping: Mapping
 
-    def part(self, part: Part) -> np.ndarray:
+    def part(self, part: Part) -> NDArray[np.float64]:
         """Points (m, 3) of one part."""
         return self.points[self.labels == part]
 
@@ -164,7 +165,7 @@ def _frame(cloud: ObjectCloud, classifiers: PartClassifiers) -> ObjectFrame:
 
 def _aligned_source(
     source: WarpSource, target: ObjectFrame
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Points, normals and labels of the source, scaled to the target's size in its axes.
 
     Height and radius are scaled apart, the radius level by level as the walls are wide. A handle

@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 N_HYPOTHESES = 300
 N_VERIFIED = 6
@@ -21,13 +22,13 @@ MAX_RING_SPREAD = 0.25
 class OpeningPlane:
     """A circle with its axis: centre (3,) [m], unit axis (3,) outward, radius [m]."""
 
-    centre: np.ndarray
-    up: np.ndarray
+    centre: NDArray[np.float64]
+    up: NDArray[np.float64]
     radius_m: float
 
 
 def find_opening(
-    points: np.ndarray, normals: np.ndarray, rim_probability: np.ndarray
+    points: NDArray[np.float64], normals: NDArray[np.float64], rim_probability: NDArray[np.float64]
 ) -> OpeningPlane | None:
     """Find the opening from a first guess of the rim.
 
@@ -68,7 +69,7 @@ def find_opening(
     return best if best is not None and score_of[best] > MIN_SCORE else None
 
 
-def fit_circle(plane_points: np.ndarray) -> tuple[np.ndarray, float]:
+def fit_circle(plane_points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Centre (2,) and radius of the circle through points (n, 2) in the least-squares sense."""
     design = np.column_stack([2.0 * plane_points, np.ones(len(plane_points))])
     solution, *_ = np.linalg.lstsq(design, (plane_points**2).sum(1), rcond=None)
@@ -76,7 +77,7 @@ def fit_circle(plane_points: np.ndarray) -> tuple[np.ndarray, float]:
     return solution[:2], float(radius)
 
 
-def fit_plane(points: np.ndarray, up: np.ndarray) -> np.ndarray:
+def fit_plane(points: NDArray[np.float64], up: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit normal (3,) of the plane through points (n, 3), on the side of `up`."""
     offsets = points - points.mean(0)
     _, vectors = np.linalg.eigh(offsets.T @ offsets)
@@ -84,7 +85,7 @@ def fit_plane(points: np.ndarray, up: np.ndarray) -> np.ndarray:
     return normal if normal @ up >= 0.0 else -normal
 
 
-def across(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def across(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Two unit vectors that make a right-handed frame with `up` as the third axis."""
     # The axis that is least along `up` is turned square to it; products by hand, they are small.
     x, y, z = up
@@ -95,7 +96,9 @@ def across(up: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return first, np.array([y * c - z * b, z * a - x * c, x * b - y * a])
 
 
-def _hypotheses(points: np.ndarray, probability: np.ndarray, middle: np.ndarray) -> np.ndarray:
+def _hypotheses(
+    points: NDArray[np.float64], probability: NDArray[np.float64], middle: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Planes (m, 4): normals away from the middle, and their distances from the origin."""
     count = max(MIN_RIM_POINTS, int(LIKELY_SHARE * len(points)))
     likely = np.argsort(-probability, kind="stable")[:count]
@@ -111,7 +114,7 @@ def _hypotheses(points: np.ndarray, probability: np.ndarray, middle: np.ndarray)
     return np.column_stack([normals * sign[:, None], offsets * sign])
 
 
-def _directions(normals: np.ndarray, likely: np.ndarray) -> np.ndarray:
+def _directions(normals: NDArray[np.float64], likely: NDArray[np.float64]) -> NDArray[np.float64]:
     """Where an opening may point (m, 3): along principal axes of the normals, or back.
 
     Walls face across the axis of a container and its floor along it.
@@ -120,7 +123,7 @@ def _directions(normals: np.ndarray, likely: np.ndarray) -> np.ndarray:
     return np.concatenate([axes.T, -axes.T, -likely])
 
 
-def _bearing(points: np.ndarray, up: np.ndarray) -> OpeningPlane | None:
+def _bearing(points: NDArray[np.float64], up: NDArray[np.float64]) -> OpeningPlane | None:
     """The plane that bears on the highest points all around, and the circle through these."""
     middle = points.mean(0)
     farthest = np.argmax(((points - middle) ** 2).sum(1))
@@ -142,7 +145,7 @@ def _bearing(points: np.ndarray, up: np.ndarray) -> OpeningPlane | None:
     return _circle(points[crest], up)
 
 
-def _circle(rim: np.ndarray, up: np.ndarray) -> OpeningPlane | None:
+def _circle(rim: NDArray[np.float64], up: NDArray[np.float64]) -> OpeningPlane | None:
     """The circle through rim points (n, 3); None if they make none."""
     first, second = across(up)
     flat = rim @ np.stack([first, second], 1)
@@ -154,7 +157,10 @@ def _circle(rim: np.ndarray, up: np.ndarray) -> OpeningPlane | None:
 
 
 def _refine(
-    points: np.ndarray, probability: np.ndarray, plane: np.ndarray, tolerance: float
+    points: NDArray[np.float64],
+    probability: NDArray[np.float64],
+    plane: NDArray[np.float64],
+    tolerance: float,
 ) -> OpeningPlane | None:
     """The plane and circle through the probable rim points near a plane."""
     up, offset = plane[:3], plane[3]
@@ -169,7 +175,10 @@ def _refine(
 
 
 def _ring_share(
-    points: np.ndarray, probability: np.ndarray, opening: OpeningPlane, tolerance: float
+    points: NDArray[np.float64],
+    probability: NDArray[np.float64],
+    opening: OpeningPlane,
+    tolerance: float,
 ) -> float:
     """Share of the probable rim that lies on the ring."""
     offsets = points - opening.centre
@@ -181,7 +190,10 @@ def _ring_share(
 
 
 def _looks_into(
-    points: np.ndarray, normals: np.ndarray, opening: OpeningPlane, tolerance: float
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    opening: OpeningPlane,
+    tolerance: float,
 ) -> float:
     """How much surface below the ring faces its centre, less what lies in the ring or above."""
     centre, up, radius = opening.centre, opening.up, opening.radius_m

@@ -10,11 +10,12 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.warping.clipping import half_volume_angle
 from intent_recognition.warping.object_warp import WarpedObject
 
-Parameter = Callable[[WarpedObject], float | np.ndarray]
+Parameter = Callable[[WarpedObject], float | NDArray[np.float64]]
 FAR_M = 100.0
 LEVEL_RAD = 0.05
 
@@ -34,8 +35,8 @@ class PouringParameters(NamedTuple):
     opening_radius_m: float
     volume_m3: float
     height_m: float
-    opening_centre: np.ndarray
-    lip_point: np.ndarray
+    opening_centre: NDArray[np.float64]
+    lip_point: NDArray[np.float64]
     tilt_reference_rad: float
 
 
@@ -44,7 +45,7 @@ def opening_radius(warped: WarpedObject) -> float:
     return warped.rim.radius_m
 
 
-def opening_centre(warped: WarpedObject) -> np.ndarray:
+def opening_centre(warped: WarpedObject) -> NDArray[np.float64]:
     """Centre (3,) of the rim [m], at the height of its crest."""
     return warped.rim.centre
 
@@ -61,9 +62,9 @@ def height(warped: WarpedObject) -> float:
 
 def lip_point(
     warped: WarpedObject,
-    toward: np.ndarray | None = None,
-    vertical: np.ndarray | None = None,
-) -> np.ndarray:
+    toward: NDArray[np.float64] | None = None,
+    vertical: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64]:
     """Point (3,) of the rim over which is poured [m].
 
     Args:
@@ -87,7 +88,7 @@ def lip_point(
     return nearest[np.argmin(np.linalg.norm(nearest - toward, axis=1))]
 
 
-def tilt_reference(warped: WarpedObject, lip: np.ndarray | None = None) -> float:
+def tilt_reference(warped: WarpedObject, lip: NDArray[np.float64] | None = None) -> float:
     """Tilt about the lip (default: `lip_point`) that leaves half of the volume [rad]."""
     rim, cavity = warped.rim, warped.cavity
     lip = lip_point(warped) if lip is None else lip
@@ -111,15 +112,15 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
 
 def evaluate(
     warped: WarpedObject, parameters: Mapping[str, Parameter] = PARAMETERS
-) -> dict[str, float | np.ndarray]:
+) -> dict[str, float | NDArray[np.float64]]:
     """Values of parameters, by name."""
     return {name: parameter(warped) for name, parameter in parameters.items()}
 
 
 def pouring_parameters(
     warped: WarpedObject,
-    toward: np.ndarray | None = None,
-    vertical: np.ndarray | None = None,
+    toward: NDArray[np.float64] | None = None,
+    vertical: NDArray[np.float64] | None = None,
 ) -> PouringParameters:
     """All that pouring needs of one container.
 

@@ -4,6 +4,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.warping.features import local_features
@@ -24,7 +25,7 @@ class PartClassifiers(NamedTuple):
     handle: LogisticModel | None
 
 
-def fit_part_classifiers(source: AnnotatedObject, up: np.ndarray) -> PartClassifiers:
+def fit_part_classifiers(source: AnnotatedObject, up: NDArray[np.float64]) -> PartClassifiers:
     """Learn to tell parts from how the surface looks nearby (Brandl et al. II-B).
 
     A camera above sees more of the rim than of the walls. The annotated points are therefore
@@ -59,8 +60,8 @@ def fit_part_classifiers(source: AnnotatedObject, up: np.ndarray) -> PartClassif
 
 
 def _seen(
-    source: AnnotatedObject, up: np.ndarray, n_views: int, rng: np.random.Generator
-) -> np.ndarray:
+    source: AnnotatedObject, up: NDArray[np.float64], n_views: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
     """Indices of points that cameras above would see, hidden ones behind others included."""
     first = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
     first /= np.linalg.norm(first)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, TrainingError, describe
 from intent_recognition.promp import NormalizedRBFBasis, fit_weights
@@ -20,15 +21,18 @@ WARPED_NAMES = ("along", "across", "up", "tilt")
 N_WARPED = len(WARPED_NAMES)
 
 
-def warped_scale(cup: References, second: References) -> np.ndarray:
+def warped_scale(cup: References, second: References) -> NDArray[np.float64]:
     """What along [m], across [m], up [m] and tilt [rad] are divided by (4,)."""
     radius = second.opening_radius_m
     return np.array([radius, radius, cup.height_m, cup.tilt_rad])
 
 
 def to_warped(
-    offset_m: np.ndarray, tilt_rad: np.ndarray, cup: References, second: References
-) -> np.ndarray:
+    offset_m: NDArray[np.float64],
+    tilt_rad: NDArray[np.float64],
+    cup: References,
+    second: References,
+) -> NDArray[np.float64]:
     """A path of the lip as ratios (T, 4).
 
     Args:
@@ -41,8 +45,8 @@ def to_warped(
 
 
 def from_warped(
-    path: np.ndarray, cup: References, second: References
-) -> tuple[np.ndarray, np.ndarray]:
+    path: NDArray[np.float64], cup: References, second: References
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Offsets (T, 3) [m] and tilts (T,) [rad] of ratios (T, 4): the inverse of `to_warped`."""
     scaled = path * warped_scale(cup, second)
     return scaled[:, :3], scaled[:, 3]
@@ -61,14 +65,14 @@ class WarpedPrimitive:
     """
 
     basis: NormalizedRBFBasis
-    mean: np.ndarray
-    spread: np.ndarray
+    mean: NDArray[np.float64]
+    spread: NDArray[np.float64]
     duration_s: float
 
     @classmethod
     def learn(
         cls,
-        paths: Sequence[np.ndarray],
+        paths: Sequence[NDArray[np.float64]],
         durations_s: Sequence[float],
         basis: NormalizedRBFBasis | None = None,
     ) -> "WarpedPrimitive":
@@ -99,20 +103,22 @@ class WarpedPrimitive:
         spread = (np.array(weights) - mean).T / np.sqrt(len(weights) - 1.0)
         return cls(basis, mean, spread, float(np.mean(durations_s)))
 
-    def mean_path(self, phase: np.ndarray) -> np.ndarray:
+    def mean_path(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean at phases (T,): (T, 4)."""
         return self._roll_out(self.mean, phase)
 
-    def std_path(self, phase: np.ndarray) -> np.ndarray:
+    def std_path(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Standard deviation at phases (T,): (T, 4)."""
         design = self.basis.design_matrix(phase)
         parts = self.spread.reshape(N_WARPED, self.basis.n_basis, -1)
         return np.sqrt(np.sum(np.einsum("tn,dnr->tdr", design, parts) ** 2, axis=-1))
 
-    def sample(self, phase: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def sample(self, phase: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
         """One pour drawn from the distribution, at phases (T,): (T, 4)."""
         drawn = self.mean + self.spread @ rng.standard_normal(self.spread.shape[1])
         return self._roll_out(drawn, phase)
 
-    def _roll_out(self, weights: np.ndarray, phase: np.ndarray) -> np.ndarray:
+    def _roll_out(
+        self, weights: NDArray[np.float64], phase: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         return self.basis.design_matrix(phase) @ weights.reshape(N_WARPED, -1).T

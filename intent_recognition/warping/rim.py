@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.warping.frame import ObjectFrame
@@ -27,13 +28,13 @@ class Rim:
         depth_m: lowest point of the object below the crest.
     """
 
-    centre: np.ndarray
-    axes: np.ndarray
-    outline: np.ndarray
+    centre: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    outline: NDArray[np.float64]
     depth_m: float
 
     @property
-    def up(self) -> np.ndarray:
+    def up(self) -> NDArray[np.float64]:
         """Unit axis (3,) out of the opening."""
         return self.axes[0]
 
@@ -45,16 +46,16 @@ class Rim:
         return float(np.average(radii, weights=edges + np.roll(edges, 1)))
 
     @property
-    def crest(self) -> np.ndarray:
+    def crest(self) -> NDArray[np.float64]:
         """The crest (S, 3) [m]."""
         return self.centre + self.outline @ self.axes[1:]
 
-    def to_local(self, points: np.ndarray) -> np.ndarray:
+    def to_local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (n, 3) in the rim's axes, in metres."""
         return (points - self.centre) @ self.axes.T
 
 
-def fit_rim(points: np.ndarray, normals: np.ndarray, frame: ObjectFrame) -> Rim:
+def fit_rim(points: NDArray[np.float64], normals: NDArray[np.float64], frame: ObjectFrame) -> Rim:
     """Fit plane, centre and outline to rim points.
 
     The distance from the centre is a smooth function of the direction plus the thickness of the
@@ -98,14 +99,16 @@ def fit_rim(points: np.ndarray, normals: np.ndarray, frame: ObjectFrame) -> Rim:
     return Rim(centre, axes, outline, frame.height_m + level)
 
 
-def _harmonics(angles: np.ndarray) -> np.ndarray:
+def _harmonics(angles: NDArray[np.float64]) -> NDArray[np.float64]:
     """Constant, cosines and sines (n, 1 + 2 N_HARMONICS) of angles (n,)."""
     orders = np.arange(1, N_HARMONICS + 1)
     turned = angles[:, None] * orders
     return np.column_stack([np.ones(len(angles)), np.cos(turned), np.sin(turned)])
 
 
-def _fit_harmonics(angles: np.ndarray, radii: np.ndarray, outward: np.ndarray) -> np.ndarray:
+def _fit_harmonics(
+    angles: NDArray[np.float64], radii: NDArray[np.float64], outward: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Coefficients of the radius over direction, and of the normal's outward share."""
     design = np.column_stack([_harmonics(angles), outward])
     orders = np.arange(1, N_HARMONICS + 1)
@@ -115,7 +118,7 @@ def _fit_harmonics(angles: np.ndarray, radii: np.ndarray, outward: np.ndarray) -
     return np.linalg.solve(normal, design.T @ radii)
 
 
-def _crest_level(level: np.ndarray, upward: np.ndarray) -> float:
+def _crest_level(level: NDArray[np.float64], upward: NDArray[np.float64]) -> float:
     """Height of the crest, where a rounded rim's normal points along the axis.
 
     On a round rim the height falls in proportion to 1 - upward, and on a flat one not at all;
@@ -131,8 +134,8 @@ def _crest_level(level: np.ndarray, upward: np.ndarray) -> float:
 
 
 def _in_plane(
-    points: np.ndarray, normals: np.ndarray, up: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    points: NDArray[np.float64], normals: NDArray[np.float64], up: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Rim points near their common plane, their normals, and its unit normal (3,)."""
     for _ in range(3):
         up = fit_plane(points, up)

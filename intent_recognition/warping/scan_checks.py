@@ -2,6 +2,7 @@
 """What can be said of a cloud before anything is known of the object."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -20,7 +21,7 @@ OTHER_PIECE = 0.25
 SUSPECT_PIECE = 0.08
 
 
-def check_scan(points: np.ndarray) -> None:
+def check_scan(points: NDArray[np.float64]) -> None:
     """Refuse a cloud that cannot be one cup or bowl in metres.
 
     Args:
@@ -50,7 +51,7 @@ def check_scan(points: np.ndarray) -> None:
         raise ArgumentError(describe("points", "one object", got, cure))
 
 
-def _pieces(points: np.ndarray, n_looked_at: int) -> np.ndarray:
+def _pieces(points: NDArray[np.float64], n_looked_at: int) -> NDArray[np.float64]:
     """Sizes of the pieces of a cloud thinned to about so many points, largest first."""
     looked_at = points[:: max(1, len(points) // n_looked_at)]
     tree = cKDTree(looked_at)

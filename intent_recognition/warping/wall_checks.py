@@ -2,6 +2,7 @@
 """Whether a container that was seen from all sides can hold anything: its wall has no hole."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.warping.cavity import Cavity
@@ -59,7 +60,7 @@ def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:
         raise ArgumentError(describe("target", "a closed wall and floor", got, cure))
 
 
-def _holes(cells: np.ndarray) -> np.ndarray:
+def _holes(cells: NDArray[np.float64]) -> NDArray[np.float64]:
     """Cells that are empty, and one beside them too, in rows where they usually are full."""
     around = np.stack([np.roll(cells, turn, axis=1) for turn in range(-4, 5)])
     filled = np.ma.median(np.ma.masked_equal(around, 0), axis=0)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pybullet
+from numpy.typing import NDArray
 from pybullet_utils.bullet_client import BulletClient
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
@@ -38,7 +39,7 @@ GRAVITY_M_S2 = 9.81
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
 
 
-AccelerationLaw = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
+AccelerationLaw = Callable[[float, NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 """From time [s], joint angles and velocities (7,) to the joint accelerations wanted (7,)."""
 
 
@@ -75,7 +76,7 @@ class LwrArm:
 
     def __init__(
         self,
-        initial_position: np.ndarray | tuple[float, ...] = READY_POSITION,
+        initial_position: NDArray[np.float64] | tuple[float, ...] = READY_POSITION,
         *,
         gains: ControllerGains | None = None,
         limits: JointLimits = LWR_LIMITS,
@@ -126,7 +127,7 @@ class LwrArm:
         """Whether the arm may be guided by hand."""
         return self._gravity_compensation
 
-    def reset(self, q: np.ndarray | tuple[float, ...] = READY_POSITION) -> None:
+    def reset(self, q: NDArray[np.float64] | tuple[float, ...] = READY_POSITION) -> None:
         """Put the arm at rest at q (7,) [rad], hold there, set its time to zero, end all pushes."""
         q = _joint_array(q, "q")
         check_position(q, self.limits, JOINT_NAMES)
@@ -162,7 +163,7 @@ class LwrArm:
         link = self.client.getLinkState(self.body, self.hand_link, computeForwardKinematics=1)
         return HandPose(np.array(link[4]), np.array(link[5]))
 
-    def hand_velocity(self) -> np.ndarray:
+    def hand_velocity(self) -> NDArray[np.float64]:
         """Return the true linear velocity of the hand in the world (3,) [m/s]."""
         link = self.client.getLinkState(
             self.body, self.hand_link, computeLinkVelocity=1, computeForwardKinematics=1
@@ -170,7 +171,10 @@ class LwrArm:
         return np.array(link[6])
 
     def set_reference(
-        self, q: np.ndarray, qd: np.ndarray | None = None, qdd: np.ndarray | None = None
+        self,
+        q: NDArray[np.float64],
+        qd: NDArray[np.float64] | None = None,
+        qdd: NDArray[np.float64] | None = None,
     ) -> None:
         """Follow q (7,) [rad] moving at qd [rad/s] and qdd [rad/s^2]; zero where left out.
 
@@ -212,7 +216,7 @@ class LwrArm:
 
     def apply_force(
         self,
-        force_n: np.ndarray,
+        force_n: NDArray[np.float64],
         *,
         n_steps: int = 1,
         point_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -276,12 +280,12 @@ class LwrArm:
             forces=self._torque.tolist(),
         )
 
-    def _wanted_acceleration(self) -> np.ndarray:
+    def _wanted_acceleration(self) -> NDArray[np.float64]:
         if self._law is None:
             return self._reference.qdd
         return self._law(self.time_s, self._q, self._qd)
 
-    def _payload_torque(self) -> np.ndarray:
+    def _payload_torque(self) -> NDArray[np.float64]:
         zeros = [0.0] * N_JOINTS
         linear, _ = self.client.calculateJacobian(
             self.body, self.hand_link, self._payload_com_m, self._q.tolist(), zeros, zeros
@@ -308,7 +312,9 @@ class LwrArm:
         self._qd = np.array([joint[1] for joint in states])
 
 
-def _joint_array(values: np.ndarray | tuple[float, ...], argument: str) -> np.ndarray:
+def _joint_array(
+    values: NDArray[np.float64] | tuple[float, ...], argument: str
+) -> NDArray[np.float64]:
     array = np.array(values, dtype=np.float64)
     if array.shape != (N_JOINTS,):
         raise ShapeError(describe(argument, "shape (7,)", array.shape, "Give seven joints."))

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.motion import FeedbackPolicy
@@ -42,9 +43,9 @@ class FeedbackRun:
         saturated_steps: physics steps in which a torque reached its limit.
     """
 
-    times_s: np.ndarray
-    positions_rad: np.ndarray
-    hand_m: np.ndarray
+    times_s: NDArray[np.float64]
+    positions_rad: NDArray[np.float64]
+    hand_m: NDArray[np.float64]
     saturated_steps: int
 
 
@@ -65,7 +66,7 @@ def mean_movement(policy: FeedbackPolicy) -> Callable[[float], Reference]:
 
 def execute(
     policy: FeedbackPolicy,
-    start: np.ndarray,
+    start: NDArray[np.float64],
     length_s: float,
     *,
     low_gain: bool = False,

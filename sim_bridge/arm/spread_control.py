@@ -9,6 +9,7 @@ sure, soft where it is not. The reference stays that of the command, whose timin
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import TrajectoryError, describe
 from intent_recognition.kinematics import JOINT_NAMES
@@ -63,7 +64,7 @@ class SpreadControl:
         """Whether a prediction says how stiff the arm shall be at a time."""
         return time_s <= self._times_s[-1] + HOLD_S
 
-    def gains(self, time_s: float) -> tuple[np.ndarray, np.ndarray]:
+    def gains(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Stiffness [1/s^2] and damping [1/s] at a time, each (7,); the ends are held."""
         times = self._times_s
         if time_s <= times[0] or len(times) == 1:
@@ -78,7 +79,9 @@ class SpreadControl:
             arm.set_acceleration_law(None)
             return
 
-        def law(time_s: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        def law(
+            time_s: float, q: NDArray[np.float64], qd: NDArray[np.float64]
+        ) -> NDArray[np.float64]:
             stiffness, damping = self.gains(time_s)
             reference = arm.reference
             return reference.qdd + stiffness * (reference.q - q) + damping * (reference.qd - qd)

@@ -5,22 +5,23 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 class ArmState(NamedTuple):
     """What the joints report: q [rad], qd [rad/s], torque commanded last [Nm], all (7,)."""
 
-    q: np.ndarray
-    qd: np.ndarray
-    torque: np.ndarray
+    q: NDArray[np.float64]
+    qd: NDArray[np.float64]
+    torque: NDArray[np.float64]
     time_s: float
 
 
 class HandPose(NamedTuple):
     """Pose of DH frame 7 in the world: position (3,) [m], orientation (4,) xyzw."""
 
-    position: np.ndarray
-    orientation: np.ndarray
+    position: NDArray[np.float64]
+    orientation: NDArray[np.float64]
 
 
 @dataclass(frozen=True)

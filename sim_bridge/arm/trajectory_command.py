@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import TrajectoryError, describe
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, JointLimits, position_violation
@@ -25,7 +26,7 @@ REASONS = (
 )
 LONGEST_WAIT_S = 60.0
 
-Rows = Sequence[Sequence[float]] | np.ndarray
+Rows = Sequence[Sequence[float]] | NDArray[np.float64]
 
 
 class RejectedTrajectoryError(TrajectoryError):
@@ -48,10 +49,10 @@ class TrajectoryCommand:
         start_s: when it starts; None = on acceptance.
     """
 
-    times_s: np.ndarray
-    positions: np.ndarray
-    velocities: np.ndarray
-    accelerations: np.ndarray | None
+    times_s: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    accelerations: NDArray[np.float64] | None
     start_s: float | None
 
     @classmethod
@@ -113,7 +114,7 @@ def _column_order(names: Sequence[str], joint_names: Sequence[str]) -> list[int]
     return [given.index(name) for name in joint_names]
 
 
-def _checked_times(times_s: Sequence[float]) -> np.ndarray:
+def _checked_times(times_s: Sequence[float]) -> NDArray[np.float64]:
     times = np.array(times_s, dtype=np.float64)
     if times.ndim != 1 or times.size == 0:
         _reject("empty", "points", "at least one point", f"{times.size} points")
@@ -130,7 +131,7 @@ def _checked_times(times_s: Sequence[float]) -> np.ndarray:
     return times
 
 
-def _checked_rows(argument: str, rows: Rows, shape: tuple[int, int]) -> np.ndarray:
+def _checked_rows(argument: str, rows: Rows, shape: tuple[int, int]) -> NDArray[np.float64]:
     if len(rows) != shape[0]:
         _reject("wrong_size", argument, f"{shape[0]} rows", f"{len(rows)} rows")
     for k, row in enumerate(rows):
@@ -143,13 +144,15 @@ def _checked_rows(argument: str, rows: Rows, shape: tuple[int, int]) -> np.ndarr
     return array
 
 
-def _optional_rows(argument: str, rows: Rows | None, shape: tuple[int, int]) -> np.ndarray | None:
+def _optional_rows(
+    argument: str, rows: Rows | None, shape: tuple[int, int]
+) -> NDArray[np.float64] | None:
     if rows is None or (len(rows) == shape[0] and all(len(row) == 0 for row in rows)):
         return None
     return _checked_rows(argument, rows, shape)
 
 
-def _smooth_velocities(times: np.ndarray, q: np.ndarray) -> np.ndarray:
+def _smooth_velocities(times: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return velocities (n, n_joints) that are zero at both ends and never overshoot a point.
 
     Between two segments of the same direction the harmonic mean of their slopes, else zero
@@ -166,10 +169,10 @@ def _smooth_velocities(times: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _check_limits(
-    times: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray | None,
-    qdd: np.ndarray | None,
+    times: NDArray[np.float64],
+    q: NDArray[np.float64],
+    qd: NDArray[np.float64] | None,
+    qdd: NDArray[np.float64] | None,
     limits: JointLimits,
     names: Sequence[str],
 ) -> None:
@@ -192,7 +195,11 @@ def _check_limits(
 
 
 def _check_excess(
-    kind: str, excess: np.ndarray, values: np.ndarray, expected: str, names: Sequence[str]
+    kind: str,
+    excess: NDArray[np.float64],
+    values: NDArray[np.float64],
+    expected: str,
+    names: Sequence[str],
 ) -> None:
     if np.any(excess > 1e-9):
         k, joint = np.unravel_index(np.argmax(excess), excess.shape)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, describe
 from intent_recognition.kinematics import LWR_LIMITS, JointLimits
@@ -27,9 +28,9 @@ _OFFSET_VELOCITY = 1.875
 class Reference(NamedTuple):
     """A point of the reference curve: q [rad], qd [rad/s], qdd [rad/s^2], all (n_joints,)."""
 
-    q: np.ndarray
-    qd: np.ndarray
-    qdd: np.ndarray
+    q: NDArray[np.float64]
+    qd: NDArray[np.float64]
+    qdd: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class _Entry(NamedTuple):
 
     start_s: float
     curve: _Curve | Reference
-    offset: np.ndarray | None
+    offset: NDArray[np.float64] | None
     fade_s: float
 
     def sample(self, time_s: float) -> Reference:
@@ -104,7 +105,7 @@ class TrajectoryFollower:
 
     def __init__(
         self,
-        position: np.ndarray,
+        position: NDArray[np.float64],
         limits: JointLimits = LWR_LIMITS,
         blend: BlendSettings | None = None,
     ) -> None:
@@ -113,7 +114,7 @@ class TrajectoryFollower:
         self._entries: list[_Entry] = []
         self.hold(position)
 
-    def hold(self, position: np.ndarray) -> None:
+    def hold(self, position: NDArray[np.float64]) -> None:
         """Forget all commands and rest at position (n_joints,) [rad], without a blend."""
         q = np.array(position, dtype=np.float64)
         if q.shape != (self._limits.n_joints,):
@@ -159,7 +160,7 @@ class TrajectoryFollower:
         while len(self._entries) > 1 and self._entries[1].start_s <= now_s:
             self._entries.pop(0)
 
-    def _fade_time(self, offset: np.ndarray, velocity: np.ndarray) -> float:
+    def _fade_time(self, offset: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
         """Return the shortest fade [s] whose acceleration stays within the blend's share.
 
         Solves c1 |offset| / T^2 + c2 |velocity| / T <= a for each joint; the slowest counts.
@@ -174,7 +175,7 @@ class TrajectoryFollower:
         return max(float(fade.max()), self._blend.shortest_s)
 
 
-def _polynomial(*coefficients: np.ndarray) -> np.ndarray:
+def _polynomial(*coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return coefficients (6, n) by rising power, zero where not given."""
     polynomial = np.zeros((6, len(coefficients[0])))
     for power, values in enumerate(coefficients):
@@ -182,7 +183,7 @@ def _polynomial(*coefficients: np.ndarray) -> np.ndarray:
     return polynomial
 
 
-def _segment(command: TrajectoryCommand, k: int, duration_s: float) -> np.ndarray:
+def _segment(command: TrajectoryCommand, k: int, duration_s: float) -> NDArray[np.float64]:
     """Return the polynomial (6, n) from point k to the next: cubic, quintic if accelerated."""
     q0, q1 = command.positions[k], command.positions[k + 1]
     v0, v1 = command.velocities[k], command.velocities[k + 1]
@@ -205,7 +206,9 @@ def _segment(command: TrajectoryCommand, k: int, duration_s: float) -> np.ndarra
     )
 
 
-def _hermite(offset: np.ndarray, velocity: np.ndarray, duration_s: float) -> np.ndarray:
+def _hermite(
+    offset: NDArray[np.float64], velocity: NDArray[np.float64], duration_s: float
+) -> NDArray[np.float64]:
     """Return the quintic (6, n) from (offset, velocity, 0) to rest at zero in duration_s."""
     T = duration_s
     speed = velocity * T
@@ -219,7 +222,7 @@ def _hermite(offset: np.ndarray, velocity: np.ndarray, duration_s: float) -> np.
     )
 
 
-def _evaluate(polynomial: np.ndarray, t: float) -> Reference:
+def _evaluate(polynomial: NDArray[np.float64], t: float) -> Reference:
     t2 = t * t
     t3, t4 = t2 * t, t2 * t2
     value = np.array([1.0, t, t2, t3, t4, t4 * t])

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.kinematics import DH, JOINT_NAMES, LWR_LIMITS, N_JOINTS
 from sim_bridge.arm.urdf_shapes import BASE_SHAPES, HAND_SHAPES, LINK_SHAPES, Shape
@@ -35,7 +36,7 @@ class LinkBody:
     radius: float
     length: float
 
-    def inertia(self) -> np.ndarray:
+    def inertia(self) -> NDArray[np.float64]:
         """Return the moments of inertia about the centre along the link's axes (3,) [kg m^2]."""
         across = self.mass * (3.0 * self.radius**2 + self.length**2) / 12.0
         moments = np.full(3, across)
@@ -55,7 +56,7 @@ LINK_BODIES: tuple[LinkBody, ...] = (
 BASE_MASS_KG = 1.21
 
 
-def link_inertia(index: int, rotor_inertia: float) -> np.ndarray:
+def link_inertia(index: int, rotor_inertia: float) -> NDArray[np.float64]:
     """Return moments (3,) [kg m^2] of link `index` with its rotor.
 
     The rotor is a massless disc across the joint axis: J about the axis, J/2 across it (a body
@@ -132,7 +133,7 @@ def _add_joint(robot: ET.Element, i: int) -> None:
 
 
 def _add_inertial(
-    link: ET.Element, mass: float, centre: tuple[float, ...], moments: np.ndarray
+    link: ET.Element, mass: float, centre: tuple[float, ...], moments: NDArray[np.float64]
 ) -> None:
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "origin", xyz=_text(centre), rpy="0 0 0")

@@ -8,6 +8,7 @@ where they leave the first, so that neither container is in the other's way and 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.balls.tilting import Tilted, WallGuard
 from sim_bridge.balls.world import GRAVITY_M_S2, STEP_S, BallWorld
@@ -30,7 +31,9 @@ class Caught:
     through_wall: int
 
 
-def catch(world: BallWorld, inside_m: np.ndarray, poured: Tilted, lip_m: np.ndarray) -> Caught:
+def catch(
+    world: BallWorld, inside_m: NDArray[np.float64], poured: Tilted, lip_m: NDArray[np.float64]
+) -> Caught:
     """Let the balls that left the first container fall onto the second.
 
     It ends as soon as one ball is outside.
@@ -67,7 +70,7 @@ def catch(world: BallWorld, inside_m: np.ndarray, poured: Tilted, lip_m: np.ndar
     return Caught(True, guard.count)
 
 
-def _outside(world: BallWorld, positions_m: np.ndarray) -> np.ndarray:
+def _outside(world: BallWorld, positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Which balls (N, 3) are below the rim and clear of the wall on its far side (N,)."""
     hollow, radius = world.hollow, world.ball_radius_m
     low = positions_m[:, 2] < hollow.rim_height_m - radius
@@ -76,7 +79,9 @@ def _outside(world: BallWorld, positions_m: np.ndarray) -> np.ndarray:
     return low & (hollow.clearance_m(rim) < -RADII_BEYOND * radius)
 
 
-def _misses(world: BallWorld, starts_m: np.ndarray, velocities_m_s: np.ndarray) -> np.ndarray:
+def _misses(
+    world: BallWorld, starts_m: NDArray[np.float64], velocities_m_s: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Which balls fly past the rim without touching it: (N,).
 
     A ball that starts below the rim's height and outside never comes in.

@@ -8,6 +8,7 @@ through, and `createCollisionShapeArray` silently keeps sixteen shapes.
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from sim_bridge.balls.hollow import Hollow, offset
@@ -17,7 +18,7 @@ HULL_MARGIN_M = 0.001
 """Bullet's hulls reach this much farther than their corners; the wall is drawn back by it."""
 
 
-def wall_pieces(hollow: Hollow, thickness_m: float = WALL_M) -> list[np.ndarray]:
+def wall_pieces(hollow: Hollow, thickness_m: float = WALL_M) -> list[NDArray[np.float64]]:
     """Corners (V, 3) of the convex pieces: one per edge and pair of rings, and the floor.
 
     The inner faces of the pieces, Bullet's margin included, are the inner wall of `hollow`; the
@@ -41,7 +42,7 @@ def wall_pieces(hollow: Hollow, thickness_m: float = WALL_M) -> list[np.ndarray]
     return pieces
 
 
-def write_obj(pieces: list[np.ndarray], path: Path) -> None:
+def write_obj(pieces: list[NDArray[np.float64]], path: Path) -> None:
     """Write each piece as an `o` group with the triangles of its hull, facing outward."""
     lines, used = [], 0
     for index, corners in enumerate(pieces):
@@ -57,7 +58,7 @@ def write_obj(pieces: list[np.ndarray], path: Path) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
-def _at(rings_m: np.ndarray, heights_m: np.ndarray) -> np.ndarray:
+def _at(rings_m: NDArray[np.float64], heights_m: NDArray[np.float64]) -> NDArray[np.float64]:
     n_rings, n_corners = rings_m.shape[:2]
     z = np.broadcast_to(heights_m[:, None, None], (n_rings, n_corners, 1))
     return np.concatenate([rings_m, z], axis=-1)

@@ -16,6 +16,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition import __version__
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
@@ -30,7 +31,7 @@ def generate(
     trials: int = TRIALS_PER_OBJECT,
     jobs: int = 2,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
-) -> dict[str, np.ndarray]:
+) -> dict[str, NDArray[np.float64]]:
     """Make what is missing, and write the file when all is there.
 
     Args:
@@ -66,7 +67,7 @@ def generate(
 
 def write_finished(
     output: Path, seed: int, *, trials: int = TRIALS_PER_OBJECT
-) -> dict[str, np.ndarray]:
+) -> dict[str, NDArray[np.float64]]:
     """Write what an unfinished run has made so far, as many trials of every object.
 
     The run can go on afterwards, and replaces the file in the end.
@@ -106,7 +107,7 @@ def _origin(seed: int, trials: int) -> dict[str, int]:
 
 def _write(
     output: Path, parts: Path, finished: list[Block], origin: Mapping[str, int]
-) -> dict[str, np.ndarray]:
+) -> dict[str, NDArray[np.float64]]:
     rows = {
         name: np.concatenate(
             [np.load(_part(parts, block)) for block in finished if block.experiment == name]
@@ -180,7 +181,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _generate_with_bar(options: argparse.Namespace) -> dict[str, np.ndarray]:
+def _generate_with_bar(options: argparse.Namespace) -> dict[str, NDArray[np.float64]]:
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

@@ -2,6 +2,7 @@
 """Balls as a fluid: how many fill a container, and settled fills of any amount."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.balls.hollow import Hollow
 from sim_bridge.balls.world import BallWorld
@@ -28,7 +29,9 @@ def hollow_of(container: Container) -> Hollow:
     return Hollow(sections.inner[chosen][:, ::every], sections.heights_m[chosen])
 
 
-def bulk_m3(n_balls: int | np.ndarray, ball_radius_m: float) -> float | np.ndarray:
+def bulk_m3(
+    n_balls: int | NDArray[np.float64], ball_radius_m: float
+) -> float | NDArray[np.float64]:
     """Volume that settled balls fill, the spaces between them included."""
     return n_balls * 4.0 / 3.0 * np.pi * ball_radius_m**3 / PACKING
 
@@ -38,7 +41,7 @@ def ball_radius_m(volume_m3: float, n_full: int) -> float:
     return float((3.0 * PACKING * volume_m3 / (4.0 * np.pi * n_full)) ** (1.0 / 3.0))
 
 
-def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> np.ndarray:
+def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Fill the world's container and let the balls come to rest.
 
     Args:
@@ -56,7 +59,9 @@ def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> np.ndar
     return inside[np.argsort(inside[:, 2])]
 
 
-def _layers(hollow: Hollow, radius_m: float, n_balls: int, rng: np.random.Generator) -> np.ndarray:
+def _layers(
+    hollow: Hollow, radius_m: float, n_balls: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
     """Places (n_balls, 3) in layers from the floor up, none in another or in the wall."""
     pitch = LAYER_PITCH * radius_m
     reach = np.max(np.abs(hollow.rings_m))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ModelError, describe
 from sim_bridge.balls.trials import COLUMNS
@@ -24,11 +25,13 @@ class Trials:
         origin: how they were made: seed, version, blocks.
     """
 
-    tables: Mapping[str, Mapping[str, np.ndarray]]
+    tables: Mapping[str, Mapping[str, NDArray[np.float64]]]
     origin: Mapping[str, object]
 
 
-def write_trials(path: Path, rows: Mapping[str, np.ndarray], origin: Mapping[str, object]) -> None:
+def write_trials(
+    path: Path, rows: Mapping[str, NDArray[np.float64]], origin: Mapping[str, object]
+) -> None:
     """Write tables (N, columns) at once: the file is either complete or not there.
 
     Equal tables give equal bytes.

@@ -9,6 +9,7 @@ forces of the turn, 0.1 % of gravity.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.balls.hollow import Hollow
 from sim_bridge.balls.world import STEP_S, BallWorld
@@ -32,26 +33,26 @@ class Tilted:
         through_wall: how many balls were seen in or beyond the wall without leaving over the rim.
     """
 
-    left: np.ndarray
-    exit_time_s: np.ndarray
-    exit_position_m: np.ndarray
-    exit_velocity_m_s: np.ndarray
+    left: NDArray[np.float64]
+    exit_time_s: NDArray[np.float64]
+    exit_position_m: NDArray[np.float64]
+    exit_velocity_m_s: NDArray[np.float64]
     through_wall: int
 
 
-def gravity_at(tilt_rad: float) -> np.ndarray:
+def gravity_at(tilt_rad: float) -> NDArray[np.float64]:
     """Where a container that is tilted toward its own +x sees gravity point (3,)."""
     return np.array([np.sin(tilt_rad), 0.0, -np.cos(tilt_rad)])
 
 
-def level_axes(tilt_rad: float) -> np.ndarray:
+def level_axes(tilt_rad: float) -> NDArray[np.float64]:
     """Rotation (3, 3) from the container's axes into axes with z up and x toward the pour."""
     c, s = np.cos(tilt_rad), np.sin(tilt_rad)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def tilt(
-    world: BallWorld, balls_m: np.ndarray, tilt_rad: float, *, hold_s: float = HOLD_S
+    world: BallWorld, balls_m: NDArray[np.float64], tilt_rad: float, *, hold_s: float = HOLD_S
 ) -> Tilted:
     """Fill a container, tilt it toward +x about its lip and wait, or until it is empty.
 
@@ -84,13 +85,13 @@ class WallGuard:
     went through.
     """
 
-    def __init__(self, hollow: Hollow, radius_m: float, positions_m: np.ndarray) -> None:
+    def __init__(self, hollow: Hollow, radius_m: float, positions_m: NDArray[np.float64]) -> None:
         self._hollow = hollow
         self._opening_m = hollow.rim_height_m - radius_m
         self._below = self._deep(positions_m) & (hollow.clearance_m(positions_m) >= 0.0)
         self.count = 0
 
-    def look(self, positions_m: np.ndarray) -> np.ndarray:
+    def look(self, positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Take note of centres (N, 3); return which of them are inside, below the rim (N,)."""
         hollow, z = self._hollow, positions_m[:, 2]
         clearance = hollow.clearance_m(positions_m)
@@ -103,7 +104,7 @@ class WallGuard:
         """Watch further balls, which come in from outside."""
         self._below = np.append(self._below, np.zeros(n_balls, dtype=bool))
 
-    def _deep(self, positions_m: np.ndarray) -> np.ndarray:
+    def _deep(self, positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
         z = positions_m[:, 2]
         return (z < self._opening_m) & (z >= self._hollow.heights_m[0])
 

@@ -7,6 +7,7 @@ Source: Brandl et al. 2014, section IV-A.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.balls.catching import catch
 from sim_bridge.balls.fluid import ball_radius_m, bulk_m3, hollow_of, settled
@@ -82,7 +83,7 @@ def blocks(seed: int, trials_per_object: int = TRIALS_PER_OBJECT) -> list[Block]
     ]  # fmt: skip
 
 
-def make(block: Block) -> np.ndarray:
+def make(block: Block) -> NDArray[np.float64]:
     """Run a block: (n_trials, len(COLUMNS[experiment])) float64."""
     return (pouring_block if block.experiment == POURING else filling_block)(block)
 
@@ -92,7 +93,7 @@ def container(index: int) -> Container:
     return make_container(CONTAINER_NAMES[index], CONTAINER_SEED)
 
 
-def pouring_block(block: Block) -> np.ndarray:
+def pouring_block(block: Block) -> NDArray[np.float64]:
     """Tilt one container by random angles with random amounts in it.
 
     The balls settle once, full; every trial takes the lowest of them.
@@ -113,7 +114,7 @@ def pouring_block(block: Block) -> np.ndarray:
     return np.array(rows, dtype=np.float64)
 
 
-def filling_block(block: Block) -> np.ndarray:
+def filling_block(block: Block) -> NDArray[np.float64]:
     """Pour ten balls from one container at random places over the second one."""
     rng, cup = block.rng(), container(block.object_index)
     second = make_container(SECOND, CONTAINER_SEED)
@@ -139,7 +140,7 @@ def filling_block(block: Block) -> np.ndarray:
     return np.array(rows, dtype=np.float64)
 
 
-def _place(rng: np.random.Generator, second: Container) -> np.ndarray:
+def _place(rng: np.random.Generator, second: Container) -> NDArray[np.float64]:
     """Where the lip is, from the centre of the second opening (3,) [m]."""
     radius = second.opening_radius_m
     along, across = rng.uniform(*LIP_ALONG_RADII), rng.uniform(*LIP_ACROSS_RADII)

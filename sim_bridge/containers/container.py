@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from intent_recognition.warping import Part, half_volume_angle
 
@@ -33,10 +34,10 @@ class Sections:
         base: outline of the base (S, 2) in metres.
     """
 
-    heights_m: np.ndarray
-    inner: np.ndarray
-    outer: np.ndarray
-    base: np.ndarray
+    heights_m: NDArray[np.float64]
+    inner: NDArray[np.float64]
+    outer: NDArray[np.float64]
+    base: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,10 @@ class Container:
     opening_radius_m: float
     height_m: float
     inner_volume_m3: float
-    opening_centre: np.ndarray
+    opening_centre: NDArray[np.float64]
 
     @cached_property
-    def lip_point(self) -> np.ndarray:
+    def lip_point(self) -> NDArray[np.float64]:
         """Lip (3,) toward +x, away from the handle."""
         return self.lip_toward(np.array([10.0, 0.0, 0.0]))
 
@@ -76,7 +77,7 @@ class Container:
         """Tilt about `lip_point` after which half of the cavity is above it."""
         return self.tilt_reference_about(self.lip_point)
 
-    def lip_toward(self, point: np.ndarray) -> np.ndarray:
+    def lip_toward(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Point (3,) of the crest that is closest to `point` (3,), the other container's place."""
         crest = self.sections.outer[-1]
         along = np.roll(crest, -1, axis=0) - crest
@@ -86,7 +87,7 @@ class Container:
         closest = np.argmin(np.linalg.norm(nearest - np.asarray(point)[:2], axis=1))
         return np.array([*nearest[closest], self.height_m])
 
-    def tilt_reference_about(self, lip: np.ndarray) -> float:
+    def tilt_reference_about(self, lip: NDArray[np.float64]) -> float:
         """Tilt in radians about the lip (3,) after which half of the cavity is above it."""
         outward = (lip - self.opening_centre) * [1.0, 1.0, 0.0]
         return half_volume_angle(
@@ -97,7 +98,7 @@ class Container:
             outward / np.linalg.norm(outward),
         )
 
-    def labels(self, points: np.ndarray) -> np.ndarray:
+    def labels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Part (n,), values of `Part`, of surface points (n, 3) in the object's frame."""
         points = np.asarray(points, dtype=float)
         parts = np.full(len(points), int(Part.CONTAINER))
@@ -107,7 +108,7 @@ class Container:
         parts[(points[:, 2] > self.height_m - RIM_BAND_M) & (parts != Part.HANDLE)] = int(Part.RIM)
         return parts
 
-    def _outer_distance(self, points: np.ndarray) -> np.ndarray:
+    def _outer_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """How far (n,) points are outside of the wall, horizontally."""
         heights = np.concatenate([[0.0], self.sections.heights_m])
         outlines = np.concatenate([self.sections.base[None], self.sections.outer])

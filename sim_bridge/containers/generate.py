@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.warping import surface_volume
@@ -110,7 +111,7 @@ def build_container(name: str, shape: Shape) -> Container:
     )
 
 
-def _profile(shape: Shape, share: np.ndarray) -> np.ndarray:
+def _profile(shape: Shape, share: NDArray[np.float64]) -> NDArray[np.float64]:
     """Outer radius at shares of the height."""
     return shape.base_m + (shape.top_m - shape.base_m) * share**shape.bulge
 
@@ -140,7 +141,7 @@ def _sections(shape: Shape) -> Sections:
     )
 
 
-def _raise(outline: np.ndarray, height_m: float) -> np.ndarray:
+def _raise(outline: NDArray[np.float64], height_m: float) -> NDArray[np.float64]:
     """An outline (S, 2) as a ring (S, 3) at a height."""
     return np.column_stack([outline, np.full(len(outline), height_m)])
 

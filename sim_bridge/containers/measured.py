@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.optimize import brentq
 
@@ -38,12 +39,12 @@ class Measured:
     opening_radius_m: float
     height_m: float
     volume_m3: float
-    opening_centre: np.ndarray
-    crest: np.ndarray
-    cubes: np.ndarray
+    opening_centre: NDArray[np.float64]
+    crest: NDArray[np.float64]
+    cubes: NDArray[np.float64]
     cube_m: float
 
-    def tilt_reference_about(self, lip: np.ndarray) -> float:
+    def tilt_reference_about(self, lip: NDArray[np.float64]) -> float:
         """Tilt [rad] about a lip (3,) after which half of the cubes are above it."""
         outward = (lip - self.opening_centre) * [1.0, 1.0, 0.0]
         outward /= np.linalg.norm(outward)
@@ -57,7 +58,7 @@ class Measured:
 
         return float(brentq(surplus, 0.0, 3.0, xtol=1e-4))
 
-    def lip_toward(self, point: np.ndarray) -> np.ndarray:
+    def lip_toward(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Crest point (3,) closest to a place (3,), at the mean height of the crest."""
         nearest = np.argmin(np.linalg.norm(self.crest[:, :2] - np.asarray(point)[:2], axis=1))
         return np.array([*self.crest[nearest, :2], self.opening_centre[2]])
@@ -102,7 +103,7 @@ def measure_mesh(mesh: trimesh.Trimesh) -> Measured:
     )
 
 
-def _crest(mesh: trimesh.Trimesh) -> np.ndarray:
+def _crest(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
     """Mean (72, 3) of the highest points of each sector around the opening."""
     points, _ = trimesh.sample.sample_surface(mesh, 400_000, seed=0)
     top = points[points[:, 2] > mesh.bounds[1, 2] - 0.1 * np.ptp(mesh.bounds[:, 2])]
@@ -124,13 +125,15 @@ def _crest(mesh: trimesh.Trimesh) -> np.ndarray:
     return crest
 
 
-def _offset(flat: np.ndarray) -> np.ndarray:
+def _offset(flat: NDArray[np.float64]) -> NDArray[np.float64]:
     """Offset (2,) of the centre that points (n, 2) all around an assumed centre tell."""
     radius = np.linalg.norm(flat, axis=1)
     return 2.0 * (flat - flat / radius[:, None] * radius.mean()).mean(0)
 
 
-def _free_space(mesh: trimesh.Trimesh, below: np.ndarray, cube_m: float) -> np.ndarray:
+def _free_space(
+    mesh: trimesh.Trimesh, below: NDArray[np.float64], cube_m: float
+) -> NDArray[np.float64]:
     """Centres (n, 3) of the cubes below a point and connected with it; none if they run out."""
     low, high = mesh.bounds
     start = low - 2.5 * cube_m
@@ -157,7 +160,7 @@ def _free_space(mesh: trimesh.Trimesh, below: np.ndarray, cube_m: float) -> np.n
     return np.column_stack([start[:2] + (rows[:, :2] + 0.5) * cube_m, tops[rows[:, 2]]])
 
 
-def _plugged(solid: np.ndarray, cube_m: float) -> np.ndarray:
+def _plugged(solid: NDArray[np.float64], cube_m: float) -> NDArray[np.float64]:
     """Cubes where columns through a pinhole are like their neighbours."""
     through = ~solid.any(2)
     pieces, n = ndimage.label(through)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 
@@ -32,9 +33,9 @@ class Camera:
 class Scan:
     """Points (n, 3) [m] with outward normals (n, 3), and where each was seen from (n, 3) [m]."""
 
-    points: np.ndarray
-    normals: np.ndarray
-    viewpoints: np.ndarray
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    viewpoints: NDArray[np.float64]
 
 
 def scan(
@@ -88,12 +89,12 @@ def scan(
 
 def _view(
     mesh: trimesh.Trimesh,
-    eye: np.ndarray,
-    centre: np.ndarray,
+    eye: NDArray[np.float64],
+    centre: NDArray[np.float64],
     radius: float,
     n_rays: int,
     camera: Camera,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Points, normals and the eye for each pixel that sees a surface."""
     ahead = (centre - eye) / np.linalg.norm(centre - eye)
     aside = np.cross(ahead, [0.0, 0.0, 1.0])

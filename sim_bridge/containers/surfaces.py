@@ -3,11 +3,12 @@
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 TUBE_CORNERS = 16
 
 
-def close_rings(rings: np.ndarray) -> trimesh.Trimesh:
+def close_rings(rings: NDArray[np.float64]) -> trimesh.Trimesh:
     """Join rings to a tube and close both ends with fans.
 
     Args:
@@ -36,7 +37,9 @@ def close_rings(rings: np.ndarray) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices, faces, process=False)
 
 
-def swept_tube(path: np.ndarray, radius_m: float, end_tangent: np.ndarray) -> np.ndarray:
+def swept_tube(
+    path: NDArray[np.float64], radius_m: float, end_tangent: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Rings of a round tube along a path in the plane y = 0.
 
     Args:

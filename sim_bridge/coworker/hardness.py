@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.coworker.demonstration import WristDemonstration, plan_demonstration
 from sim_bridge.coworker.styles import TASKS
@@ -39,7 +40,7 @@ class Hardness:
     separation_m: float
 
 
-def wrist_at(demonstration: WristDemonstration, shares: Sequence[float]) -> np.ndarray:
+def wrist_at(demonstration: WristDemonstration, shares: Sequence[float]) -> NDArray[np.float64]:
     """Measured wrist positions (S, 3) at shares of the movement's time, interpolated over gaps."""
     samples = demonstration.samples
     span = demonstration.end_s - demonstration.onset_s
@@ -50,14 +51,18 @@ def wrist_at(demonstration: WristDemonstration, shares: Sequence[float]) -> np.n
     )
 
 
-def nearest_mean_labels(train: np.ndarray, labels: np.ndarray, test: np.ndarray) -> np.ndarray:
+def nearest_mean_labels(
+    train: NDArray[np.float64], labels: NDArray[np.float64], test: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Index of the nearest class mean, for each row of `test` (n, d)."""
     means = np.array([train[labels == label].mean(axis=0) for label in np.unique(labels)])
     distances = np.linalg.norm(test[:, None] - means, axis=2)
     return np.unique(labels)[np.argmin(distances, axis=1)]
 
 
-def gaussian_labels(train: np.ndarray, labels: np.ndarray, test: np.ndarray) -> np.ndarray:
+def gaussian_labels(
+    train: NDArray[np.float64], labels: NDArray[np.float64], test: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Index of the most probable class: Gaussians with a pooled, slightly shrunk covariance."""
     classes = np.unique(labels)
     means = np.array([train[labels == label].mean(axis=0) for label in classes])
@@ -70,7 +75,7 @@ def gaussian_labels(train: np.ndarray, labels: np.ndarray, test: np.ndarray) -> 
     return classes[np.argmin(distances, axis=1)]
 
 
-def _history(demonstrations: Sequence[WristDemonstration], share: float) -> np.ndarray:
+def _history(demonstrations: Sequence[WristDemonstration], share: float) -> NDArray[np.float64]:
     """Start and displacements from it at thirds of the share, (n, 12)."""
     rows = []
     for demonstration in demonstrations:
@@ -79,7 +84,7 @@ def _history(demonstrations: Sequence[WristDemonstration], share: float) -> np.n
     return np.array(rows)
 
 
-def _leave_one_out(classify, features: np.ndarray, labels: np.ndarray) -> float:
+def _leave_one_out(classify, features: NDArray[np.float64], labels: NDArray[np.float64]) -> float:
     hits = 0
     for k in range(len(labels)):
         rest = np.arange(len(labels)) != k

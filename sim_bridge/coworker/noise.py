@@ -5,6 +5,7 @@ All processes are sampled at a fixed rate and drawn from the generator handed in
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.coworker.reach import minimum_jerk
 
@@ -28,7 +29,7 @@ def smooth_noise(rng: np.random.Generator, count: int, rate_hz: float, cutoff_hz
     return _recursive(white, 2.0 * decay, -(decay**2))[warm_up:]
 
 
-def tremor(rng: np.random.Generator, count: int, rate_hz: float) -> np.ndarray:
+def tremor(rng: np.random.Generator, count: int, rate_hz: float) -> NDArray[np.float64]:
     """Physiological tremor (count, 3) in metres: a narrow band around 10 Hz, below a millimetre."""
     radius = np.exp(-np.pi * TREMOR_BANDWIDTH_HZ / rate_hz)
     warm_up = int(np.ceil(8.0 / (1.0 - radius)))
@@ -37,7 +38,7 @@ def tremor(rng: np.random.Generator, count: int, rate_hz: float) -> np.ndarray:
     return TREMOR_STD_M * _recursive(white, feedback, -(radius**2))[warm_up:]
 
 
-def _recursive(white: np.ndarray, first: float, second: float) -> np.ndarray:
+def _recursive(white: NDArray[np.float64], first: float, second: float) -> NDArray[np.float64]:
     """y_k = first y_{k-1} + second y_{k-2} + white_k, scaled to unit stationary variance."""
     variance = (1.0 - second) / ((1.0 + second) * ((1.0 - second) ** 2 - first**2))
     out = np.zeros_like(white)
@@ -48,7 +49,7 @@ def _recursive(white: np.ndarray, first: float, second: float) -> np.ndarray:
     return out / np.sqrt(variance)
 
 
-def signal_dependent(rng: np.random.Generator, positions: np.ndarray, rate_hz: float):
+def signal_dependent(rng: np.random.Generator, positions: NDArray[np.float64], rate_hz: float):
     """Deviation (T, 3) of one movement whose velocity noise grows with speed (Harris and Wolpert).
 
     The person corrects on the way: the accumulated deviation is taken back smoothly, so that the
@@ -65,7 +66,7 @@ def signal_dependent(rng: np.random.Generator, positions: np.ndarray, rate_hz: f
 
 def occlusions(
     rng: np.random.Generator, count: int, rate_hz: float, gaps_per_s: float, drop_rate: float
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Which of `count` samples the tracker sees, bool (count,).
 
     Gaps of 0.05 to 0.35 s begin at random, `gaps_per_s` on average; single samples are lost with

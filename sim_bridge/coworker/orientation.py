@@ -2,12 +2,15 @@
 """Orientation of the wrist: rotation vectors relative to rest, as quaternions xyzw."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 # The wrist at rest: its x axis (along the hand) toward the robot, its z axis up.
 REST_QUATERNION = np.array([0.0, 0.0, 1.0, 0.0])
 
 
-def quaternions(rotation_vectors: np.ndarray, rest: np.ndarray = REST_QUATERNION) -> np.ndarray:
+def quaternions(
+    rotation_vectors: NDArray[np.float64], rest: NDArray[np.float64] = REST_QUATERNION
+) -> NDArray[np.float64]:
     """Unit quaternions xyzw (T, 4) of the wrist in the world, without a jump of sign.
 
     Args:
@@ -23,7 +26,7 @@ def quaternions(rotation_vectors: np.ndarray, rest: np.ndarray = REST_QUATERNION
     return out
 
 
-def _multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _multiply(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
     """Hamilton product of a quaternion (4,) and many (T, 4), xyzw."""
     vector, scalar = left[:3], left[3]
     xyz = scalar * right[:, :3] + right[:, 3:] * vector + np.cross(vector, right[:, :3])

@@ -8,6 +8,7 @@ velocity and acceleration at both ends.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.coworker.styles import (
@@ -53,12 +54,12 @@ class Reach:
     """
 
     task: str
-    start_m: np.ndarray
-    goal_m: np.ndarray
+    start_m: NDArray[np.float64]
+    goal_m: NDArray[np.float64]
     nominal_s: float
-    bow_m: np.ndarray
+    bow_m: NDArray[np.float64]
     skew: float
-    turn_rad: np.ndarray
+    turn_rad: NDArray[np.float64]
     hesitations: tuple[Hesitation, ...] = ()
 
     @property
@@ -67,20 +68,20 @@ class Reach:
         return self.nominal_s + sum(h.extra_s for h in self.hesitations)
 
 
-def minimum_jerk(tau: np.ndarray) -> np.ndarray:
+def minimum_jerk(tau: NDArray[np.float64]) -> NDArray[np.float64]:
     """Progress s in [0, 1] at normalised time tau, clipped to the movement; any shape."""
     tau = np.clip(tau, 0.0, 1.0)
     # Rounding may go beyond 1, where the bow's root has no value.
     return np.minimum(tau**3 * (10.0 + tau * (-15.0 + 6.0 * tau)), 1.0)
 
 
-def bow_profile(progress: np.ndarray, skew: float) -> np.ndarray:
+def bow_profile(progress: NDArray[np.float64], skew: float) -> NDArray[np.float64]:
     """Deviation from the straight line: 0 at both ends, 1 at progress 1 / (1 + skew)."""
     peak = 1.0 / (1.0 + skew)
     return progress * (1.0 - progress) ** skew / (peak * (1.0 - peak) ** skew)
 
 
-def normalised_time(reach: Reach, time_s: np.ndarray) -> np.ndarray:
+def normalised_time(reach: Reach, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Undisturbed time in [0, 1] at `time_s` after the onset: slower where the person hesitates.
 
     Each hesitation stretches time by a Gaussian in undisturbed time, so that the map is smooth and
@@ -96,25 +97,28 @@ def normalised_time(reach: Reach, time_s: np.ndarray) -> np.ndarray:
     return np.interp(time_s, elapsed, tau)
 
 
-def progress_at(reach: Reach, time_s: np.ndarray) -> np.ndarray:
+def progress_at(reach: Reach, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Progress along the straight line, 0 before the onset and 1 after the end."""
     return minimum_jerk(normalised_time(reach, time_s))
 
 
-def reach_positions(reach: Reach, time_s: np.ndarray) -> np.ndarray:
+def reach_positions(reach: Reach, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Planned wrist positions (T, 3) in the world at `time_s` (T,) after the onset."""
     progress = progress_at(reach, time_s)[:, None]
     straight = reach.start_m + (reach.goal_m - reach.start_m) * progress
     return straight + reach.bow_m * bow_profile(progress, reach.skew)
 
 
-def draw_rest(rng: np.random.Generator) -> np.ndarray:
+def draw_rest(rng: np.random.Generator) -> NDArray[np.float64]:
     """A resting place of the wrist (3,), uniform in the rest region common to all tasks."""
     return REST_CENTRE_M + REST_HALF_WIDTH_M * rng.uniform(-1.0, 1.0, 3)
 
 
 def draw_reach(
-    rng: np.random.Generator, task: str, start_m: np.ndarray, nominal_s: float | None = None
+    rng: np.random.Generator,
+    task: str,
+    start_m: NDArray[np.float64],
+    nominal_s: float | None = None,
 ) -> Reach:
     """Draw a reach of a task from `start_m` to a new goal of its region.
 
@@ -145,7 +149,7 @@ def draw_reach(
     return reach
 
 
-def draw_retract(rng: np.random.Generator, start_m: np.ndarray) -> Reach:
+def draw_retract(rng: np.random.Generator, start_m: NDArray[np.float64]) -> Reach:
     """Draw the way back from `start_m` to a new resting place."""
     bow = np.array([0.0, 0.0, 0.02]) + 0.015 * rng.standard_normal(3)
     turn = 0.1 * rng.standard_normal(3)

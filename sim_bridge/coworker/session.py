@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.coworker.habit import habitual_tasks
@@ -53,7 +54,7 @@ class Interaction:
     task: str
     onset_s: float
     end_s: float
-    goal_m: np.ndarray
+    goal_m: NDArray[np.float64]
     reach: Reach
 
 

@@ -12,6 +12,7 @@ World frame: robot base at the origin, x toward the worker, z up; metres, radian
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 PLATE = "plate_handover"
 SCREW = "screw_handover"
@@ -37,11 +38,11 @@ class TaskStyle:
         turn_rad: rotation vector of the wrist from its rest orientation to the goal, (3,).
     """
 
-    goal_centre_m: np.ndarray
-    goal_half_width_m: np.ndarray
-    bow_m: np.ndarray
-    bow_std_m: np.ndarray
-    turn_rad: np.ndarray
+    goal_centre_m: NDArray[np.float64]
+    goal_half_width_m: NDArray[np.float64]
+    bow_m: NDArray[np.float64]
+    bow_std_m: NDArray[np.float64]
+    turn_rad: NDArray[np.float64]
 
 
 def _style(centre, half_width, bow, bow_std, turn) -> TaskStyle:

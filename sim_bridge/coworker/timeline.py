@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.coworker.noise import (
     MARKER_ANGLE_STD_RAD,
@@ -33,11 +34,11 @@ class WristSamples:
         true_positions_m: where the wrist really was (T, 3): movement, sway and tremor.
     """
 
-    times_s: np.ndarray
-    positions_m: np.ndarray
-    orientations: np.ndarray
-    visible: np.ndarray
-    true_positions_m: np.ndarray
+    times_s: NDArray[np.float64]
+    positions_m: NDArray[np.float64]
+    orientations: NDArray[np.float64]
+    visible: NDArray[np.float64]
+    true_positions_m: NDArray[np.float64]
 
 
 def sample_wrist(
@@ -47,7 +48,7 @@ def sample_wrist(
     *,
     gaps_per_s: float,
     drop_rate: float = 0.002,
-    rest: np.ndarray = REST_QUATERNION,
+    rest: NDArray[np.float64] = REST_QUATERNION,
 ) -> WristSamples:
     """Sample the wrist over `length_s` seconds of rest, movements and holds.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition import __version__
 from intent_recognition.bags import BagWriter
@@ -39,9 +40,9 @@ Message = tuple[str, str, int, dict]
 class ArmSamples(Protocol):
     """What the arm's sensors said every 10 ms: positions, velocities, torques, each (T, 7)."""
 
-    positions_rad: np.ndarray
-    velocities_rad_s: np.ndarray
-    torques_nm: np.ndarray
+    positions_rad: NDArray[np.float64]
+    velocities_rad_s: NDArray[np.float64]
+    torques_nm: NDArray[np.float64]
 
 
 def pose_and_joint_messages(
@@ -79,12 +80,12 @@ def write_recording(folder: Path, metadata: Mapping[str, str], messages: Iterabl
     return folder
 
 
-def to_counts(values: np.ndarray, step: float) -> np.ndarray:
+def to_counts(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Values as a sensor of that resolution delivers them."""
     return np.round(values / step) * step
 
 
-def pose_fields(stamp_ns: int, position: np.ndarray, turn: np.ndarray) -> dict:
+def pose_fields(stamp_ns: int, position: NDArray[np.float64], turn: NDArray[np.float64]) -> dict:
     """Fields of a PoseStamped in the world: position (3,) [m], quaternion (4,) xyzw."""
     return {
         "header": {"stamp": stamp_ns, "frame_id": "world"},
@@ -95,7 +96,9 @@ def pose_fields(stamp_ns: int, position: np.ndarray, turn: np.ndarray) -> dict:
     }
 
 
-def joint_fields(stamp_ns: int, q: np.ndarray, qd: np.ndarray, torque: np.ndarray) -> dict:
+def joint_fields(
+    stamp_ns: int, q: NDArray[np.float64], qd: NDArray[np.float64], torque: NDArray[np.float64]
+) -> dict:
     """Fields of a JointState of the arm: positions, velocities, torques (7,)."""
     return {
         "header": {"stamp": stamp_ns},
@@ -106,6 +109,6 @@ def joint_fields(stamp_ns: int, q: np.ndarray, qd: np.ndarray, torque: np.ndarra
     }
 
 
-def metadata_vector(values: np.ndarray) -> str:
+def metadata_vector(values: NDArray[np.float64]) -> str:
     """A vector as metadata write it: six decimals, separated by spaces."""
     return " ".join(f"{value:.6f}" for value in values)

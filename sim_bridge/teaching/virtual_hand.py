@@ -9,6 +9,7 @@ gravity compensation would otherwise drift in its redundancy.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.kinematics import frame_poses, jacobian
 from sim_bridge.arm import LwrArm
@@ -47,11 +48,11 @@ class HandTarget:
         elbow_velocity_m_s: of the arm's elbow (3,).
     """
 
-    position_m: np.ndarray
-    rotation: np.ndarray
-    velocity_m_s: np.ndarray
-    elbow_m: np.ndarray
-    elbow_velocity_m_s: np.ndarray
+    position_m: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    velocity_m_s: NDArray[np.float64]
+    elbow_m: NDArray[np.float64]
+    elbow_velocity_m_s: NDArray[np.float64]
 
 
 def pull(arm: LwrArm, target: HandTarget, grip: Grip) -> float:
@@ -80,7 +81,9 @@ def pull(arm: LwrArm, target: HandTarget, grip: Grip) -> float:
     return max(strongest, _push(arm, force, grip, elbow_link, np.zeros(3)))
 
 
-def _push(arm: LwrArm, force: np.ndarray, grip: Grip, link: int, point: np.ndarray) -> float:
+def _push(
+    arm: LwrArm, force: NDArray[np.float64], grip: Grip, link: int, point: NDArray[np.float64]
+) -> float:
     """Apply a force, no stronger than the grip allows, for one step; return its size."""
     size = float(np.linalg.norm(force))
     if size > grip.max_force_n:

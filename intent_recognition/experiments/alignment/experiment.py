@@ -8,6 +8,7 @@ only the smoothness of the warps and what they do to the trajectories can be tol
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.experiments.alignment.figures import recordings_figure, warp_figure
@@ -159,7 +160,7 @@ def _blocks(
     settings: Settings,
     known: Mapping[str, Known],
     recorded: Mapping[str, Mapping[str, Recordings]],
-    tasks: Mapping[str, tuple[np.ndarray, int]],
+    tasks: Mapping[str, tuple[NDArray[np.float64], int]],
     methods: Mapping[str, Method],
 ) -> tuple[Block, ...]:
     clean, noisy, truth = movements(settings, 0)

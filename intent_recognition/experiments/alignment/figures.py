@@ -2,20 +2,25 @@
 """Figures of the experiment on time alignment: one warp in detail, and recordings warped."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report import INK, PALETTE, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DASHED = (0, (4, 2))
 
 
 @styled
 def warp_figure(
-    phase: np.ndarray,
-    errors: Mapping[str, np.ndarray],
-    velocities: Mapping[str, np.ndarray],
-):
+    phase: NDArray[np.float64],
+    errors: Mapping[str, NDArray[np.float64]],
+    velocities: Mapping[str, NDArray[np.float64]],
+) -> "Figure":
     """One demonstration: how wrong its warps are, and its velocity when warped.
 
     Args:
@@ -49,7 +54,9 @@ def warp_figure(
 
 
 @styled
-def recordings_figure(phase: np.ndarray, panels: Mapping[str, np.ndarray], quantity: str):
+def recordings_figure(
+    phase: NDArray[np.float64], panels: Mapping[str, NDArray[np.float64]], quantity: str
+) -> "Figure":
     """Recordings of one task as recorded and warped: each a line, mean +- two standard deviations.
 
     Args:

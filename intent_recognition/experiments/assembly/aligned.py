@@ -7,6 +7,7 @@ after the other. Aligning takes the whole movement and its label: this is for th
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.alignment import Warp
 from intent_recognition.gaussian import Gaussian, condition
@@ -16,7 +17,7 @@ from intent_recognition.promp import AlignedPrimitives
 
 def aligned_evidence(
     primitives: AlignedPrimitives, warp: Warp, recorded: Recorded, n: int
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Log evidence of the tasks before any and after each of n observations, (n + 1, K).
 
     Args:
@@ -43,7 +44,7 @@ def aligned_evidence(
     return np.cumsum(steps, axis=0)
 
 
-def spread_rows(phases: np.ndarray, n: int) -> np.ndarray:
+def spread_rows(phases: NDArray[np.float64], n: int) -> NDArray[np.float64]:
     """Indices of the samples nearest to n even phases, each sample once, (n,).
 
     Args:

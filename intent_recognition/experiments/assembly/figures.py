@@ -2,11 +2,16 @@
 """Figures of the box assembly by two humans: where both move, what overlaps, and recognition."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report import INK, SOFT, new_figure, readable, styled, task_colours
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 WORKER_COLOUR, ASSISTANT_COLOUR = "#0072b2", "#d55e00"
 VIEWS = (((0, 1), "from above"), ((0, 2), "from the side"))
@@ -19,12 +24,12 @@ TWO_SIGMA = "\N{PLUS-MINUS SIGN} 2\N{GREEK SMALL LETTER SIGMA}"
 class Tube(NamedTuple):
     """Where a wrist is along a movement: means (T, 3) and covariances (T, 3, 3), metres."""
 
-    mean: np.ndarray
-    covariance: np.ndarray
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
 
 
 @styled
-def workspace_figure(paths: Mapping[str, np.ndarray]):
+def workspace_figure(paths: Mapping[str, NDArray[np.float64]]) -> "Figure":
     """Both wrists of the aligned demonstrations with 2 sigma ellipses along them (Fig. 7).
 
     Args:
@@ -52,8 +57,8 @@ def workspace_figure(paths: Mapping[str, np.ndarray]):
 
 @styled
 def overlap_figure(
-    tubes: Mapping[str, Tube], observations_m: np.ndarray, true: str, n_circled: int
-):
+    tubes: Mapping[str, Tube], observations_m: NDArray[np.float64], true: str, n_circled: int
+) -> "Figure":
     """Observations of one demonstration over the tubes of two tasks (Fig. 8).
 
     Args:
@@ -98,8 +103,8 @@ def overlap_figure(
 
 @styled
 def certainty_figure(
-    labels: Sequence[str], rows: Mapping[str, Mapping[str, np.ndarray]], certain_after: int
-):
+    labels: Sequence[str], rows: Mapping[str, Mapping[str, NDArray[np.float64]]], certain_after: int
+) -> "Figure":
     """Task probabilities over the number of observations, one panel a true task (Fig. 9).
 
     Args:
@@ -133,7 +138,9 @@ def certainty_figure(
 
 
 @styled
-def ambiguity_figure(labels: Sequence[str], ways: Mapping[str, np.ndarray], true: str):
+def ambiguity_figure(
+    labels: Sequence[str], ways: Mapping[str, NDArray[np.float64]], true: str
+) -> "Figure":
     """What single observations say, and what the past adds, for the ambiguous task.
 
     Args:
@@ -156,7 +163,9 @@ def ambiguity_figure(labels: Sequence[str], ways: Mapping[str, np.ndarray], true
 
 
 @styled
-def spread_figure(before_cm: Mapping[str, np.ndarray], after_cm: Mapping[str, np.ndarray]):
+def spread_figure(
+    before_cm: Mapping[str, NDArray[np.float64]], after_cm: Mapping[str, NDArray[np.float64]]
+) -> "Figure":
     """How far demonstrations are from their mean over phase, before and after alignment."""
     colours = task_colours(before_cm)
     figure = new_figure(11.2, 3.1)
@@ -179,14 +188,16 @@ ALL_TASKS = ("fastening", "hand_over", "plate_insertion")
 """Labels in the order of their colours, for figures that show some of them."""
 
 
-def _tube(paths: np.ndarray) -> Tube:
+def _tube(paths: NDArray[np.float64]) -> Tube:
     """Sample mean and covariance at each phase of paths (n, G, 3)."""
     deviation = paths - paths.mean(axis=0)
     covariance = np.einsum("ngi,ngj->gij", deviation, deviation) / (len(paths) - 1)
     return Tube(paths.mean(axis=0), covariance)
 
 
-def _ellipses(axes, tube: Tube, plane: tuple[int, int], colour: str, count=N_ELLIPSES) -> None:
+def _ellipses(
+    axes: "Axes", tube: Tube, plane: tuple[int, int], colour: str, count=N_ELLIPSES
+) -> None:
     """Ellipses of two standard deviations, evenly spaced along the tube's path."""
     from matplotlib.patches import Ellipse
 
@@ -201,14 +212,14 @@ def _ellipses(axes, tube: Tube, plane: tuple[int, int], colour: str, count=N_ELL
         axes.add_patch(Ellipse(centre, width, height, angle=angle, **edge))
 
 
-def _evenly_along(path: np.ndarray, count: int) -> list[int]:
+def _evenly_along(path: NDArray[np.float64], count: int) -> list[int]:
     """Indices of at most `count` points of a path (T, 3), evenly spaced by its length."""
     length = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))]
     wanted = np.linspace(0.0, length[-1], count)
     return sorted({int(k) for k in np.searchsorted(length, wanted).clip(0, len(path) - 1)})
 
 
-def _bands(axes, labels, values: np.ndarray, colours, first: int = 0) -> None:
+def _bands(axes: "Axes", labels, values: NDArray[np.float64], colours, first: int = 0) -> None:
     """Median and central 90 % of each task's probability; values (demonstrations, n, K)."""
     at = first + np.arange(values.shape[1])
     for k, label in enumerate(labels):
@@ -218,7 +229,7 @@ def _bands(axes, labels, values: np.ndarray, colours, first: int = 0) -> None:
     axes.set_xlim(at[0], at[-1])
 
 
-def _task_legend(figure, labels, colours) -> None:
+def _task_legend(figure: "Figure", labels, colours) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -230,7 +241,7 @@ def _task_legend(figure, labels, colours) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
 
 
-def _agents_legend(figure) -> None:
+def _agents_legend(figure: "Figure") -> None:
     from matplotlib.lines import Line2D
 
     handles = [

@@ -2,9 +2,10 @@
 """Figures of the second human's prediction, and of the arm in that human's place."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report import (
     INK,
@@ -16,16 +17,19 @@ from intent_recognition.report import (
     task_markers,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 MINUS = "\N{MINUS SIGN}"
 
 
 class Predicted(NamedTuple):
     """The assistant's wrist over time: as it was, and as predicted; (T,) and (T, 3)."""
 
-    times_s: np.ndarray
-    truth_m: np.ndarray
-    mean_m: np.ndarray
-    std_m: np.ndarray
+    times_s: NDArray[np.float64]
+    truth_m: NDArray[np.float64]
+    mean_m: NDArray[np.float64]
+    std_m: NDArray[np.float64]
 
 
 class Hand(NamedTuple):
@@ -34,19 +38,19 @@ class Hand(NamedTuple):
     `began_s` is when the arm began to move.
     """
 
-    times_s: np.ndarray
-    wrist_m: np.ndarray
-    hand_m: np.ndarray
+    times_s: NDArray[np.float64]
+    wrist_m: NDArray[np.float64]
+    hand_m: NDArray[np.float64]
     began_s: float
 
 
 @styled
 def prediction_error_figure(
-    known_cm: Mapping[str, np.ndarray],
-    unknown_cm: Mapping[str, np.ndarray],
+    known_cm: Mapping[str, NDArray[np.float64]],
+    unknown_cm: Mapping[str, NDArray[np.float64]],
     mean_cm: Mapping[str, float],
     quantity: str,
-):
+) -> "Figure":
     """Mean error over the number of observations, per task, beside that of the task's mean.
 
     Args:
@@ -82,7 +86,7 @@ def prediction_error_figure(
 
 
 @styled
-def prediction_figure(examples: Mapping[str, Predicted], n_observations: int):
+def prediction_figure(examples: Mapping[str, Predicted], n_observations: int) -> "Figure":
     """The assistant's wrist as predicted after some observations, with +-2 sigma; a row a task."""
     colours = task_colours(examples)
     figure = new_figure(11.2, 2.1 * len(examples) + 0.5)
@@ -104,7 +108,7 @@ def prediction_figure(examples: Mapping[str, Predicted], n_observations: int):
 
 
 @styled
-def hand_figure(examples: Mapping[str, Hand]):
+def hand_figure(examples: Mapping[str, Hand]) -> "Figure":
     """The arm's hand beside the assistant's wrist it stands in for; a row a task."""
     colours = task_colours(examples)
     figure = new_figure(11.2, 2.1 * len(examples) + 0.5)
@@ -124,7 +128,9 @@ def hand_figure(examples: Mapping[str, Hand]):
 
 
 @styled
-def arrival_figure(end_cm: Mapping[str, np.ndarray], late_s: Mapping[str, np.ndarray]):
+def arrival_figure(
+    end_cm: Mapping[str, NDArray[np.float64]], late_s: Mapping[str, NDArray[np.float64]]
+) -> "Figure":
     """Where and when the hand arrived, compared with the assistant's wrist; a dot a recording."""
     colours, markers = task_colours(end_cm), task_markers(end_cm)
     figure = new_figure(5.6, 3.9)
@@ -148,7 +154,9 @@ def arrival_figure(end_cm: Mapping[str, np.ndarray], late_s: Mapping[str, np.nda
     return figure
 
 
-def _legend(figure, truth: str, ours: str, *, band=False, dashed=True, began=False) -> None:
+def _legend(
+    figure: "Figure", truth: str, ours: str, *, band=False, dashed=True, began=False
+) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

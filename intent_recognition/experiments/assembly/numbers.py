@@ -4,6 +4,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.experiments.assembly.scores import (
     CERTAIN,
@@ -74,7 +75,7 @@ def _certainty(scored: Sequence[Scored], labels: Sequence[str], way: str) -> lis
     return [observations_to_certainty(probabilities(s, way), labels.index(s.task)) for s in scored]
 
 
-def probabilities(scored: Scored, way: str) -> np.ndarray:
+def probabilities(scored: Scored, way: str) -> NDArray[np.float64]:
     """Of the tasks before any and after each observation, (n + 1, K)."""
     return scored.aligned if way == ALIGNED else getattr(scored, way).probabilities
 
@@ -107,7 +108,7 @@ def _prediction_numbers(scored: Sequence[Scored], task: str) -> dict[str, object
     return numbers
 
 
-def _cm(values_m: Sequence[np.ndarray]) -> list[float]:
+def _cm(values_m: Sequence[NDArray[np.float64]]) -> list[float]:
     """Mean over demonstrations, in cm."""
     return (100.0 * np.mean(values_m, axis=0)).tolist()
 
@@ -133,12 +134,12 @@ def _arm_numbers(executed: Sequence[Executed], labels: Sequence[str]) -> dict[st
     return numbers
 
 
-def aligned_paths(found: Study) -> dict[str, np.ndarray]:
+def aligned_paths(found: Study) -> dict[str, NDArray[np.float64]]:
     """Aligned demonstrations per task, (n, G, 6)."""
     return {task: alignment.aligned for task, alignment in found.alignments.items()}
 
 
-def spread_cm(paths: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def spread_cm(paths: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
     """Root mean square deviation of both wrists from the mean over demonstrations, (G,)."""
     return {
         task: 100.0 * np.sqrt(np.mean(np.sum((values - values.mean(axis=0)) ** 2, axis=2), axis=0))

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.evaluation import mean_of_task, nearest_neighbour, sample
 from intent_recognition.experiments.assembly.aligned import spread_rows
@@ -37,10 +38,10 @@ class Watched(NamedTuple):
         inside: share of the coordinates within two predicted standard deviations, (n + 1,).
     """
 
-    probabilities: np.ndarray
-    path_m: np.ndarray
-    end_m: np.ndarray
-    inside: np.ndarray
+    probabilities: NDArray[np.float64]
+    path_m: NDArray[np.float64]
+    end_m: NDArray[np.float64]
+    inside: NDArray[np.float64]
 
 
 class Scored(NamedTuple):
@@ -60,13 +61,13 @@ class Scored(NamedTuple):
 
     name: str
     task: str
-    aligned: np.ndarray
+    aligned: NDArray[np.float64]
     known: Watched
     unknown: Watched
-    forgetting: np.ndarray
-    single: np.ndarray
-    mean_of_task: np.ndarray
-    nearest: np.ndarray
+    forgetting: NDArray[np.float64]
+    single: NDArray[np.float64]
+    mean_of_task: NDArray[np.float64]
+    nearest: NDArray[np.float64]
 
 
 def spread_observations(recorded: Recorded, n: int = N_OBSERVATIONS) -> list[Observation]:
@@ -83,7 +84,7 @@ def score(
     library: TaskLibrary,
     training: Sequence[Recorded],
     left_out: Recorded,
-    aligned_evidence: np.ndarray,
+    aligned_evidence: NDArray[np.float64],
 ) -> Scored:
     """Recognise and predict one demonstration the library has not seen.
 
@@ -119,7 +120,7 @@ def watch(
     hypotheses: Hypotheses,
     left_out: Recorded,
     observations: Sequence[Observation],
-) -> tuple[Watched, np.ndarray]:
+) -> tuple[Watched, NDArray[np.float64]]:
     """Take the observations one after the other; also log evidence of the tasks, (n + 1, K)."""
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     times_s = TRUTH_PHASES * duration_s
@@ -145,7 +146,7 @@ def watch(
 
 def predicted_after(
     library: TaskLibrary, left_out: Recorded, n: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Times, the assistant's true wrist, its predicted mean and standard deviation, (T, 3) each.
 
     Args:
@@ -166,7 +167,7 @@ def predicted_after(
     return times_s, truth, mean, np.sqrt(np.maximum(square - mean**2, 1e-12))
 
 
-def _mixture(run: MovementRun, belief: np.ndarray, times_s: np.ndarray):
+def _mixture(run: MovementRun, belief: NDArray[np.float64], times_s: NDArray[np.float64]):
     """Mean and mean square of the assistant's wrist over all tasks that may be, (T, 3) each."""
     likely = np.flatnonzero(belief > 1e-3)
     share = belief[likely] / belief[likely].sum()
@@ -176,7 +177,7 @@ def _mixture(run: MovementRun, belief: np.ndarray, times_s: np.ndarray):
 
 def single_evidence(
     library: TaskLibrary, recorded: Recorded, observations: Sequence[Observation]
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Log density of each observation by itself under each task, elapsed share known, (n, K)."""
     return np.array(
         [
@@ -200,13 +201,13 @@ def at_phase(library: TaskLibrary, task: int, phase: float) -> Gaussian:
     return Gaussian(design @ library.observed_mean[task], covariance)
 
 
-def phases_of(recorded: Recorded, observations: Sequence[Observation]) -> np.ndarray:
+def phases_of(recorded: Recorded, observations: Sequence[Observation]) -> NDArray[np.float64]:
     """Share of the movement's time that had passed at each observation, (n,)."""
     stamps = np.array([observation.stamp_ns for observation in observations])
     return (stamps - recorded.start_ns) / (recorded.end_ns - recorded.start_ns)
 
 
-def observations_to_certainty(probabilities: np.ndarray, truth: int) -> int | None:
+def observations_to_certainty(probabilities: NDArray[np.float64], truth: int) -> int | None:
     """After how many observations the true task is certain and stays so; None if never.
 
     Args:
@@ -219,12 +220,12 @@ def observations_to_certainty(probabilities: np.ndarray, truth: int) -> int | No
     return None if doubtful[-1] + 1 == len(probabilities) else int(doubtful[-1] + 1)
 
 
-def _distances(predicted: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
+def _distances(predicted: NDArray[np.float64], truth: NDArray[np.float64]) -> tuple[float, float]:
     """Root mean square over the movement and at its end of the distance between paths (T, 3)."""
     squared = np.sum((predicted - truth) ** 2, axis=1)
     return float(np.sqrt(squared.mean())), float(np.sqrt(squared[-1]))
 
 
-def _normalised(log_evidence: np.ndarray) -> np.ndarray:
+def _normalised(log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
     """Probabilities under equal priors, row by row, from log densities (n, K)."""
     return np.exp(log_evidence - np.logaddexp.reduce(log_evidence, axis=1, keepdims=True))

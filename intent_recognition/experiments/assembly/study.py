@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.alignment import Alignment, align, even_trajectory
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
@@ -52,7 +53,7 @@ class Executed(NamedTuple):
 
     task: str
     run: "StoodIn"
-    wrist_m: np.ndarray
+    wrist_m: NDArray[np.float64]
     end_m: float
     path_m: float
     late_s: float
@@ -89,7 +90,7 @@ class Study:
     scored: tuple[Scored, ...]
     executed: tuple[Executed, ...]
     alignments: dict[str, Alignment]
-    unaligned: dict[str, np.ndarray]
+    unaligned: dict[str, NDArray[np.float64]]
 
 
 def study(settings: Settings) -> Study:
@@ -194,13 +195,13 @@ def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) 
     )
 
 
-def arrival_s(times_s: np.ndarray, path_m: np.ndarray) -> float:
+def arrival_s(times_s: NDArray[np.float64], path_m: NDArray[np.float64]) -> float:
     """From when on a path (T, 3) stays near where it ends."""
     away = np.flatnonzero(np.linalg.norm(path_m - _end(path_m), axis=1) > ARRIVED_M)
     return float(times_s[away[-1] + 1] if away.size else times_s[0])
 
 
-def _end(path_m: np.ndarray) -> np.ndarray:
+def _end(path_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Where a path sampled every 10 ms ends, (3,)."""
     return path_m[-round(100 * AFTER_ARRIVAL_S) :].mean(axis=0)
 
@@ -211,7 +212,9 @@ def _few(recordings: Sequence[Demonstration]) -> list[Demonstration]:
     return [d for d, k in zip(recordings, per_task, strict=True) if k < QUICK_PER_TASK]
 
 
-def _align(training: Sequence[Demonstration]) -> tuple[dict[str, Alignment], dict[str, np.ndarray]]:
+def _align(
+    training: Sequence[Demonstration],
+) -> tuple[dict[str, Alignment], dict[str, NDArray[np.float64]]]:
     """Each task's demonstrations brought onto one timing, and as they were at the same phases."""
     alignments, unaligned = {}, {}
     for task in sorted({str(d.task) for d in training}):

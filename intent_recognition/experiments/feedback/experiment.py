@@ -4,6 +4,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2, spearmanr
 
 from intent_recognition.experiments.feedback.figures import (
@@ -54,8 +55,8 @@ def run(settings: Settings) -> Outcome:
 
 def _outcome(
     policy: FeedbackPolicy,
-    demonstrated: np.ndarray,
-    stiffer: np.ndarray,
+    demonstrated: NDArray[np.float64],
+    stiffer: NDArray[np.float64],
     reproduced: Sequence[Reproduced],
     pushes: Sequence[Pushed],
 ) -> Outcome:
@@ -174,10 +175,10 @@ def _findings(numbers: dict, pushes: Sequence[Pushed]) -> tuple[Finding, ...]:
 
 def _blocks(
     policy: FeedbackPolicy,
-    demonstrated: np.ndarray,
+    demonstrated: NDArray[np.float64],
     reproduced: Sequence[Reproduced],
     pushes: Sequence[Pushed],
-    ratios: Sequence[np.ndarray],
+    ratios: Sequence[NDArray[np.float64]],
 ) -> tuple[Block, ...]:
     n, times = policy.n_joints, sample_times(reproduced[0])
     n_runs = len(reproduced[0].positions_rad)
@@ -224,7 +225,7 @@ def _blocks(
     )
 
 
-def _ratio_table(ratios: Sequence[np.ndarray]) -> Table:
+def _ratio_table(ratios: Sequence[NDArray[np.float64]]) -> Table:
     columns = (Column("std of the arm / the primitive's", align="left"),) + tuple(
         Column(f"joint {k + 1}") for k in range(len(ratios[0]))
     )

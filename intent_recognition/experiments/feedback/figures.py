@@ -2,11 +2,17 @@
 """Figures of the feedback controllers: distributions, spreads, stiffness, pushes."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.motion import FeedbackPolicy
 from intent_recognition.report import PALETTE, SOFT, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 PRIMITIVE, STOCHASTIC, LOW_GAIN = PALETTE[0], PALETTE[1], PALETTE[2]
 NAMES = ("stochastic feedback", "low gain")
@@ -14,14 +20,16 @@ COLOURS = (STOCHASTIC, LOW_GAIN)
 DASHES = ((0, (5, 2)), (0, (1.5, 1.5)))
 N_COLUMNS = 4
 
-Wanted = tuple[np.ndarray, np.ndarray, np.ndarray]
+Wanted = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Times (T,), mean (T, 7) [rad] and standard deviation (T, 7) [rad] of the primitive."""
 
 
 @styled
 def distribution_figure(
-    wanted: Wanted, times_s: np.ndarray, moments: Sequence[tuple[np.ndarray, np.ndarray]]
-):
+    wanted: Wanted,
+    times_s: NDArray[np.float64],
+    moments: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> "Figure":
     """Mean and 2 sigma of each joint: of the primitive, and of the arm by either controller.
 
     Args:
@@ -56,10 +64,10 @@ def distribution_figure(
 @styled
 def spread_figure(
     wanted: Wanted,
-    times_s: np.ndarray,
-    moments: Sequence[tuple[np.ndarray, np.ndarray]],
-    chance: np.ndarray,
-):
+    times_s: NDArray[np.float64],
+    moments: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    chance: NDArray[np.float64],
+) -> "Figure":
     """Standard deviation of each joint over time.
 
     Args:
@@ -86,7 +94,7 @@ def spread_figure(
 
 
 @styled
-def stiffness_figure(policy: FeedbackPolicy, demonstrated: np.ndarray):
+def stiffness_figure(policy: FeedbackPolicy, demonstrated: NDArray[np.float64]) -> "Figure":
     """Spread of the demonstrations and stiffness of the controller over time, per joint.
 
     Args:
@@ -110,7 +118,9 @@ def stiffness_figure(policy: FeedbackPolicy, demonstrated: np.ndarray):
 
 
 @styled
-def push_figure(start_s: np.ndarray, spread_m: np.ndarray, deflection_m: np.ndarray):
+def push_figure(
+    start_s: NDArray[np.float64], spread_m: NDArray[np.float64], deflection_m: NDArray[np.float64]
+) -> "Figure":
     """Largest deflection of the hand for pushes at several times, above the hand's spread there.
 
     Args:
@@ -150,5 +160,5 @@ def _joint_panels(n_joints: int, height_in: float):
     return figure, axes[:n_joints], axes[n_joints]
 
 
-def _legend(panels: Sequence, corner) -> None:
+def _legend(panels: Sequence, corner: "Axes") -> None:
     corner.legend(*panels[0].get_legend_handles_labels(), loc="center")

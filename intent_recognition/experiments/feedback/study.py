@@ -4,6 +4,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import TrainingError, describe
@@ -38,16 +39,16 @@ class Reproduced(NamedTuple):
         saturated_steps: physics steps with a torque at its limit, over all runs.
     """
 
-    positions_rad: np.ndarray
+    positions_rad: NDArray[np.float64]
     saturated_steps: int
 
     @property
-    def mean(self) -> np.ndarray:
+    def mean(self) -> NDArray[np.float64]:
         """Over the runs (T, 7) [rad]."""
         return self.positions_rad.mean(axis=0)
 
     @property
-    def std(self) -> np.ndarray:
+    def std(self) -> NDArray[np.float64]:
         """Over the runs (T, 7) [rad]."""
         return self.positions_rad.std(axis=0, ddof=1)
 
@@ -65,8 +66,8 @@ class Pushed(NamedTuple):
 
     start_s: float
     spread_m: float
-    deflection_m: np.ndarray
-    left_m: np.ndarray
+    deflection_m: NDArray[np.float64]
+    left_m: NDArray[np.float64]
 
 
 def learn_handover(settings: Settings) -> tuple[TaskLibrary, Gaussian, Demonstration]:
@@ -84,13 +85,13 @@ def learn_handover(settings: Settings) -> tuple[TaskLibrary, Gaussian, Demonstra
     return library, Gaussian(weights.mean(axis=0), np.cov(weights, rowvar=False)), tests[0]
 
 
-def joint_std(library: TaskLibrary, weights: Gaussian) -> np.ndarray:
+def joint_std(library: TaskLibrary, weights: Gaussian) -> NDArray[np.float64]:
     """Std of each joint on the policy's grid (T, 7) [rad]."""
     design = library.basis.design_matrix(np.linspace(0.0, 1.0, DESIGN.n_times))
     return np.sqrt(dof_variance(design, weights.covariance))
 
 
-def stiffer_after_the_human(library: TaskLibrary, test: Demonstration) -> np.ndarray:
+def stiffer_after_the_human(library: TaskLibrary, test: Demonstration) -> NDArray[np.float64]:
     """Stiffness at the end once the human's hand has arrived, over that before (7,)."""
     part = slice(library.n_observed_weights, None)
     stiffness = []
@@ -149,24 +150,26 @@ def _hand_variance(policy: FeedbackPolicy, time_s: float) -> float:
     return float(row @ policy.covariance[k, :n, :n] @ row)
 
 
-def std_ratios(policy: FeedbackPolicy, one: Reproduced) -> np.ndarray:
+def std_ratios(policy: FeedbackPolicy, one: Reproduced) -> NDArray[np.float64]:
     """Root mean square std of the arm over that of the primitive, per joint (7,)."""
     wanted = _on_samples(policy, policy.std, one)
     return np.sqrt(np.mean(one.std**2, axis=0) / np.mean(wanted**2, axis=0))
 
 
-def _on_samples(policy: FeedbackPolicy, values: np.ndarray, one: Reproduced) -> np.ndarray:
+def _on_samples(
+    policy: FeedbackPolicy, values: NDArray[np.float64], one: Reproduced
+) -> NDArray[np.float64]:
     """Values (T, 7) of the policy's grid at the arm's samples."""
     times = sample_times(one)
     return np.stack([np.interp(times, policy.times_s, column) for column in values.T], axis=1)
 
 
-def sample_times(one: Reproduced) -> np.ndarray:
+def sample_times(one: Reproduced) -> NDArray[np.float64]:
     """Times of the arm's samples (T,) [s]."""
     return 0.01 * np.arange(one.positions_rad.shape[1])
 
 
-def mean_deviation(policy: FeedbackPolicy, one: Reproduced) -> np.ndarray:
+def mean_deviation(policy: FeedbackPolicy, one: Reproduced) -> NDArray[np.float64]:
     """Largest deviation of the arm's mean, in the primitive's std, per joint (7,)."""
     n = policy.n_joints
     wanted = _on_samples(policy, policy.mean[:, :n], one)

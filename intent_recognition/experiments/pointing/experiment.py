@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.experiments.outcome import Finding, Outcome, Settings
@@ -50,11 +51,11 @@ class Tested:
 
     index: int
     recording: Demonstration
-    spot_m: np.ndarray
-    wrist_m: np.ndarray
+    spot_m: NDArray[np.float64]
+    wrist_m: NDArray[np.float64]
     posterior: Gaussian
-    predicted_m: np.ndarray
-    spread_m2: np.ndarray
+    predicted_m: NDArray[np.float64]
+    spread_m2: NDArray[np.float64]
     run: "PointingRun"
 
     @property
@@ -86,12 +87,12 @@ def run(settings: Settings) -> Outcome:
     return _outcome(library, train, tested, nearest)
 
 
-def final_wrist(recording: Demonstration) -> np.ndarray:
+def final_wrist(recording: Demonstration) -> NDArray[np.float64]:
     """Mean of the wrist's last samples (3,) [m]."""
     return recording.observed[0].values[-HOLD_SAMPLES:].mean(axis=0)
 
 
-def condition_on_end(library: TaskLibrary, wrist_m: np.ndarray) -> Gaussian:
+def condition_on_end(library: TaskLibrary, wrist_m: NDArray[np.float64]) -> Gaussian:
     """All weights given the wrist's final position (3,): Maeda et al. 2014, Eq. 6-8 at phase 1."""
     primitive = library.primitive(0)
     row = library.basis.design_matrix(np.ones(1))
@@ -126,7 +127,7 @@ def _test(library: TaskLibrary, recording: Demonstration, index: int) -> Tested:
     return Tested(index, recording, spot, wrist, posterior, predicted, spread, run)
 
 
-def _end_covariance(library: TaskLibrary, weights: Gaussian) -> np.ndarray:
+def _end_covariance(library: TaskLibrary, weights: Gaussian) -> NDArray[np.float64]:
     """Covariance of the controlled DOFs at phase 1, (Q, Q)."""
     row = library.basis.design_matrix(np.ones(1))
     design = np.kron(np.eye(library.n_controlled), row)
@@ -134,18 +135,18 @@ def _end_covariance(library: TaskLibrary, weights: Gaussian) -> np.ndarray:
     return design @ block @ design.T
 
 
-def _spread(q: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def _spread(q: NDArray[np.float64], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Covariance of the pointed position (2, 2), linearised at a posture (7,)."""
     step = 1e-5
     slopes = (pointed_at(q + step * np.eye(7)) - pointed_at(q - step * np.eye(7))) / (2.0 * step)
     return slopes[:, :2].T @ covariance @ slopes[:, :2]
 
 
-def _vector(recording: Demonstration, key: str) -> np.ndarray:
+def _vector(recording: Demonstration, key: str) -> NDArray[np.float64]:
     return np.array([float(value) for value in recording.metadata[key].split()])
 
 
-def _nearest_errors(train: list[Demonstration], tested: list[Tested]) -> np.ndarray:
+def _nearest_errors(train: list[Demonstration], tested: list[Tested]) -> NDArray[np.float64]:
     """Error of repeating the demonstration whose final wrist is nearest, (n,) [m]."""
     wrists = np.array([final_wrist(one) for one in train])
     pointed = np.array([_vector(one, "robot_pointed_m")[:2] for one in train])
@@ -155,7 +156,10 @@ def _nearest_errors(train: list[Demonstration], tested: list[Tested]) -> np.ndar
 
 
 def _outcome(
-    library: TaskLibrary, train: list[Demonstration], tested: list[Tested], nearest: np.ndarray
+    library: TaskLibrary,
+    train: list[Demonstration],
+    tested: list[Tested],
+    nearest: NDArray[np.float64],
 ) -> Outcome:
     errors = np.array([one.error_m for one in tested])
     predicted = np.array([np.linalg.norm(one.predicted_m - one.spot_m) for one in tested])
@@ -203,7 +207,9 @@ _CONDITIONS = (
 )
 
 
-def _findings(errors: np.ndarray, nearest: np.ndarray, tested: list[Tested]) -> tuple[Finding, ...]:
+def _findings(
+    errors: NDArray[np.float64], nearest: NDArray[np.float64], tested: list[Tested]
+) -> tuple[Finding, ...]:
     largest = float(errors.max())
     holds = bool(round(largest, 3) <= PAPER_LARGEST_M)
     why = "" if holds else "The simulated marker and posture noise alone amount to this much."
@@ -244,11 +250,11 @@ def _findings(errors: np.ndarray, nearest: np.ndarray, tested: list[Tested]) -> 
 def _blocks(
     library: TaskLibrary,
     tested: list[Tested],
-    errors: np.ndarray,
-    predicted: np.ndarray,
-    nearest: np.ndarray,
-    teaching: np.ndarray,
-    moved: np.ndarray,
+    errors: NDArray[np.float64],
+    predicted: NDArray[np.float64],
+    nearest: NDArray[np.float64],
+    teaching: NDArray[np.float64],
+    moved: NDArray[np.float64],
 ) -> tuple[Block, ...]:
     spots = [
         PointedSpot(t.index + 1, t.spot_m, t.run.pointed_m[:2], t.predicted_m, t.spread_m2)
@@ -302,7 +308,10 @@ def _conditioned(library: TaskLibrary, one: Tested) -> Figure:
 
 
 def _table(
-    tested: list[Tested], errors: np.ndarray, predicted: np.ndarray, nearest: np.ndarray
+    tested: list[Tested],
+    errors: NDArray[np.float64],
+    predicted: NDArray[np.float64],
+    nearest: NDArray[np.float64],
 ) -> Table:
     columns = (
         Column("test spot"),

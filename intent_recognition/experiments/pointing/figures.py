@@ -2,12 +2,16 @@
 """Figures of the pointing experiment: the table from above, errors, conditioned trajectories."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.promp import Trajectory
 from intent_recognition.report import INK, PALETTE, PAPER_COLOUR, SOFT, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TRAINED, POINTED, POSTERIOR, PRIOR = PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[0]
 WRIST = ("wrist x [m]", "wrist y [m]", "wrist z [m]")
@@ -26,16 +30,19 @@ class PointedSpot(NamedTuple):
     """
 
     number: int
-    spot_m: np.ndarray
-    pointed_m: np.ndarray
-    predicted_m: np.ndarray
-    spread_m2: np.ndarray
+    spot_m: NDArray[np.float64]
+    pointed_m: NDArray[np.float64]
+    predicted_m: NDArray[np.float64]
+    spread_m2: NDArray[np.float64]
 
 
 @styled
 def table_figure(
-    trained_m: np.ndarray, spots: Sequence[PointedSpot], centre_m: np.ndarray, diameter_m: float
-):
+    trained_m: NDArray[np.float64],
+    spots: Sequence[PointedSpot],
+    centre_m: NDArray[np.float64],
+    diameter_m: float,
+) -> "Figure":
     """The table from above: x away from the robot upward, y to the left.
 
     Args:
@@ -50,7 +57,7 @@ def table_figure(
     axes = figure.subplots()
     axes.set_aspect("equal")
 
-    def plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def plane(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         centred = 100.0 * (np.atleast_2d(points) - centre_m)
         return -centred[:, 1], centred[:, 0]
 
@@ -94,8 +101,11 @@ def table_figure(
 
 @styled
 def errors_figure(
-    numbers: Sequence[int], errors_m: np.ndarray, nearest_m: np.ndarray, paper_m: float
-):
+    numbers: Sequence[int],
+    errors_m: NDArray[np.float64],
+    nearest_m: NDArray[np.float64],
+    paper_m: float,
+) -> "Figure":
     """Error of each test spot, with that of the nearest demonstration and the paper's largest."""
     figure = new_figure(5.4, 3.4)
     axes = figure.subplots()
@@ -127,13 +137,13 @@ def errors_figure(
 
 @styled
 def conditioned_figure(
-    phase: np.ndarray,
+    phase: NDArray[np.float64],
     prior: Trajectory,
     posterior: Trajectory,
-    seen: tuple[np.ndarray, np.ndarray],
-    observation: np.ndarray,
-    done: tuple[np.ndarray, np.ndarray],
-):
+    seen: tuple[NDArray[np.float64], NDArray[np.float64]],
+    observation: NDArray[np.float64],
+    done: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> "Figure":
     """Prior and posterior of the wrist (above) and of the first joints (below), +-2 sigma.
 
     Args:

@@ -2,11 +2,15 @@
 """Figures of the pole: paths from above, error over the number of components, distance kept."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report import INK, PALETTE, PAPER_COLOUR, SOFT, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WAY_COLOURS = {"left": PALETTE[0], "right": PALETTE[1]}
 HIT_COLOUR = "#c2185b"
@@ -24,7 +28,7 @@ class Paths(NamedTuple):
     """
 
     title: str
-    paths_m: np.ndarray
+    paths_m: NDArray[np.float64]
     ways: Sequence[str]
     hits: Sequence[bool]
 
@@ -32,11 +36,11 @@ class Paths(NamedTuple):
 @styled
 def paths_figure(
     panels: Sequence[Paths],
-    spots_m: np.ndarray,
-    both_ways: np.ndarray,
-    pole_m: np.ndarray,
+    spots_m: NDArray[np.float64],
+    both_ways: NDArray[np.float64],
+    pole_m: NDArray[np.float64],
     pole_radius_m: float,
-):
+) -> "Figure":
     """The table from above, the robot below: fingertip paths around the pole, panel by panel.
 
     Args:
@@ -91,10 +95,10 @@ def paths_figure(
 @styled
 def components_figure(
     numbers: Sequence[int],
-    errors: Mapping[str, np.ndarray],
+    errors: Mapping[str, NDArray[np.float64]],
     chosen: int,
     paper: Mapping[str, float] | None = None,
-):
+) -> "Figure":
     """Left-out error over the number of components, one panel per unit.
 
     Args:
@@ -147,7 +151,9 @@ def components_figure(
 
 
 @styled
-def clearance_figure(motions: Mapping[str, tuple[np.ndarray, np.ndarray]]):
+def clearance_figure(
+    motions: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> "Figure":
     """Least distance from the pole of every motion, one row of dots per kind of motion.
 
     Args:
@@ -180,11 +186,11 @@ def clearance_figure(motions: Mapping[str, tuple[np.ndarray, np.ndarray]]):
 
 @styled
 def two_answers_figure(
-    phase: np.ndarray,
-    answers: Sequence[tuple[str, np.ndarray, np.ndarray]],
-    truths: Mapping[str, np.ndarray],
+    phase: NDArray[np.float64],
+    answers: Sequence[tuple[str, NDArray[np.float64], NDArray[np.float64]]],
+    truths: Mapping[str, NDArray[np.float64]],
     names: Sequence[str],
-):
+) -> "Figure":
     """Joints over phase: what each component and a single Gaussian predict, with ±2 sigma.
 
     Args:
@@ -215,7 +221,7 @@ def two_answers_figure(
 
 
 @styled
-def scene_figure(images: Sequence[tuple[str, np.ndarray]]):
+def scene_figure(images: Sequence[tuple[str, NDArray[np.float64]]]) -> "Figure":
     """Pictures side by side, each (title, RGB image (H, W, 3))."""
     figure = new_figure(4.4 * len(images), 3.7)
     for axes, (title, image) in zip(

@@ -2,6 +2,7 @@
 """The pole's findings, figures and tables, from what `pole_study.investigate` found."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.experiments.left_out import FINAL, PHASES, predict
 from intent_recognition.experiments.pole.figures import (
@@ -276,5 +277,7 @@ def _two_answers(study: Study) -> tuple[Block, ...]:
     )
 
 
-def _drawn(mean: np.ndarray, std: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _drawn(
+    mean: NDArray[np.float64], std: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return mean[:, SHOWN_JOINTS], std[:, SHOWN_JOINTS]

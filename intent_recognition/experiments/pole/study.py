@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.experiments.left_out import (
@@ -53,11 +54,11 @@ class Tried:
 
     number: int
     mixtures: Components
-    labels: np.ndarray
-    nll: np.ndarray
+    labels: NDArray[np.float64]
+    nll: NDArray[np.float64]
     predicted: Predicted
-    joint_rms_rad: np.ndarray
-    tip_rms_m: np.ndarray
+    joint_rms_rad: NDArray[np.float64]
+    tip_rms_m: NDArray[np.float64]
     n_through: int
 
 
@@ -74,18 +75,18 @@ class Carried:
     """
 
     label: str
-    indices: np.ndarray
+    indices: NDArray[np.float64]
     runs: tuple["Executed", ...]
     ways: tuple[str, ...]
-    final_error_m: np.ndarray
+    final_error_m: NDArray[np.float64]
 
     @property
-    def hits(self) -> np.ndarray:
+    def hits(self) -> NDArray[np.float64]:
         """Which of them touched the pole, bool (m,)."""
         return np.array([run.touched for run in self.runs])
 
     @property
-    def clearance_m(self) -> np.ndarray:
+    def clearance_m(self) -> NDArray[np.float64]:
         """Least distance from the pole (m,)."""
         return np.array([run.clearance_m.min() for run in self.runs])
 
@@ -109,7 +110,7 @@ class Study:
     demonstrations: tuple[Demonstration, ...]
     pairs: Pairs
     ways: tuple[str, ...]
-    both: np.ndarray
+    both: NDArray[np.float64]
     tried: tuple[Tried, ...]
     chosen: int
     single: Carried
@@ -185,7 +186,9 @@ def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[Trie
     return tuple(tried), chosen_number(fits, len(truth))
 
 
-def _carry_out(label: str, pairs: Pairs, predicted: Predicted, indices: np.ndarray) -> Carried:
+def _carry_out(
+    label: str, pairs: Pairs, predicted: Predicted, indices: NDArray[np.float64]
+) -> Carried:
     """Let the arm execute predictions, each in a fresh world with the pole."""
     from sim_bridge.scenarios.pole import execute
 

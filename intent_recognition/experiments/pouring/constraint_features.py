@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.warping import (
@@ -56,8 +57,8 @@ class Known(NamedTuple):
     """
 
     references: References
-    lip_m: np.ndarray
-    centre_m: np.ndarray
+    lip_m: NDArray[np.float64]
+    centre_m: NDArray[np.float64]
 
 
 class Samples(NamedTuple):
@@ -70,10 +71,10 @@ class Samples(NamedTuple):
         unit_throw: (N,) what a throw is measured in, if it is to be learned; in filling only.
     """
 
-    features: np.ndarray
-    labels: np.ndarray
-    objects: np.ndarray
-    unit_throw: np.ndarray | None = None
+    features: NDArray[np.float64]
+    labels: NDArray[np.float64]
+    objects: NDArray[np.float64]
+    unit_throw: NDArray[np.float64] | None = None
 
 
 def annotated_source() -> WarpSource:

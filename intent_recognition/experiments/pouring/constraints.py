@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import TrainingError
 from intent_recognition.evaluation import on_grid, roc_curve
@@ -60,10 +61,10 @@ class Scores(NamedTuple):
         trained_on: index of the training object (M,).
     """
 
-    curves: np.ndarray
-    areas: np.ndarray
-    early: np.ndarray
-    trained_on: np.ndarray
+    curves: NDArray[np.float64]
+    areas: NDArray[np.float64]
+    early: NDArray[np.float64]
+    trained_on: NDArray[np.float64]
 
     @property
     def area(self) -> float:
@@ -124,7 +125,7 @@ def score(samples: Samples, n_sets: int, rng: np.random.Generator) -> dict[str, 
     Raises:
         TrainingError: the trials of one object all have the same label.
     """
-    rows: dict[str, list[tuple[np.ndarray, float, float, int]]] = {SAME: [], NOVEL: []}
+    rows: dict[str, list[tuple[NDArray[np.float64], float, float, int]]] = {SAME: [], NOVEL: []}
     for index in np.unique(samples.objects):
         own = np.flatnonzero(samples.objects == index)
         others = np.flatnonzero(samples.objects != index)
@@ -142,7 +143,9 @@ def score(samples: Samples, n_sets: int, rng: np.random.Generator) -> dict[str, 
     return {name: Scores(*map(np.array, zip(*row, strict=True))) for name, row in rows.items()}
 
 
-def _learned(samples: Samples, train: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+def _learned(
+    samples: Samples, train: NDArray[np.float64]
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """Log odds of rows (n,), learned from the rows `train`."""
     features, labels, unit = samples.features, samples.labels, samples.unit_throw
     if unit is None:
@@ -153,8 +156,8 @@ def _learned(samples: Samples, train: np.ndarray) -> Callable[[np.ndarray], np.n
 
 
 def _both_labels_first(
-    rows: np.ndarray, labels: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
+    rows: NDArray[np.float64], labels: NDArray[np.float64], rng: np.random.Generator
+) -> NDArray[np.float64]:
     """Rows in random order, with both labels in the training part and in the rest."""
     while True:
         shuffled = rng.permutation(rows)

@@ -2,11 +2,16 @@
 """Figures of pouring: the primitive in the warped space and in metres, and balls spilled."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report import NONE_COLOUR, PALETTE, SOFT, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 WARPED_TITLES = (
     "along / radius of the second",
@@ -23,9 +28,9 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 class Band(NamedTuple):
     """A distribution over paths: times or phases (T,), mean (T, 4), standard deviation (T, 4)."""
 
-    time: np.ndarray
-    mean: np.ndarray
-    std: np.ndarray
+    time: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    std: NDArray[np.float64]
 
 
 class Real(NamedTuple):
@@ -36,14 +41,16 @@ class Real(NamedTuple):
 
     name: str
     band: Band
-    done_s: np.ndarray
-    done: np.ndarray
+    done_s: NDArray[np.float64]
+    done: NDArray[np.float64]
 
 
 @styled
 def paths_figure(
-    warped: Band, demonstrations: Sequence[tuple[np.ndarray, np.ndarray]], real: Sequence[Real]
-):
+    warped: Band,
+    demonstrations: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    real: Sequence[Real],
+) -> "Figure":
     """Above the primitive in the warped space, below what it becomes for some pairs.
 
     Args:
@@ -83,14 +90,16 @@ def paths_figure(
     return figure
 
 
-def _band(axes, band: Band, k: int, colour: str, label: str, dashes) -> None:
+def _band(axes: "Axes", band: Band, k: int, colour: str, label: str, dashes) -> None:
     low, high = band.mean[:, k] - 2.0 * band.std[:, k], band.mean[:, k] + 2.0 * band.std[:, k]
     axes.fill_between(band.time, low, high, color=colour, alpha=0.2, lw=0)
     axes.plot(band.time, band.mean[:, k], color=colour, linestyle=dashes, label=label)
 
 
 @styled
-def spilled_figure(pairs: Sequence[str], spilled: Mapping[str, Sequence[int]], n_balls: int):
+def spilled_figure(
+    pairs: Sequence[str], spilled: Mapping[str, Sequence[int]], n_balls: int
+) -> "Figure":
     """Bars of spilled balls per pair, one colour per way to pour.
 
     Args:

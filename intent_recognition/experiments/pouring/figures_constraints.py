@@ -2,12 +2,16 @@
 """Figure of the task constraints: ROC curves on the training object and on novel ones."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.evaluation import GRID
 from intent_recognition.report import NONE_COLOUR, PALETTE, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LINE_STYLES = (("-", 3.2), ((0, (4, 1.5)), 1.4), ((0, (1, 1)), 1.8))
 """Dashes and width: the first two often coincide."""
@@ -24,9 +28,9 @@ class RocBand(NamedTuple):
         area: mean area below the curves.
     """
 
-    mean: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    mean: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
     area: float
 
 
@@ -38,7 +42,7 @@ class RocPanel(NamedTuple):
 
 
 @styled
-def roc_figure(rows: Sequence[Sequence[RocPanel]]):
+def roc_figure(rows: Sequence[Sequence[RocPanel]]) -> "Figure":
     """Panels of ROC curves: mean and quartiles over training sets, areas in the legends.
 
     Args:

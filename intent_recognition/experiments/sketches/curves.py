@@ -7,6 +7,7 @@ the others. The rest is the drawer's: a wobble and a timing of each curve's own,
 """
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 N_SAMPLES = 101
@@ -43,7 +44,7 @@ MIXING = np.array(
 """What each of three causes does to the heights of both curves, (2, 3, V)."""
 
 
-def sketch_pairs(rng: np.random.Generator, n_pairs: int) -> np.ndarray:
+def sketch_pairs(rng: np.random.Generator, n_pairs: int) -> NDArray[np.float64]:
     """Curves at `PHASE`, (n, T, 2): the observed agent's, then the controlled one's."""
     causes = rng.normal(size=(n_pairs, 3))
     pairs = np.empty((n_pairs, N_SAMPLES, 2))
@@ -56,7 +57,7 @@ def sketch_pairs(rng: np.random.Generator, n_pairs: int) -> np.ndarray:
     return np.round(pairs / PIXEL) * PIXEL
 
 
-def _drawn(rng: np.random.Generator, heights: np.ndarray) -> np.ndarray:
+def _drawn(rng: np.random.Generator, heights: NDArray[np.float64]) -> NDArray[np.float64]:
     """A smooth stroke through heights at nearly even times, (T,)."""
     times = VIA.copy()
     times[1:-1] += TIMING * rng.normal(size=VIA.size - 2)

@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, savgol_filter, sosfiltfilt
 
@@ -47,7 +48,7 @@ Smoother = SavitzkyGolay | Butterworth
 
 
 @lru_cache(maxsize=256)
-def derivative_operators(smoother: Smoother, n_samples: int, step: float) -> np.ndarray:
+def derivative_operators(smoother: Smoother, n_samples: int, step: float) -> NDArray[np.float64]:
     """Matrices that take samples to smoothed positions, velocities, accelerations, (3, T, T).
 
     Args:
@@ -85,7 +86,9 @@ def derivative_operators(smoother: Smoother, n_samples: int, step: float) -> np.
     return operators
 
 
-def _savitzky_golay(smoother: SavitzkyGolay, unit: np.ndarray, step: float) -> np.ndarray:
+def _savitzky_golay(
+    smoother: SavitzkyGolay, unit: NDArray[np.float64], step: float
+) -> NDArray[np.float64]:
     order, n_samples = min(smoother.order, len(unit) - 2), len(unit)
     longest = n_samples if n_samples % 2 else n_samples - 1
     window = min(max(2 * round(0.5 * smoother.width / step) + 1, order + 1 + order % 2), longest)
@@ -94,7 +97,9 @@ def _savitzky_golay(smoother: SavitzkyGolay, unit: np.ndarray, step: float) -> n
     )
 
 
-def _butterworth(smoother: Butterworth, unit: np.ndarray, step: float) -> np.ndarray:
+def _butterworth(
+    smoother: Butterworth, unit: NDArray[np.float64], step: float
+) -> NDArray[np.float64]:
     share = min(2.0 * smoother.cutoff * step, HIGHEST_CUTOFF)
     sections = butter(smoother.order, share, output="sos")
     # Enough of the odd extension for the filter to settle, but no more than there are samples.
@@ -104,7 +109,9 @@ def _butterworth(smoother: Butterworth, unit: np.ndarray, step: float) -> np.nda
     return np.stack([position, velocity, np.gradient(velocity, step, axis=0, edge_order=2)])
 
 
-def spline_operators(phase: np.ndarray, at: np.ndarray, roughness: float) -> np.ndarray:
+def spline_operators(
+    phase: NDArray[np.float64], at: NDArray[np.float64], roughness: float
+) -> NDArray[np.float64]:
     """Matrices from irregular samples to a spline's positions and derivatives, (3, K, T).
 
     The natural cubic smoothing spline: it minimises the squared residuals plus `roughness` times

@@ -2,10 +2,15 @@
 """Figures of the experiment on noise: errors over observed samples and over the noise."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report import PALETTE, SOFT, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BAND = 2.0
 """Standard errors on both sides of a mean."""
@@ -15,10 +20,10 @@ TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 
 @styled
 def noise_figure(
-    panels: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    panels: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
     levels: Sequence[float],
     counts: Sequence[int],
-):
+) -> "Figure":
     """Bars of the error over the number of observed samples, one colour per level of noise.
 
     Args:
@@ -55,10 +60,10 @@ def noise_figure(
 
 @styled
 def growth_figure(
-    panels: Mapping[str, Mapping[str, tuple[np.ndarray, np.ndarray]]],
+    panels: Mapping[str, Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]],
     levels: Sequence[float],
     styles: Mapping[str, tuple[int, bool, str]],
-):
+) -> "Figure":
     """Error over the noise variance, a line per method, +- two standard errors.
 
     The axis of the errors is logarithmic; a band that would reach below half its line ends there.

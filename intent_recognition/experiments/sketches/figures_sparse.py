@@ -2,11 +2,16 @@
 """Figures of the experiment on sparse observations: one example, and errors over many."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report import INK, NONE_COLOUR, PALETTE, SOFT, new_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 PRIOR, POSTERIOR = PALETTE[0], PALETTE[2]
 BAND = 2.0
@@ -27,11 +32,11 @@ class Panel(NamedTuple):
     """
 
     title: str
-    prior: tuple[np.ndarray, np.ndarray]
-    posterior: tuple[np.ndarray, np.ndarray]
-    true: np.ndarray
-    seen: tuple[np.ndarray, np.ndarray] | None = None
-    others: Mapping[str, np.ndarray] | None = None
+    prior: tuple[NDArray[np.float64], NDArray[np.float64]]
+    posterior: tuple[NDArray[np.float64], NDArray[np.float64]]
+    true: NDArray[np.float64]
+    seen: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    others: Mapping[str, NDArray[np.float64]] | None = None
 
 
 class Example(NamedTuple):
@@ -42,7 +47,7 @@ class Example(NamedTuple):
 
 
 @styled
-def example_figure(phase: np.ndarray, examples: Sequence[Example]):
+def example_figure(phase: NDArray[np.float64], examples: Sequence[Example]) -> "Figure":
     """Prior and posterior of both agents, +- two standard deviations; one column per example.
 
     Args:
@@ -66,7 +71,7 @@ def example_figure(phase: np.ndarray, examples: Sequence[Example]):
     return figure
 
 
-def _draw(axes, phase: np.ndarray, panel: Panel) -> None:
+def _draw(axes: "Axes", phase: NDArray[np.float64], panel: Panel) -> None:
     for (mean, std), colour, name in (
         (panel.prior, PRIOR, "prior"),
         (panel.posterior, POSTERIOR, "ProMP given the observations"),
@@ -94,17 +99,17 @@ def _draw(axes, phase: np.ndarray, panel: Panel) -> None:
 class Line(NamedTuple):
     """Mean and standard error over numbers of observations, (k,) each."""
 
-    mean: np.ndarray
-    error: np.ndarray
+    mean: NDArray[np.float64]
+    error: NDArray[np.float64]
 
 
 @styled
 def sparse_error_figure(
     counts: Sequence[int],
     rmse: Mapping[str, Line],
-    at: np.ndarray,
-    accelerations: Mapping[str, np.ndarray],
-):
+    at: NDArray[np.float64],
+    accelerations: Mapping[str, NDArray[np.float64]],
+) -> "Figure":
     """Error over the number of observations, and what a spline makes of an acceleration.
 
     Args:

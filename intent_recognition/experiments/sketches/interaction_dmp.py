@@ -17,6 +17,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 
@@ -55,9 +56,9 @@ class SpringDamper:
 class Motion(NamedTuple):
     """Positions and their first and second derivatives by the phase, arrays of one shape."""
 
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -77,30 +78,30 @@ class DmpModel:
         """Parameters of one DOF, N + 3."""
         return self.basis.n_basis + N_ENDS
 
-    def forcing(self, motion: Motion, goal: np.ndarray) -> np.ndarray:
+    def forcing(self, motion: Motion, goal: NDArray[np.float64]) -> NDArray[np.float64]:
         """Forcing function of a motion toward `goal` (IP Eq. 14), shape of the motion's arrays."""
         return self.drive(motion) - self.spring.stiffness * goal
 
-    def drive(self, motion: Motion) -> np.ndarray:
+    def drive(self, motion: Motion) -> NDArray[np.float64]:
         """q'' + alpha q' + alpha beta q: what a motion shows of its forcing function and goal."""
         alpha, stiffness = self.spring.alpha, self.spring.stiffness
         return motion.acceleration + alpha * motion.velocity + stiffness * motion.position
 
-    def observation_matrix(self, phase: np.ndarray) -> np.ndarray:
+    def observation_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rows that take one DOF's parameters to its drive at phases (T,), (T, N + 3)."""
         rows = np.zeros((len(phase), self.n_parameters))
         rows[:, :-N_ENDS] = self.basis.design_matrix(phase)
         rows[:, -N_ENDS] = self.spring.stiffness
         return rows
 
-    def start_matrix(self) -> np.ndarray:
+    def start_matrix(self) -> NDArray[np.float64]:
         """Rows that take one DOF's parameters to its position and velocity at phase 0, (2, N + 3).
 
         A drive tells nothing of them: differentiating twice loses a straight line.
         """
         return np.eye(2, self.n_parameters, k=self.n_parameters - 2)
 
-    def rollout_matrix(self, phase: np.ndarray) -> np.ndarray:
+    def rollout_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rows that take one DOF's parameters to its positions at phases in [0, 1], (T, N + 3).
 
         The attractor integrated with every parameter one in turn.
@@ -108,7 +109,9 @@ class DmpModel:
         grid, position, velocity = _responses(self)
         return CubicHermiteSpline(grid, position, velocity)(np.clip(phase, 0.0, 1.0))
 
-    def fit(self, phase: np.ndarray, motion: Motion, ridge: float = 1e-4) -> np.ndarray:
+    def fit(
+        self, phase: NDArray[np.float64], motion: Motion, ridge: float = 1e-4
+    ) -> NDArray[np.float64]:
         """Parameters of demonstrated motions by ridge regression (IP Eq. 12, 14), (D, N + 3).
 
         Args:
@@ -134,17 +137,17 @@ class DmpModel:
         return np.hstack([weights, ends])
 
 
-def differentiated(smoother: Smoother, values: np.ndarray, step: float) -> Motion:
+def differentiated(smoother: Smoother, values: NDArray[np.float64], step: float) -> Motion:
     """Smoothed positions and their derivatives of samples (T, D) a step of the phase apart."""
     return Motion(*(derivative_operators(smoother, len(values), step) @ values))
 
 
 def fit_demonstrations(
     model: DmpModel,
-    demonstrations: Sequence[np.ndarray],
+    demonstrations: Sequence[NDArray[np.float64]],
     smoother: Smoother,
     ridge: float = 1e-4,
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Stacked parameters of demonstrations, (n, D (N + 3)), grouped by DOF (IP Eq. 4).
 
     Args:
@@ -165,7 +168,9 @@ def fit_demonstrations(
 
 
 @lru_cache(maxsize=16)
-def _responses(model: DmpModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _responses(
+    model: DmpModel,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Grid (S + 1,), and positions and velocities there for each parameter, (S + 1, N + 3).
 
     Between grid points the forcing function is a straight line; for that the step is exact.

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag, cho_solve
 
 from intent_recognition.experiments.sketches.curves import PHASE
@@ -58,22 +59,22 @@ class Learned:
         curve_variance: what the parameters leave unexplained of both agents' positions, (2,).
     """
 
-    parameters: np.ndarray
-    positions: np.ndarray
+    parameters: NDArray[np.float64]
+    positions: NDArray[np.float64]
     residual_variance: float
-    curve_variance: np.ndarray
+    curve_variance: NDArray[np.float64]
 
     @property
-    def both(self) -> np.ndarray:
+    def both(self) -> NDArray[np.float64]:
         """Rows from all parameters to both agents' positions, (2 T, 2 p)."""
         return block_diag(self.positions, self.positions)
 
     @property
-    def controlled(self) -> np.ndarray:
+    def controlled(self) -> NDArray[np.float64]:
         """Rows from all parameters to the controlled agent's positions, (T, 2 p)."""
         return np.hstack([np.zeros_like(self.positions), self.positions])
 
-    def observed(self, rows: np.ndarray) -> np.ndarray:
+    def observed(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rows (m, p) for the observed agent's parameters as rows for all, (m, 2 p)."""
         return np.hstack([rows, np.zeros_like(rows)])
 
@@ -95,12 +96,12 @@ class Candidate(NamedTuple):
     white: bool = True
 
 
-def learn(pairs: np.ndarray, smoother: Smoother | None) -> Learned:
+def learn(pairs: NDArray[np.float64], smoother: Smoother | None) -> Learned:
     """A DMP through a filter, or a ProMP where there is none."""
     return learn_promp(pairs) if smoother is None else learn_dmp(pairs, smoother)
 
 
-def learn_promp(pairs: np.ndarray) -> Learned:
+def learn_promp(pairs: NDArray[np.float64]) -> Learned:
     """Weights of pairs (n, T, 2)."""
     design = BASIS.design_matrix(PHASE)
     fits = [fit_weights(BASIS, PHASE, pair) for pair in pairs]
@@ -109,7 +110,7 @@ def learn_promp(pairs: np.ndarray) -> Learned:
     return Learned(weights, design, float(residual[0]), residual)
 
 
-def learn_dmp(pairs: np.ndarray, smoother: Smoother = CLEAN) -> Learned:
+def learn_dmp(pairs: NDArray[np.float64], smoother: Smoother = CLEAN) -> Learned:
     """Parameters of pairs (n, T, 2).
 
     The observed agent's go through the filter its observations go through, so that what the filter
@@ -130,7 +131,7 @@ def learn_dmp(pairs: np.ndarray, smoother: Smoother = CLEAN) -> Learned:
     )
 
 
-def prior(parameters: np.ndarray, shrinkage: float) -> Gaussian:
+def prior(parameters: NDArray[np.float64], shrinkage: float) -> Gaussian:
     """Mean and covariance of parameters (n, d), shrunk toward the covariance's diagonal.
 
     The last factor is for the mean, which is as uncertain as n demonstrations leave it.
@@ -143,8 +144,11 @@ def prior(parameters: np.ndarray, shrinkage: float) -> Gaussian:
 
 
 def predictor(
-    distribution: Gaussian, rows: np.ndarray, noise: np.ndarray, output: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    distribution: Gaussian,
+    rows: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    output: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Matrix (s, m) and offset (s,) from an observation to the mean of what is predicted.
 
     What `gaussian.normal.condition` does, for all observations with the same rows at once.
@@ -163,7 +167,7 @@ def predictor(
 
 def observation(
     learned: Learned, candidate: Candidate, n_seen: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Rows, noise, and operator from positions to what is observed, of the first samples.
 
     A ProMP observes the m positions; a DMP the m drives, and position and velocity at the start.
@@ -190,12 +194,12 @@ def observation(
 
 
 def squared_errors(
-    train: np.ndarray,
-    truth: np.ndarray,
-    seen: np.ndarray,
+    train: NDArray[np.float64],
+    truth: NDArray[np.float64],
+    seen: NDArray[np.float64],
     candidates: Sequence[Candidate],
     counts: Sequence[int],
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Mean squared error of the controlled curve, for c candidates, L noise levels, k counts.
 
     Args:
@@ -223,7 +227,7 @@ def squared_errors(
     return errors
 
 
-def folds(n: int, n_folds: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def folds(n: int, n_folds: int) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Numbers of the demonstrations to learn from, and of those left out, fold by fold."""
     numbers = np.arange(n)
     for fold in range(n_folds):

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.experiments.outcome import Finding, Outcome, Settings
 from intent_recognition.experiments.sketches.curves import N_SAMPLES
@@ -74,19 +75,19 @@ def run(settings: Settings) -> Outcome:
     )
 
 
-def _growth(rmse: np.ndarray) -> Growth:
+def _growth(rmse: NDArray[np.float64]) -> Growth:
     """Of the full observation; errors (repeats, L, k)."""
     ratio = rmse[:, -1, -1] / rmse[:, 0, -1]
     return Growth(float(ratio.mean()), float(_error(ratio)))
 
 
-def _error(values: np.ndarray) -> np.ndarray:
+def _error(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Standard error of the mean over the first axis."""
     return values.std(axis=0, ddof=1) / np.sqrt(len(values))
 
 
 def _findings(
-    table: Mapping[str, np.ndarray], growth: Mapping[str, Growth], plan: Plan
+    table: Mapping[str, NDArray[np.float64]], growth: Mapping[str, Growth], plan: Plan
 ) -> tuple[Finding, ...]:
     mean = {method: errors.mean(axis=0) for method, errors in table.items()}
     better = mean[PROMP] < mean[DMP]
@@ -138,7 +139,7 @@ def _findings(
 
 
 def _blocks(
-    table: Mapping[str, np.ndarray], growth: Mapping[str, Growth], plan: Plan
+    table: Mapping[str, NDArray[np.float64]], growth: Mapping[str, Growth], plan: Plan
 ) -> tuple[Block, ...]:
     summary = {m: (errors.mean(axis=0), _error(errors)) for m, errors in table.items()}
     bars = noise_figure({m: summary[m] for m in (PROMP, DMP)}, plan.levels, plan.counts)
@@ -177,7 +178,9 @@ STYLES = {
 """Colour, dashed, marker of each method."""
 
 
-def _explanation(summary: Mapping[str, tuple[np.ndarray, np.ndarray]], plan: Plan) -> str:
+def _explanation(
+    summary: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], plan: Plan
+) -> str:
     """Why the DMP errs more, in one paragraph."""
 
     def share(method: str, column: int) -> str:
@@ -202,7 +205,8 @@ def _half(plan: Plan) -> int:
 
 
 def _growth_table(
-    summary: Mapping[str, tuple[np.ndarray, np.ndarray]], growth: Mapping[str, Growth]
+    summary: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+    growth: Mapping[str, Growth],
 ) -> Table:
     rows = tuple(
         (

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.experiments.sketches.curves import N_SAMPLES, sketch_pairs
 from intent_recognition.experiments.sketches.differentiation import Butterworth, SavitzkyGolay
@@ -73,7 +74,7 @@ def make_plan(quick: bool) -> Plan:
     return Plan((0.0, 0.01, 0.02, 0.03, 0.04), (11, 26, 51, 76, N_SAMPLES), 8, pools)
 
 
-def one_data_set(rng: np.random.Generator, plan: Plan) -> dict[str, np.ndarray]:
+def one_data_set(rng: np.random.Generator, plan: Plan) -> dict[str, NDArray[np.float64]]:
     """Root mean square error of the controlled curve per method, (L, k)."""
     train, test = sketch_pairs(rng, N_TRAIN), sketch_pairs(rng, N_TEST)
     pools = list(dict.fromkeys(plan.pools.values()))
@@ -93,8 +94,8 @@ def one_data_set(rng: np.random.Generator, plan: Plan) -> dict[str, np.ndarray]:
 
 
 def _cross_validate(
-    rng: np.random.Generator, train: np.ndarray, pool: Sequence[Candidate], plan: Plan
-) -> np.ndarray:
+    rng: np.random.Generator, train: NDArray[np.float64], pool: Sequence[Candidate], plan: Plan
+) -> NDArray[np.float64]:
     """Mean squared error of demonstrations left out, (c, L, k)."""
     total = 0.0
     for kept, left_out in folds(len(train), N_FOLDS):
@@ -104,7 +105,9 @@ def _cross_validate(
     return total / N_FOLDS
 
 
-def _disturbed(rng: np.random.Generator, curves: np.ndarray, levels: Sequence[float]) -> np.ndarray:
+def _disturbed(
+    rng: np.random.Generator, curves: NDArray[np.float64], levels: Sequence[float]
+) -> NDArray[np.float64]:
     """Curves (t, T) with white noise of each variance, the same draw scaled, (L, t, T)."""
     noise = rng.normal(size=curves.shape)
     return np.array([curves + np.sqrt(level) * noise for level in levels])

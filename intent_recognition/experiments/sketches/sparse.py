@@ -9,6 +9,7 @@ smoothing spline through them and to differentiate that.
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.experiments.outcome import Finding, Outcome, Settings
 from intent_recognition.experiments.sketches.curves import PHASE, sketch_pairs
@@ -90,16 +91,16 @@ def run(settings: Settings) -> Outcome:
     )
 
 
-def _error(values: np.ndarray) -> np.ndarray:
+def _error(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Standard error of the mean over the first axis."""
     return values.std(axis=0, ddof=1) / np.sqrt(len(values))
 
 
 def _findings(
     counts: Sequence[int],
-    rmse: Mapping[str, np.ndarray],
-    inside: np.ndarray,
-    acceleration: np.ndarray,
+    rmse: Mapping[str, NDArray[np.float64]],
+    inside: NDArray[np.float64],
+    acceleration: NDArray[np.float64],
 ) -> tuple[Finding, ...]:
     four = counts.index(EXAMPLE_COUNT)
     mean = {method: errors.mean(axis=0)[four] for method, errors in rmse.items()}
@@ -145,9 +146,9 @@ def _findings(
 def _blocks(
     settings: Settings,
     counts: Sequence[int],
-    rmse: Mapping[str, np.ndarray],
-    inside: np.ndarray,
-    acceleration: np.ndarray,
+    rmse: Mapping[str, NDArray[np.float64]],
+    inside: NDArray[np.float64],
+    acceleration: NDArray[np.float64],
 ) -> tuple[Block, ...]:
     rng = settings.rng(1000)
     train = sketch_pairs(rng, N_TRAIN)
@@ -209,11 +210,11 @@ def _blocks(
 
 def _example(
     title: str,
-    before: tuple[np.ndarray, np.ndarray],
-    after: tuple[np.ndarray, np.ndarray],
-    pair: np.ndarray,
-    seen: tuple[np.ndarray, np.ndarray],
-    others: Mapping[str, np.ndarray] | None,
+    before: tuple[NDArray[np.float64], NDArray[np.float64]],
+    after: tuple[NDArray[np.float64], NDArray[np.float64]],
+    pair: NDArray[np.float64],
+    seen: tuple[NDArray[np.float64], NDArray[np.float64]],
+    others: Mapping[str, NDArray[np.float64]] | None,
 ) -> Example:
     panels = [
         Panel(
@@ -232,8 +233,8 @@ def _example(
 def _table(
     counts: Sequence[int],
     lines: Mapping[str, Line],
-    inside: np.ndarray,
-    acceleration: np.ndarray,
+    inside: NDArray[np.float64],
+    acceleration: NDArray[np.float64],
 ) -> Table:
     share, wrong = inside.mean(axis=0), np.median(acceleration, axis=0)
     rows = tuple(

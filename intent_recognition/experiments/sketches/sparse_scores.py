@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.experiments.sketches.curves import sketch_pairs
 from intent_recognition.experiments.sketches.differentiation import spline_operators
@@ -41,9 +42,9 @@ class Scores(NamedTuple):
             square, interpolating and best spline, (k, 2).
     """
 
-    rmse: Mapping[str, np.ndarray]
-    inside: np.ndarray
-    acceleration: np.ndarray
+    rmse: Mapping[str, NDArray[np.float64]]
+    inside: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
 
 
 def one_data_set(
@@ -81,7 +82,10 @@ def one_data_set(
 
 
 def _acceleration_error(
-    curve: np.ndarray, at: np.ndarray, seen: np.ndarray, choice: SplineChoice
+    curve: NDArray[np.float64],
+    at: NDArray[np.float64],
+    seen: NDArray[np.float64],
+    choice: SplineChoice,
 ) -> float:
     """Root mean square error of a spline's acceleration in parts of the true one's."""
     dense = np.linspace(at[0], at[-1], N_SPLINE)
@@ -90,5 +94,5 @@ def _acceleration_error(
     return _rms(found - true) / _rms(true)
 
 
-def _rms(values: np.ndarray) -> float:
+def _rms(values: NDArray[np.float64]) -> float:
     return float(np.sqrt(np.mean(values**2)))

@@ -2,10 +2,15 @@
 """Figures of the mixture of the toolbox: its components, and one of them conditioned."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.report import INK, PALETTE, SOFT, new_figure, readable, styled, task_colours
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PRIOR_COLOUR = "#9aa5b1"
 POSTERIOR_COLOUR = "#c2185b"
@@ -13,13 +18,13 @@ POSTERIOR_COLOUR = "#c2185b"
 
 @styled
 def components_found_figure(
-    phase: np.ndarray,
-    observed: np.ndarray,
-    controlled: np.ndarray,
-    labels: np.ndarray,
+    phase: NDArray[np.float64],
+    observed: NDArray[np.float64],
+    controlled: NDArray[np.float64],
+    labels: NDArray[np.float64],
     names: Sequence[str],
     tasks: Mapping[int, str],
-):
+) -> "Figure":
     """Mean and +-2 sigma of the members of each component, one panel per DOF.
 
     Args:
@@ -55,15 +60,15 @@ def components_found_figure(
 
 @styled
 def conditioned_figure(
-    phase: np.ndarray,
-    prior_observed: np.ndarray,
-    prior_controlled: np.ndarray,
-    observed: np.ndarray,
-    controlled: np.ndarray,
-    mean: np.ndarray,
-    std: np.ndarray,
+    phase: NDArray[np.float64],
+    prior_observed: NDArray[np.float64],
+    prior_controlled: NDArray[np.float64],
+    observed: NDArray[np.float64],
+    controlled: NDArray[np.float64],
+    mean: NDArray[np.float64],
+    std: NDArray[np.float64],
     names: Sequence[str],
-):
+) -> "Figure":
     """One test: the component, the observation, the predicted robot and the truth.
 
     Args:
@@ -115,7 +120,7 @@ def conditioned_figure(
     return figure
 
 
-def _panels(grid: np.ndarray, n_observed: int, n_controlled: int) -> list:
+def _panels(grid: NDArray[np.float64], n_observed: int, n_controlled: int) -> list:
     """Panels of the human in the upper row, of the robot in the lower; the rest is taken away."""
     if len(grid) == 1:
         return list(grid[0])

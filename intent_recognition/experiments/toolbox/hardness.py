@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.filtering import fixed_hypotheses, run_bank, start_bank
 from intent_recognition.learning import TrainingSettings, learn
@@ -62,7 +63,7 @@ def compare_folds(demonstrations: Sequence[Demonstration], folds: int, share: fl
     return Accuracy(*(right / len(demonstrations)).tolist())
 
 
-def _position(demonstration: Demonstration, share: float) -> np.ndarray:
+def _position(demonstration: Demonstration, share: float) -> NDArray[np.float64]:
     """Wrist position (3,) after a share of the movement."""
     signal = demonstration.observed[0]
     at = share * (demonstration.end_ns - demonstration.start_ns) * 1e-9

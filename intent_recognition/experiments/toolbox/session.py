@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.kinematics import hand_position
 from intent_recognition.promp import NONE, TaskLibrary
@@ -47,7 +48,7 @@ class _Seen(NamedTuple):
 
     time_s: float
     active: str
-    hand_m: np.ndarray | None
+    hand_m: NDArray[np.float64] | None
 
 
 def play(
@@ -95,7 +96,7 @@ def play(
     return _score(plan.interactions, seen)
 
 
-def _predicted_hand(estimator: IntentEstimator) -> np.ndarray | None:
+def _predicted_hand(estimator: IntentEstimator) -> NDArray[np.float64] | None:
     """Where the predicted motion ends (3,), None without a prediction."""
     prediction = estimator.predict_controlled(n_points=1)
     return None if prediction is None else hand_position(prediction.trajectory.positions[-1])

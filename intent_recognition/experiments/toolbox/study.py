@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.experiments.left_out import (
@@ -57,10 +58,10 @@ class Tried:
 
     number: int
     mixtures: Components
-    labels: np.ndarray
-    nll: np.ndarray
-    joint_rms_rad: np.ndarray
-    end_rms_rad: np.ndarray
+    labels: NDArray[np.float64]
+    nll: NDArray[np.float64]
+    joint_rms_rad: NDArray[np.float64]
+    end_rms_rad: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class Study:
 
     demonstrations: tuple[Demonstration, ...]
     pairs: Pairs
-    tasks: np.ndarray
+    tasks: NDArray[np.float64]
     tried: tuple[Tried, ...]
     chosen: int
     from_end: Predicted
@@ -95,12 +96,12 @@ class Study:
         """What was tried with the number taken."""
         return self.tried[self.chosen - 1]
 
-    def hand_error_m(self, predicted: Predicted) -> np.ndarray:
+    def hand_error_m(self, predicted: Predicted) -> NDArray[np.float64]:
         """Distance of the predicted final hand from the demonstrated one (n,)."""
         ends = predicted.mean[:, -1], self.pairs.controlled[:, -1]
         return np.linalg.norm(hand_position(ends[0]) - hand_position(ends[1]), axis=1)
 
-    def recognised(self, predicted: Predicted) -> np.ndarray:
+    def recognised(self, predicted: Predicted) -> NDArray[np.float64]:
         """Whether each was predicted by the component of its own task, bool (n,)."""
         majority = majority_names(self.tasks, self.taken.labels)
         return np.array([majority[k] for k in predicted.component]) == self.tasks

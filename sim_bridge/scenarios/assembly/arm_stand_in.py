@@ -9,6 +9,7 @@ closed-form inverse kinematics, the hand level and pointing at the worker.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.activation import Activation, ActivationSettings, Command, Prediction
 from intent_recognition.errors import KinematicsError
@@ -47,9 +48,9 @@ class StoodIn:
         again: whether a pause was taken for the end, and what followed for another movement.
     """
 
-    times_s: np.ndarray
-    hand_m: np.ndarray
-    asked_m: np.ndarray
+    times_s: NDArray[np.float64]
+    hand_m: NDArray[np.float64]
+    asked_m: NDArray[np.float64]
     tasks: tuple[str, ...]
     began_s: float
     n_plans: int
@@ -57,12 +58,12 @@ class StoodIn:
     again: bool
 
 
-def rest_position(library: TaskLibrary) -> np.ndarray:
+def rest_position(library: TaskLibrary) -> NDArray[np.float64]:
     """Where the assistant's wrist rests before any task, (3,): mean over the tasks."""
     return np.mean([start_mean(library, task) for task in range(library.n_tasks)], axis=0)
 
 
-def hand_joints(positions_m: np.ndarray) -> np.ndarray:
+def hand_joints(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Joint angles (T, 7) with the hand at positions (T, 3), level, on one branch.
 
     Raises:
@@ -116,7 +117,7 @@ class _Run:
         self._estimator = IntentEstimator(library)
         self._activation = Activation(settings, lambda reason, text: None)
         self._commands: list[Command] = []
-        self._rows: list[tuple[np.ndarray, np.ndarray]] = []
+        self._rows: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
         self._planned_ns = 0
         self._tasks: list[str] = []
         self._largest_torque = 0.0

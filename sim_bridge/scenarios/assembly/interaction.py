@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.coworker import Reach, draw_hesitations
@@ -53,7 +54,7 @@ class Interaction:
     task: str
     worker: tuple[Timed, ...]
     assistant: tuple[Timed, ...]
-    goal_m: np.ndarray
+    goal_m: NDArray[np.float64]
     arrival_s: float
 
     @property
@@ -71,7 +72,12 @@ class _Person:
     """One wrist whose movements are strung together; `now_s` is when the last one ends."""
 
     def __init__(
-        self, rng: np.random.Generator, task: str, wrist_m: np.ndarray, now_s: float, tempo: float
+        self,
+        rng: np.random.Generator,
+        task: str,
+        wrist_m: NDArray[np.float64],
+        now_s: float,
+        tempo: float,
     ):
         self._rng, self._task, self._tempo = rng, task, tempo
         self._turn = 0.15 * rng.standard_normal(3)
@@ -84,7 +90,7 @@ class _Person:
 
     def move(
         self,
-        goal_m: np.ndarray,
+        goal_m: NDArray[np.float64],
         nominal_s: float,
         bow_m=(0.0, 0.0, 0.03),
         *,
@@ -117,8 +123,8 @@ class _Person:
 def plan_interaction(
     rng: np.random.Generator,
     task: str,
-    worker_m: np.ndarray,
-    assistant_m: np.ndarray,
+    worker_m: NDArray[np.float64],
+    assistant_m: NDArray[np.float64],
     onset_s: float,
 ) -> Interaction:
     """Draw one interaction.
@@ -150,12 +156,14 @@ def plan_interaction(
     )
 
 
-def _beside(rng: np.random.Generator, goal_m: np.ndarray, offset_m: np.ndarray) -> np.ndarray:
+def _beside(
+    rng: np.random.Generator, goal_m: NDArray[np.float64], offset_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Where the assistant puts the wrist for the worker's goal: the rule, and who does it."""
     return goal_m + offset_m + PERSONAL_STD_M * rng.standard_normal(3)
 
 
-def _hand_over(rng, worker: _Person, assistant: _Person, goal_m: np.ndarray) -> None:
+def _hand_over(rng, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]) -> None:
     begun_s = worker.now_s
     worker.move(goal_m, 1.3)
     assistant.wait(begun_s, REACTION_S)
@@ -164,7 +172,7 @@ def _hand_over(rng, worker: _Person, assistant: _Person, goal_m: np.ndarray) -> 
     assistant.move(_beside(rng, goal_m, GIVE_M), 1.1)
 
 
-def _fastening(rng, worker: _Person, assistant: _Person, goal_m: np.ndarray) -> None:
+def _fastening(rng, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]) -> None:
     worker.move(SCREWDRIVER.draw(rng), 1.0)
     taken_s = worker.now_s
     worker.wait(0.0, GRASP_S)
@@ -175,7 +183,7 @@ def _fastening(rng, worker: _Person, assistant: _Person, goal_m: np.ndarray) -> 
     worker.move(goal_m + PRESS_M, 0.5, (0.0, 0.0, 0.0), hesitant=False)
 
 
-def _plate_insertion(rng, worker: _Person, assistant: _Person, goal_m: np.ndarray) -> None:
+def _plate_insertion(rng, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]) -> None:
     worker.move(PLATE.draw(rng), 1.0)
     taken_s = worker.now_s
     worker.wait(0.0, GRASP_S)

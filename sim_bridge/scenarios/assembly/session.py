@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.coworker import Reach, WristSamples, sample_wrist
@@ -82,7 +83,7 @@ def plan_session(seed: int, index: int, tasks: Sequence[str] | None = None) -> S
     return SessionPlan(tuple(interactions), worker, assistant)
 
 
-def _retract(rng: np.random.Generator, start_m: np.ndarray, rest: Place) -> Reach:
+def _retract(rng: np.random.Generator, start_m: NDArray[np.float64], rest: Place) -> Reach:
     """The way back to a new resting place."""
     bow = np.array([0.0, 0.0, 0.02]) + 0.012 * rng.standard_normal(3)
     turn = 0.1 * rng.standard_normal(3)

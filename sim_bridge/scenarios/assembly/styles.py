@@ -18,6 +18,7 @@ World frame: robot base at the origin, x toward the worker, z up; metres, radian
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 HAND_OVER = "hand_over"
 FASTENING = "fastening"
@@ -32,15 +33,15 @@ WORKER, ASSISTANT = "wrist", "assistant"
 class Place:
     """Somewhere a wrist goes: uniform in a box about its centre, both (3,)."""
 
-    centre_m: np.ndarray
-    half_width_m: np.ndarray
+    centre_m: NDArray[np.float64]
+    half_width_m: NDArray[np.float64]
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
+    def draw(self, rng: np.random.Generator) -> NDArray[np.float64]:
         """One position, (3,)."""
         return self.centre_m + self.half_width_m * rng.uniform(-1.0, 1.0, 3)
 
 
-def _frozen(*values: float) -> np.ndarray:
+def _frozen(*values: float) -> NDArray[np.float64]:
     array = np.array(values)
     array.setflags(write=False)
     return array

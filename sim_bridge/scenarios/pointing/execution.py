@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.kinematics import JOINT_NAMES
 from sim_bridge.arm import LwrArm, TrajectoryCommand, TrajectoryFollower
@@ -26,18 +27,18 @@ class PointingRun:
         touched: the finger or the arm touched the table.
     """
 
-    times_s: np.ndarray
-    positions_rad: np.ndarray
-    pointed_m: np.ndarray
+    times_s: NDArray[np.float64]
+    positions_rad: NDArray[np.float64]
+    pointed_m: NDArray[np.float64]
     largest_lag_rad: float
     touched: bool
 
 
 def execute(
-    times_s: np.ndarray,
-    positions: np.ndarray,
-    velocities: np.ndarray,
-    start: np.ndarray = HOME,
+    times_s: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    velocities: NDArray[np.float64],
+    start: NDArray[np.float64] = HOME,
 ) -> PointingRun:
     """Follow a trajectory with the low-gain controller, come to rest, and see where it points.
 

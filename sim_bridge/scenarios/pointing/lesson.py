@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from intent_recognition.kinematics import frame_poses
@@ -41,17 +42,17 @@ class LedPath:
         elbow_m: of the arm's elbow (T, 3).
     """
 
-    stamps_s: np.ndarray
-    hand_m: np.ndarray
-    rotations: np.ndarray
-    elbow_m: np.ndarray
+    stamps_s: NDArray[np.float64]
+    hand_m: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    elbow_m: NDArray[np.float64]
 
     def target(self, time_s: float) -> HandTarget:
         """The hands at a time, with their velocities."""
         row = min(time_s * _PATH_RATE_HZ, len(self.stamps_s) - 1.001)
         low, share = int(row), row - int(row)
 
-        def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def at(values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             step = values[low + 1] - values[low]
             return values[low] + share * step, step * _PATH_RATE_HZ
 
@@ -71,16 +72,20 @@ class TaughtPointing:
         touched: the finger or the arm touched the table.
     """
 
-    positions_rad: np.ndarray
-    velocities_rad_s: np.ndarray
-    torques_nm: np.ndarray
-    pointed_m: np.ndarray
+    positions_rad: NDArray[np.float64]
+    velocities_rad_s: NDArray[np.float64]
+    torques_nm: NDArray[np.float64]
+    pointed_m: NDArray[np.float64]
     strongest_pull_n: float
     touched: bool
 
 
 def plan_path(
-    rng: np.random.Generator, spot_m: np.ndarray, start_s: float, arrival_s: float, length_s: float
+    rng: np.random.Generator,
+    spot_m: NDArray[np.float64],
+    start_s: float,
+    arrival_s: float,
+    length_s: float,
 ) -> LedPath:
     """Draw the way on which the arm is led from home to a spot (3,).
 

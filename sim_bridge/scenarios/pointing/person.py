@@ -10,6 +10,7 @@ Sec. IV-B): it is put on anew for every session, and slips a little.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.coworker import Reach, WristSamples, sample_wrist
 
@@ -45,12 +46,12 @@ class PersonPointing:
     samples: WristSamples
 
 
-def marker_placement(rng: np.random.Generator) -> np.ndarray:
+def marker_placement(rng: np.random.Generator) -> NDArray[np.float64]:
     """Where the marker sits for one session, from where it is meant to be (3,) [m]."""
     return MARKER_PLACEMENT_STD_M * rng.standard_normal(3)
 
 
-def wrist_goal(rng: np.random.Generator, spot_m: np.ndarray) -> np.ndarray:
+def wrist_goal(rng: np.random.Generator, spot_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Where the wrist stops (3,) when the finger points at a spot (3,), world."""
     tip = spot_m + TIP_STD_M * rng.standard_normal(3)
     back = SHOULDER_M[:2] - spot_m[:2]
@@ -60,7 +61,7 @@ def wrist_goal(rng: np.random.Generator, spot_m: np.ndarray) -> np.ndarray:
     return tip + WRIST_TO_TIP_M * direction
 
 
-def plan_reach(rng: np.random.Generator, spot_m: np.ndarray) -> Reach:
+def plan_reach(rng: np.random.Generator, spot_m: NDArray[np.float64]) -> Reach:
     """Draw a reach from rest to a spot (3,)."""
     return Reach(
         "",
@@ -74,7 +75,10 @@ def plan_reach(rng: np.random.Generator, spot_m: np.ndarray) -> Reach:
 
 
 def point(
-    rng: np.random.Generator, spot_m: np.ndarray, placement_m: np.ndarray, hold_s: float
+    rng: np.random.Generator,
+    spot_m: NDArray[np.float64],
+    placement_m: NDArray[np.float64],
+    hold_s: float,
 ) -> PersonPointing:
     """Draw one recording of a person who points at a spot and holds still.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.scenarios.pointing.lesson import TaughtPointing, plan_path, stand, teach
 from sim_bridge.scenarios.pointing.person import PersonPointing, marker_placement, point
@@ -61,8 +62,8 @@ class Pointing:
     """One recording: the person, the arm, and when the arm moved (None if it stood)."""
 
     order: Order
-    spot_m: np.ndarray
-    placement_m: np.ndarray
+    spot_m: NDArray[np.float64]
+    placement_m: NDArray[np.float64]
     person: PersonPointing
     arm: TaughtPointing
     led_s: tuple[float, float] | None

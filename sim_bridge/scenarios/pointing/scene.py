@@ -9,6 +9,7 @@ points.
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics import forward_kinematics, solve
@@ -36,7 +37,7 @@ _TEST = (
 )  # fmt: skip
 
 
-def _spots(polar: tuple[tuple[float, float], ...]) -> np.ndarray:
+def _spots(polar: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
     radius, angle = np.array(polar).T
     angle = np.radians(angle)
     spots = np.column_stack((radius * np.cos(angle), radius * np.sin(angle))) + CIRCLE_CENTRE_M
@@ -48,7 +49,7 @@ SPOTS_M = MappingProxyType({"train": _spots(_TRAIN), "test": _spots(_TEST)})
 """The nine spots of each set on the table, (9, 2), x and y in the world."""
 
 
-def spot(purpose: str, index: int) -> np.ndarray:
+def spot(purpose: str, index: int) -> NDArray[np.float64]:
     """A spot (3,) in the world.
 
     Raises:
@@ -60,7 +61,7 @@ def spot(purpose: str, index: int) -> np.ndarray:
     return np.append(SPOTS_M[purpose][index], TABLE_HEIGHT_M)
 
 
-def pointing_rotation(spot_m: np.ndarray) -> np.ndarray:
+def pointing_rotation(spot_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation (3, 3) of the hand that points at a spot (3,): outward and down."""
     yaw = np.arctan2(spot_m[1], spot_m[0])
     distance = np.hypot(spot_m[0], spot_m[1])
@@ -72,7 +73,9 @@ def pointing_rotation(spot_m: np.ndarray) -> np.ndarray:
     return turn @ lower @ level
 
 
-def pointing_pose(spot_m: np.ndarray, rotation: np.ndarray | None = None) -> np.ndarray:
+def pointing_pose(
+    spot_m: NDArray[np.float64], rotation: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
     """Pose (4, 4) of the hand whose finger points at a spot (3,), its tip just above the table."""
     rotation = pointing_rotation(spot_m) if rotation is None else rotation
     direction = rotation[:, 2]
@@ -80,7 +83,7 @@ def pointing_pose(spot_m: np.ndarray, rotation: np.ndarray | None = None) -> np.
     return pose(tip - FINGER_LENGTH_M * direction, rotation)
 
 
-def arm_posture(hand_pose: np.ndarray) -> np.ndarray:
+def arm_posture(hand_pose: NDArray[np.float64]) -> NDArray[np.float64]:
     """Joint angles (7,) of a hand's pose (4, 4), on one branch and swivel for all spots.
 
     Raises:
@@ -89,7 +92,7 @@ def arm_posture(hand_pose: np.ndarray) -> np.ndarray:
     return solve(hand_pose, ARM_SWIVEL_RAD, ARM_BRANCH)
 
 
-def pointed_at(q: np.ndarray) -> np.ndarray:
+def pointed_at(q: NDArray[np.float64]) -> NDArray[np.float64]:
     """Where the finger's line meets the table's plane (..., 3) [m] for joint angles (..., 7).
 
     Raises:
@@ -103,7 +106,7 @@ def pointed_at(q: np.ndarray) -> np.ndarray:
     return hand[..., :3, 3] + share[..., None] * direction
 
 
-def home_pose() -> np.ndarray:
+def home_pose() -> NDArray[np.float64]:
     """The hand's pose (4, 4) at rest: drawn back over the near edge, finger forward and down."""
     rotation = pointing_rotation(np.array([CIRCLE_CENTRE_M[0], 0.0, 0.0]))
     return pose(np.array([0.52, -0.14, 0.22]), rotation)

@@ -6,6 +6,7 @@ robot's left, z up; metres, radians. The arm points with a finger along the hand
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.kinematics import frame_poses
 
@@ -34,7 +35,7 @@ _RADII_M = np.array([0.068, 0.064, 0.060, FINGER_RADIUS_M])
 _ENDS = (1, 3, 5, 7)  # frames of shoulder, elbow, wrist and hand
 
 
-def chain(q: np.ndarray) -> np.ndarray:
+def chain(q: NDArray[np.float64]) -> NDArray[np.float64]:
     """Shoulder, elbow, wrist, hand and fingertip (..., 5, 3) for joint angles (..., 7)."""
     frames = frame_poses(q)
     joints = frames[..., _ENDS, :, :][..., :3, 3]
@@ -42,12 +43,12 @@ def chain(q: np.ndarray) -> np.ndarray:
     return np.concatenate([joints, tip[..., None, :]], axis=-2)
 
 
-def fingertip(q: np.ndarray) -> np.ndarray:
+def fingertip(q: NDArray[np.float64]) -> NDArray[np.float64]:
     """The fingertip (..., 3) for joint angles (..., 7)."""
     return chain(q)[..., 4, :]
 
 
-def planned_clearance(q: np.ndarray) -> np.ndarray:
+def planned_clearance(q: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distance (...) of the arm, as four cylinders, from the pole's surface; negative inside.
 
     The pole is taken as endless, so that distances are those of lines seen from above.
@@ -61,7 +62,7 @@ def planned_clearance(q: np.ndarray) -> np.ndarray:
     return distance.min(axis=-1) - POLE_RADIUS_M
 
 
-def finger_clearance(hand: np.ndarray, direction: np.ndarray) -> float:
+def finger_clearance(hand: NDArray[np.float64], direction: NDArray[np.float64]) -> float:
     """Distance of the finger from the pole's surface, for the hand's origin and z axis (3,)."""
     begin, along = hand[:2], FINGER_M * direction[:2]
     share = np.clip((POLE_M - begin) @ along / max(along @ along, 1e-12), 0.0, 1.0)
@@ -69,7 +70,7 @@ def finger_clearance(hand: np.ndarray, direction: np.ndarray) -> float:
     return float(distance - FINGER_RADIUS_M - POLE_RADIUS_M)
 
 
-def winding(path_m: np.ndarray) -> float:
+def winding(path_m: NDArray[np.float64]) -> float:
     """Angle by which a path (T, 2 or 3) turns about the pole, seen from above, anticlockwise > 0.
 
     A path from the robot to the far side turns by about -pi when it goes by the robot's left.
@@ -79,6 +80,6 @@ def winding(path_m: np.ndarray) -> float:
     return float(angle[-1] - angle[0])
 
 
-def way_of(path_m: np.ndarray) -> str:
+def way_of(path_m: NDArray[np.float64]) -> str:
     """Which way a path (T, 2 or 3) from the robot's side goes around the pole."""
     return LEFT if winding(path_m) < 0.0 else RIGHT

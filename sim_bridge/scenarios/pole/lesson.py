@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.kinematics import frame_poses
 from sim_bridge.arm import LwrArm
@@ -26,11 +27,11 @@ class PoleLesson:
         strongest_pull_n: largest force of the demonstrator's hand.
     """
 
-    positions_rad: np.ndarray
-    velocities_rad_s: np.ndarray
-    torques_nm: np.ndarray
-    true_positions_rad: np.ndarray
-    clearance_m: np.ndarray
+    positions_rad: NDArray[np.float64]
+    velocities_rad_s: NDArray[np.float64]
+    torques_nm: NDArray[np.float64]
+    true_positions_rad: NDArray[np.float64]
+    clearance_m: NDArray[np.float64]
     strongest_pull_n: float
 
 
@@ -52,7 +53,7 @@ class _Hand:
         place = min(arm.time_s * _RATE_HZ, len(self._hand) - 1.001)
         low, share = int(place), place - int(place)
 
-        def between(values: np.ndarray) -> np.ndarray:
+        def between(values: NDArray[np.float64]) -> NDArray[np.float64]:
             return values[low] + share * (values[low + 1] - values[low])
 
         target = HandTarget(

@@ -9,6 +9,7 @@ tell hardly anything about the side.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.coworker import Reach, WristSamples, sample_wrist
 from sim_bridge.scenarios.pole.geometry import LEFT
@@ -41,7 +42,7 @@ class Pointing:
     samples: WristSamples
 
 
-def draw_pointing(rng: np.random.Generator, spot_m: np.ndarray, way: str) -> Pointing:
+def draw_pointing(rng: np.random.Generator, spot_m: NDArray[np.float64], way: str) -> Pointing:
     """Draw a movement of the wand to a spot (2,) while the robot is led by one side of the pole."""
     onset = round(rng.uniform(0.65, 1.0), 3)
     start = REST_M + REST_HALF_WIDTH_M * rng.uniform(-1.0, 1.0, 3)

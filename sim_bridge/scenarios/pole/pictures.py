@@ -3,6 +3,7 @@
 
 import numpy as np
 import pybullet
+from numpy.typing import NDArray
 
 from sim_bridge.arm import LwrArm
 from sim_bridge.scenarios.pole.geometry import fingertip
@@ -11,7 +12,7 @@ from sim_bridge.scenarios.pole.world import Pole
 WIDTH, HEIGHT = 560, 470
 
 
-def picture(q: np.ndarray) -> np.ndarray:
+def picture(q: NDArray[np.float64]) -> NDArray[np.float64]:
     """The arm in a posture (7,) with the pole and its finger's spot, RGB (H, W, 3) uint8."""
     with LwrArm(q) as arm:
         client = arm.client

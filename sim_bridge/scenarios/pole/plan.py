@@ -9,6 +9,7 @@ the right is that on the left, mirrored.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from intent_recognition.errors import KinematicsError, describe
@@ -44,21 +45,23 @@ class Way(NamedTuple):
         clearance_m: least distance of the planned arm from the pole.
     """
 
-    start: np.ndarray
-    swing: np.ndarray
-    end: np.ndarray
+    start: NDArray[np.float64]
+    swing: NDArray[np.float64]
+    end: NDArray[np.float64]
     clearance_m: float
 
-    def at(self, share: np.ndarray) -> np.ndarray:
+    def at(self, share: NDArray[np.float64]) -> NDArray[np.float64]:
         """Joint angles (T, 7) at shares of the way (T,) in [0, 1]."""
         return _curve(self.start, self.swing, self.end, share)
 
-    def timed(self, times_s: np.ndarray, start_s: float, end_s: float) -> np.ndarray:
+    def timed(
+        self, times_s: NDArray[np.float64], start_s: float, end_s: float
+    ) -> NDArray[np.float64]:
         """Joint angles (T, 7) at times (T,): at rest, on the way with minimum jerk, at rest."""
         return self.at(minimum_jerk((times_s - start_s) / (end_s - start_s)))
 
 
-def pointing_posture(spot_m: np.ndarray, way: str) -> np.ndarray:
+def pointing_posture(spot_m: NDArray[np.float64], way: str) -> NDArray[np.float64]:
     """Joint angles (7,) that point at a spot (2,) on the table around one side of the pole.
 
     The nearest there is; whether the finger gets there, `plan_way` finds out.
@@ -66,7 +69,7 @@ def pointing_posture(spot_m: np.ndarray, way: str) -> np.ndarray:
     mirror = np.ones(7) if way == LEFT else MIRROR
     target = np.array([spot_m[0], spot_m[1] if way == LEFT else -spot_m[1], POINTING_HEIGHT_M])
 
-    def residuals(q: np.ndarray) -> np.ndarray:
+    def residuals(q: NDArray[np.float64]) -> NDArray[np.float64]:
         points = chain(q)
         return np.concatenate(
             [
@@ -82,11 +85,11 @@ def pointing_posture(spot_m: np.ndarray, way: str) -> np.ndarray:
 
 
 def plan_way(
-    spot_m: np.ndarray,
+    spot_m: NDArray[np.float64],
     way: str,
     *,
-    start: np.ndarray = HOME,
-    swing_error_rad: np.ndarray | None = None,
+    start: NDArray[np.float64] = HOME,
+    swing_error_rad: NDArray[np.float64] | None = None,
 ) -> Way:
     """The motion that points at a spot around one side of the pole.
 
@@ -119,7 +122,7 @@ def plan_way(
     return Way(start, swing, end, clearance)
 
 
-def can_reach(spot_m: np.ndarray, way: str) -> bool:
+def can_reach(spot_m: NDArray[np.float64], way: str) -> bool:
     """Whether a spot (2,) can be pointed at on that side."""
     try:
         plan_way(spot_m, way)
@@ -128,6 +131,11 @@ def can_reach(spot_m: np.ndarray, way: str) -> bool:
     return True
 
 
-def _curve(start: np.ndarray, swing: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
+def _curve(
+    start: NDArray[np.float64],
+    swing: NDArray[np.float64],
+    end: NDArray[np.float64],
+    share: NDArray[np.float64],
+) -> NDArray[np.float64]:
     u = np.asarray(share, dtype=np.float64)[:, None]
     return start * (1.0 - u) ** 2 + 2.0 * swing * u * (1.0 - u) + end * u**2

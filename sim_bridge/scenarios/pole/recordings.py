@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import KinematicsError, describe
 from sim_bridge.scenarios.pole.geometry import HOME, LEFT, RIGHT, WAYS, fingertip, way_of
@@ -69,7 +70,7 @@ class Shown:
     attempts: int
 
 
-def spot_positions(seed: int) -> np.ndarray:
+def spot_positions(seed: int) -> NDArray[np.float64]:
     """The spots on the table (19, 2): nine in the middle, five on the left, five on the right."""
     middle = [(x, y) for x in DEPTHS_M for y in BOTH_WAYS_Y_M]
     left = list(zip(ONE_WAY_X_M, ONE_WAY_Y_M, strict=True))

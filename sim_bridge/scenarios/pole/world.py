@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pybullet
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.kinematics import forward_kinematics
@@ -42,7 +43,7 @@ class Pole:
             0.0, shape, look, (float(POLE_M[0]), float(POLE_M[1]), POLE_HEIGHT_M / 2)
         )
 
-    def clearance(self, q: np.ndarray) -> float:
+    def clearance(self, q: NDArray[np.float64]) -> float:
         """Distance of the arm and its finger from the pole, in metres; negative when inside.
 
         Args:
@@ -68,12 +69,14 @@ class Executed:
         touched: whether arm or finger touched the pole.
     """
 
-    positions_rad: np.ndarray
-    clearance_m: np.ndarray
+    positions_rad: NDArray[np.float64]
+    clearance_m: NDArray[np.float64]
     touched: bool
 
 
-def execute(positions_rad: np.ndarray, times_s: np.ndarray, rest_s: float = 0.5) -> Executed:
+def execute(
+    positions_rad: NDArray[np.float64], times_s: NDArray[np.float64], rest_s: float = 0.5
+) -> Executed:
     """Let the arm follow a trajectory in physics, from rest at its first posture.
 
     The arm is compliant: where the pole stands in the way it is held up, and that is a touch.

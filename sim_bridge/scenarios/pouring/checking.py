@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.share import share_path
 from intent_recognition.warping import (
@@ -33,7 +34,7 @@ class Constraints:
     pouring: PouringConstraint
     filling: FillingConstraint
 
-    def risk(self, path: PourPath, cup: References, second: References) -> np.ndarray:
+    def risk(self, path: PourPath, cup: References, second: References) -> NDArray[np.float64]:
         """Probability (T,) that something is poured and falls beside, along a path.
 
         Until the cup is tilted most it is taken to be half full; after that nothing more is

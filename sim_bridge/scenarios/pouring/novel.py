@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.bags import BagReader
 from intent_recognition.objects import find_object, load_object
@@ -49,8 +50,8 @@ class Seen(NamedTuple):
     """
 
     references: References
-    lip_m: np.ndarray
-    opening_m: np.ndarray
+    lip_m: NDArray[np.float64]
+    opening_m: NDArray[np.float64]
 
 
 class Demonstrated(NamedTuple):

@@ -8,6 +8,7 @@ from another. These have their true thickness, but for what Bullet's margin take
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.balls import HULL_MARGIN_M, offset
 from sim_bridge.containers import TUBE_CORNERS, Container
@@ -18,7 +19,7 @@ THINNEST_M, LOWEST_M = 0.0004, 0.0001
 """Hulls need a thickness and a height; with Bullet's margin a wall of 2 mm would have none left."""
 
 
-def solid_pieces(container: Container) -> list[np.ndarray]:
+def solid_pieces(container: Container) -> list[NDArray[np.float64]]:
     """Corners (V, 3) of slabs that fill a container up to its rim, and of its handle."""
     _, outer, heights = _rows(container)
     rings = [_at(ring, z) for ring, z in zip(outer, heights, strict=True)]
@@ -26,7 +27,7 @@ def solid_pieces(container: Container) -> list[np.ndarray]:
     return slabs + _handle_pieces(container)
 
 
-def shell_pieces(container: Container) -> list[np.ndarray]:
+def shell_pieces(container: Container) -> list[NDArray[np.float64]]:
     """Corners (V, 3) of the pieces of a container's wall, of its floor and of its handle."""
     inner, outer, heights = _rows(container)
     pieces = [np.concatenate([_at(outer[0], heights[0]), _at(outer[1], heights[1])])]
@@ -43,7 +44,9 @@ def shell_pieces(container: Container) -> list[np.ndarray]:
     return pieces + _handle_pieces(container)
 
 
-def _rows(container: Container) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _rows(
+    container: Container,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Inner and outer outlines (R, N_CORNERS, 2) and heights (R,), from the base to the crest.
 
     All are drawn back by Bullet's margin.
@@ -70,7 +73,7 @@ def _rows(container: Container) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return middle - thick * outward, middle + thick * outward, heights
 
 
-def _handle_pieces(container: Container) -> list[np.ndarray]:
+def _handle_pieces(container: Container) -> list[NDArray[np.float64]]:
     """The handle's tube, ring by ring."""
     if container.handle is None:
         return []
@@ -82,5 +85,5 @@ def _handle_pieces(container: Container) -> list[np.ndarray]:
     return [np.concatenate(pair) for pair in pairwise(rings)]
 
 
-def _at(ring: np.ndarray, height_m: float) -> np.ndarray:
+def _at(ring: NDArray[np.float64], height_m: float) -> NDArray[np.float64]:
     return np.column_stack([ring, np.full(len(ring), height_m)])

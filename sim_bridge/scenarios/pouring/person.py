@@ -9,6 +9,7 @@ the opening they stop, how high, how far they tilt in the end and how long they 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.warping import References, from_warped
 from sim_bridge.coworker import minimum_jerk
@@ -43,8 +44,8 @@ class Habit:
         duration_s: of all of it.
     """
 
-    start: np.ndarray
-    pour_at: np.ndarray
+    start: NDArray[np.float64]
+    pour_at: NDArray[np.float64]
     full_tilt_rad: float
     duration_s: float
 
@@ -70,7 +71,7 @@ def plan_pour(habit: Habit, cup: References, second: References) -> PourPath:
     count = round(habit.duration_s / SAMPLE_S) + 1
     share = np.linspace(0.0, 1.0, count)
 
-    def progress(window: tuple[float, float]) -> np.ndarray:
+    def progress(window: tuple[float, float]) -> NDArray[np.float64]:
         return minimum_jerk((share - window[0]) / (window[1] - window[0]))[:, None]
 
     over, back = progress(APPROACH), progress(BACK)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.kinematics import frame_poses
@@ -50,13 +51,13 @@ class Poured:
         strongest_touch_n: how hard at most.
     """
 
-    times_s: np.ndarray
-    joints_rad: np.ndarray
-    velocities_rad_s: np.ndarray
-    torques_nm: np.ndarray
+    times_s: NDArray[np.float64]
+    joints_rad: NDArray[np.float64]
+    velocities_rad_s: NDArray[np.float64]
+    torques_nm: NDArray[np.float64]
     path: PourPath
-    in_cup: np.ndarray
-    in_second: np.ndarray
+    in_cup: NDArray[np.float64]
+    in_second: NDArray[np.float64]
     n_balls: int
     through_wall: int
     strongest_pull_n: float
@@ -88,11 +89,13 @@ class Belief(NamedTuple):
         opening_m: centre of the second one's opening (3,).
     """
 
-    lip_m: np.ndarray
-    opening_m: np.ndarray
+    lip_m: NDArray[np.float64]
+    opening_m: NDArray[np.float64]
 
 
-def plan_joints(path: PourPath, grasp: Grasp, opening_m: np.ndarray = OPENING_M) -> CubicSpline:
+def plan_joints(
+    path: PourPath, grasp: Grasp, opening_m: NDArray[np.float64] = OPENING_M
+) -> CubicSpline:
     """Joint angles as a function of time for a path of the lip.
 
     Args:

@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.kinematics import forward_kinematics
 from intent_recognition.warping import References
@@ -140,11 +141,11 @@ def labels_of(cup: Container, name: str, second: str, poured: "Poured") -> dict[
 
 
 def pour_of(
-    times_s: np.ndarray, joints_rad: np.ndarray, custom_data: Mapping[str, str]
+    times_s: NDArray[np.float64], joints_rad: NDArray[np.float64], custom_data: Mapping[str, str]
 ) -> PourPath:
     """The pour that recorded joints (T, 7) [rad] made, by the metadata of their bag."""
 
-    def vector(name: str) -> np.ndarray:
+    def vector(name: str) -> NDArray[np.float64]:
         return np.array([float(part) for part in custom_data[name].split()])
 
     grasp = Grasp(vector("lip_m"), float(custom_data["height_m"]))

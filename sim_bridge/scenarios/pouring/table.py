@@ -6,6 +6,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pybullet
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from sim_bridge.arm import LwrArm
@@ -94,7 +95,7 @@ class PouringTable:
         """How many balls went into or through a wall so far."""
         return self._cup_guard.count + self._second_guard.count
 
-    def cup_pose(self) -> np.ndarray:
+    def cup_pose(self) -> NDArray[np.float64]:
         """Where the cup truly is (4, 4), world."""
         position, orientation = self._client.getBasePositionAndOrientation(self._cup_body)
         return _pose_of(np.array(position), np.array(orientation))
@@ -106,7 +107,7 @@ class PouringTable:
         )
         return float(sum(contact[9] for contact in contacts))
 
-    def look(self) -> tuple[np.ndarray, np.ndarray]:
+    def look(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Which balls are in the cup and which in the second container, (N,) of bool each.
 
         Call it every few milliseconds: it also lets the arm know the weight it carries.
@@ -118,14 +119,18 @@ class PouringTable:
         self._in_cup = in_cup
         return in_cup, in_second
 
-    def _from(self, pose: np.ndarray) -> np.ndarray:
+    def _from(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """The balls' centres (N, 3) in a frame."""
         locate = self._client.getBasePositionAndOrientation
         world = np.array([locate(ball)[0] for ball in self._balls]).reshape(-1, 3)
         return (world - pose[:3, 3]) @ pose[:3, :3]
 
     def _container(
-        self, hollow: Hollow, outside: list[np.ndarray], mass_kg: float, pose: np.ndarray
+        self,
+        hollow: Hollow,
+        outside: list[NDArray[np.float64]],
+        mass_kg: float,
+        pose: NDArray[np.float64],
     ) -> int:
         client = self._client
         with TemporaryDirectory(prefix="pouring_") as folder:
@@ -168,7 +173,7 @@ class PouringTable:
         """Let a body's link collide with all but the containers' outsides."""
         self._client.setCollisionFilterGroupMask(body, link, 1, ~OUTSIDE_GROUP)
 
-    def _hold(self, cup_in_hand: np.ndarray) -> None:
+    def _hold(self, cup_in_hand: NDArray[np.float64]) -> None:
         client, arm = self._client, self._arm
         centre, turn = client.getLinkState(arm.body, arm.hand_link, computeForwardKinematics=1)[:2]
         body = client.getBasePositionAndOrientation(self._cup_body)
@@ -186,7 +191,7 @@ class PouringTable:
             childFrameOrientation=(0.0, 0.0, 0.0, 1.0),
         )
 
-    def _add(self, positions_m: np.ndarray) -> list[int]:
+    def _add(self, positions_m: NDArray[np.float64]) -> list[int]:
         shape = self._client.createCollisionShape(pybullet.GEOM_SPHERE, radius=self._radius_m)
         balls = []
         for position in positions_m.tolist():
@@ -216,7 +221,7 @@ class PouringTable:
         self._arm.set_payload(CUP_MASS_KG + n_balls * self._ball_mass_kg, tuple(centre))
 
 
-def _pose_of(position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
+def _pose_of(position: NDArray[np.float64], quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     pose = np.eye(4)
     pose[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
     pose[:3, 3] = position

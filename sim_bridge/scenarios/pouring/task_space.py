@@ -9,6 +9,7 @@ pouring, across it (to the left), up.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, describe
 from intent_recognition.kinematics import inverse_kinematics
@@ -42,9 +43,9 @@ class PourPath:
         tilt_rad: of the held container about its lip (T,).
     """
 
-    times_s: np.ndarray
-    offset_m: np.ndarray
-    tilt_rad: np.ndarray
+    times_s: NDArray[np.float64]
+    offset_m: NDArray[np.float64]
+    tilt_rad: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         """Check that lengths agree.
@@ -68,11 +69,11 @@ class Grasp:
         height_m: of the container.
     """
 
-    lip_m: np.ndarray
+    lip_m: NDArray[np.float64]
     height_m: float
 
     @property
-    def cup_in_hand(self) -> np.ndarray:
+    def cup_in_hand(self) -> NDArray[np.float64]:
         """Pose of the container in the hand's frame (4, 4)."""
         pose = np.eye(4)
         pose[:3, :3] = _HAND_IN_CUP.T
@@ -80,7 +81,7 @@ class Grasp:
         pose[:3, 3] = np.array([0.0, 0.0, FINGERS_M]) - pose[:3, :3] @ held
         return pose
 
-    def cup_poses(self, path: PourPath, opening_m: np.ndarray) -> np.ndarray:
+    def cup_poses(self, path: PourPath, opening_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Poses of the container along a path (T, 4, 4), world.
 
         Args:
@@ -96,13 +97,16 @@ class Grasp:
         poses[:, :3, 3] = lip - poses[:, :3, :3] @ self.lip_m
         return poses
 
-    def hand_poses(self, path: PourPath, opening_m: np.ndarray) -> np.ndarray:
+    def hand_poses(self, path: PourPath, opening_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Poses of the arm's hand along a path (T, 4, 4), world."""
         return self.cup_poses(path, opening_m) @ np.linalg.inv(self.cup_in_hand)
 
 
 def seen_path(
-    times_s: np.ndarray, cup_poses: np.ndarray, lip_m: np.ndarray, opening_m: np.ndarray
+    times_s: NDArray[np.float64],
+    cup_poses: NDArray[np.float64],
+    lip_m: NDArray[np.float64],
+    opening_m: NDArray[np.float64],
 ) -> PourPath:
     """The pour that poses of the held container make, the inverse of `Grasp.cup_poses`.
 
@@ -117,7 +121,7 @@ def seen_path(
     return PourPath(times_s, (lip - opening_m) @ _POUR_AXES, np.arctan2(up[:, 0], up[:, 2]))
 
 
-def joint_path(hand_poses: np.ndarray, seed: np.ndarray) -> np.ndarray:
+def joint_path(hand_poses: NDArray[np.float64], seed: NDArray[np.float64]) -> NDArray[np.float64]:
     """Joint angles (T, 7) [rad] for poses of the hand (T, 4, 4), each near to the one before.
 
     Raises:

@@ -9,6 +9,7 @@ from enum import Enum
 
 import numpy as np
 import pybullet
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError, describe
@@ -66,13 +67,13 @@ class ToolboxObjects:
         for task in TASKS:
             self.put_back(task)
 
-    def move_worker(self, position_m: np.ndarray) -> None:
+    def move_worker(self, position_m: NDArray[np.float64]) -> None:
         """Put the worker's hand at a position (3,) in the world."""
         self._client.resetBasePositionAndOrientation(
             self.worker, [float(value) for value in position_m], _NO_TURN
         )
 
-    def position(self, task: str) -> np.ndarray:
+    def position(self, task: str) -> NDArray[np.float64]:
         """Where the centre of a task's object is (3,), world."""
         return np.array(self._client.getBasePositionAndOrientation(self._checked(task))[0])
 
@@ -186,6 +187,6 @@ class ToolboxObjects:
             self._place(post, (centre[0], centre[1], 0.05 + half), _NO_TURN)
 
 
-def _quaternion(rotation: np.ndarray) -> tuple[float, ...]:
+def _quaternion(rotation: NDArray[np.float64]) -> tuple[float, ...]:
     """Quaternion xyzw of a rotation matrix (3, 3)."""
     return tuple(Rotation.from_matrix(rotation).as_quat())

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics import Branch, solve
@@ -32,7 +33,7 @@ _HOME_YAW_ROLL_RAD = (-0.15, 0.0)
 LIFT_M = np.array([0.0, 0.0, 0.08])
 
 
-def _frozen(values: Mapping[str, tuple[float, ...]]) -> Mapping[str, np.ndarray]:
+def _frozen(values: Mapping[str, tuple[float, ...]]) -> Mapping[str, NDArray[np.float64]]:
     arrays = {key: np.array(value, dtype=np.float64) for key, value in values.items()}
     for array in arrays.values():
         array.setflags(write=False)
@@ -46,7 +47,7 @@ OBJECT_MASS_KG = MappingProxyType({PLATE: 0.4, SCREW: 0.02, HOLD: 0.3})
 """The object of each task: a plate, a screw, a screwdriver."""
 
 
-def hand_rotation(yaw_rad: float, roll_rad: float) -> np.ndarray:
+def hand_rotation(yaw_rad: float, roll_rad: float) -> NDArray[np.float64]:
     """Rotation (3, 3) of a level hand: pointing along x turned by yaw, rolled about its axis."""
     cy, sy, cr, sr = np.cos(yaw_rad), np.sin(yaw_rad), np.cos(roll_rad), np.sin(roll_rad)
     level = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -55,7 +56,7 @@ def hand_rotation(yaw_rad: float, roll_rad: float) -> np.ndarray:
     return yaw @ level @ roll
 
 
-def pose(position_m: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+def pose(position_m: NDArray[np.float64], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Homogeneous transform (4, 4) of a position (3,) and a rotation (3, 3)."""
     transform = np.eye(4)
     transform[:3, :3] = rotation
@@ -63,7 +64,7 @@ def pose(position_m: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return transform
 
 
-def arm_posture(hand_pose: np.ndarray) -> np.ndarray:
+def arm_posture(hand_pose: NDArray[np.float64]) -> NDArray[np.float64]:
     """Joint angles (7,) that put the hand at a pose (4, 4), on the scene's branch and swivel.
 
     Raises:
@@ -72,7 +73,7 @@ def arm_posture(hand_pose: np.ndarray) -> np.ndarray:
     return solve(hand_pose, ARM_SWIVEL_RAD, ARM_BRANCH)
 
 
-def handover_point(task: str, goal_m: np.ndarray) -> np.ndarray:
+def handover_point(task: str, goal_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """The demonstrator's rule: where the robot's hand ends (3,) for the wrist's goal (3,).
 
     For plate and screwdriver it is the goal plus the task's offset; for the screw it is one place.
@@ -86,7 +87,7 @@ def handover_point(task: str, goal_m: np.ndarray) -> np.ndarray:
     return np.asarray(goal_m, dtype=np.float64) + _OFFSETS_M[task]
 
 
-def handover_rotation(task: str) -> np.ndarray:
+def handover_rotation(task: str) -> NDArray[np.float64]:
     """Rotation (3, 3) of the robot's hand at the handover.
 
     Raises:
@@ -96,12 +97,12 @@ def handover_rotation(task: str) -> np.ndarray:
     return hand_rotation(*_YAW_ROLL_RAD[task])
 
 
-def home_pose() -> np.ndarray:
+def home_pose() -> NDArray[np.float64]:
     """The hand's pose (4, 4) from which every interaction starts."""
     return pose(HOME_HAND_M, hand_rotation(*_HOME_YAW_ROLL_RAD))
 
 
-def stand_pose(task: str) -> np.ndarray:
+def stand_pose(task: str) -> NDArray[np.float64]:
     """The hand's pose (4, 4) at the stand of a task's object, turned as at home.
 
     Raises:

@@ -8,6 +8,7 @@ noise of its sensors; never the plan.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_bridge.arm import LwrArm, SensorNoise
 from sim_bridge.coworker import HOLD
@@ -37,20 +38,22 @@ class TaughtArm:
         object_m: where the task's object was (T, 3), world.
     """
 
-    times_s: np.ndarray
-    positions_rad: np.ndarray
-    velocities_rad_s: np.ndarray
-    torques_nm: np.ndarray
-    hand_m: np.ndarray
+    times_s: NDArray[np.float64]
+    positions_rad: NDArray[np.float64]
+    velocities_rad_s: NDArray[np.float64]
+    torques_nm: NDArray[np.float64]
+    hand_m: NDArray[np.float64]
     strongest_pull_n: float
     holders: tuple[Holder, ...]
-    object_m: np.ndarray
+    object_m: NDArray[np.float64]
 
 
 class _Lesson:
     """One demonstration in progress: the arm, the object and the leading hand."""
 
-    def __init__(self, arm: LwrArm, path: TeachingPath, wrist_m: np.ndarray, grip: Grip) -> None:
+    def __init__(
+        self, arm: LwrArm, path: TeachingPath, wrist_m: NDArray[np.float64], grip: Grip
+    ) -> None:
         self.arm, self.path, self.grip = arm, path, grip
         self.objects = ToolboxObjects(arm)
         if path.task == HOLD:
@@ -95,7 +98,7 @@ class _Lesson:
         k = min(now * (len(path.stamps_s) - 1) / path.stamps_s[-1], len(path.stamps_s) - 1.001)
         low, share = int(k), k - int(k)
 
-        def between(values: np.ndarray) -> np.ndarray:
+        def between(values: NDArray[np.float64]) -> NDArray[np.float64]:
             return values[low] + share * (values[low + 1] - values[low])
 
         return HandTarget(
@@ -108,7 +111,10 @@ class _Lesson:
 
 
 def teach(
-    rng: np.random.Generator, path: TeachingPath, wrist_m: np.ndarray, grip: Grip | None = None
+    rng: np.random.Generator,
+    path: TeachingPath,
+    wrist_m: NDArray[np.float64],
+    grip: Grip | None = None,
 ) -> TaughtArm:
     """Teach the arm one path in a fresh physics world and record what its sensors say.
 

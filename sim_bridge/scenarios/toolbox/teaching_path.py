@@ -8,6 +8,7 @@ stand, grasp, lift. It is the same in every demonstration but for the tempo.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -73,12 +74,12 @@ class TeachingPath:
 
     task: str
     times: TeachingTimes
-    stamps_s: np.ndarray
-    hand_m: np.ndarray
-    rotations: np.ndarray
-    joints_rad: np.ndarray
-    elbow_m: np.ndarray
-    end_error_m: np.ndarray
+    stamps_s: NDArray[np.float64]
+    hand_m: NDArray[np.float64]
+    rotations: NDArray[np.float64]
+    joints_rad: NDArray[np.float64]
+    elbow_m: NDArray[np.float64]
+    end_error_m: NDArray[np.float64]
 
     def joint_spline(self) -> CubicSpline:
         """The posture as a function of time, for a controller that follows it."""
@@ -99,7 +100,7 @@ def teaching_times(task: str, onset_s: float, arrival_s: float) -> TeachingTimes
 def plan_teaching(
     rng: np.random.Generator,
     task: str,
-    goal_m: np.ndarray,
+    goal_m: NDArray[np.float64],
     onset_s: float,
     arrival_s: float,
     length_s: float,
@@ -138,8 +139,8 @@ def plan_teaching(
 
 
 def _fetch(
-    task: str, times: TeachingTimes, stamps_s: np.ndarray, home: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    task: str, times: TeachingTimes, stamps_s: NDArray[np.float64], home: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Positions (T, 3) of the fetch, held at its end, and that end (3,)."""
     start = home[:3, 3]
     if task not in STANDS_M:
