@@ -134,6 +134,7 @@ KEYS = {
     "rosbags": "python3-rosbags-pip",
     "yaml": "python3-yaml",
     "mcap_ros2": "mcap-ros2-support",
+    "lazy_loader": "lazy-loader",
 }
 
 

@@ -23,7 +23,11 @@ Fold = tuple[list[int], list[int]]
 
 
 def make_folds(n: int, protocol: str) -> list[Fold]:
-    """Indices to train and to test on, for `loo` or `kfold:K` (index modulo K).
+    """Indices to train and to test on.
+
+    Args:
+        n: number of demonstrations.
+        protocol: "loo" leaves one out at a time; "kfold:K" makes K folds, by index modulo K.
 
     Raises:
         ArgumentError: an unknown protocol, or more folds than recordings.

@@ -18,6 +18,7 @@ from intent_recognition.gaussian import (
     Components,
     CovariancePrior,
     Gaussian,
+    GaussianMixture,
     log_joint,
     maximisation,
 )
@@ -31,7 +32,6 @@ from intent_recognition.learning import (
     Recorded,
     Tried,
     cluster,
-    condition_mixture,
     cut_to_movement,
     make_examples,
     mixture_features,
@@ -242,11 +242,10 @@ def predict(
     for i in range(n):
         seen_values = pairs.observed[i].ravel()[rows] - pairs.mean[0][rows]
         parts = [Gaussian(m, c) for m, c in zip(left_out.mean[i], covariance[i], strict=True)]
-        posterior = condition_mixture(
-            np.exp(left_out.log_weight[i]), parts, observation_matrix, seen_values, noise
-        )
-        probability[i] = posterior.probabilities
-        component[i] = posterior.probabilities.argmax() if given is None else given[i]
+        mixture = GaussianMixture(np.exp(left_out.log_weight[i]), tuple(parts))
+        posterior, _ = mixture.condition(observation_matrix, seen_values, noise)
+        probability[i] = posterior.weights
+        component[i] = posterior.weights.argmax() if given is None else given[i]
         best = posterior.components[component[i]]
         mean[i] = (pairs.mean[1] + best.mean @ pairs.to_controlled).reshape(shape[1:])
         variance = np.einsum(

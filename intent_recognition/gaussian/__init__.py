@@ -2,6 +2,7 @@
 """Gaussian distributions: every way to condition them (dense, batched, delayed), and mixtures."""
 
 from intent_recognition.gaussian.batch import GaussianBatch, make_state, pending_shape, state_width
+from intent_recognition.gaussian.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
 from intent_recognition.gaussian.linalg import (
     LOG_2_PI,
     cholesky,
@@ -25,6 +26,7 @@ from intent_recognition.gaussian.normal import (
     Regression,
     condition,
     log_density,
+    marginal,
     regression,
 )
 from intent_recognition.gaussian.span import affine_span
@@ -38,18 +40,21 @@ __all__ = [
     "CovariancePrior",
     "Gaussian",
     "GaussianBatch",
+    "GaussianMixture",
     "MixtureFit",
     "Regression",
     "affine_span",
     "batches",
     "cholesky",
     "condition",
+    "fit_gaussian_mixture",
     "fit_mixture",
     "kmeans_starts",
     "log_density",
     "log_joint",
     "log_normalizer",
     "make_state",
+    "marginal",
     "maximisation",
     "one_hot",
     "pending_shape",

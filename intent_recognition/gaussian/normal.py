@@ -54,7 +54,12 @@ def log_density(distribution: Gaussian, value: np.ndarray) -> float:
 
 
 def marginal(distribution: Gaussian, index: np.ndarray) -> Gaussian:
-    """Distribution of the elements `index` alone."""
+    """Distribution of some of the elements.
+
+    Args:
+        distribution: over (d,).
+        index: which elements to keep, (m,).
+    """
     index = np.asarray(index)
     return Gaussian(distribution.mean[index], distribution.covariance[np.ix_(index, index)])
 

@@ -39,7 +39,6 @@ from intent_recognition.learning.mixture import (
     Clustering,
     Features,
     cluster,
-    condition_mixture,
     mixture_features,
 )
 from intent_recognition.learning.selection import Candidate
@@ -96,7 +95,6 @@ __all__ = [
     "choose_again",
     "choose_components",
     "cluster",
-    "condition_mixture",
     "count_transitions",
     "cut_one",
     "cut_to_movement",

@@ -6,7 +6,6 @@ evenly spaced phases, are brought to common units and written in orthonormal coo
 affine span of all demonstrations, each agent in its own. The mixture is fitted there.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,11 +14,9 @@ from intent_recognition.errors import TrainingError, describe
 from intent_recognition.gaussian import (
     Components,
     CovariancePrior,
-    Gaussian,
     MixtureFit,
     affine_span,
     batches,
-    condition,
     fit_mixture,
     kmeans_starts,
     log_joint,
@@ -210,63 +207,3 @@ def _ordered(labels: np.ndarray) -> np.ndarray:
     order = sorted(range(len(found)), key=lambda k: (-sizes[k], first[k]))
     rank = {int(found[k]): number for number, k in enumerate(order)}
     return np.array([rank[int(label)] for label in labels], dtype=np.int64)
-
-
-class MixturePosterior(NamedTuple):
-    """A mixture after an observation (Ewerton et al. 2015, Eq. 14).
-
-    Attributes:
-        probabilities: p(k | observation), (K,), Eq. 11.
-        components: each component conditioned, p(w | k, observation).
-    """
-
-    probabilities: np.ndarray
-    components: tuple[Gaussian, ...]
-
-    @property
-    def most_probable(self) -> Gaussian:
-        """The most probable component, conditioned: what to command (Eq. 12 and 13).
-
-        Eq. 13 as printed integrates over p(w | k*); the observation belongs there too.
-        """
-        return self.components[int(np.argmax(self.probabilities))]
-
-    @property
-    def moments(self) -> Gaussian:
-        """Mean and covariance of the whole mixture: how uncertain one is (Eq. 14)."""
-        means = np.array([component.mean for component in self.components])
-        mean = self.probabilities @ means
-        spread = (means - mean) * np.sqrt(self.probabilities)[:, None]
-        inner = np.einsum(
-            "k,kij->ij", self.probabilities, np.array([c.covariance for c in self.components])
-        )
-        return Gaussian(mean, inner + spread.T @ spread)
-
-
-def condition_mixture(
-    mixture_weights: np.ndarray,
-    components: Sequence[Gaussian],
-    observation_matrix: np.ndarray,
-    observation: np.ndarray,
-    noise_covariance: np.ndarray,
-) -> MixturePosterior:
-    """Condition a mixture of Gaussians on y = H w + noise (Ewerton et al. 2015, Eq. 11-14).
-
-    Args:
-        mixture_weights: p(k), (K,).
-        components: p(w | k), each over (d,).
-        observation_matrix: H, (m, d).
-        observation: y, (m,).
-        noise_covariance: R, (m, m).
-
-    Raises:
-        ShapeError: H, y and R do not fit the components.
-    """
-    conditioned = [
-        condition(component, observation_matrix, observation, noise_covariance)
-        for component in components
-    ]
-    with np.errstate(divide="ignore"):
-        log_posterior = np.log(mixture_weights) + np.array([e for _, e in conditioned])
-    log_posterior -= np.logaddexp.reduce(log_posterior)
-    return MixturePosterior(np.exp(log_posterior), tuple(g for g, _ in conditioned))

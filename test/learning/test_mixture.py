@@ -3,18 +3,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.stats import multivariate_normal
 from simulation import draw_weights, make_library
 
 from intent_recognition.errors import TrainingError
 from intent_recognition.gaussian.mixture import fit_mixture, one_hot
-from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.learning import mixture
 from intent_recognition.learning.mixture import (
     cluster,
-    condition_mixture,
     leave_each_out,
     left_out_labels,
     mixture_features,
@@ -128,37 +123,3 @@ def test_of_many_demonstrations_folds_are_left_out_together(rng, monkeypatch):
     assert left_out.mean.shape[0] == len(tasks)
     np.testing.assert_array_equal(left_out.mean[0], left_out.mean[4])
     assert left_out.count[0].sum() == pytest.approx(len(tasks) - 6)
-
-
-@given(seed=st.integers(0, 1000))
-def test_an_observation_weighs_and_conditions_every_component(seed):
-    rng = np.random.default_rng(seed)
-    components = []
-    for _ in range(3):
-        root = rng.normal(size=(4, 4))
-        components.append(Gaussian(rng.normal(size=4), root @ root.T + 0.1 * np.eye(4)))
-    share = rng.dirichlet(np.ones(3))
-    matrix, value, noise = rng.normal(size=(2, 4)), rng.normal(size=2), 0.3 * np.eye(2)
-    found = condition_mixture(share, components, matrix, value, noise)
-    evidence = [
-        multivariate_normal(matrix @ c.mean, matrix @ c.covariance @ matrix.T + noise).pdf(value)
-        for c in components
-    ]
-    expected = share * evidence / np.sum(share * evidence)
-    np.testing.assert_allclose(found.probabilities, expected, atol=1e-10)
-    for component, conditioned in zip(components, found.components, strict=True):
-        alone, _ = condition(component, matrix, value, noise)
-        np.testing.assert_allclose(conditioned.mean, alone.mean, atol=1e-12)
-    assert found.most_probable is found.components[int(np.argmax(expected))]
-    second = sum(
-        p * (c.covariance + np.outer(c.mean, c.mean))
-        for p, c in zip(expected, found.components, strict=True)
-    )
-    mean = found.moments.mean
-    np.testing.assert_allclose(found.moments.covariance, second - np.outer(mean, mean), atol=1e-9)
-
-
-def test_a_component_without_weight_takes_no_part():
-    near, far = Gaussian(np.zeros(1), np.eye(1)), Gaussian(np.ones(1), np.eye(1))
-    found = condition_mixture([0.0, 1.0], [near, far], np.eye(1), np.zeros(1), np.eye(1))
-    np.testing.assert_array_equal(found.probabilities, [0.0, 1.0])

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+from .activation import Activation, ActivationSettings
+from .alignment import Alignment, AlignmentSettings, Warp, align, align_to
+from .bags import BagReader, BagWriter, recover_bag
+from .demonstrations import DofEntry, DofSpec, load_dofs, read_demonstrations
+from .errors import (
+    ArgumentError,
+    BagError,
+    DofError,
+    IntentError,
+    ModelError,
+    ShapeError,
+    TrainingError,
+)
+from .evaluation import evaluate, make_folds, reliability_bins
+from .gaussian import Gaussian, GaussianMixture, condition, fit_gaussian_mixture, marginal
+from .learning import TrainingSettings, learn
+from .model import Model, load_model, save_model
+from .objects import load_object
+from .promp import NormalizedRBFBasis, TaskLibrary, Trajectory
+from .recognition import (
+    DecisionSettings,
+    DecisionState,
+    Estimate,
+    IntentEstimator,
+    TaskPosterior,
+    decide,
+)
+from .signals import Demonstration, Observation, Signal
+from .warping import WarpedPrimitive
+
+__version__: str
+
+__all__ = [
+    "Activation",
+    "ActivationSettings",
+    "Alignment",
+    "AlignmentSettings",
+    "ArgumentError",
+    "BagError",
+    "BagReader",
+    "BagWriter",
+    "DecisionSettings",
+    "DecisionState",
+    "Demonstration",
+    "DofEntry",
+    "DofError",
+    "DofSpec",
+    "Estimate",
+    "Gaussian",
+    "GaussianMixture",
+    "IntentError",
+    "IntentEstimator",
+    "Model",
+    "ModelError",
+    "NormalizedRBFBasis",
+    "Observation",
+    "ShapeError",
+    "Signal",
+    "TaskLibrary",
+    "TaskPosterior",
+    "TrainingError",
+    "TrainingSettings",
+    "Trajectory",
+    "Warp",
+    "WarpedPrimitive",
+    "align",
+    "align_to",
+    "condition",
+    "decide",
+    "evaluate",
+    "fit_gaussian_mixture",
+    "learn",
+    "load_dofs",
+    "load_model",
+    "load_object",
+    "make_folds",
+    "marginal",
+    "read_demonstrations",
+    "recover_bag",
+    "reliability_bins",
+    "save_model",
+]

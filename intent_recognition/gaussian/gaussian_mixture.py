@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One mixture of Gaussians as a value: density, responsibilities, conditioning, moments."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.gaussian.mixture import CovariancePrior, fit_mixture, one_hot
+from intent_recognition.gaussian.normal import Gaussian, condition, log_density
+from intent_recognition.gaussian.starts import kmeans_starts
+
+RELATIVE_FLOOR = 1e-6
+"""Variance floor in units of the mean variance of the points. Convention: it bounds the condition
+number where a component has fewer points than dimensions, and is far below any measurement noise.
+"""
+
+
+@dataclass(frozen=True)
+class GaussianMixture:
+    """A mixture of K Gaussians over vectors (d,).
+
+    Attributes:
+        weights: mixture weights p(k), (K,), they sum to one.
+        components: p(w | k), K of them, each over (d,).
+
+    Raises:
+        ShapeError: there are not as many weights as components.
+        ArgumentError: the weights are not probabilities that sum to one.
+    """
+
+    weights: NDArray[np.float64]
+    components: tuple[Gaussian, ...]
+
+    def __post_init__(self) -> None:
+        weights = np.array(self.weights, dtype=np.float64)
+        if weights.shape != (len(self.components),):
+            cure = "Give one weight per component."
+            expected = f"shape ({len(self.components)},)"
+            raise ShapeError(describe("weights", expected, weights.shape, cure))
+        if not (np.all(weights >= 0) and abs(float(weights.sum()) - 1.0) < 1e-6):
+            cure = "Divide the weights by their sum."
+            raise ArgumentError(describe("weights", "probabilities that sum to one", weights, cure))
+        weights.setflags(write=False)
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "components", tuple(self.components))
+
+    @property
+    def n_components(self) -> int:
+        """Number of components K."""
+        return len(self.components)
+
+    @property
+    def most_probable(self) -> Gaussian:
+        """The component of the largest weight: the one to act on (Ewerton et al. 2015, Eq. 12)."""
+        return self.components[int(np.argmax(self.weights))]
+
+    @property
+    def moments(self) -> Gaussian:
+        """Mean and covariance of the whole mixture (Ewerton et al. 2015, Eq. 14)."""
+        means = np.array([component.mean for component in self.components])
+        mean = self.weights @ means
+        scaled = (means - mean) * np.sqrt(self.weights)[:, None]
+        within = np.einsum(
+            "k,kij->ij", self.weights, np.array([c.covariance for c in self.components])
+        )
+        return Gaussian(mean, within + scaled.T @ scaled)
+
+    def log_density(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Log density of points (n, d), (n,)."""
+        return np.asarray(np.logaddexp.reduce(self._log_joint(points), axis=1))
+
+    def responsibilities(self, points: ArrayLike) -> NDArray[np.float64]:
+        """p(k | point) of points (n, d), (n, K) (Ewerton et al. 2015, Eq. 7)."""
+        joint = self._log_joint(points)
+        return np.asarray(np.exp(joint - np.logaddexp.reduce(joint, axis=1)[:, None]))
+
+    def condition(
+        self,
+        observation_matrix: NDArray[np.float64],
+        observation: NDArray[np.float64],
+        noise_covariance: NDArray[np.float64],
+    ) -> tuple["GaussianMixture", float]:
+        """Condition on y = H w + noise (Ewerton et al. 2015, Eq. 11-14).
+
+        Every component is conditioned, and weighted by its evidence. Eq. 13 as printed integrates
+        over p(w | k*); the observation belongs there too.
+
+        Args:
+            observation_matrix: H, (m, d).
+            observation: y, (m,).
+            noise_covariance: R, (m, m), positive definite.
+
+        Returns:
+            The posterior mixture and the log evidence log p(y).
+
+        Raises:
+            ShapeError: H, y and R do not fit the components.
+            ArgumentError: an innovation covariance is not positive definite.
+        """
+        conditioned = [
+            condition(component, observation_matrix, observation, noise_covariance)
+            for component in self.components
+        ]
+        with np.errstate(divide="ignore"):
+            log_joint = np.log(self.weights) + np.array([evidence for _, evidence in conditioned])
+        log_evidence = np.logaddexp.reduce(log_joint)
+        posterior = GaussianMixture(
+            np.exp(log_joint - log_evidence), tuple(component for component, _ in conditioned)
+        )
+        return posterior, float(log_evidence)
+
+    def _log_joint(self, points: ArrayLike) -> NDArray[np.float64]:
+        """log p(k) + log p(point | k), (n, K)."""
+        points = _checked_points(points, len(self.components[0].mean))
+        density = [[log_density(part, point) for part in self.components] for point in points]
+        with np.errstate(divide="ignore"):
+            return np.log(self.weights) + np.array(density).reshape(len(points), -1)
+
+
+def fit_gaussian_mixture(
+    points: ArrayLike,
+    n_components: int,
+    rng: np.random.Generator,
+    *,
+    n_starts: int = 10,
+    variance_floor: float | None = None,
+) -> GaussianMixture:
+    """Fit a mixture by expectation maximisation (Ewerton et al. 2015, Eq. 7-10, Algorithm 1).
+
+    EM runs from `n_starts` starts of k-means, all in one batch; the likeliest fit is kept. Use
+    `learn_mixture` to find the tasks in demonstrations: it regularises the components and chooses
+    their number.
+
+    Args:
+        points: (n, d).
+        n_components: K, at most n.
+        rng: for the starts.
+        n_starts: how many starts of k-means.
+        variance_floor: added to every variance, in the square of the points' unit; None takes
+            `RELATIVE_FLOOR` of the mean variance of the points.
+
+    Raises:
+        ShapeError: the points are not an array (n, d).
+        ArgumentError: a point is not finite, or there are fewer points than components.
+    """
+    points = _checked_points(points)
+    if not 1 <= n_components <= len(points):
+        expected = f"between 1 and {len(points)}, the number of points"
+        raise ArgumentError(describe("n_components", expected, n_components, "Lower it."))
+    if variance_floor is None:
+        variance_floor = RELATIVE_FLOOR * (float(np.mean(np.var(points, axis=0))) or 1.0)
+    if not (np.isfinite(variance_floor) and variance_floor > 0):
+        cure = "Pass None to derive it from the points."
+        raise ArgumentError(describe("variance_floor", "a positive number", variance_floor, cure))
+    centred = points - points.mean(axis=0)
+    starts = np.unique(kmeans_starts(centred, n_components, n_starts, rng), axis=0)
+    fits = fit_mixture(
+        centred, one_hot(starts, n_components), CovariancePrior(floor=variance_floor)
+    )
+    best = int(np.argmax(fits.log_likelihood))
+    found = fits.components
+    mean = found.mean[best] + points.mean(axis=0)
+    parts = zip(mean, found.covariance(centred)[best], strict=True)
+    weights = np.exp(found.log_weight[best])
+    return GaussianMixture(weights / weights.sum(), tuple(Gaussian(m, c) for m, c in parts))
+
+
+def _checked_points(points: ArrayLike, n_dimensions: int | None = None) -> NDArray[np.float64]:
+    """Points as an array (n, d).
+
+    Raises:
+        ShapeError: they are not.
+        ArgumentError: a value is not finite.
+    """
+    checked = np.asarray(points, dtype=np.float64)
+    if checked.ndim != 2 or n_dimensions not in (None, checked.shape[1]):
+        expected = f"shape (n, {'d' if n_dimensions is None else n_dimensions})"
+        raise ShapeError(describe("points", expected, checked.shape, "Give one row per point."))
+    if not np.all(np.isfinite(checked)):
+        cure = "Leave such points out."
+        raise ArgumentError(describe("points", "finite numbers", "NaN or infinity", cure))
+    return checked
