@@ -88,7 +88,7 @@ def main() -> None:
     while seen < n_observations:
         task = int(rng.integers(n_tasks))
         for observation in _there_and_back(library, task, rng, start_ns):
-            moving = estimator.observe(observation).moving
+            moving = estimator.update(observation).moving
             moved += moving and not was_moving
             was_moving = moving
             start_ns = observation.stamp_ns + PERIOD_NS

@@ -25,7 +25,7 @@ def online(library: TaskLibrary, recorded: Demonstration) -> Iterator[Result]:
         if observation.stamp_ns > onset_ns + PLAN_AFTER_S * 1e9:
             break
         start_s = time.perf_counter()
-        estimator.observe(observation)
+        estimator.update(observation)
         if estimator.predict_controlled() is not None:
             times.append(time.perf_counter() - start_s)
     yield Result(

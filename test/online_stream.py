@@ -28,7 +28,7 @@ def feed(estimator: IntentEstimator, observations) -> list[Estimate]:
     estimates = []
     for observation in observations:
         assert estimator.reason_to_reject(observation) is None
-        estimates.append(estimator.observe(observation))
+        estimates.append(estimator.update(observation))
     return estimates
 
 

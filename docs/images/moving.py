@@ -49,7 +49,7 @@ def moments(library: TaskLibrary, bag: Path, stamps_ns: np.ndarray) -> list[Mome
     labels, settings = (*library.labels, NONE), DecisionSettings()
     found, wrist, due = [], [], list(stamps_ns)
     for observation in iter_observations(BagReader(bag), dofs):
-        estimate = estimator.observe(observation)
+        estimate = estimator.update(observation)
         wrist.append(observation.values)
         robot = estimator.predict_controlled() if estimate.moving else None
         end_std = None if robot is None else float(np.max(robot.trajectory.std[-1]))

@@ -62,7 +62,7 @@ def watch(library: TaskLibrary, bag: Path) -> Moment:
     labels, settings = (*library.labels, NONE), DecisionSettings()
     observations, estimates, decided = [], [], None
     for observation in iter_observations(BagReader(bag), dofs):
-        estimate = estimator.observe(observation)
+        estimate = estimator.update(observation)
         observations.append(observation)
         if not estimate.moving:
             continue

@@ -43,13 +43,13 @@ def replay(
     labels = (*model.library.labels, NONE)
     for controlled, observation in iter_samples(reader, model.dofs, rejected=rejected):
         if controlled:
-            estimator.observe_controlled(observation)
+            estimator.update_controlled(observation)
             continue
         reason = estimator.reason_to_reject(observation)
         if reason is not None:
             rejected[reason] += 1
             continue
-        estimate = estimator.observe(observation)
+        estimate = estimator.update(observation)
         end_std = None
         if estimate.moving and np.argmax(estimate.probabilities) < model.library.n_tasks:
             end_std = estimator.predicted_end_std()

@@ -11,12 +11,17 @@ from intent_recognition.alignment import Warp
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.learning.selection import SCORED_PHASES
 from intent_recognition.promp import (
-    MIN_SAMPLES,
     NormalizedRBFBasis,
     WeightFit,
     fit_weights_together,
 )
-from intent_recognition.signals import OnsetSettings, Signal, movement_span, onset_settings
+from intent_recognition.signals import (
+    MIN_SAMPLES,
+    OnsetSettings,
+    Signal,
+    movement_span,
+    onset_settings,
+)
 
 SAMPLES_PER_MOVEMENT = 30
 """Samples of one movement that count as independent evidence; denser ones share it."""

@@ -83,7 +83,7 @@ class PostureInput:
         except MessageError as error:
             self._diagnostics.reject("posture_missing_dof", str(error))
             return
-        reason = self._estimator.observe_controlled(Observation(stamp, group, values))
+        reason = self._estimator.update_controlled(Observation(stamp, group, values))
         if reason is not None:
             self._diagnostics.reject(f"posture_{reason}", f"{entry.topic} at {stamp} ns")
 

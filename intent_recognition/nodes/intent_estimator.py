@@ -185,7 +185,7 @@ class IntentEstimatorNode(ManagedNode):
             self._diagnostics.reject(reason, f"{topic} at {observation.stamp_ns} ns")
             return False
         self._last_arrival_s = elapsed_s(self)
-        self._publish(self._estimator.observe(observation), observation)
+        self._publish(self._estimator.update(observation), observation)
         return True
 
     def _publish(self, estimate: Estimate, observation: Observation) -> None:

@@ -32,7 +32,6 @@ from intent_recognition.promp.prior import (
     weight_floor,
 )
 from intent_recognition.promp.weights import (
-    MIN_SAMPLES,
     WeightFit,
     fit_weights,
     fit_weights_together,
@@ -40,7 +39,6 @@ from intent_recognition.promp.weights import (
 
 __all__ = [
     "IDENTITY_CALIBRATION",
-    "MIN_SAMPLES",
     "NONE",
     "OWN_COVARIANCE_SHARE",
     "AlignedPrimitives",

@@ -9,8 +9,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from intent_recognition.errors import ArgumentError, TrainingError, describe
 from intent_recognition.promp.basis import NormalizedRBFBasis
-
-MIN_SAMPLES = 4
+from intent_recognition.signals import MIN_SAMPLES
 
 
 class WeightFit(NamedTuple):

@@ -5,11 +5,13 @@ The node and `intent replay` run this same object, so that their numbers are equ
 clock: all times are stamps of measurements.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import DofError, describe
+from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
 from intent_recognition.filtering import N_SCALES, MovementRun, make_hypotheses, make_memory
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, Trajectory, rollout
@@ -43,25 +45,37 @@ MAX_OBSERVATIONS = 2**14
 
 
 class Estimate(NamedTuple):
-    """What is believed after an observation.
+    """Task, phase and onset after an observation.
 
     Attributes:
         stamp_ns: of the observation.
         moving: whether a movement is under way; when not, `none` is certain and the rest is zero.
         onset_ns: when it began, 0 when idle.
-        probabilities: of the K tasks and none, (K + 1,).
+        probabilities: of the K tasks and none, (K + 1,), in the order of `labels`.
         phase: expected phase given each task, (K + 1,).
         log_evidence: of each task since onset, (K + 1,).
         posterior: the whole of it, None when idle.
+        labels: of the K tasks, and "none".
     """
 
     stamp_ns: int
     moving: bool
     onset_ns: int
-    probabilities: np.ndarray
-    phase: np.ndarray
-    log_evidence: np.ndarray
+    probabilities: NDArray[np.float64]
+    phase: NDArray[np.float64]
+    log_evidence: NDArray[np.float64]
     posterior: TaskPosterior | None
+    labels: tuple[str, ...]
+
+    @property
+    def task(self) -> str:
+        """Label of the most probable task, or "none"."""
+        return self.labels[int(np.argmax(self.probabilities))]
+
+    @property
+    def task_probabilities(self) -> dict[str, float]:
+        """Probability of each task and of "none", by label."""
+        return dict(zip(self.labels, self.probabilities.tolist(), strict=True))
 
 
 class Prediction(NamedTuple):
@@ -129,6 +143,7 @@ class IntentEstimator:
         start_posture: bool = True,
     ):
         self.library = library
+        self._labels = (*library.labels, NONE)
         self._n_scales = n_scales
         self._posture = OnsetPosture() if start_posture else None
         self._grids: dict[int, ControlGrid] = {}
@@ -140,20 +155,98 @@ class IntentEstimator:
         self._posterior: TaskPosterior | None = None
         self._needs_rest = False
 
-    def reason_to_reject(self, observation: Observation) -> str | None:
-        """Why an observation cannot be used, as a diagnostics key, or None when it can.
+    def observe(
+        self,
+        stamp_s: float,
+        values: ArrayLike,
+        *,
+        signal: int = 0,
+        dofs: Sequence[int] | None = None,
+        covariance: ArrayLike | None = None,
+    ) -> Estimate:
+        """Take one measurement of the human.
 
-        Asked once for each. A clock that was set back (a recording played again) is followed
-        after CLOCK_RESET_AFTER observations: all is forgotten then, as by `reset`.
+        Args:
+            stamp_s: time of measurement [s], on any clock; it must increase within a signal.
+            values: positions of the signal's DOFs, (m,), in the units of the library.
+            signal: which observed signal was measured, counted from 0.
+            dofs: which of the signal's DOFs were measured, counted from 0; None means all.
+            covariance: measurement covariance, (m, m), added to the learned noise.
+
+        Returns:
+            Probabilities of the tasks, and the phase, after the measurement.
+
+        Raises:
+            ShapeError: values or covariance do not fit the signal.
+            ArgumentError: a number is not finite, the covariance is not one, there is no such
+                signal, or the stamp is not later than the last. After CLOCK_RESET_AFTER such
+                stamps the clock is taken to have been set back, and the estimator starts anew.
         """
+        observation = self._as_observation(stamp_s, values, signal, dofs, covariance)
+        reason = self._defect(observation)
+        if reason is not None:
+            raise _error(reason, observation, self._past[signal].n_dofs)
+        return self.update(observation)
+
+    def _as_observation(
+        self,
+        stamp_s: float,
+        values: ArrayLike,
+        signal: int,
+        dofs: Sequence[int] | None,
+        covariance: ArrayLike | None,
+    ) -> Observation:
+        """The observation of some arrays, as far as `_defect` does not look at them."""
+        if not 0 <= signal < len(self._past):
+            raise ArgumentError(
+                describe(
+                    "signal",
+                    f"0 to {len(self._past) - 1}",
+                    signal,
+                    "The library's observed_groups lists its signals.",
+                )
+            )
+        n_dofs = self._past[signal].n_dofs
+        if dofs is not None and not (
+            dofs and len(set(dofs)) == len(dofs) and all(0 <= k < n_dofs for k in dofs)
+        ):
+            raise ArgumentError(
+                describe(
+                    "dofs",
+                    f"different numbers from 0 to {n_dofs - 1}",
+                    list(dofs),
+                    "Leave out the DOFs that were not measured.",
+                )
+            )
+        if not np.isfinite(stamp_s):
+            raise ArgumentError(
+                describe("stamp_s", "a finite number", stamp_s, "Pass the time of measurement.")
+            )
+        return Observation(
+            round(stamp_s * 1e9),
+            signal,
+            np.array(values, dtype=np.float64),
+            None if covariance is None else np.array(covariance, dtype=np.float64),
+            None if dofs is None else tuple(dofs),
+        )
+
+    def reason_to_reject(self, observation: Observation) -> str | None:
+        """Why `update` cannot take an observation, as a diagnostics key, or None when it can.
+
+        Call it once for each observation. When CLOCK_RESET_AFTER consecutive observations are
+        late, the clock was set back (a recording is played again): the estimator resets and
+        follows the new clock.
+        """
+        return "zero_stamp" if observation.stamp_ns <= 0 else self._defect(observation)
+
+    def _defect(self, observation: Observation) -> str | None:
+        """`reason_to_reject` of an observation whose clock may begin anywhere."""
         dofs, past = observation.dofs, self._past[observation.group]
         expected = past.n_dofs if dofs is None else len(dofs)
         if np.shape(observation.values) != (expected,):
             return "wrong_size"
         if not np.all(np.isfinite(observation.values)):
             return "not_finite"
-        if observation.stamp_ns <= 0:
-            return "zero_stamp"
         if past.is_late(observation):
             if past.count_late(observation) < CLOCK_RESET_AFTER:
                 return "stamp_not_increasing"
@@ -166,7 +259,7 @@ class IntentEstimator:
         fits = np.shape(covariance) == (expected, expected)
         return None if fits and past.trusts(covariance) else "bad_covariance"
 
-    def observe(self, observation: Observation) -> Estimate:
+    def update(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""
         self._past[observation.group].add(observation)
         for past in self._past:  # a signal that fell silent must not speak for ever
@@ -195,14 +288,45 @@ class IntentEstimator:
             phase,
             self._posterior.log_evidence,
             self._posterior,
+            self._labels,
         )
 
-    def observe_controlled(self, observation: Observation) -> str | None:
-        """Take the controlled agent's position; returns why it was not taken, or None.
+    def observe_controlled(self, stamp_s: float, values: ArrayLike, *, signal: int = 0) -> None:
+        """Take the robot's measured position, of which its posture at onset is used.
 
-        Used for its posture at onset alone (`posture`). Groups count the controlled signals, in
-        the order of the DOF file.
+        Args:
+            stamp_s: time of measurement [s], on the clock of `observe`.
+            values: positions of the signal's DOFs, (m,), in the units of the library.
+            signal: which controlled signal it is, where there are several.
+
+        Raises:
+            ShapeError: values are not a vector of at most Q numbers.
+            ArgumentError: a number is not finite, or the stamp is not later than the last.
         """
+        position = np.array(values, dtype=np.float64)
+        if position.ndim != 1 or len(position) > self.library.n_controlled:
+            cure = "Pass the positions of one controlled signal."
+            expected = f"a vector of at most {self.library.n_controlled} numbers"
+            raise ShapeError(describe("values", expected, position.shape, cure))
+        if not np.isfinite(stamp_s):
+            cure = "Pass the time of measurement."
+            raise ArgumentError(describe("stamp_s", "a finite number", stamp_s, cure))
+        observation = Observation(round(stamp_s * 1e9), signal, position)
+        reason = self._take_posture(observation)
+        if reason is not None:
+            raise _error(reason, observation, len(position))
+
+    def update_controlled(self, observation: Observation) -> str | None:
+        """Take the robot's position; returns why it was not taken, as a diagnostics key, or None.
+
+        Only its posture at onset is used (`start_posture`). Groups count the controlled signals,
+        in the order of the DOF file.
+        """
+        if self._posture is None:
+            return None
+        return "zero_stamp" if observation.stamp_ns <= 0 else self._take_posture(observation)
+
+    def _take_posture(self, observation: Observation) -> str | None:
         if self._posture is None:
             return None
         return self._posture.history.take(
@@ -254,8 +378,7 @@ class IntentEstimator:
         trajectory = rollout(
             self.library.basis, weights, phase, float(self._posterior.duration_s[task]), noise
         )
-        label = (*self.library.labels, NONE)[task]
-        return Prediction(label, self._movement.onset_ns, trajectory)
+        return Prediction(self._labels[task], self._movement.onset_ns, trajectory)
 
     def reset(self) -> None:
         """Forget the movement under way and the past."""
@@ -286,6 +409,7 @@ class IntentEstimator:
                     describe(f"library {agent}", str(ours), str(theirs), "Train on the same DOFs.")
                 )
         self.library = library
+        self._labels = (*library.labels, NONE)
         self._grids = {}
         self.expectation.swap(library, task_prior)
         self._hypotheses = make_hypotheses(library, task_prior, self._n_scales)
@@ -352,4 +476,24 @@ class IntentEstimator:
         size = self.library.n_tasks + 1
         certain = np.zeros(size)
         certain[-1] = 1.0
-        return Estimate(stamp_ns, False, 0, certain, np.zeros(size), np.zeros(size), None)
+        zero = np.zeros(size)
+        return Estimate(stamp_ns, False, 0, certain, zero, zero.copy(), None, self._labels)
+
+
+def _error(reason: str, observation: Observation, n_dofs: int) -> ArgumentError:
+    """The error for a defect of an observation of a signal of so many DOFs."""
+    m = n_dofs if observation.dofs is None else len(observation.dofs)
+    if reason == "wrong_size":
+        got = np.shape(observation.values)
+        cure = "Pass every DOF of the signal, or name those that were measured as `dofs`."
+        return ShapeError(describe("values", f"shape ({m},)", got, cure))
+    if reason == "not_finite":
+        cure = "Name the DOFs that were measured as `dofs`, or leave the sample out."
+        return ArgumentError(describe("values", "finite numbers", observation.values, cure))
+    if reason == "stamp_not_increasing":
+        cure = "Pass measurements in the order of their stamps; `reset` to start anew."
+        got = f"{observation.stamp_ns * 1e-9:.9g}"
+        return ArgumentError(describe("stamp_s", "a stamp later than the last", got, cure))
+    cure = "Pass one row and one column per value."
+    expected = f"a positive semidefinite matrix of shape ({m}, {m})"
+    return ArgumentError(describe("covariance", expected, observation.covariance, cure))

@@ -47,8 +47,6 @@ class PostureHistory:
         samples = self._samples[group]
         if not np.all(np.isfinite(values)):
             return "not_finite"
-        if stamp_ns <= 0:
-            return "zero_stamp"
         if samples and stamp_ns <= samples[-1][0]:
             return "stamp_not_increasing"
         samples.append((stamp_ns, np.array(values, dtype=np.float64)))

@@ -1,10 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """One recorded demonstration, and the reason why a recording did not become one."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.signals.signal import Signal
+
+MIN_SAMPLES = 4
+"""Fewest samples of a DOF that weights are fitted to.
+
+Convention: three samples determine the curvature that ridge regression penalises, one more leaves a
+residual.
+"""
 
 
 @dataclass(frozen=True)
@@ -13,7 +24,7 @@ class Demonstration:
 
     Attributes:
         name: name of the bag; in a session "<bag>#<index>".
-        source: path of the bag.
+        source: path of the bag, empty when it came from arrays.
         task: label, None when the recording has none.
         observed: one signal per observed entry of the DOF file, in its order.
         controlled: one signal per controlled entry, in its order.
@@ -33,14 +44,116 @@ class Demonstration:
     metadata: Mapping[str, str] = field(default_factory=dict)
     rejected: Mapping[str, int] = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        """Copy the mappings, so that nobody else can change them."""
         object.__setattr__(self, "metadata", dict(self.metadata))
         object.__setattr__(self, "rejected", dict(self.rejected))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        times_s: ArrayLike,
+        human: ArrayLike,
+        robot: ArrayLike,
+        *,
+        robot_times_s: ArrayLike | None = None,
+        task: str | None = None,
+        observed_names: Sequence[str] | None = None,
+        controlled_names: Sequence[str] | None = None,
+        observed_unit: str = "m",
+        controlled_unit: str = "rad",
+        name: str = "demonstration",
+    ) -> "Demonstration":
+        """A demonstration from arrays, one signal for each agent.
+
+        Rows that are NaN throughout were not measured: they are left out, and nothing is put in
+        their place. Rows that are NaN in part are refused.
+
+        Args:
+            times_s: times of the samples, increasing, (T,) [s]; they are rounded to nanoseconds.
+            human: positions of the observed DOFs, (T, P), in `observed_unit`.
+            robot: positions of the controlled DOFs, (T, Q), in `controlled_unit`.
+            robot_times_s: times of the robot's samples where they are not the human's, (U,) [s], on
+                the same clock; `robot` is (U, Q) then.
+            task: label; None for an unlabelled demonstration.
+            observed_names: P names; None for human_0, human_1, ...
+            controlled_names: Q names; None for robot_0, robot_1, ...
+            observed_unit: unit of all observed DOFs.
+            controlled_unit: unit of all controlled DOFs.
+            name: of the demonstration, for reports and messages.
+
+        Raises:
+            ShapeError: the arrays do not fit each other or the names.
+            ArgumentError: times do not increase, a value is not finite, or there are fewer than
+                four samples.
+        """
+        observed = _signal("human", times_s, human, observed_names, observed_unit)
+        own_times_s = times_s if robot_times_s is None else robot_times_s
+        controlled = _signal("robot", own_times_s, robot, controlled_names, controlled_unit)
+        start_ns, end_ns = int(observed.stamps_ns[0]), int(observed.stamps_ns[-1])
+        return cls(name, "", task, (observed,), (controlled,), start_ns, end_ns)
 
     @property
     def duration_s(self) -> float:
         """Length of the demonstration in seconds."""
         return (self.end_ns - self.start_ns) * 1e-9
+
+
+def _signal(
+    argument: str, times_s: ArrayLike, values: ArrayLike, names: Sequence[str] | None, unit: str
+) -> Signal:
+    """The signal of one agent, its arrays checked."""
+    times, samples = np.array(times_s, dtype=np.float64), np.array(values, dtype=np.float64)
+    if times.ndim != 1 or samples.ndim != 2 or len(samples) != len(times):
+        raise ShapeError(
+            describe(
+                argument,
+                f"shape ({times.size}, number of DOFs) for times of shape (T,)",
+                f"{samples.shape} for times of shape {times.shape}",
+                "Pass one row per time and one column per DOF.",
+            )
+        )
+    names = [f"{argument}_{k}" for k in range(samples.shape[1])] if names is None else names
+    if len(names) != samples.shape[1]:
+        raise ShapeError(
+            describe(
+                f"names of {argument}",
+                f"{samples.shape[1]}, one per column",
+                len(names),
+                "Name every DOF once.",
+            )
+        )
+    measured = ~np.all(np.isnan(samples), axis=1) | (samples.shape[1] == 0)
+    times, samples = times[measured], samples[measured]
+    _check(argument, times, samples)
+    return Signal(tuple(names), np.round(times * 1e9).astype(np.int64), samples, unit)
+
+
+def _check(argument: str, times_s: NDArray[np.float64], samples: NDArray[np.float64]) -> None:
+    """Refuse what no signal can be made of."""
+    if len(times_s) < MIN_SAMPLES:
+        raise ArgumentError(
+            describe(argument, f"at least {MIN_SAMPLES} samples", len(times_s), "Record more.")
+        )
+    if not np.all(np.isfinite(samples)):
+        row, column = np.argwhere(~np.isfinite(samples))[0]
+        raise ArgumentError(
+            describe(
+                argument,
+                "finite numbers, or NaN in a whole row",
+                f"{samples[row, column]} in column {column} at {times_s[row]:g} s",
+                "Leave that sample out.",
+            )
+        )
+    if not (np.all(np.isfinite(times_s)) and np.all(np.diff(times_s) > 0)):
+        raise ArgumentError(
+            describe(
+                f"times of {argument}",
+                "finite, strictly increasing times",
+                "others",
+                "Sort the samples and drop duplicates.",
+            )
+        )
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ import numpy as np
 from intent_recognition.signals.observation import Observation
 
 ROOM = 256
+NEVER_NS = -(2**63)
+"""Earlier than every stamp."""
 
 
 class History:
@@ -92,8 +94,8 @@ class SignalPast:
     def clear(self) -> None:
         """Forget everything."""
         self._histories: dict[tuple, History] = {}
-        self._newest_ns = ([0] * self.n_dofs, [0] * self.n_dofs)
-        self._late = [(0, 0), (0, 0)]
+        self._newest_ns = ([NEVER_NS] * self.n_dofs, [NEVER_NS] * self.n_dofs)
+        self._late = [(NEVER_NS, 0), (NEVER_NS, 0)]
 
     def is_late(self, observation: Observation) -> bool:
         """Whether one of its DOFs was seen at that time, or after it, already.
@@ -106,7 +108,7 @@ class SignalPast:
         return observation.stamp_ns <= latest_ns
 
     def count_late(self, observation: Observation) -> int:
-        """How many on end, in order among themselves, were late by now, with this one."""
+        """Number of consecutive late observations in order among themselves, with this one."""
         last_ns, count = self._late[observation.derivative]
         count = count + 1 if observation.stamp_ns > last_ns else 1
         self._late[observation.derivative] = (observation.stamp_ns, count)
@@ -121,7 +123,7 @@ class SignalPast:
         newest_ns = self._newest_ns[observation.derivative]
         for dof in range(self.n_dofs) if observation.dofs is None else observation.dofs:
             newest_ns[dof] = observation.stamp_ns
-        self._late[observation.derivative] = (0, 0)
+        self._late[observation.derivative] = (NEVER_NS, 0)
 
     def trusts(self, covariance: np.ndarray) -> bool:
         """Whether a covariance is one, (m, m); the last that was is known without looking."""

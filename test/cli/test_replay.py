@@ -83,7 +83,7 @@ def test_numbers_are_the_estimator_s(replay, bag, model):
 
     estimator = IntentEstimator(load_model(model).library)
     for row, observation in zip(rows, iter_observations(BagReader(bag), DOFS), strict=True):
-        estimate = estimator.observe(observation)
+        estimate = estimator.update(observation)
         np.testing.assert_array_equal(list(row["probabilities"].values()), estimate.probabilities)
         np.testing.assert_array_equal(list(row["phase"].values()), estimate.phase)
 

@@ -95,9 +95,9 @@ def alone(model, observations, arm):
     estimator = IntentEstimator(model.library)
     predictions = []
     for observation in observations:
-        estimator.observe(observation)
+        estimator.update(observation)
         prediction = estimator.predict_controlled()
-        estimator.observe_controlled(Observation(observation.stamp_ns, 0, arm(0)))
+        estimator.update_controlled(Observation(observation.stamp_ns, 0, arm(0)))
         if prediction is not None:
             predictions.append(prediction)
     return predictions
@@ -117,7 +117,7 @@ def test_the_start_posture_is_used_and_equals_the_library_s(harness, model, path
     harness.spin_until(lambda: len(graph.tasks) == len(observations), what="all tasks")
     plain = IntentEstimator(model.library)
     for message, observation in zip(graph.tasks, observations, strict=True):
-        expected = plain.observe(observation).probabilities
+        expected = plain.update(observation).probabilities
         np.testing.assert_allclose(message.position, expected, rtol=0.0, atol=1e-12)
 
 
@@ -177,7 +177,7 @@ def test_the_next_task_is_published_when_a_movement_ends(harness, model, path, t
     harness.spin_until(lambda: len(graph.tasks) == len(observations) + 70, what="all tasks")
     both = [IntentEstimator(model.library, transitions=on) for on in (True, False)]
     for estimator in both:
-        ours = [estimator.observe(o).probabilities for o in (*observations, *later[:70])]
+        ours = [estimator.update(o).probabilities for o in (*observations, *later[:70])]
         same = np.allclose([m.position for m in graph.tasks], ours, rtol=0.0, atol=1e-12)
         assert same == (estimator is both[0])
     response = harness.call(Trigger, "intent_estimator/reset", Trigger.Request())

@@ -157,7 +157,7 @@ class Graph:
 
 def expected(model: Model, observations) -> list:
     estimator = IntentEstimator(model.library)
-    return [estimator.observe(observation) for observation in observations]
+    return [estimator.update(observation) for observation in observations]
 
 
 def check_tasks(messages, estimates, labels):
@@ -193,7 +193,7 @@ def test_trajectory_is_filled_as_the_contract_says(harness, wrist):
     estimator = IntentEstimator(wrist.model.library)
     predictions = []
     for observation in observations:
-        estimator.observe(observation)
+        estimator.update(observation)
         predictions.append(estimator.predict_controlled())
     predictions = [p for p in predictions if p is not None]
     assert len(predictions) > 50

@@ -86,7 +86,7 @@ def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, r
     estimator = IntentEstimator(library)
     assert estimator.predict_controlled() is None
     for observation in observations:
-        estimate = estimator.observe(observation)
+        estimate = estimator.update(observation)
         if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.0:
             break
     prediction = estimator.predict_controlled(n_points=21)
@@ -136,7 +136,7 @@ def by_hand(
 def test_rest_of_the_human_begins_where_the_human_is(library, truth, rng):
     estimator = IntentEstimator(library)
     for observation in merge(movement(truth, 1, rng).observed):
-        estimate = estimator.observe(observation)
+        estimate = estimator.update(observation)
         if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.2:
             break
     rest = estimator.predict_observed(n_points=10)
@@ -183,9 +183,9 @@ def test_one_signal_of_three_dofs_equals_two_signals_with_the_same_stamps(rng):
     other = IntentEstimator(apart)
     onset = None
     for i, stamp in enumerate(signal.stamps_ns.tolist()):
-        a = one.observe(Observation(stamp, 0, signal.values[i]))
-        other.observe(Observation(stamp, 0, signal.values[i, :2]))
-        b = other.observe(Observation(stamp, 1, signal.values[i, 2:]))
+        a = one.update(Observation(stamp, 0, signal.values[i]))
+        other.update(Observation(stamp, 0, signal.values[i, :2]))
+        b = other.update(Observation(stamp, 1, signal.values[i, 2:]))
         if a.moving and b.moving and a.onset_ns == b.onset_ns:
             onset = a.onset_ns
             same(a, b, 1e-8)
@@ -259,7 +259,7 @@ def test_a_library_of_other_dofs_is_refused_and_nothing_changes(library, truth, 
             estimator.swap(other)
     undisturbed = IntentEstimator(library)
     feed(undisturbed, observations[:80])
-    same(estimator.observe(observations[80]), undisturbed.observe(observations[80]))
+    same(estimator.update(observations[80]), undisturbed.update(observations[80]))
 
 
 def test_reset_forgets_everything(library, truth, rng):

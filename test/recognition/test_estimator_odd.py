@@ -52,7 +52,7 @@ def test_no_robot_trajectory_while_none_leads(library):
     estimator = IntentEstimator(library)
     led = 0
     for observation in unlike(np.random.default_rng(0)):
-        estimate = estimator.observe(observation)
+        estimate = estimator.update(observation)
         if estimate.moving and int(np.argmax(estimate.probabilities)) == library.n_tasks:
             led += 1
             assert estimator.predict_controlled() is None
@@ -103,7 +103,7 @@ def test_unusable_observations_are_told_by_reason(library, observation, reason):
 def test_stamps_must_increase_within_a_signal_but_not_between_signals(rng):
     library = make_library(rng, groups=(2, 1), n_basis=4)
     estimator = IntentEstimator(library)
-    estimator.observe(Observation(START_NS + 100, 0, np.zeros(2)))
+    estimator.update(Observation(START_NS + 100, 0, np.zeros(2)))
     for stamp in (START_NS + 100, START_NS + 99):
         again = Observation(stamp, 0, np.zeros(2))
         assert estimator.reason_to_reject(again) == "stamp_not_increasing"
@@ -137,9 +137,9 @@ def test_a_duplicate_stamp_of_a_tracker_long_silent_is_still_rejected(rng):
     library = make_library(rng, groups=(2, 1), n_basis=4)
     estimator = IntentEstimator(library)
     silent = Observation(START_NS, 1, np.zeros(1))
-    estimator.observe(silent)
+    estimator.update(silent)
     for step in range(300):
-        estimator.observe(Observation(START_NS + step * 20_000_000, 0, np.zeros(2)))
+        estimator.update(Observation(START_NS + step * 20_000_000, 0, np.zeros(2)))
     assert estimator.reason_to_reject(silent) == "stamp_not_increasing"
 
 
@@ -148,7 +148,7 @@ def test_the_distribution_behind_an_estimate_is_symmetric_and_positive_definite(
 ):
     estimator = IntentEstimator(library)
     for observation in merge(movement(truth, 0, rng).observed):
-        estimate = estimator.observe(observation)
+        estimate = estimator.update(observation)
         if estimate.moving and (estimate.stamp_ns - estimate.onset_ns) * 1e-9 > 1.5:
             break
     observed: Gaussian = estimator._observed(0)

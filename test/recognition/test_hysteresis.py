@@ -196,7 +196,7 @@ def events(library: TaskLibrary, observations: list[Observation]) -> list[str]:
     settings = DecisionSettings(max_end_std_rad=np.inf)
     found = []
     for observation in observations:
-        e = estimator.observe(observation)
+        e = estimator.update(observation)
         labels = (*library.labels, NONE)
         state, _ = decide(settings, state, labels, e.probabilities, None, e.log_evidence)
         found += [state.event] if state.event else []
@@ -217,7 +217,7 @@ def test_a_hand_that_goes_elsewhere_is_let_go(library, truth, rng, far_m):
     elsewhere = interrupted(movement(truth, 0, rng, duration_s=2.0), 1.5, away)
     there = max(range(len(elsewhere)), key=lambda i: elsewhere[i].values[0])
     estimator = IntentEstimator(library)
-    estimates = [estimator.observe(observation) for observation in elsewhere[: there + 1]]
+    estimates = [estimator.update(observation) for observation in elsewhere[: there + 1]]
     assert max(e.probabilities[0] for e in estimates) > BELIEVED
     assert estimates[-1].probabilities[-1] > 0.99
 

@@ -58,9 +58,13 @@ def test_signals_are_joined_in_order_and_all_needed():
 def test_bad_samples_are_refused_with_the_reason():
     taken = history((100, 0, [1.0]))
     assert taken.take(110 * MS, 0, np.array([np.nan])) == "not_finite"
-    assert taken.take(0, 0, np.array([1.0])) == "zero_stamp"
     assert taken.take(100 * MS, 0, np.array([5.0])) == "stamp_not_increasing"
     assert taken.at(110 * MS) == 1.0
+
+
+def test_a_sample_without_a_stamp_is_refused(library):
+    estimator = IntentEstimator(library)
+    assert estimator.update_controlled(Observation(0, 0, np.zeros(2))) == "zero_stamp"
 
 
 def test_the_distance_of_starts_drawn_from_the_task_is_chi_square(library, rng):
@@ -90,9 +94,9 @@ def run(library, recording, *, controlled=(), **options):
     estimator = IntentEstimator(library, **options)
     estimates, predictions = [], []
     for sample in controlled:
-        assert estimator.observe_controlled(sample) is None
+        assert estimator.update_controlled(sample) is None
     for observation in merge(recording.observed):
-        estimates.append(estimator.observe(observation))
+        estimates.append(estimator.update(observation))
         predictions.append(estimator.predict_controlled(20))
     return estimates, predictions
 
@@ -132,9 +136,9 @@ def test_it_equals_conditioning_by_hand(library, recording):
     start = start_mean(library, 1) + 0.005
     estimator = IntentEstimator(library)
     for sample in steady(library, recording, start):
-        estimator.observe_controlled(sample)
+        estimator.update_controlled(sample)
     for observation in list(merge(recording.observed))[:110]:
-        estimator.observe(observation)
+        estimator.update(observation)
     prediction = estimator.predict_controlled(21)
     task = library.labels.index(prediction.task)
     run = estimator._movement.task_filters[task]
@@ -187,8 +191,8 @@ def test_the_order_of_arrival_does_not_matter(library, recording):
     waiting = list(arm)
     for number, observation in enumerate(merge(recording.observed)):
         while waiting and waiting[0].stamp_ns <= observation.stamp_ns - 300 * MS:
-            late.observe_controlled(waiting.pop(0))
-        late.observe(observation)
+            late.update_controlled(waiting.pop(0))
+        late.update(observation)
         prediction = late.predict_controlled(20)
         if prediction is not None and prediction.start != POSTURE_UNKNOWN and number > 80:
             np.testing.assert_array_equal(
@@ -199,9 +203,9 @@ def test_the_order_of_arrival_does_not_matter(library, recording):
 def test_another_library_has_other_starts(library, recording):
     estimator = IntentEstimator(library)
     for sample in steady(library, recording, start_mean(library, 1)):
-        estimator.observe_controlled(sample)
+        estimator.update_controlled(sample)
     for observation in list(merge(recording.observed))[:110]:
-        estimator.observe(observation)
+        estimator.update(observation)
     assert estimator.predict_controlled().start == POSTURE_USED
     size = library.n_observed_weights
     moved = library.weight_mean.copy()

@@ -160,14 +160,14 @@ def recording(library, task, rng, after_ns):
 def feed(estimator, observations):
     for observation in observations:
         assert estimator.reason_to_reject(observation) is None
-        last = estimator.observe(observation)
+        last = estimator.update(observation)
     return last
 
 
 def perform(estimator, library, task, rng, after_ns):
     """Feed a movement; the estimates while it was under way, and its last stamp."""
     observations = recording(library, task, rng, after_ns)
-    estimates = [estimator.observe(observation) for observation in observations]
+    estimates = [estimator.update(observation) for observation in observations]
     assert not estimates[-1].moving
     return [e for e in estimates if e.moving], observations[-1].stamp_ns
 

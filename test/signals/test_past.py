@@ -101,7 +101,7 @@ def test_a_dof_missing_from_the_start_is_not_needed_to_see_a_movement():
     moving = []
     for observation in partly:
         assert estimator.reason_to_reject(observation) is None
-        estimate = estimator.observe(observation)
+        estimate = estimator.update(observation)
         if estimate.moving:
             moving.append(estimate)
     assert np.argmax(moving[-1].probabilities) == 1
@@ -110,9 +110,7 @@ def test_a_dof_missing_from_the_start_is_not_needed_to_see_a_movement():
 
 def test_the_order_in_which_topics_come_does_not_matter_once_all_is_known():
     library, observations = recorded()
-    known = next(
-        e.stamp_ns for e in map(IntentEstimator(library).observe, observations) if e.moving
-    )
+    known = next(e.stamp_ns for e in map(IntentEstimator(library).update, observations) if e.moving)
     first = [o for o in observations if o.stamp_ns <= known]
     rest = [o for o in observations if 0 < o.stamp_ns - known < 500 * MS]
     posteriors = []
@@ -121,7 +119,7 @@ def test_the_order_in_which_topics_come_does_not_matter_once_all_is_known():
         order = rest if group is None else sorted(rest, key=lambda o: o.group != group)
         last = max(order, key=lambda o: (o.stamp_ns, o.group))
         for observation in [*first, *(o for o in order if o is not last), last]:
-            estimate = estimator.observe(observation)
+            estimate = estimator.update(observation)
         posteriors.append(estimate)
     for other in posteriors[1:]:
         np.testing.assert_allclose(other.probabilities, posteriors[0].probabilities, atol=1e-9)

@@ -76,11 +76,11 @@ def play(
         state, tracked = ingest_pose(ingest, state, stamp, *pose, "world")
         if isinstance(tracked, Rejected):
             continue
-        estimator.observe_controlled(Observation(stamp, 0, HOME))
+        estimator.update_controlled(Observation(stamp, 0, HOME))
         observation = Observation(stamp, 0, tracked.position, tracked.position_covariance)
         if estimator.reason_to_reject(observation) is not None:
             continue
-        estimate = estimator.observe(observation)
+        estimate = estimator.update(observation)
         end_std = None
         if estimate.moving and np.argmax(estimate.probabilities) < library.n_tasks:
             end_std = estimator.predicted_end_std()

@@ -130,14 +130,14 @@ class _Run:
         share = float(np.max(np.abs(state.torque) / LWR_LIMITS.torque))
         self._largest_torque = max(self._largest_torque, share)
         hand = hand_position(state.q)
-        self._estimator.observe_controlled(Observation(now_ns, 0, hand))
+        self._estimator.update_controlled(Observation(now_ns, 0, hand))
         self._activation.take_joint_state(now_ns, state.q, state.qd)
         self._rows.append((hand, hand_position(self._arm.reference.q)))
 
     def observe(self, observation: Observation) -> None:
         """Recognise; predict when it is time to."""
         stamp_ns = observation.stamp_ns
-        estimate = self._estimator.observe(observation)
+        estimate = self._estimator.update(observation)
         due = stamp_ns - self._planned_ns >= UPDATE_S * 1e9
         due = due and not self._over
         predicted = self._estimator.predict_controlled(N_POINTS) if due else None

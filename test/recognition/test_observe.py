@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The estimator fed with seconds and arrays."""
+
+import numpy as np
+import pytest
+from online_stream import feed, humans, learned, movement, same
+from simulation import START_NS
+
+from intent_recognition.errors import ArgumentError, IntentError, ShapeError
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEstimator
+from intent_recognition.signals.observation import merge
+
+
+@pytest.fixture(scope="module")
+def truth() -> TaskLibrary:
+    """What the simulated humans do."""
+    return humans()
+
+
+@pytest.fixture(scope="module")
+def library(truth) -> TaskLibrary:
+    """Learned from recordings."""
+    return learned(truth)
+
+
+def test_seconds_and_arrays_give_what_observations_give(library, truth, rng):
+    """On a clock that begins before zero, too."""
+    observations = list(merge(movement(truth, 0, rng).observed))
+    expected = feed(IntentEstimator(library), observations)
+    estimator = IntentEstimator(library)
+    for observation, estimate in zip(observations, expected, strict=True):
+        stamp_ns = observation.stamp_ns - START_NS - 1_000_000_000
+        found = estimator.observe(stamp_ns * 1e-9, observation.values.tolist())
+        onset_ns = found.onset_ns + START_NS + 1_000_000_000 if found.moving else 0
+        same(found._replace(stamp_ns=observation.stamp_ns, onset_ns=onset_ns), estimate, 1e-9)
+        assert found.task_probabilities[found.task] == found.probabilities.max()
+        assert sum(found.task_probabilities.values()) == pytest.approx(1.0)
+    assert any(estimate.task == library.labels[0] for estimate in expected)
+    assert expected[0].task == "none"
+
+
+def test_some_dofs_and_a_covariance(library):
+    estimator = IntentEstimator(library)
+    estimator.observe(0.0, [0.1, 0.2], dofs=[2, 0], covariance=1e-6 * np.eye(2))
+    estimator.observe(0.0, [0.1], dofs=[1])
+    with pytest.raises(ArgumentError, match="later than the last"):
+        estimator.observe(0.0, [0.1], dofs=[0])
+
+
+@pytest.mark.parametrize(
+    ("stamp_s", "values", "options", "error", "says"),
+    [
+        (1.0, [0.0, 0.0], {}, ShapeError, r"values: expected shape \(3,\)"),
+        (1.0, [[0.0, 0.0, 0.0]], {}, ShapeError, r"values: expected shape \(3,\)"),
+        (1.0, [0.0], {"dofs": [0, 1]}, ShapeError, r"values: expected shape \(2,\)"),
+        (1.0, [0.0, np.nan, 0.0], {}, ArgumentError, "values: expected finite"),
+        (np.nan, [0.0, 0.0, 0.0], {}, ArgumentError, "stamp_s: expected a finite"),
+        (0.5, [0.0, 0.0, 0.0], {}, ArgumentError, "stamp_s: expected a stamp later"),
+        (1.0, [0.0, 0.0, 0.0], {"covariance": np.eye(2)}, ArgumentError, "covariance"),
+        (1.0, [0.0, 0.0, 0.0], {"covariance": -np.eye(3)}, ArgumentError, "covariance"),
+        (1.0, [0.0, 0.0, 0.0], {"signal": 1}, ArgumentError, "signal: expected 0 to 0"),
+        (1.0, [0.0, 0.0, 0.0], {"signal": -1}, ArgumentError, "signal: expected 0 to 0"),
+        (1.0, [0.0], {"dofs": [3]}, ArgumentError, "dofs: expected different numbers"),
+        (1.0, [0.0, 0.0], {"dofs": [1, 1]}, ArgumentError, "dofs: expected different numbers"),
+        (1.0, [], {"dofs": []}, ArgumentError, "dofs: expected different numbers"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_and_changes_nothing(
+    library, stamp_s, values, options, error, says
+):
+    estimator = IntentEstimator(library)
+    estimator.observe(0.5, np.zeros(3))
+    with pytest.raises(error, match=says):
+        estimator.observe(stamp_s, values, **options)
+    estimator.observe(0.6, np.zeros(3))
+
+
+def test_a_clock_that_was_set_back_is_followed_after_a_while(library):
+    estimator = IntentEstimator(library)
+    estimator.observe(1000.0, np.zeros(3))
+    refused = 0
+    for step in range(CLOCK_RESET_AFTER + 1):
+        try:
+            estimator.observe(0.01 * step, np.zeros(3))
+        except IntentError:
+            refused += 1
+    assert refused == CLOCK_RESET_AFTER - 1
+
+
+def test_the_robot_may_be_observed_with_arrays(library, truth, rng):
+    """Its posture at onset conditions the trajectory; see test_start_posture."""
+    estimator = IntentEstimator(library)
+    recorded = movement(truth, 0, rng)
+    estimator.observe_controlled(-1e-6, recorded.controlled[0].values[0])
+    for observation in merge(recorded.observed):
+        stamp_s = (observation.stamp_ns - START_NS) * 1e-9
+        estimator.observe_controlled(stamp_s, recorded.controlled[0].values[0])
+        estimate = estimator.observe(stamp_s, observation.values)
+        if estimate.moving and estimate.task != "none":
+            break
+    assert estimator.predict_controlled().start == "used"
+    with pytest.raises(ShapeError):
+        estimator.observe_controlled(stamp_s + 1.0, np.zeros(7))
+    with pytest.raises(ArgumentError, match="finite"):
+        estimator.observe_controlled(stamp_s + 1.0, [np.nan, 0.0])
+    with pytest.raises(ArgumentError, match="later than the last"):
+        estimator.observe_controlled(stamp_s, [0.0, 0.0])

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Demonstrations made of arrays."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import ArgumentError, ShapeError
+from intent_recognition.signals.demonstration import Demonstration
+
+TIMES_S = np.linspace(0.0, 1.0, 11)
+HUMAN = np.stack([TIMES_S, TIMES_S**2], axis=1)
+ROBOT = np.cos(TIMES_S)[:, None]
+
+
+def test_arrays_become_one_signal_per_agent():
+    made = Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT, task="reach", observed_names=("x", "y"))
+    (human,), (robot,) = made.observed, made.controlled
+    assert (human.names, human.unit) == (("x", "y"), "m")
+    assert (robot.names, robot.unit) == (("robot_0",), "rad")
+    assert np.array_equal(human.values, HUMAN) and np.array_equal(robot.values, ROBOT)
+    assert np.allclose(human.seconds(made.start_ns), TIMES_S, rtol=0, atol=1e-9)
+    assert (made.task, made.duration_s) == ("reach", 1.0)
+
+
+def test_arguments_are_copied():
+    human = HUMAN.copy()
+    made = Demonstration.from_arrays(TIMES_S, human, ROBOT)
+    human[:] = 0.0
+    assert np.array_equal(made.observed[0].values, HUMAN)
+
+
+def test_agents_may_have_times_of_their_own():
+    made = Demonstration.from_arrays(TIMES_S, HUMAN, ROBOT[::2], robot_times_s=TIMES_S[::2] + 0.01)
+    assert len(made.controlled[0].stamps_ns) == 6
+    assert (made.start_ns, made.end_ns) == (0, 1_000_000_000)
+
+
+def test_rows_that_were_not_measured_are_left_out_and_not_filled_in():
+    human = HUMAN.copy()
+    human[[0, 4]] = np.nan
+    made = Demonstration.from_arrays(TIMES_S, human, ROBOT)
+    assert np.array_equal(made.observed[0].values, np.delete(HUMAN, [0, 4], axis=0))
+    assert made.start_ns == 100_000_000
+    assert len(made.controlled[0].stamps_ns) == 11
+
+
+@pytest.mark.parametrize(
+    ("times_s", "human", "robot", "options", "error", "says"),
+    [
+        (TIMES_S, HUMAN[:-1], ROBOT, {}, ShapeError, "human: expected shape"),
+        (TIMES_S, HUMAN[:, 0], ROBOT, {}, ShapeError, "human: expected shape"),
+        (TIMES_S, HUMAN, ROBOT[:-1], {}, ShapeError, "robot: expected shape"),
+        (TIMES_S[:, None], HUMAN, ROBOT, {}, ShapeError, "human: expected shape"),
+        (TIMES_S, HUMAN, ROBOT, {"observed_names": ("x",)}, ShapeError, "names of human"),
+        (TIMES_S[::-1], HUMAN, ROBOT, {}, ArgumentError, "times of human"),
+        (np.full(11, np.nan), HUMAN, ROBOT, {}, ArgumentError, "times of human"),
+        (TIMES_S * 1e-11, HUMAN, ROBOT, {}, ArgumentError, "stamps_ns"),
+        (TIMES_S[:3], HUMAN[:3], ROBOT[:3], {}, ArgumentError, "at least 4 samples"),
+        (TIMES_S, np.full_like(HUMAN, np.nan), ROBOT, {}, ArgumentError, "at least 4 samples"),
+        (TIMES_S, HUMAN, np.full_like(ROBOT, np.inf), {}, ArgumentError, "robot: expected finite"),
+    ],
+)
+def test_what_no_demonstration_can_be_made_of(times_s, human, robot, options, error, says):
+    with pytest.raises(error, match=says):
+        Demonstration.from_arrays(times_s, human, robot, **options)
+
+
+def test_a_row_that_was_measured_in_part_is_refused():
+    human = HUMAN.copy()
+    human[3, 1] = np.nan
+    with pytest.raises(ArgumentError, match=r"column 1 at 0\.3 s"):
+        Demonstration.from_arrays(TIMES_S, human, ROBOT)
