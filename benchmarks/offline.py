@@ -22,7 +22,7 @@ def bags_to_model(folder: Path) -> tuple[Result, TaskLibrary, list[Demonstration
     marks = [time.perf_counter()]
     demonstrations, _ = read_demonstrations(folder, dofs)
     marks.append(time.perf_counter())
-    library, _ = learn(demonstrations, TrainingSettings())
+    library = learn(demonstrations, TrainingSettings())
     marks.append(time.perf_counter())
     with tempfile.TemporaryDirectory() as temporary:
         save_model(Path(temporary) / "model.npz", Model(library, dofs))

@@ -11,13 +11,12 @@ from movement_primitives.promp import ProMP
 
 from benchmarks.measure import Result, seconds
 from intent_recognition.learning import (
-    Recorded,
     TaskStatistics,
     Trained,
     TrainingSettings,
     accumulate,
     add_demonstration,
-    learn,
+    learn_with_report,
     library_from_statistics,
     make_examples,
     summarize,
@@ -33,7 +32,7 @@ DURATION_NS = 2_000_000_000
 RIDGE = TrainingSettings().ridge
 
 
-def training(demonstrations: Sequence[Recorded]) -> Iterator[Result]:
+def training(demonstrations: Sequence[Demonstration]) -> Iterator[Result]:
     """Ridge regression and moments against the peer's expectation maximisation; one added.
 
     Args:
@@ -42,7 +41,7 @@ def training(demonstrations: Sequence[Recorded]) -> Iterator[Result]:
     for n_basis in (10, 20):
         yield _beside_peer(n_basis)
     *some, last = demonstrations
-    trained = learn(some)[1].trained
+    trained = learn_with_report(some).trained
     added_s = seconds(partial(add_demonstration, trained, last), 15)
     yield Result(
         f"adding one demonstration to {len(some)}",
@@ -64,7 +63,7 @@ def training(demonstrations: Sequence[Recorded]) -> Iterator[Result]:
     )
 
 
-def _anew(demonstrations: Sequence[Recorded], like: Trained) -> TaskLibrary:
+def _anew(demonstrations: Sequence[Demonstration], like: Trained) -> TaskLibrary:
     """From all at the reference and hyperparameters of another."""
     tasks = accumulate(demonstrations, TrainingSettings(), like.reference).tasks
     return library_from_statistics(tasks, like.reference, like.chosen)
@@ -134,7 +133,7 @@ def _imitate(n_basis: int, times: np.ndarray, values: np.ndarray) -> ProMP:
     return primitive
 
 
-def _statistics(basis: NormalizedRBFBasis, recorded: Sequence[Recorded]) -> TaskStatistics:
+def _statistics(basis: NormalizedRBFBasis, recorded: Sequence[Demonstration]) -> TaskStatistics:
     return summarize(make_examples(recorded, basis, RIDGE))
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from bag_builder import JOINTS, LWR, POSE
-from simulation import Recording, make_library, simulate
+from simulation import make_library, simulate
 
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
@@ -14,6 +14,7 @@ from intent_recognition.demonstrations.stream import POSITION_FIELDS
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.model.file import Model
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.observation import merge
 
 WRIST = DofEntry("mocap/wrist/pose", POSE, fields=POSITION_FIELDS, unit="m")
@@ -47,7 +48,7 @@ def true_library(dofs: DofSpec, n_tasks: int = 3, seed: int = SEED) -> TaskLibra
     )
 
 
-def perform(truth: TaskLibrary, task: int, seed: int, **options) -> Recording:
+def perform(truth: TaskLibrary, task: int, seed: int, **options) -> Demonstration:
     """One recording with rest before and after, at 50 Hz."""
     options = {"rest_before_s": 0.8, "rest_after_s": 0.8, "name": f"demo_{seed:02d}"} | options
     return simulate(truth, task, np.random.default_rng(seed), **options)
@@ -57,7 +58,7 @@ def learned_model(dofs: DofSpec, truth: TaskLibrary | None = None, per_task: int
     """A model learned from simulated recordings, as `intent train` would."""
     truth = truth or true_library(dofs)
     recordings = [perform(truth, i % truth.n_tasks, i) for i in range(per_task * truth.n_tasks)]
-    library, _ = learn(recordings, TrainingSettings(n_basis=10), {"bags": ["simulated"]})
+    library = learn(recordings, TrainingSettings(n_basis=10), {"bags": ["simulated"]})
     return Model(library, dofs)
 
 
@@ -73,7 +74,7 @@ def message_of(entry: DofEntry, stamp_ns: int, values: np.ndarray) -> dict:
 
 
 def write_recording(
-    path: Path, recording: Recording, dofs: DofSpec, *, task: str | None = None, **metadata: str
+    path: Path, recording: Demonstration, dofs: DofSpec, *, task: str | None = None, **metadata: str
 ) -> Path:
     """A bag of a recording; the label is the recording's own unless given, none if empty."""
     label = recording.task if task is None else task

@@ -2,11 +2,12 @@
 """Streams of observations for tests of the online estimator, and what comes out of it."""
 
 import numpy as np
-from simulation import Recording, make_library, minimum_jerk, simulate
+from simulation import make_library, minimum_jerk, simulate
 
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.recognition.estimator import Estimate, IntentEstimator
+from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.observation import Observation
 
 
@@ -21,7 +22,7 @@ def learned(truth: TaskLibrary) -> TaskLibrary:
     recordings = [
         movement(truth, i % truth.n_tasks, rng, name=f"demo_{i}") for i in range(12 * truth.n_tasks)
     ]
-    return learn(recordings, TrainingSettings(n_basis=10))[0]
+    return learn(recordings, TrainingSettings(n_basis=10))
 
 
 def feed(estimator: IntentEstimator, observations) -> list[Estimate]:
@@ -32,7 +33,7 @@ def feed(estimator: IntentEstimator, observations) -> list[Estimate]:
     return estimates
 
 
-def movement(library: TaskLibrary, task: int, rng, **options) -> Recording:
+def movement(library: TaskLibrary, task: int, rng, **options) -> Demonstration:
     return simulate(library, task, rng, **{"rest_before_s": 0.8, "rest_after_s": 0.8} | options)
 
 

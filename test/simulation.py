@@ -1,29 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Libraries with known truth, and recordings drawn from them."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.onset import OnsetSettings
 from intent_recognition.signals.signal import Signal
 
 START_NS = 1_700_000_000_000_000_000
-
-
-@dataclass(frozen=True)
-class Recording:
-    """What training and evaluation need of a demonstration."""
-
-    name: str
-    task: str | None
-    observed: tuple[Signal, ...]
-    controlled: tuple[Signal, ...]
-    start_ns: int
-    end_ns: int
 
 
 def minimum_jerk(phase: np.ndarray) -> np.ndarray:
@@ -133,7 +121,7 @@ def simulate(
     rest_before_s: float = 0.0,
     rest_after_s: float = 0.0,
     weights: np.ndarray | None = None,
-) -> Recording:
+) -> Demonstration:
     """A recording drawn from the library: weights, duration and noise at random unless given."""
     duration = draw_duration(library, task, rng) if duration_s is None else duration_s
     w = draw_weights(library, task, rng) if weights is None else weights
@@ -145,8 +133,9 @@ def simulate(
     values = values + rng.normal(size=values.shape) * np.sqrt(library.noise_variance)
     stamps = START_NS + np.round((times - times[0]) * 1e9).astype(np.int64)
     p = library.n_observed
-    return Recording(
+    return Demonstration(
         name,
+        "",
         library.labels[task],
         signals(library.observed_names, library.observed_groups, stamps, values[:, :p], "m"),
         signals(library.controlled_names, (library.n_controlled,), stamps, values[:, p:], "rad"),

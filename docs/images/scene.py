@@ -113,7 +113,7 @@ def rest_of_both(library: TaskLibrary, task: str, seen, estimate) -> tuple[np.nd
 def learned() -> TaskLibrary:
     """The library of the shipped training bags."""
     demonstrations, _ = read_demonstrations(share_path("bags/toolbox/train"), load_dofs())
-    return learn(demonstrations)[0]
+    return learn(demonstrations)
 
 
 class Camera:

@@ -102,7 +102,7 @@ def _overrides(folder: Path) -> dict[str, dict]:
     """What some nodes cannot start without."""
     dofs = load_dofs()
     found, _ = read_demonstrations(sorted(share_path("bags/toolbox/train").iterdir())[::6], dofs)
-    library, _ = learn(found)
+    library = learn(found)
     model = folder / "model.npz"
     save_model(model, Model(library, dofs))
     with socket.socket() as probe:

@@ -156,9 +156,9 @@ def train(
         "bags": list(found.accumulated.used),
     }
     with busy(console, "learning"):
-        library, report = learn_accumulated(found.accumulated, provenance)
+        report = learn_accumulated(found.accumulated, provenance)
     print_found(console, found)
-    return Model(library, dofs), report._replace(rejected=all_left_out(found))
+    return Model(report.library, dofs), report._replace(rejected=all_left_out(found))
 
 
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:

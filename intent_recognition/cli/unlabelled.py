@@ -27,8 +27,7 @@ from intent_recognition.learning import (
     TrainingReport,
     TrainingSettings,
     label_by_components,
-    learn,
-    with_mixture_weights,
+    learn_components,
 )
 from intent_recognition.model import Model
 from intent_recognition.signals import Demonstration
@@ -117,11 +116,11 @@ def train_unlabelled(
         "components": [recorded.task for recorded in found.demonstrations],
     }
     with busy(console, "learning"):
-        library, report = with_mixture_weights(learn(found.demonstrations, settings, provenance)[1])
+        report = learn_components(found, settings, provenance)
     print_left_out(console, rejections)
     print_left_out(console, [f"{name}: {reason}" for name, reason in report.rejected])
     print_dropped(console, demonstrations)
-    return Model(library, dofs), report
+    return Model(report.library, dofs), report
 
 
 def find_components(

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from intent_recognition.learning import Recorded
-from intent_recognition.signals import Signal
+from intent_recognition.signals import Demonstration, Signal
 
 
 def sample(signals: Sequence[Signal], start_ns: int, times_s: np.ndarray) -> np.ndarray:
@@ -19,14 +18,16 @@ def sample(signals: Sequence[Signal], start_ns: int, times_s: np.ndarray) -> np.
     return np.stack(columns, axis=1)
 
 
-def _times(recorded: Recorded, test: Recorded, phases: np.ndarray, known: bool) -> np.ndarray:
+def _times(
+    recorded: Demonstration, test: Demonstration, phases: np.ndarray, known: bool
+) -> np.ndarray:
     """Times in `recorded` that correspond to phases of the test: by phase, or by the clock."""
     reference = recorded if known else test
     return phases * (reference.end_ns - reference.start_ns) * 1e-9
 
 
 def mean_of_task(
-    training: Sequence[Recorded], test: Recorded, phases: np.ndarray, known: bool
+    training: Sequence[Demonstration], test: Demonstration, phases: np.ndarray, known: bool
 ) -> np.ndarray:
     """Mean of the controlled agent over the demonstrations of a task, (T, Q)."""
     return np.mean(
@@ -35,7 +36,11 @@ def mean_of_task(
 
 
 def nearest_neighbour(
-    training: Sequence[Recorded], test: Recorded, phases: np.ndarray, fraction: float, known: bool
+    training: Sequence[Demonstration],
+    test: Demonstration,
+    phases: np.ndarray,
+    fraction: float,
+    known: bool,
 ) -> np.ndarray:
     """Controlled agent of the demonstration whose observed agent moved most alike, (T, Q)."""
     seen = phases[phases <= fraction + 1e-9]

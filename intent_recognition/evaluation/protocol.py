@@ -17,7 +17,8 @@ from intent_recognition.evaluation.scoring import (
     score_demonstration,
 )
 from intent_recognition.evaluation.unknown_movements import compare, follow_unknown
-from intent_recognition.learning import Recorded, TrainingSettings, cut_to_movement, learn
+from intent_recognition.learning import TrainingSettings, cut_to_movement, learn
+from intent_recognition.signals import Demonstration
 
 Fold = tuple[list[int], list[int]]
 
@@ -49,29 +50,37 @@ def make_folds(n: int, protocol: str) -> list[Fold]:
 
 
 def evaluate(
-    demonstrations: Sequence[Recorded],
-    folds: Sequence[Fold],
-    settings: TrainingSettings,
+    demonstrations: Sequence[Demonstration],
+    protocol: str | Sequence[Fold] = "loo",
+    settings: TrainingSettings | None = None,
     *,
     start_posture: bool = False,
     both_starts: bool = False,
     unknown_tasks: bool = False,
     progress: Callable[[int], None] = lambda done: None,
 ) -> dict:
-    """Train on each fold's rest, score on what was left out; the JSON of `intent evaluate`.
+    """Cross-validate recognition and prediction; the content of `intent evaluate --json`.
 
     Args:
         demonstrations: labelled recordings with the same DOFs.
-        folds: indices to train and to test on.
-        settings: how to learn.
+        protocol: "loo" (leave one out), "kfold:K", or pairs of the indices to train and to test on.
+        settings: how to learn; `TrainingSettings()` when None.
         start_posture: condition trajectories on the controlled agent's position at the start.
         both_starts: predict with the start posture, too, under a key of its own.
         unknown_tasks: leave every task out in turn, too, and see what becomes of its movements.
         progress: called with the number of demonstrations scored so far.
 
+    Returns:
+        Numbers by name, as docs/evaluation.md defines them: `recognition` and `prediction` by
+        phase knowledge and share of the movement observed, `reliability`, `coverage`, `confusion`
+        and `none`.
+
     Raises:
+        ArgumentError: an unknown protocol, or more folds than demonstrations.
         TrainingError: a fold cannot be learned from.
     """
+    folds = make_folds(len(demonstrations), protocol) if isinstance(protocol, str) else protocol
+    settings = settings or TrainingSettings()
     if settings.segmentation == "movement":
         demonstrations = cut_to_movement(demonstrations)
         settings = replace(settings, segmentation="recording")
@@ -79,7 +88,7 @@ def evaluate(
     done, units, labels = 0, (), set()
     for train, test in folds:
         training = [demonstrations[i] for i in train]
-        library, _ = learn(training, settings)
+        library = learn(training, settings)
         units = tuple(dict.fromkeys(library.controlled_units))
         labels |= set(library.labels)
         for index in test:

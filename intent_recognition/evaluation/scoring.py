@@ -12,10 +12,9 @@ from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighb
 from intent_recognition.evaluation.calibration import Recognitions, Spreads
 from intent_recognition.evaluation.unknown_movements import Outcome, Watch
 from intent_recognition.filtering import Hypotheses, MovementRun, fixed_hypotheses, make_hypotheses
-from intent_recognition.learning import Recorded
 from intent_recognition.promp import StartPosture, TaskLibrary
 from intent_recognition.recognition import TaskPosterior, task_posterior
-from intent_recognition.signals import merge
+from intent_recognition.signals import Demonstration, merge
 
 RECOGNITION_FRACTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
 PREDICTION_FRACTIONS = (0.25, 0.5, 0.75, 1.0)
@@ -95,8 +94,8 @@ def collect(both_starts: bool = False) -> Collected:
 def score_demonstration(
     collected: Collected,
     library: TaskLibrary,
-    training: Sequence[Recorded],
-    test: Recorded,
+    training: Sequence[Demonstration],
+    test: Demonstration,
     start_posture: bool,
 ) -> None:
     """Add one left-out demonstration's scores.
@@ -180,7 +179,7 @@ def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> np.ndarra
 def _snapshots(
     library: TaskLibrary,
     hypotheses: Hypotheses,
-    test: Recorded,
+    test: Demonstration,
     duration_s: float,
     watch: Watch | None,
 ) -> Iterator[tuple[float, MovementRun]]:
@@ -233,8 +232,8 @@ def _prediction_scores(
 
 def _baseline_scores(
     library: TaskLibrary,
-    training: Sequence[Recorded],
-    test: Recorded,
+    training: Sequence[Demonstration],
+    test: Demonstration,
     fraction: float,
     truth: np.ndarray,
     known: bool,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.filtering import MovementRun, make_hypotheses
-from intent_recognition.learning import Recorded, TrainingSettings, learn
+from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import (
     NONE,
@@ -23,7 +23,7 @@ from intent_recognition.recognition import (
     decide,
     task_posterior,
 )
-from intent_recognition.signals import merge
+from intent_recognition.signals import Demonstration, merge
 
 
 class Outcome(NamedTuple):
@@ -105,7 +105,7 @@ class Watch:
         return Outcome(task, self._highest, above, *found)
 
 
-def follow(library: TaskLibrary, recorded: Recorded) -> Outcome:
+def follow(library: TaskLibrary, recorded: Demonstration) -> Outcome:
     """What a library makes of a whole recording, its progress unknown."""
     run = MovementRun(library, make_hypotheses(library), recorded.start_ns)
     watch = Watch(library)
@@ -117,7 +117,7 @@ def follow(library: TaskLibrary, recorded: Recorded) -> Outcome:
 
 
 def follow_unknown(
-    demonstrations: Sequence[Recorded],
+    demonstrations: Sequence[Demonstration],
     settings: TrainingSettings,
     progress: Callable[[int], None] = lambda done: None,
 ) -> list[Outcome]:
@@ -138,7 +138,7 @@ def follow_unknown(
         rest = [d for d in demonstrations if d.task != task]
         if len(rest) < 2 or len(rest) == len({d.task for d in rest}):
             continue
-        library, _ = learn(rest, settings)
+        library = learn(rest, settings)
         for recorded in (d for d in demonstrations if d.task == task):
             outcomes.append(follow(library, recorded))
             progress(len(outcomes))

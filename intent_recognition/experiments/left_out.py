@@ -29,7 +29,6 @@ from intent_recognition.learning import (
     SAMPLED_PHASES,
     Clustering,
     Features,
-    Recorded,
     Tried,
     cluster,
     cut_to_movement,
@@ -39,6 +38,7 @@ from intent_recognition.learning import (
     score,
     smallest_within_one_error,
 )
+from intent_recognition.signals import Demonstration
 
 PHASES = np.linspace(0.0, 1.0, SAMPLED_PHASES)
 """Phases of all trajectories here, (S,)."""
@@ -98,7 +98,7 @@ class Predicted(NamedTuple):
     std: NDArray[np.float64]
 
 
-def pairs_of(demonstrations: Sequence[Recorded]) -> Pairs:
+def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
     """Both agents of each demonstration, cut to the interaction, their labels not looked at.
 
     Raises:

@@ -22,7 +22,6 @@ from intent_recognition.learning.components import (
 )
 from intent_recognition.learning.examples import (
     Example,
-    Recorded,
     cut_one,
     cut_to_movement,
     make_example,
@@ -53,13 +52,15 @@ from intent_recognition.learning.training import (
     choose_again,
     learn,
     learn_accumulated,
+    learn_with_report,
 )
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
 from intent_recognition.learning.unknown_task_calibration import calibrate_none, is_outdated
 from intent_recognition.learning.unlabelled import (
     Relabelled,
     label_by_components,
-    with_mixture_weights,
+    learn_components,
+    learn_mixture,
 )
 
 __all__ = [
@@ -77,7 +78,6 @@ __all__ = [
     "Clustering",
     "Example",
     "Features",
-    "Recorded",
     "Reference",
     "Relabelled",
     "SignalNames",
@@ -102,6 +102,9 @@ __all__ = [
     "label_by_components",
     "learn",
     "learn_accumulated",
+    "learn_components",
+    "learn_mixture",
+    "learn_with_report",
     "library_from_statistics",
     "make_example",
     "make_examples",
@@ -115,5 +118,4 @@ __all__ = [
     "smallest_within_one_error",
     "smoothed_transitions",
     "summarize",
-    "with_mixture_weights",
 ]

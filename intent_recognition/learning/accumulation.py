@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import NamedTuple
 
-from intent_recognition.errors import TrainingError, describe
-from intent_recognition.learning.examples import Example, Recorded, cut_one, make_examples
+from intent_recognition.errors import ArgumentError, TrainingError, describe
+from intent_recognition.learning.examples import Example, cut_one, make_examples
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, merge_statistics, summarize
 from intent_recognition.learning.timing import Timing, settle_timing
 from intent_recognition.promp import NONE, NormalizedRBFBasis
-from intent_recognition.signals import OnsetSettings, onset_settings
+from intent_recognition.signals import Demonstration, OnsetSettings, onset_settings
 
 REFERENCE_RECORDINGS = 100
 """How many recordings of a stream settle the thresholds of the onset."""
@@ -89,7 +89,7 @@ class Accumulated(NamedTuple):
 
 
 def accumulate(
-    recordings: Iterable[Recorded],
+    recordings: Iterable[Demonstration],
     settings: TrainingSettings,
     reference: Reference | None = None,
 ) -> Accumulated:
@@ -100,10 +100,13 @@ def accumulate(
             once, whose reference is settled by its first `REFERENCE_RECORDINGS` usable ones.
         settings: how to learn; those of the reference count where one is given.
         reference: how to make examples, None to settle it.
+
+    Raises:
+        ArgumentError: an item is not a `Demonstration`.
     """
     total = Accumulated(reference, {})
-    head: list[Recorded] = []
-    stream = iter(recordings)
+    head: list[Demonstration] = []
+    stream = _demonstrations(recordings)
     limit = len(recordings) if isinstance(recordings, Sequence) else REFERENCE_RECORDINGS
     if reference is None:
         for recorded in stream:
@@ -123,7 +126,7 @@ def accumulate(
     return total
 
 
-def settle_reference(recordings: Sequence[Recorded], settings: TrainingSettings) -> Reference:
+def settle_reference(recordings: Sequence[Demonstration], settings: TrainingSettings) -> Reference:
     """Thresholds, templates and DOFs from usable recordings, at least one."""
     first = recordings[0]
     onset = onset_settings([recorded.observed for recorded in recordings])
@@ -171,7 +174,7 @@ def merge_accumulated(first: Accumulated, second: Accumulated) -> Accumulated:
     )
 
 
-def example_of(recorded: Recorded, reference: Reference) -> Example:
+def example_of(recorded: Demonstration, reference: Reference) -> Example:
     """One recording as an example.
 
     Raises:
@@ -184,7 +187,7 @@ def example_of(recorded: Recorded, reference: Reference) -> Example:
     return task.examples[0]
 
 
-def _accumulate_batch(recordings: Sequence[Recorded], reference: Reference) -> Accumulated:
+def _accumulate_batch(recordings: Sequence[Demonstration], reference: Reference) -> Accumulated:
     """Statistics of a few recordings at once."""
     total = Accumulated(reference, {})
     usable = []
@@ -213,7 +216,7 @@ def _accumulate_batch(recordings: Sequence[Recorded], reference: Reference) -> A
 
 
 def _with_aligned(
-    examples: Sequence[tuple[Recorded, Example]], reference: Reference
+    examples: Sequence[tuple[Demonstration, Example]], reference: Reference
 ) -> list[Example]:
     """The examples, each with what it is over the reference phase of its task."""
     recordings = [recorded for recorded, _ in examples]
@@ -229,7 +232,7 @@ def _with_aligned(
     ]
 
 
-def _reason_against(recorded: Recorded, model: Recorded | Reference | None) -> str:
+def _reason_against(recorded: Demonstration, model: Demonstration | Reference | None) -> str:
     """Why a recording cannot be learned from together with those before it, or nothing."""
     if recorded.task is None:
         return "it has no label `task`"
@@ -249,7 +252,7 @@ def _reason_against(recorded: Recorded, model: Recorded | Reference | None) -> s
     )
 
 
-def _dofs(model: Recorded | Reference) -> tuple[tuple[SignalNames, ...], ...]:
+def _dofs(model: Demonstration | Reference) -> tuple[tuple[SignalNames, ...], ...]:
     """Names and unit of each signal, observed and controlled."""
     if isinstance(model, Reference):
         return model.observed, model.controlled
@@ -266,13 +269,24 @@ def _reject(total: Accumulated, name: str, reason: str) -> Accumulated:
     )
 
 
-def _taken(reversed_head: list[Recorded]) -> Iterator[Recorded]:
+def _demonstrations(recordings: Iterable[Demonstration]) -> Iterator[Demonstration]:
+    """The recordings one by one; refuses anything else."""
+    for number, recorded in enumerate(recordings if isinstance(recordings, Iterable) else [None]):
+        if not isinstance(recorded, Demonstration):
+            found = type(recordings if recorded is None else recorded).__name__
+            cure = "Make them with `Demonstration.from_arrays` or `read_demonstrations`."
+            place = f"demonstrations[{number}]"
+            raise ArgumentError(describe(place, "a Demonstration in a list", found, cure))
+        yield recorded
+
+
+def _taken(reversed_head: list[Demonstration]) -> Iterator[Demonstration]:
     """The recordings of a reversed list, each let go when it is handed out."""
     while reversed_head:
         yield reversed_head.pop()
 
 
-def _batches(recordings: Iterable[Recorded], size: int) -> Iterator[list[Recorded]]:
+def _batches(recordings: Iterable[Demonstration], size: int) -> Iterator[list[Demonstration]]:
     batch = []
     for recorded in recordings:
         batch.append(recorded)

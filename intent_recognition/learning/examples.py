@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from intent_recognition.promp import (
 )
 from intent_recognition.signals import (
     MIN_SAMPLES,
+    Demonstration,
     OnsetSettings,
-    Signal,
     movement_span,
     onset_settings,
 )
@@ -26,17 +26,6 @@ from intent_recognition.signals import (
 SAMPLES_PER_MOVEMENT = 30
 """Samples of one movement that count as independent evidence; denser ones share it."""
 MIN_DURATION_S = 0.2
-
-
-class Recorded(Protocol):
-    """What training needs of a demonstration, a dataclass (`storage.Demonstration` has it)."""
-
-    name: str
-    task: str | None
-    observed: tuple[Signal, ...]
-    controlled: tuple[Signal, ...]
-    start_ns: int
-    end_ns: int
 
 
 class Example(NamedTuple):
@@ -74,7 +63,7 @@ def scored_phases() -> np.ndarray:
     return np.linspace(0.0, 1.0, SCORED_PHASES)
 
 
-def make_example(recorded: Recorded, basis: NormalizedRBFBasis, ridge: float) -> Example:
+def make_example(recorded: Demonstration, basis: NormalizedRBFBasis, ridge: float) -> Example:
     """Weights of one demonstration from its start to its end.
 
     Raises:
@@ -87,7 +76,7 @@ def make_example(recorded: Recorded, basis: NormalizedRBFBasis, ridge: float) ->
 
 
 def make_examples(
-    recordings: Sequence[Recorded],
+    recordings: Sequence[Demonstration],
     basis: NormalizedRBFBasis,
     ridge: float,
     warps: Sequence[Warp] | None = None,
@@ -126,7 +115,7 @@ class _Part(NamedTuple):
     values: np.ndarray
 
 
-def _movement(recorded: Recorded) -> list[_Part] | TrainingError:
+def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
     """Each signal from start to end, observed ones first, or why that is too little."""
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     duration = (end_ns - start_ns) * 1e-9
@@ -159,7 +148,9 @@ def _warped(parts: list[_Part] | TrainingError, warp: Warp) -> list[_Part] | Tra
     return [part._replace(phase=np.clip(warp.inverse(part.phase), 0.0, 1.0)) for part in parts]
 
 
-def _assemble(recorded: Recorded, parts: Sequence[_Part], fits: Sequence[WeightFit]) -> Example:
+def _assemble(
+    recorded: Demonstration, parts: Sequence[_Part], fits: Sequence[WeightFit]
+) -> Example:
     """The example of a recording from its signals and their weights."""
     n_observed = len(recorded.observed)
     return Example(
@@ -179,7 +170,7 @@ def _at(phases: np.ndarray, part: _Part) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def cut_to_movement(demonstrations: Sequence[Recorded]) -> list[Recorded]:
+def cut_to_movement(demonstrations: Sequence[Demonstration]) -> list[Demonstration]:
     """The same recordings, each from the human's onset to both agents' rest.
 
     Thresholds come from the recordings themselves; the onset is found as it would be online.
@@ -192,8 +183,8 @@ def cut_to_movement(demonstrations: Sequence[Recorded]) -> list[Recorded]:
 
 
 def cut_one(
-    recorded: Recorded, observed: Sequence[OnsetSettings], controlled: Sequence[OnsetSettings]
-) -> Recorded:
+    recorded: Demonstration, observed: Sequence[OnsetSettings], controlled: Sequence[OnsetSettings]
+) -> Demonstration:
     """One recording from the human's onset to both agents' rest, by given thresholds."""
     start_ns, end_ns = movement_span(
         recorded.observed,

@@ -67,7 +67,7 @@ def settle_timing(recordings: Sequence) -> Timing:
     """Templates and leads of recordings that are cut to their movements.
 
     Args:
-        recordings: labelled (`examples.Recorded`); those without a sample of some signal are
+        recordings: labelled demonstrations; those without a sample of some signal are
             passed over.
     """
     usable = [recorded for recorded in recordings if _has_samples(recorded)]

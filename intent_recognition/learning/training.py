@@ -15,7 +15,7 @@ from intent_recognition.learning.accumulation import (
     accumulate,
     example_of,
 )
-from intent_recognition.learning.examples import Example, Recorded, sample_phases, scored_phases
+from intent_recognition.learning.examples import Example, sample_phases, scored_phases
 from intent_recognition.learning.fitting import (
     aligned_primitives,
     aligned_statistics,
@@ -46,6 +46,7 @@ from intent_recognition.learning.statistics import (
 )
 from intent_recognition.learning.unknown_task_calibration import calibrate_none
 from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary, leave_one_out_targets
+from intent_recognition.signals import Demonstration
 
 MAX_SCORED = 600
 """Demonstrations of all tasks that hyperparameters are chosen on, at most."""
@@ -71,7 +72,7 @@ class Trained:
 
 
 class TrainingReport(NamedTuple):
-    """What came of the demonstrations.
+    """What was learned, and what became of the demonstrations.
 
     Attributes:
         used: names of those learned from, of very many the first 1000.
@@ -90,21 +91,48 @@ class TrainingReport(NamedTuple):
     n_rejected: int
     trained: Trained
 
+    @property
+    def library(self) -> TaskLibrary:
+        """The learned tasks."""
+        return self.trained.library
+
 
 def learn(
-    demonstrations: Iterable[Recorded],
-    settings: TrainingSettings | None = None,
-    provenance: Mapping[str, object] | None = None,
-) -> tuple[TaskLibrary, TrainingReport]:
-    """Learn one interaction primitive per label.
+    demonstrations: Iterable[Demonstration], settings: TrainingSettings | None = None
+) -> TaskLibrary:
+    """Learn one interaction primitive per task from labelled demonstrations.
+
+    Regularisation, alignment in time and the calibration against unknown movements are chosen by
+    cross-validation. Demonstrations that cannot be used (too short, other DOFs, no label) are left
+    out; `learn_with_report` says which and why.
 
     Args:
         demonstrations: labelled recordings with the same DOFs: a list, or a stream of any length,
-            of which one is held at a time (`gathering.gather` says what a stream settles how).
-        settings: how to learn.
-        provenance: what to remember about their origin.
+            of which a few are held at a time (see `accumulate`). A task may have a single
+            demonstration as long as another has two.
+        settings: how to learn; `TrainingSettings()` when None.
 
     Raises:
+        ArgumentError: an item is not a `Demonstration`.
+        TrainingError: nothing usable, or no task with at least two demonstrations.
+    """
+    return learn_with_report(demonstrations, settings).library
+
+
+def learn_with_report(
+    demonstrations: Iterable[Demonstration],
+    settings: TrainingSettings | None = None,
+    provenance: Mapping[str, object] | None = None,
+) -> TrainingReport:
+    """Learn as `learn` does; the result also says what was used, left out and chosen.
+
+    Args:
+        demonstrations: as in `learn`.
+        settings: as in `learn`.
+        provenance: stored in the library, such as where the demonstrations come from.
+
+    Raises:
+        ArgumentError: an item is not a `Demonstration`.
         TrainingError: nothing usable, or no task with at least two demonstrations.
     """
     return learn_accumulated(accumulate(demonstrations, settings or TrainingSettings()), provenance)
@@ -112,8 +140,8 @@ def learn(
 
 def learn_accumulated(
     accumulated: Accumulated, provenance: Mapping[str, object] | None = None
-) -> tuple[TaskLibrary, TrainingReport]:
-    """The same from statistics: choose the hyperparameters and take what follows from them.
+) -> TrainingReport:
+    """Learn from sufficient statistics: choose the hyperparameters and build the library.
 
     Raises:
         TrainingError: nothing usable, or no task with at least two demonstrations.
@@ -122,17 +150,15 @@ def learn_accumulated(
     chosen, tried = choose(accumulated.tasks, accumulated.reference)
     library = library_from_statistics(accumulated.tasks, accumulated.reference, chosen, provenance)
     library = _calibrated(library, accumulated.tasks, accumulated.reference, chosen)
-    trained = Trained(library, accumulated.reference, accumulated.tasks, chosen)
-    report = TrainingReport(
+    return TrainingReport(
         accumulated.used,
         accumulated.rejected,
         chosen,
         tried,
         accumulated.n_used,
         accumulated.n_rejected,
-        trained,
+        Trained(library, accumulated.reference, accumulated.tasks, chosen),
     )
-    return library, report
 
 
 def choose(
@@ -221,16 +247,17 @@ def _choose(
     )
 
 
-def add_demonstration(trained: Trained, recorded: Recorded) -> Trained:
+def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained:
     """The same with one more labelled demonstration, of a known task or a new one.
 
-    Equals training anew with the same reference and hyperparameters; `learn` chooses these again.
+    Equals training anew with the same reference and hyperparameters, which `choose_again`
+    chooses again.
     Priors over tasks are kept; a new task takes its share of them.
 
     Raises:
         TrainingError: the demonstration cannot be used; says why.
     """
-    example = example_of(recorded, trained.reference)
+    example = example_of(demonstration, trained.reference)
     return add_statistics(trained, {example.task: summarize([example])}, [example.name])
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Demonstrations without labels become tasks: each component of the mixture is one."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -15,11 +15,12 @@ from intent_recognition.learning.components import (
     purity,
     try_components,
 )
-from intent_recognition.learning.examples import Example, Recorded
+from intent_recognition.learning.examples import Example
 from intent_recognition.learning.mixture import BASIS, RIDGE, mixture_features
 from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.training import TrainingReport
+from intent_recognition.learning.training import TrainingReport, learn_with_report
 from intent_recognition.promp import TaskLibrary
+from intent_recognition.signals import Demonstration
 
 UNLABELLED = "unlabelled"
 
@@ -34,7 +35,7 @@ class Relabelled(NamedTuple):
         purity: agreement with the labels of those recordings that had one, None if none had.
     """
 
-    demonstrations: tuple[Recorded, ...]
+    demonstrations: tuple[Demonstration, ...]
     rejected: tuple[tuple[str, str], ...]
     choice: ComponentChoice
     purity: float | None
@@ -45,8 +46,34 @@ def component_name(index: int) -> str:
     return f"component_{index + 1}"
 
 
+def learn_mixture(
+    demonstrations: Sequence[Demonstration],
+    n_components: int | None = None,
+    settings: TrainingSettings | None = None,
+    rng: np.random.Generator | None = None,
+) -> TaskLibrary:
+    """Learn a mixture of interaction primitives from unlabelled demonstrations.
+
+    Each component becomes a task, `component_1` the largest (Ewerton et al. 2015). Labels are
+    ignored.
+
+    Args:
+        demonstrations: recordings with the same DOFs.
+        n_components: number of tasks; None to choose it by left-out prediction.
+        settings: how to learn; `TrainingSettings()` when None.
+        rng: draws the starts of EM; a generator seeded with 0 when None.
+
+    Raises:
+        TrainingError: no recording can be used, or no component has two of them.
+        ArgumentError: more components than recordings.
+    """
+    settings, rng = settings or TrainingSettings(), rng or np.random.default_rng(0)
+    found = label_by_components(demonstrations, settings, rng, n_components=n_components)
+    return learn_components(found, settings).library
+
+
 def label_by_components(
-    demonstrations: Sequence[Recorded],
+    demonstrations: Sequence[Demonstration],
     settings: TrainingSettings,
     rng: np.random.Generator,
     *,
@@ -92,19 +119,28 @@ def label_by_components(
     )
 
 
-def with_mixture_weights(report: TrainingReport) -> tuple[TaskLibrary, TrainingReport]:
-    """The learned library with p(k) = n_k / n throughout (Ewerton et al. 2015, Eq. 8)."""
-    library = report.trained.library
+def learn_components(
+    found: Relabelled,
+    settings: TrainingSettings | None = None,
+    provenance: Mapping[str, object] | None = None,
+) -> TrainingReport:
+    """Learn each component as a task, with p(k) = n_k / n throughout (Ewerton et al. 2015, Eq. 8).
+
+    Raises:
+        TrainingError: no component has at least two usable demonstrations.
+    """
+    trained = (report := learn_with_report(found.demonstrations, settings, provenance)).trained
+    library = trained.library
     share = library.n_demonstrations / np.sum(library.n_demonstrations)
     library = replace(
         library, task_prior=share, transition_prior=np.tile(share, (library.n_tasks + 1, 1))
     )
-    return library, report._replace(trained=replace(report.trained, library=library))
+    return report._replace(trained=replace(trained, library=library))
 
 
 def _examples(
-    demonstrations: Sequence[Recorded], settings: TrainingSettings
-) -> tuple[list[Recorded], list[Example], tuple[tuple[str, str], ...]]:
+    demonstrations: Sequence[Demonstration], settings: TrainingSettings
+) -> tuple[list[Demonstration], list[Example], tuple[tuple[str, str], ...]]:
     """The usable recordings, their examples, and why others are left out."""
     stand_ins = [replace(recorded, task=UNLABELLED) for recorded in demonstrations]
     own = replace(settings, n_basis=BASIS.n_basis, width=BASIS.width, ridge=RIDGE)

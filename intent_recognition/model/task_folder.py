@@ -217,7 +217,7 @@ class TaskFolder:
         _check(found, self.path / BAGS)
         if found.accumulated.n_used == len(found.accumulated.tasks):
             return None
-        return learn_accumulated(found.accumulated)[1].trained
+        return learn_accumulated(found.accumulated).trained
 
     def _keep(self, action: str, task: str, bag: str, trained: Trained | None) -> Change:
         if trained is None:

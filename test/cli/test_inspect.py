@@ -138,7 +138,7 @@ def model_file(tmp_path, rng):
     dofs = load_dofs()
     demonstrations, _ = read_demonstrations([tmp_path], dofs)
     settings = TrainingSettings(n_basis=6, segmentation="recording")
-    library, _ = learn(demonstrations, settings, {"bags": ["bag0", "bag1"]})
+    library = learn(demonstrations, settings, {"bags": ["bag0", "bag1"]})
     save_model(tmp_path / "m.npz", Model(library, dofs))
     return tmp_path / "m.npz"
 

@@ -3,21 +3,23 @@
 
 import numpy as np
 import pytest
-from simulation import START_NS, Recording
+from simulation import START_NS
 
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
+from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 
 PHASES = np.linspace(0.0, 1.0, 11)
 
 
-def line(name: str, human_to: float, robot_to: float, duration_s: float = 1.0) -> Recording:
+def line(name: str, human_to: float, robot_to: float, duration_s: float = 1.0) -> Demonstration:
     """Both agents go from 0 along straight lines."""
     times = np.linspace(0.0, duration_s, 41)
     stamps = START_NS + np.round(times * 1e9).astype(np.int64)
     share = (times / duration_s)[:, None]
-    return Recording(
+    return Demonstration(
         name,
+        "",
         "a",
         (Signal(("h",), stamps, human_to * share, "m"),),
         (Signal(("r", "s"), stamps, share * [robot_to, -robot_to], "rad"),),
@@ -59,8 +61,9 @@ def test_nearest_neighbour_looks_no_further_than_what_was_observed():
     late = line("test", 1.0, 0.0)
     turned = late.observed[0].values.copy()
     turned[21:] = 2.0 * np.linspace(0.5, 1.0, 20)[:, None]
-    test = Recording(
+    test = Demonstration(
         "t",
+        "",
         "a",
         (Signal(("h",), late.observed[0].stamps_ns, turned, "m"),),
         late.controlled,

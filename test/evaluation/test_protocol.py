@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from simulation import START_NS, Recording, make_library, minimum_jerk, simulate
+from simulation import START_NS, make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError, IntentError, TrainingError
 from intent_recognition.evaluation.protocol import evaluate, make_folds
@@ -21,6 +21,7 @@ from intent_recognition.evaluation.scoring import (
     score_demonstration,
 )
 from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 
 SETTINGS = TrainingSettings(n_basis=8, segmentation="recording")
@@ -32,13 +33,14 @@ PREDICTION_KEYS = {
 
 def exact(
     name: str, task: str, goal: float, duration_s: float = 2.0, shift: float = 0.0
-) -> Recording:
+) -> Demonstration:
     """The same movement every time: human to `goal`, robot to minus twice the goal."""
     times = np.linspace(0.0, duration_s, 101)
     stamps = START_NS + np.round(times * 1e9).astype(np.int64)
     share = minimum_jerk(times / duration_s)[:, None]
-    return Recording(
+    return Demonstration(
         name,
+        "",
         task,
         (Signal(("x",), stamps, goal * share + shift, "m"),),
         (Signal(("q",), stamps, -2.0 * goal * share + shift, "rad"),),
@@ -155,7 +157,7 @@ def test_too_few_recordings_for_a_protocol(n, protocol):
 
 
 def test_several_units_give_one_number_each_in_their_own_unit():
-    def with_hand(recording: Recording, factor: float) -> Recording:
+    def with_hand(recording: Demonstration, factor: float) -> Demonstration:
         own = recording.controlled[0]
         hand = Signal(("hx", "hy"), own.stamps_ns, np.repeat(own.values, 2, axis=1) * factor, "m")
         return replace(recording, controlled=(own, hand))
@@ -205,7 +207,7 @@ def test_baselines_of_a_shifted_demonstration():
 def test_percentages_observed_are_of_time_not_of_samples():
     """Nearly all samples lie in the first tenth; half of the time must still reach the middle."""
     truth = [exact(f"{t}{i}", t, g) for i in range(3) for t, g in (("a", 0.3), ("b", -0.3))]
-    library, _ = learn(truth, SETTINGS)
+    library = learn(truth, SETTINGS)
     times = np.r_[np.linspace(0.0, 0.2, 400), np.linspace(0.21, 2.0, 20)]
     stamps = START_NS + np.round(times * 1e9).astype(np.int64)
     human = 0.3 * minimum_jerk(times / 2.0)
@@ -221,7 +223,7 @@ def test_percentages_observed_are_of_time_not_of_samples():
 def test_what_comes_after_a_fraction_does_not_change_its_scores(rng):
     truth = make_library(rng, n_tasks=2, groups=(2,), n_basis=8)
     training = [simulate(truth, i % 2, rng, name=str(i), n_samples=40) for i in range(8)]
-    library, _ = learn(training, SETTINGS)
+    library = learn(training, SETTINGS)
     test = simulate(truth, 0, rng, n_samples=41, duration_s=2.0)
     signal = test.observed[0]
     changed = signal.values.copy()
@@ -271,7 +273,7 @@ def test_scores_against_a_loop_written_out(rng):
     row = evaluate(recordings, folds, SETTINGS)["prediction"]["known_phase"]["1.0"]
     expected = {"rmse": [], "coverage_2_sigma": [], "nll": [], "end_rmse": []}
     for train, (i,) in folds:
-        library, _ = learn([recordings[k] for k in train], SETTINGS)
+        library = learn([recordings[k] for k in train], SETTINGS)
         test = recordings[i]
         duration = (test.end_ns - test.start_ns) * 1e-9
         times = test.observed[0].seconds(test.start_ns)
@@ -328,7 +330,7 @@ def test_a_movement_unlike_any_task_is_scored_without_none():
 
 
 def test_a_recording_without_duration_is_named(rng):
-    library, _ = learn(IDENTICAL, SETTINGS)
+    library = learn(IDENTICAL, SETTINGS)
     still = replace(IDENTICAL[0], name="frozen", end_ns=START_NS)
     with pytest.raises(IntentError, match=r"frozen: expected a positive duration, got 0"):
         score_demonstration(collect(), library, IDENTICAL, still, False)

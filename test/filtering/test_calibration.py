@@ -3,12 +3,13 @@
 
 import numpy as np
 import pytest
-from simulation import START_NS, Recording, make_library, simulate
+from simulation import START_NS, make_library, simulate
 
 from intent_recognition.filtering.hypotheses import Hypotheses, fixed_hypotheses, make_hypotheses
 from intent_recognition.filtering.task_filter import TaskFilters
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.observation import merge
 
 WHOLE = TrainingSettings(n_basis=8, segmentation="recording")
@@ -16,7 +17,7 @@ FRACTIONS = (0.25, 0.5, 1.0)
 
 
 def standardised_errors(
-    library: TaskLibrary, recording: Recording, fraction: float, known: bool, n_times: int = 12
+    library: TaskLibrary, recording: Demonstration, fraction: float, known: bool, n_times: int = 12
 ) -> np.ndarray:
     """(truth - mean) / std of the controlled agent given its task, (n_times, Q)."""
     duration = (recording.end_ns - START_NS) * 1e-9
@@ -68,7 +69,7 @@ def test_a_library_learned_from_many_covers_held_out_demonstrations(known):
     for seed in range(3):
         truth, rng = truth_library(seed), np.random.default_rng(100 + seed)
         training = [simulate(truth, i % 2, rng, name=f"d{i}", n_samples=50) for i in range(160)]
-        library, _ = learn(training, WHOLE)
+        library = learn(training, WHOLE)
         for i in range(60):
             recording = simulate(truth, i % 2, rng, n_samples=30)
             z = standardised_errors(library, recording, FRACTIONS[i % 3], known)

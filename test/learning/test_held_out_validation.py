@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulation import START_NS, Recording, minimum_jerk
+from simulation import START_NS, minimum_jerk
 
 from intent_recognition.filtering.phase_deviation_filter import PhaseDeviationFilter
 from intent_recognition.gaussian.normal import Gaussian, condition
@@ -25,6 +25,7 @@ from intent_recognition.learning.training import choose
 from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.phase_deviation import reference_phase
 from intent_recognition.promp.prior import Scatter, shrunk_covariance, structured_target
+from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 
 SETTINGS = TrainingSettings(n_basis=8, n_forecast_basis=10, segmentation="recording")
@@ -33,7 +34,7 @@ CHOSEN = Candidate(10.0, 4.0, 0.0, aligned=True, aligned_strength=20.0, aligned_
 
 def a_recording(
     rng: np.random.Generator, task: int, number: int, timing: float, space: float
-) -> Recording:
+) -> Demonstration:
     """Human and robot reach and swing, displaced alike, at a pace whose logarithm varies."""
     recorded = np.linspace(0.0, 1.0, 81)
     pace = np.interp(recorded, np.linspace(0.0, 1.0, 8), rng.normal(size=8))
@@ -45,8 +46,9 @@ def a_recording(
     robot = np.stack([size * swing + minimum_jerk(phase), np.cos(4 * np.pi * phase)], axis=1)
     stamps = START_NS + np.round(recorded * 2e9).astype(np.int64)
     human, robot = (part + 0.01 * rng.normal(size=part.shape) for part in (human, robot))
-    return Recording(
+    return Demonstration(
         f"{task}_{number}",
+        "",
         f"task_{task}",
         (Signal(("x", "y", "z"), stamps, human, "m"),),
         (Signal(("q", "r"), stamps, robot, "rad"),),

@@ -10,7 +10,7 @@ from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.learning.examples import sample_phases
 from intent_recognition.learning.recognition_choice import least_noise, recognition_losses
 from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.training import learn
+from intent_recognition.learning.training import learn_with_report
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation
 
@@ -24,7 +24,8 @@ def recordings(n_tasks, n):
 
 
 def test_left_out_demonstrations_are_recognised_a_little_less_surely_than_by_the_bank():
-    library, report = learn(recordings(3, 30), SETTINGS)
+    report = learn_with_report(recordings(3, 30), SETTINGS)
+    library = report.library
     tasks = report.trained.tasks
     strength = report.chosen.recognition_strength
     found = recognition_losses(library, tasks, report.trained.reference, strength)
@@ -46,7 +47,8 @@ def test_left_out_demonstrations_are_recognised_a_little_less_surely_than_by_the
 
 
 def test_one_task_has_nothing_to_tell_apart():
-    library, report = learn(recordings(1, 6), SETTINGS)
+    report = learn_with_report(recordings(1, 6), SETTINGS)
+    library = report.library
     trained = report.trained
     assert recognition_losses(library, trained.tasks, trained.reference, 1.0).size == 0
 

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulation import START_NS, Recording, minimum_jerk
+from simulation import START_NS, minimum_jerk
 
 from intent_recognition.learning.timing import SMALLEST_LEAD, UNKNOWN_LEAD, Timing, settle_timing
 from intent_recognition.promp.phase_deviation import PhaseDeviation
+from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 
 PHASE = np.linspace(0.0, 1.0, 101)
@@ -28,7 +29,7 @@ def shape(phase: np.ndarray, task: int) -> np.ndarray:
 
 def a_recording(
     rng: np.random.Generator, ahead: float, task: int = 0, noise: float = 0.01, name: str = ""
-) -> Recording:
+) -> Demonstration:
     """Of 1 to 3 s, its signals sampled at times of their own, each displaced a little."""
     duration_ns = round(rng.uniform(1.0, 3.0) * 1e9)
     signals = []
@@ -38,12 +39,12 @@ def a_recording(
         values = values + noise * rng.normal(size=values.shape) + 0.05 * rng.normal()
         stamps = START_NS + np.round(recorded * duration_ns).astype(np.int64)
         signals.append(Signal(names, stamps, values, "m"))
-    return Recording(
-        name, f"task_{task}", signals[:1], signals[1:], START_NS, START_NS + duration_ns
+    return Demonstration(
+        name, "", f"task_{task}", signals[:1], signals[1:], START_NS, START_NS + duration_ns
     )
 
 
-def some(rng: np.random.Generator, task: int = 0, scale: float = 1.0) -> list[Recording]:
+def some(rng: np.random.Generator, task: int = 0, scale: float = 1.0) -> list[Demonstration]:
     return [a_recording(rng, scale * ahead, task) for ahead in AHEAD]
 
 

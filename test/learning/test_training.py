@@ -5,19 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulation import START_NS, Recording, draw_weights, make_library, simulate
+from simulation import START_NS, draw_weights, make_library, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.learning.examples import make_example
-from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.learning.training import TrainingSettings, learn, learn_with_report
 from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.segmentation import END_MARGIN_S
 from intent_recognition.signals.signal import Signal
 
 WHOLE = TrainingSettings(n_basis=8, segmentation="recording")
 
 
-def recordings(truth, rng, n_each: int, **options) -> list[Recording]:
+def recordings(truth, rng, n_each: int, **options) -> list[Demonstration]:
     return [
         simulate(truth, task, rng, name=f"{task}_{i}", **options)
         for task in range(truth.n_tasks)
@@ -47,7 +48,8 @@ def test_weights_of_an_example_are_those_it_was_simulated_with(truth, rng):
 
 def test_what_was_simulated_is_learned_back(truth, rng):
     """200 demonstrations a task: means, covariance, noise, timing."""
-    library, report = learn(recordings(truth, rng, 200, n_samples=60), WHOLE)
+    report = learn_with_report(recordings(truth, rng, 200, n_samples=60), WHOLE)
+    library = report.library
     assert library.labels == truth.labels
     assert library.observed_names == truth.observed_names
     assert library.observed_groups == (2, 1)
@@ -76,7 +78,7 @@ def test_few_demonstrations_train_with_positive_definite_covariances(truth, rng,
     examples = recordings(truth, rng, n_each)
     if n_each == 1:
         examples.append(simulate(truth, 0, rng, name="second"))
-    library, _ = learn(examples, WHOLE)
+    library = learn(examples, WHOLE)
     for covariance in (*library.weight_covariance, library.none_covariance):
         assert np.array_equal(covariance, covariance.T)
         assert np.linalg.eigvalsh(covariance).min() > 0
@@ -87,7 +89,7 @@ def test_few_demonstrations_train_with_positive_definite_covariances(truth, rng,
 
 def test_identical_demonstrations_train(truth, rng):
     one = simulate(truth, 0, rng)
-    library, _ = learn([one, replace(one, name="again"), replace(one, name="third")], WHOLE)
+    library = learn([one, replace(one, name="again"), replace(one, name="third")], WHOLE)
     assert np.linalg.eigvalsh(library.weight_covariance[0]).min() > 0
     assert np.all(np.isfinite(library.primitives.recovery[0].matrix))
 
@@ -97,8 +99,8 @@ def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
         simulate(truth, i % 2, rng, name=f"d{i}", rate_hz=rate, duration_s=duration)
         for i, (rate, duration) in enumerate([(30, 1.0), (60, 2.0), (120, 3.0), (50, 4.0)] * 2)
     ]
-    one, _ = learn(examples, WHOLE)
-    other, _ = learn(examples[::-1], WHOLE)
+    one = learn(examples, WHOLE)
+    other = learn(examples[::-1], WHOLE)
     np.testing.assert_allclose(one.weight_mean, other.weight_mean, atol=1e-9)
     np.testing.assert_allclose(one.weight_covariance, other.weight_covariance, atol=1e-9)
     np.testing.assert_allclose(one.log_duration_std, other.log_duration_std)
@@ -107,8 +109,8 @@ def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
 def test_segmentation_takes_the_rest_away(rng):
     truth = make_library(rng, n_tasks=2, n_basis=8, spread=0.02, noise_std=0.0005)
     examples = recordings(truth, rng, 8, rest_before_s=1.0, rest_after_s=1.5, duration_s=2.0)
-    cut, _ = learn(examples, TrainingSettings(n_basis=8))
-    whole, _ = learn(examples, WHOLE)
+    cut = learn(examples, TrainingSettings(n_basis=8))
+    whole = learn(examples, WHOLE)
     np.testing.assert_allclose(whole.durations_s, 4.5, rtol=0.02)
     np.testing.assert_allclose(cut.durations_s, 2.0 + END_MARGIN_S, rtol=0.15)
 
@@ -119,7 +121,8 @@ def test_unusable_recordings_are_left_out_by_name_and_reason(truth, rng):
     sparse = simulate(truth, 0, rng, name="sparse", n_samples=3, duration_s=2.0)
     unlabelled = replace(simulate(truth, 0, rng, name="unlabelled"), task=None)
     reserved = replace(simulate(truth, 0, rng, name="reserved"), task="none")
-    library, report = learn([short, *good, sparse, unlabelled, reserved], WHOLE)
+    report = learn_with_report([short, *good, sparse, unlabelled, reserved], WHOLE)
+    library = report.library
     reasons = dict(report.rejected)
     assert set(reasons) == {"short", "sparse", "unlabelled", "reserved"}
     assert "at least 0.2 s" in reasons["short"]
@@ -144,7 +147,7 @@ def test_recordings_of_other_dofs_are_left_out(truth, rng):
     other = simulate(truth, 0, rng, name="other")
     stranger = Signal(("foot", "knee"), other.observed[0].stamps_ns, other.observed[0].values, "m")
     other = replace(other, observed=(stranger, other.observed[1]))
-    _, report = learn([*recordings(truth, rng, 3), other], WHOLE)
+    report = learn_with_report([*recordings(truth, rng, 3), other], WHOLE)
     assert [name for name, _ in report.rejected] == ["other"]
     assert "foot" in report.rejected[0][1]
 
@@ -155,7 +158,7 @@ def test_a_signal_that_stays_silent_is_a_reason_not_a_crash(truth, rng):
     empty = Signal(one.observed[1].names, [], np.zeros((0, 1)), "m")
     silent = replace(one, observed=(one.observed[0], empty))
     for settings in (WHOLE, TrainingSettings(n_basis=8)):
-        _, report = learn([silent, *good], settings)
+        report = learn_with_report([silent, *good], settings)
         assert [name for name, _ in report.rejected] == ["silent"]
 
 
@@ -173,5 +176,5 @@ def test_settings_out_of_range_are_named(options, words):
 
 
 def test_the_basis_of_the_settings_is_used(truth, rng):
-    library, _ = learn(recordings(truth, rng, 2), replace(WHOLE, n_basis=13, width=1.4))
+    library = learn(recordings(truth, rng, 2), replace(WHOLE, n_basis=13, width=1.4))
     assert library.basis == NormalizedRBFBasis(13, 1.4)

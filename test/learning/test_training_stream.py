@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from simulation import Recording, make_library, signals, simulate
+from simulation import make_library, signals, simulate
 
 from intent_recognition.errors import TrainingError
 from intent_recognition.learning import accumulation as gathering
@@ -24,15 +24,17 @@ from intent_recognition.learning.training import (
     choose,
     learn,
     learn_accumulated,
+    learn_with_report,
 )
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.signals.demonstration import Demonstration
 
 CUT = TrainingSettings(n_basis=6)
 WHOLE = replace(CUT, segmentation="recording")
 TRUTH = make_library(np.random.default_rng(4), n_tasks=3, groups=(2, 1), n_basis=6)
 
 
-def recordings(seed: int, n: int, n_tasks: int = 3) -> list[Recording]:
+def recordings(seed: int, n: int, n_tasks: int = 3) -> list[Demonstration]:
     """Recordings with rest at both ends, their tasks in turn."""
     rng = np.random.default_rng(seed)
     rests = {"rest_before_s": 0.5, "rest_after_s": 0.5, "rate_hz": 30.0}
@@ -60,7 +62,7 @@ def assert_same_fields(found, expected, tolerance: float, *apart: str) -> None:
             assert other == value, name
 
 
-def anew(demonstrations: list[Recording], like: Trained) -> Trained:
+def anew(demonstrations: list[Demonstration], like: Trained) -> Trained:
     """Trained from nothing at the reference and hyperparameters of another."""
     accumulated = accumulate(demonstrations, CUT, like.reference)
     library = library_from_statistics(
@@ -80,7 +82,7 @@ def test_adding_in_any_order_equals_training_anew(seed, random, n_added):
     start = [r for r in all_of_them if r.task != "task_1"][:3]
     added = [r for r in all_of_them if r not in start][:n_added]
     random.shuffle(added)
-    trained = learn(start, CUT)[1].trained
+    trained = learn_with_report(start, CUT).trained
     for recorded in added:
         trained = add_demonstration(trained, recorded)
     expected = anew([*start, *added], trained)
@@ -95,14 +97,15 @@ def test_adding_in_any_order_equals_training_anew(seed, random, n_added):
 
 
 def test_training_all_at_once_is_training_anew_at_its_own_reference():
-    library, report = learn(recordings(1, 12), CUT)
+    report = learn_with_report(recordings(1, 12), CUT)
+    library = report.library
     assert_equal(anew(recordings(1, 12), report.trained).library, library, 1e-12)
     assert_equal(report.trained.library, library, 0.0)
 
 
 def test_adding_leaves_what_it_adds_to_unchanged():
     *start, last = recordings(2, 7)
-    before = learn(start, CUT, {"bags": ["a"]})[1].trained
+    before = learn_with_report(start, CUT, {"bags": ["a"]}).trained
     mean = before.library.weight_mean.copy()
     after = add_demonstration(before, last)
     assert np.array_equal(before.library.weight_mean, mean)
@@ -114,7 +117,7 @@ def test_adding_leaves_what_it_adds_to_unchanged():
 
 
 def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
-    trained = learn(recordings(3, 6, n_tasks=2), CUT)[1].trained
+    trained = learn_with_report(recordings(3, 6, n_tasks=2), CUT).trained
     transition = np.array([[0.1, 0.9], [0.7, 0.3], [0.6, 0.4]])
     library = replace(trained.library, transition_prior=transition, task_prior=np.array([0.2, 0.8]))
     trained = replace(trained, library=library)
@@ -129,7 +132,7 @@ def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
 
 
 def test_what_cannot_be_added_is_refused_by_name_and_reason():
-    trained = learn(recordings(5, 6), CUT)[1].trained
+    trained = learn_with_report(recordings(5, 6), CUT).trained
     one = replace(recordings(6, 1)[0], name="odd")
     with pytest.raises(TrainingError, match="odd: it has no label"):
         add_demonstration(trained, replace(one, task=None))
@@ -144,8 +147,10 @@ def test_what_cannot_be_added_is_refused_by_name_and_reason():
 @pytest.mark.parametrize("options", [CUT, WHOLE])
 def test_a_stream_equals_a_list(options):
     demonstrations = recordings(7, 20)
-    whole, report = learn(demonstrations, options)
-    streamed, streamed_report = learn(iter(demonstrations), options)
+    report = learn_with_report(demonstrations, options)
+    whole = report.library
+    streamed_report = learn_with_report(iter(demonstrations), options)
+    streamed = streamed_report.library
     assert_equal(streamed, whole, 0.0)
     assert streamed_report.used == report.used
 
@@ -156,13 +161,13 @@ def test_parts_gathered_apart_are_the_whole():
     whole = accumulate(demonstrations, CUT)
     parts = [accumulate(demonstrations[k : k + 7], CUT, whole.reference) for k in range(0, 25, 7)]
     merged = reduce(merge_accumulated, parts)
-    assert_equal(learn_accumulated(merged)[0], learn_accumulated(whole)[0], 1e-12)
+    assert_equal(learn_accumulated(merged).library, learn_accumulated(whole).library, 1e-12)
     assert merged.used == whole.used and merged.n_used == 25
 
 
 def test_many_may_be_added_at_once():
     demonstrations = recordings(9, 15)
-    trained = learn(demonstrations[:9], CUT)[1].trained
+    trained = learn_with_report(demonstrations[:9], CUT).trained
     rest = accumulate(demonstrations[9:], CUT, trained.reference)
     at_once = add_statistics(trained, rest.tasks, rest.used)
     one_by_one = reduce(add_demonstration, demonstrations[9:], trained)
@@ -190,7 +195,7 @@ def test_a_long_stream_settles_its_reference_by_its_first_recordings(monkeypatch
 def test_names_in_a_report_are_bounded_and_numbers_are_not(monkeypatch):
     monkeypatch.setattr(gathering, "NAMES_KEPT", 4)
     bad = [replace(r, task=None) for r in recordings(12, 7)]
-    _, report = learn([*recordings(12, 9), *bad], CUT)
+    report = learn_with_report([*recordings(12, 9), *bad], CUT)
     assert (len(report.used), report.n_used) == (4, 9)
     assert (len(report.rejected), report.n_rejected) == (4, 7)
 
@@ -198,16 +203,18 @@ def test_names_in_a_report_are_bounded_and_numbers_are_not(monkeypatch):
 def test_hyperparameters_of_very_many_are_chosen_on_a_sample(monkeypatch):
     """Means and covariances are still those of all of them."""
     demonstrations = recordings(13, 30)
-    whole, report = learn(demonstrations, CUT)
+    report = learn_with_report(demonstrations, CUT)
+    whole = report.library
     monkeypatch.setattr(statistics, "MAX_EXAMPLES", 4)
-    sampled, sampled_report = learn(demonstrations, CUT)
+    sampled_report = learn_with_report(demonstrations, CUT)
+    sampled = sampled_report.library
     assert all(len(task.examples) == 4 for task in sampled_report.trained.tasks.values())
     assert np.array_equal(sampled.weight_mean, whole.weight_mean)
     assert sampled_report.chosen.score == pytest.approx(report.chosen.score, abs=0.5)
 
 
 def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeypatch):
-    trained = learn(recordings(14, 18), CUT)[1].trained
+    trained = learn_with_report(recordings(14, 18), CUT).trained
     asked = []
     real = training.select
 
@@ -234,8 +241,9 @@ def stream(n: int, seed: int = 0):
     for i in range(n):
         values = shapes @ rng.normal(size=(5, 6)) + 0.01 * rng.normal(size=(60, 6))
         values[:, i % 2] += times
-        yield Recording(
+        yield Demonstration(
             f"demo_{i}",
+            "",
             f"task_{i % 2}",
             signals(("x", "y", "z"), (3,), stamps, values[:, :3], "m"),
             signals(("a", "b", "c"), (3,), stamps, values[:, 3:], "rad"),

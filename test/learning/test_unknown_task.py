@@ -16,7 +16,7 @@ from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.learning import unknown_task_calibration as none_calibration
 from intent_recognition.learning.held_out import prefix_log_evidence
 from intent_recognition.learning.statistics import merge_statistics, summarize
-from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.learning.training import TrainingSettings, learn, learn_with_report
 from intent_recognition.learning.unknown_task import departure, none_primitive
 from intent_recognition.learning.unknown_task_calibration import (
     calibrate,
@@ -46,7 +46,7 @@ def examples_of(report) -> list:
 
 
 def test_departure_from_statistics_is_that_of_the_demonstrations(recordings):
-    _, report = learn(recordings, WHOLE)
+    report = learn_with_report(recordings, WHOLE)
     weights = np.array([e.weights[:3] for e in examples_of(report)])
     start = weights[:, :, :1]
     expected = np.mean((weights - start) ** 2, axis=(0, 1)) + np.mean(np.var(start, axis=0))
@@ -54,7 +54,7 @@ def test_departure_from_statistics_is_that_of_the_demonstrations(recordings):
 
 
 def test_departure_does_not_depend_on_how_statistics_were_merged(recordings):
-    _, report = learn(recordings, WHOLE)
+    report = learn_with_report(recordings, WHOLE)
     (first, *rest) = report.trained.tasks["task_0"].examples
     merged = merge_statistics(summarize([first]), summarize(rest))
     whole = departure([summarize([first, *rest])], 3)
@@ -105,7 +105,7 @@ def test_calibration_by_hand():
 
 
 def test_prefix_evidence_equals_conditioning_sample_by_sample(recordings):
-    library, _ = learn(recordings, WHOLE)
+    library = learn(recordings, WHOLE)
     recorded, task = recordings[1], 1
     hypotheses = make_hypotheses(library)
     run = BankRun(library, hypotheses, start_bank(library, hypotheses), recorded.start_ns)
@@ -130,7 +130,7 @@ def test_prefix_evidence_equals_conditioning_sample_by_sample(recordings):
 
 
 def test_the_calibration_leaves_the_tasks_among_themselves_alone(recordings):
-    library, _ = learn(recordings, WHOLE)
+    library = learn(recordings, WHOLE)
     recorded = recordings[2]
     posteriors = []
     for one in (library, replace(library, none_calibration=IDENTITY_CALIBRATION)):
@@ -153,7 +153,7 @@ def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
     """Every task in turn is left out; most of its movements stay below the threshold."""
     known, unknown = [], []
     for left_out in {r.task for r in recordings}:
-        library, _ = learn([r for r in recordings if r.task != left_out], WHOLE)
+        library = learn([r for r in recordings if r.task != left_out], WHOLE)
         hypotheses = make_hypotheses(library)
         for recorded in recordings:
             run = BankRun(library, hypotheses, start_bank(library, hypotheses), recorded.start_ns)
@@ -171,10 +171,10 @@ def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
 
 def test_one_task_alone_has_a_none_too(recordings):
     only = [r for r in recordings if r.task == "task_0"]
-    library, _ = learn(only, WHOLE)
+    library = learn(only, WHOLE)
     assert np.linalg.eigvalsh(library.none_covariance).min() > 0
     assert library.none_calibration[1] > 0.0
-    assert np.array_equal(learn(only, WHOLE)[0].none_calibration, library.none_calibration)
+    assert np.array_equal(learn(only, WHOLE).none_calibration, library.none_calibration)
 
 
 def test_tasks_take_part_in_the_calibration_from_five_demonstrations_on():
@@ -207,7 +207,7 @@ def test_a_vague_new_task_does_not_make_the_others_wait(recordings, monkeypatch)
         replace(simulate(wide, 0, rng, name=f"new_{i}", n_samples=60), task="vague")
         for i in range(3)
     ]
-    _, report = learn([*recordings, *vague], WHOLE)
+    report = learn_with_report([*recordings, *vague], WHOLE)
     trained = report.trained
     strength = trained.chosen.recognition_strength
     asked = (trained.library, trained.tasks, trained.reference, strength)

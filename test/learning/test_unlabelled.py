@@ -9,8 +9,7 @@ from simulation import make_library, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.training import learn
-from intent_recognition.learning.unlabelled import label_by_components, with_mixture_weights
+from intent_recognition.learning.unlabelled import label_by_components, learn_components
 from intent_recognition.signals.signal import Signal
 
 SETTINGS = TrainingSettings(n_basis=10, segmentation="recording")
@@ -31,7 +30,8 @@ def test_each_component_is_a_task(recorded):
         {"task_0": "component_1", "task_1": "component_2"}[d.task] for d in recorded
     ]
     assert [d.name for d in found.demonstrations] == [d.name for d in recorded]
-    library, report = with_mixture_weights(learn(found.demonstrations, SETTINGS)[1])
+    report = learn_components(found, SETTINGS)
+    library = report.library
     assert library.labels == ("component_1", "component_2")
     np.testing.assert_allclose(library.task_prior, [0.6, 0.4])
     np.testing.assert_allclose(library.transition_prior.sum(axis=1), 1.0)

@@ -11,7 +11,11 @@ from model_builder import make_dofs, perform, true_library
 from intent_recognition.errors import ModelError
 from intent_recognition.learning.fitting import aligned_primitives, learned_from
 from intent_recognition.learning.statistics import TaskStatistics
-from intent_recognition.learning.training import TrainingSettings, add_demonstration, learn
+from intent_recognition.learning.training import (
+    TrainingSettings,
+    add_demonstration,
+    learn_with_report,
+)
 from intent_recognition.model.file import Model, load_model, load_trained, save_model
 from intent_recognition.promp.library import TaskLibrary
 
@@ -22,7 +26,7 @@ TRUTH = true_library(DOFS)
 @pytest.fixture(scope="module", params=[False, True], ids=["steady", "aligned"])
 def trained(request):
     recordings = [perform(TRUTH, k % 3, k) for k in range(8)]
-    trained = learn(recordings, TrainingSettings(n_basis=6))[1].trained
+    trained = learn_with_report(recordings, TrainingSettings(n_basis=6)).trained
     chosen = trained.chosen._replace(aligned=request.param)
     parts = learned_from(trained.tasks, trained.reference, chosen)
     return replace(trained, library=replace(trained.library, **parts), chosen=chosen)

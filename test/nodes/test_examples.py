@@ -64,7 +64,7 @@ def trained(request, tmp_path_factory):
         write_recording(folder / "bags" / recording.name, recording, dofs)
     demonstrations, rejections = read_demonstrations([folder / "bags"], dofs)
     assert not rejections
-    library, _ = learn(demonstrations, TrainingSettings(n_basis=10))
+    library = learn(demonstrations, TrainingSettings(n_basis=10))
     save_model(folder / "m.npz", Model(library, dofs))
     bag = write_recording(folder / "unseen", perform(truth, 1, 90), dofs)
     return Trained(example, str(folder / "m.npz"), bag)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from simulation import Recording, make_library, minimum_jerk, simulate
+from simulation import make_library, minimum_jerk, simulate
 
 from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.learning.training import TrainingSettings, learn
@@ -28,6 +28,7 @@ from intent_recognition.recognition.hysteresis import (
     without_objection,
 )
 from intent_recognition.recognition.posterior import TaskPosterior
+from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.observation import Observation, merge
 
 SURE, OTHER, UNSURE = np.array([0.95, 0.03, 0.02]), np.array([0.03, 0.95, 0.02]), np.full(3, 1 / 3)
@@ -167,15 +168,15 @@ def truth() -> TaskLibrary:
 def library(truth) -> TaskLibrary:
     rng = np.random.default_rng(6)
     recordings = [movement(truth, i % 3, rng, name=f"demo_{i}") for i in range(36)]
-    found = learn(recordings, TrainingSettings(n_basis=10))[0]
+    found = learn(recordings, TrainingSettings(n_basis=10))
     return replace(found, none_calibration=np.array(IDENTITY_CALIBRATION))
 
 
-def movement(truth: TaskLibrary, task: int, rng: np.random.Generator, **options) -> Recording:
+def movement(truth: TaskLibrary, task: int, rng: np.random.Generator, **options) -> Demonstration:
     return simulate(truth, task, rng, rest_before_s=0.8, rest_after_s=0.8, **options)
 
 
-def interrupted(recording: Recording, after_s: float, going: np.ndarray) -> list[Observation]:
+def interrupted(recording: Demonstration, after_s: float, going: np.ndarray) -> list[Observation]:
     """The hand goes elsewhere for a while, (m, P) from where it is, then on from where it was."""
     observations = list(merge(recording.observed))
     step = observations[1].stamp_ns - observations[0].stamp_ns

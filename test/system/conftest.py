@@ -17,7 +17,7 @@ def toolbox_model(repository, tmp_path_factory) -> Path:
     dofs = load_dofs(repository / "config" / "dofs.yaml")
     demonstrations, rejections = read_demonstrations(repository / "bags/toolbox/train", dofs)
     assert not rejections and len(demonstrations) == 48
-    library, _ = learn(demonstrations, TrainingSettings())
+    library = learn(demonstrations, TrainingSettings())
     path = tmp_path_factory.mktemp("model") / "toolbox.npz"
     save_model(path, Model(library, dofs))
     return path

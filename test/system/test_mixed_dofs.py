@@ -33,7 +33,7 @@ def train(folder, dofs, truth):
         write_recording(folder / "bags" / f"demo_{k:02d}", perform(truth, k % 3, k), dofs)
     demonstrations, rejections = read_demonstrations(folder / "bags", dofs)
     assert not rejections
-    library, _ = learn(demonstrations, TrainingSettings(n_basis=10))
+    library = learn(demonstrations, TrainingSettings(n_basis=10))
     save_model(folder / "model.npz", Model(library, dofs))
     return folder / "model.npz"
 

@@ -42,7 +42,7 @@ def start(harness, kind, **parameters):
 @pytest.mark.parametrize("name", LEFT_OUT)
 def test_a_person_never_seen_in_training_is_recognised(harness, recordings, tmp_path, name):
     folder, dofs, demonstrations = recordings
-    library, _ = learn([d for d in demonstrations if d.name != name], TrainingSettings())
+    library = learn([d for d in demonstrations if d.name != name], TrainingSettings())
     save_model(tmp_path / "model.npz", Model(library, dofs))
     task = BagReader(folder / name).task
 

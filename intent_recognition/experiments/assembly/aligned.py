@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from intent_recognition.alignment import Warp
 from intent_recognition.gaussian import Gaussian, condition
-from intent_recognition.learning import Recorded
 from intent_recognition.promp import AlignedPrimitives
+from intent_recognition.signals import Demonstration
 
 
 def aligned_evidence(
-    primitives: AlignedPrimitives, warp: Warp, recorded: Recorded, n: int
+    primitives: AlignedPrimitives, warp: Warp, recorded: Demonstration, n: int
 ) -> NDArray[np.float64]:
     """Log evidence of the tasks before any and after each of n observations, (n + 1, K).
 

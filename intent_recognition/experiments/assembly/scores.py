@@ -15,10 +15,9 @@ from intent_recognition.evaluation import mean_of_task, nearest_neighbour, sampl
 from intent_recognition.experiments.assembly.aligned import spread_rows
 from intent_recognition.filtering import Hypotheses, MovementRun, fixed_hypotheses, make_hypotheses
 from intent_recognition.gaussian import Gaussian, log_density
-from intent_recognition.learning import Recorded
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import task_posterior
-from intent_recognition.signals import Observation
+from intent_recognition.signals import Demonstration, Observation
 
 N_OBSERVATIONS = 15
 LAST = 5
@@ -70,7 +69,7 @@ class Scored(NamedTuple):
     nearest: NDArray[np.float64]
 
 
-def spread_observations(recorded: Recorded, n: int = N_OBSERVATIONS) -> list[Observation]:
+def spread_observations(recorded: Demonstration, n: int = N_OBSERVATIONS) -> list[Observation]:
     """The samples of the first signal that come nearest to n even phases."""
     (signal,) = recorded.observed
     phases = (signal.stamps_ns - recorded.start_ns) / (recorded.end_ns - recorded.start_ns)
@@ -82,8 +81,8 @@ def spread_observations(recorded: Recorded, n: int = N_OBSERVATIONS) -> list[Obs
 
 def score(
     library: TaskLibrary,
-    training: Sequence[Recorded],
-    left_out: Recorded,
+    training: Sequence[Demonstration],
+    left_out: Demonstration,
     aligned_evidence: NDArray[np.float64],
 ) -> Scored:
     """Recognise and predict one demonstration the library has not seen.
@@ -118,7 +117,7 @@ def score(
 def watch(
     library: TaskLibrary,
     hypotheses: Hypotheses,
-    left_out: Recorded,
+    left_out: Demonstration,
     observations: Sequence[Observation],
 ) -> tuple[Watched, NDArray[np.float64]]:
     """Take the observations one after the other; also log evidence of the tasks, (n + 1, K)."""
@@ -145,7 +144,7 @@ def watch(
 
 
 def predicted_after(
-    library: TaskLibrary, left_out: Recorded, n: int
+    library: TaskLibrary, left_out: Demonstration, n: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Times, the assistant's true wrist, its predicted mean and standard deviation, (T, 3) each.
 
@@ -176,7 +175,7 @@ def _mixture(run: MovementRun, belief: NDArray[np.float64], times_s: NDArray[np.
 
 
 def single_evidence(
-    library: TaskLibrary, recorded: Recorded, observations: Sequence[Observation]
+    library: TaskLibrary, recorded: Demonstration, observations: Sequence[Observation]
 ) -> NDArray[np.float64]:
     """Log density of each observation by itself under each task, elapsed share known, (n, K)."""
     return np.array(
@@ -201,7 +200,7 @@ def at_phase(library: TaskLibrary, task: int, phase: float) -> Gaussian:
     return Gaussian(design @ library.observed_mean[task], covariance)
 
 
-def phases_of(recorded: Recorded, observations: Sequence[Observation]) -> NDArray[np.float64]:
+def phases_of(recorded: Demonstration, observations: Sequence[Observation]) -> NDArray[np.float64]:
     """Share of the movement's time that had passed at each observation, (n,)."""
     stamps = np.array([observation.stamp_ns for observation in observations])
     return (stamps - recorded.start_ns) / (recorded.end_ns - recorded.start_ns)

@@ -19,7 +19,13 @@ from intent_recognition.evaluation import sample
 from intent_recognition.experiments.assembly.aligned import aligned_evidence
 from intent_recognition.experiments.assembly.scores import N_OBSERVATIONS, Scored, score
 from intent_recognition.experiments.outcome import Settings
-from intent_recognition.learning import Timing, TrainingSettings, aligned_primitives, cut_one, learn
+from intent_recognition.learning import (
+    Timing,
+    TrainingSettings,
+    aligned_primitives,
+    cut_one,
+    learn_with_report,
+)
 from intent_recognition.promp import AlignedPrimitives, TaskLibrary
 from intent_recognition.share import share_path
 from intent_recognition.signals import Demonstration
@@ -157,7 +163,8 @@ def leave_out(demonstrations: Sequence[Demonstration], numbers: Sequence[int], t
     """Learn from all parts but one; thresholds of the movement come from these alone."""
     training = [d for d, part in zip(demonstrations, numbers, strict=True) if part != turn]
     as_recorded = [d for d, part in zip(demonstrations, numbers, strict=True) if part == turn]
-    library, report = learn(training, TrainingSettings(none_prior=NONE_PRIOR))
+    report = learn_with_report(training, TrainingSettings(none_prior=NONE_PRIOR))
+    library = report.library
     reference = report.trained.reference
     aligned = aligned_primitives(report.trained.tasks, reference, report.chosen)
     cut, left_out = (

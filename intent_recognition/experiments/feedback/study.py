@@ -12,7 +12,7 @@ from intent_recognition.experiments.outcome import Settings
 from intent_recognition.experiments.pointing.experiment import condition_on_end, final_wrist
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.kinematics import jacobian
-from intent_recognition.learning import learn
+from intent_recognition.learning import learn_with_report
 from intent_recognition.motion import (
     FeedbackPolicy,
     FeedbackSettings,
@@ -79,7 +79,8 @@ def learn_handover(settings: Settings) -> tuple[TaskLibrary, Gaussian, Demonstra
     tests, _ = read_demonstrations(held_out[:1], dofs)
     if not tests:
         raise TrainingError(describe("bags", f"a test recording of {TASK}", "none", "Add one."))
-    library, report = learn(recordings)
+    report = learn_with_report(recordings)
+    library = report.library
     examples = report.trained.tasks[TASK].examples
     weights = np.array([one.weights[library.n_observed :].ravel() for one in examples])
     return library, Gaussian(weights.mean(axis=0), np.cov(weights, rowvar=False)), tests[0]

@@ -76,7 +76,7 @@ def run(settings: Settings) -> Outcome:
     dofs = load_dofs()
     train, _ = read_demonstrations([settings.recordings("pointing/train")], dofs)
     recordings, _ = read_demonstrations([settings.recordings("pointing/test")], dofs)
-    library, _ = learn(train)
+    library = learn(train)
     chosen = QUICK if settings.quick else range(len(recordings))
     tested = []
     for count, index in enumerate(chosen):

@@ -28,8 +28,7 @@ from intent_recognition.kinematics import hand_position
 from intent_recognition.learning import (
     TrainingSettings,
     label_by_components,
-    learn,
-    with_mixture_weights,
+    learn_components,
 )
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
@@ -143,7 +142,7 @@ def learn_unlabelled(
     """What `intent train --unlabelled` learns, and the task that each component is mostly of."""
     settings = TrainingSettings()
     found = label_by_components(demonstrations, settings, rng, n_components=n_components)
-    library, _ = with_mixture_weights(learn(found.demonstrations, settings)[1])
+    library = learn_components(found, settings).library
     task_of = {d.name: d.task for d in demonstrations}
     tasks = np.array([task_of[d.name] for d in found.demonstrations])
     labels = np.array([d.task for d in found.demonstrations])
