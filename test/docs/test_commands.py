@@ -5,7 +5,6 @@ import importlib.util
 import re
 from itertools import pairwise
 
-import pytest
 from docs.shown import ROOT, commands, inline_commands, nodes
 
 from intent_recognition.cli import main as cli
@@ -24,8 +23,12 @@ SHOWN = commands()
 NODES = nodes()
 
 
-@pytest.mark.parametrize("shown", SHOWN, ids=str)
-def test_it_is_right(shown):
+def test_every_command_is_right():
+    for shown in SHOWN:
+        check_command(shown)
+
+
+def check_command(shown):
     words = shown.words
     check = {
         "intent": check_intent,
@@ -43,8 +46,12 @@ def test_it_is_right(shown):
     check_paths(words)
 
 
-@pytest.mark.parametrize("shown", sorted(set(inline_commands()), key=str), ids=str)
-def test_what_stands_in_the_text_exists(shown):
+def test_what_stands_in_the_text_exists():
+    for shown in sorted(set(inline_commands()), key=str):
+        check_options(shown)
+
+
+def check_options(shown):
     program, command, *rest = shown.words
     if program == "make":
         check_make(shown.words)
