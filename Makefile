@@ -4,21 +4,25 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 DEMO_ARGS ?=
 TEST_ARGS ?=
+JOBS ?= 2
 BENCH_ARGS ?=
 DOCS ?= out/docs
 
 BIN := $(VENV)/bin
 SOURCES := setup.py setup.cfg pyproject.toml package.xml
+# Each worker takes half of what remains, so that tests of one module stay together.
+PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 export MPLBACKEND ?= Agg
 
-.PHONY: help venv demo test lint format bench docs reference clean
+.PHONY: help venv demo test quick lint format bench docs reference clean
 .DEFAULT_GOAL := help
 
 help:
 	@echo "make demo   watch the simulated coworker and the arm (DEMO_ARGS='--headless --seed 1')"
-	@echo "make test   run the tests (TEST_ARGS='-k ingest')"
-	@echo "make lint   check style and formatting"
+	@echo "make test   run all tests in JOBS=2 processes (TEST_ARGS='-k ingest')"
+	@echo "make quick  run the tests without the browser, the demo, colcon and the docs"
+	@echo "make lint   check style, formatting, types and spelling"
 	@echo "make bench  measure against the required figures"
 	@echo "make docs   build the site in $(DOCS)"
 	@echo "make venv   only create $(VENV)"
@@ -50,11 +54,15 @@ demo: $(VENV)/.runtime
 	$(BIN)/intent demo $(DEMO_ARGS)
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest $(TEST_ARGS)
+	$(PYTEST) $(TEST_ARGS)
+
+quick: $(VENV)/.dev
+	$(PYTEST) -m "not slow" $(TEST_ARGS)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .

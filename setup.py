@@ -104,8 +104,8 @@ setup(
         "dtw": [
             "dtaidistance>=2.3",
         ],
-        "docs": ["sphinx>=7", "myst-parser>=3", "furo", "matplotlib>=3.8"],
-        "test": ["pytest", "hypothesis"],
+        "docs": ["sphinx>=7", "myst-parser>=3", "furo", "matplotlib>=3.8", "sphinx-gallery>=0.17"],
+        "test": ["pytest>=7", "pytest-cov", "pytest-xdist", "hypothesis", "playwright"],
     },
     zip_safe=False,
     entry_points={

@@ -56,8 +56,10 @@ def manifest():
 def test_versions_agree(manifest):
     assert manifest.findtext("version") == intent_recognition.__version__
     assert setup_says("--version") == intent_recognition.__version__
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == intent_recognition.__version__
     changelog = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
-    assert re.search(rf"^{re.escape(intent_recognition.__version__)} \(", changelog, re.MULTILINE)
+    assert re.search(r"^([\d.]+) \(", changelog, re.MULTILINE)[1] == intent_recognition.__version__
 
 
 def test_licence_and_format_agree(manifest):
@@ -135,7 +137,6 @@ KEYS = {
     "yaml": "python3-yaml",
     "lazy_loader": "lazy-loader",
     "mcap_ros2": "mcap-ros2-support",
-    "lazy_loader": "lazy-loader",
 }
 
 
