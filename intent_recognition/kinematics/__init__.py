@@ -8,7 +8,7 @@ from intent_recognition.kinematics.forward import (
     hand_position,
     jacobian,
 )
-from intent_recognition.kinematics.inverse import Branch, inverse_kinematics, reach_position, solve
+from intent_recognition.kinematics.inverse import Branch, inverse_kinematics, solve
 from intent_recognition.kinematics.limits import JointLimits, check_position, position_violation
 from intent_recognition.kinematics.lwr import (
     DEFAULT_ACCELERATION_RAD_S2,
@@ -17,6 +17,7 @@ from intent_recognition.kinematics.lwr import (
     LWR_LIMITS,
     N_JOINTS,
 )
+from intent_recognition.kinematics.refinement import reach_position
 
 __all__ = [
     "DEFAULT_ACCELERATION_RAD_S2",

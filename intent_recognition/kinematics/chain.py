@@ -8,6 +8,7 @@ as in a URDF.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ShapeError, describe
@@ -22,12 +23,12 @@ class Chain(NamedTuple):
         shifts: axes of prismatic joints, alike, (n, 3).
     """
 
-    origins: np.ndarray
-    turns: np.ndarray
-    shifts: np.ndarray
+    origins: NDArray[np.float64]
+    turns: NDArray[np.float64]
+    shifts: NDArray[np.float64]
 
 
-def tip_positions(chain: Chain, values: np.ndarray) -> np.ndarray:
+def tip_positions(chain: Chain, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Positions of the last joint's frame in the base frame, (T, 3) [m].
 
     Args:
@@ -50,7 +51,9 @@ def tip_positions(chain: Chain, values: np.ndarray) -> np.ndarray:
     return tips
 
 
-def joint_poses(chain: Chain, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def joint_poses(
+    chain: Chain, values: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where each joint's frame is in that of its parent: quaternions wxyz (n, 4), positions (n, 3).
 
     The joints need not follow one another.

@@ -5,6 +5,7 @@ Frames are the Denavit-Hartenberg frames of `lwr.DH`; frame 0 is the arm's base,
 """
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ShapeError, describe
 from intent_recognition.kinematics.lwr import DH, N_JOINTS
@@ -13,7 +14,7 @@ _COS_ALPHA = np.round(np.cos(DH.alpha_rad))  # all angles are multiples of 90 de
 _SIN_ALPHA = np.round(np.sin(DH.alpha_rad))
 
 
-def joint_vector(q: np.ndarray, argument: str = "q") -> np.ndarray:
+def joint_vector(q: ArrayLike, argument: str = "q") -> NDArray[np.float64]:
     """Return q as float64 of shape (..., 7), or raise ShapeError."""
     array = np.asarray(q, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != N_JOINTS:
@@ -23,7 +24,7 @@ def joint_vector(q: np.ndarray, argument: str = "q") -> np.ndarray:
     return array
 
 
-def frame_poses(q: np.ndarray) -> np.ndarray:
+def frame_poses(q: ArrayLike) -> NDArray[np.float64]:
     """Return the poses of frames 0..7 in the base frame, shape (..., 8, 4, 4).
 
     Args:
@@ -49,17 +50,17 @@ def frame_poses(q: np.ndarray) -> np.ndarray:
     return poses
 
 
-def forward_kinematics(q: np.ndarray) -> np.ndarray:
+def forward_kinematics(q: ArrayLike) -> NDArray[np.float64]:
     """Return the hand's pose in the base frame, shape (..., 4, 4), for q (..., 7) [rad]."""
     return frame_poses(q)[..., N_JOINTS, :, :]
 
 
-def hand_position(q: np.ndarray) -> np.ndarray:
+def hand_position(q: ArrayLike) -> NDArray[np.float64]:
     """Return the hand's position in the base frame, shape (..., 3) [m], for q (..., 7) [rad]."""
     return forward_kinematics(q)[..., :3, 3]
 
 
-def jacobian(q: np.ndarray, point_m: np.ndarray | None = None) -> np.ndarray:
+def jacobian(q: ArrayLike, point_m: ArrayLike | None = None) -> NDArray[np.float64]:
     """Return the geometric Jacobian in base axes, shape (..., 6, 7).
 
     Rows 0-2 map joint velocities to the linear velocity [m/s] of the point, rows 3-5 to the

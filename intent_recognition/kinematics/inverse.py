@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inverse kinematics of the LWR 4+: closed form with a swivel angle, and damped least squares.
+"""Closed-form inverse kinematics of the LWR 4+ over the swivel angle of its elbow.
 
-Joints 1-3 meet in the shoulder and 5-7 in the wrist (S-R-S), so that the hand's pose leaves one
-free angle, the swivel of the elbow about the line from shoulder to wrist, and three signs
-(Shimizu et al. 2008, "Analytical inverse kinematic computation for 7-DOF redundant manipulators
-with joint limits"). With the DH parameters of `lwr.DH` the hand's rotation is
-Rz(q1) Ry(-q2) Rz(q3) . Ry(q4) . Rz(q5) Ry(-q6) Rz(q7).
+Joints 1-3 meet in the shoulder and 5-7 in the wrist (S-R-S). The hand's pose leaves one free angle,
+the swivel of the elbow about the line from shoulder to wrist, and three signs (Shimizu et al. 2008,
+"Analytical inverse kinematic computation for 7-DOF redundant manipulators with joint limits and its
+application to redundancy resolution"). With the DH parameters of `lwr.DH` the hand's rotation is
+Rz(q1) Ry(-q2) Rz(q3) . Ry(q4) . Rz(q5) Ry(-q6) Rz(q7). Solutions lie in (-pi, pi].
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import KinematicsError, ShapeError, describe
-from intent_recognition.kinematics.forward import forward_kinematics, jacobian, joint_vector
-from intent_recognition.kinematics.limits import JointLimits, clamp_position, within_position_limits
+from intent_recognition.kinematics.forward import joint_vector
+from intent_recognition.kinematics.limits import JointLimits, within_position_limits
 from intent_recognition.kinematics.lwr import (
     FOREARM_M,
     HAND_OFFSET_M,
@@ -25,7 +26,24 @@ from intent_recognition.kinematics.lwr import (
 
 _SHOULDER = np.array([0.0, 0.0, SHOULDER_HEIGHT_M])
 _REACH_M = UPPER_ARM_M + FOREARM_M
-_GRID = np.radians(np.arange(-180.0, 180.0, 5.0))
+_ON_AXIS_M = 1e-9
+"""Distance of the wrist from the vertical axis [m] below which its azimuth is taken as zero."""
+_SINGULAR = 1e-12
+"""Sine of the middle angle of shoulder or wrist below which the outer two share one rotation.
+Convention: well above the rounding of a rotation matrix."""
+_GRID_STEP_RAD = np.radians(10.0)
+"""Coarsest spacing of sampled swivels. Convention: `_MAX_STEP_RAD` refines it where needed."""
+_MAX_STEP_RAD = 0.25
+"""Largest joint motion between sampled swivels [rad]. Convention: a local minimum of the distance
+to the seed spans several samples."""
+_MIN_SECTION_RAD = 1e-7
+"""Sections of swivel are not split below this [rad]: a nearly singular posture, in which joints
+turn half a revolution within such a section, counts as singular."""
+_SAME_SWIVEL_RAD = 1e-12
+"""Swivels nearer to one another than this [rad] differ by rounding only. Convention."""
+_N_ZOOMS = 8
+"""Each zoom narrows a bracket eightfold: 8^-8 of 0.35 rad is 2e-8 rad, the precision to which
+double precision locates a quadratic minimum."""
 
 
 class Branch(NamedTuple):
@@ -39,13 +57,13 @@ class Branch(NamedTuple):
 BRANCHES = tuple(Branch(s, e, w) for s in (1, -1) for e in (1, -1) for w in (1, -1))
 
 
-def branch_of(q: np.ndarray) -> Branch:
+def branch_of(q: ArrayLike) -> Branch:
     """Return the branch of one joint vector (7,) [rad]; a zero angle counts as positive."""
     q = joint_vector(q)
     return Branch(*(1 if angle >= 0.0 else -1 for angle in (q[1], q[3], q[5])))
 
 
-def swivel_angle(q: np.ndarray) -> float:
+def swivel_angle(q: ArrayLike) -> float:
     """Return the swivel [rad] of one joint vector (7,): zero where the elbow's plane is vertical.
 
     It is measured about the line from shoulder to wrist, from the posture with q3 = 0.
@@ -62,7 +80,7 @@ def swivel_angle(q: np.ndarray) -> float:
     return float(np.arctan2(0.5 * sine, 0.5 * (np.trace(turn) - 1.0)))
 
 
-def solve(pose: np.ndarray, swivel_rad: np.ndarray | float, branch: Branch) -> np.ndarray:
+def solve(pose: ArrayLike, swivel_rad: ArrayLike, branch: Branch) -> NDArray[np.float64]:
     """Return the closed-form solution, shape (..., 7) [rad], limits not considered.
 
     Args:
@@ -74,28 +92,19 @@ def solve(pose: np.ndarray, swivel_rad: np.ndarray | float, branch: Branch) -> n
         KinematicsError: the wrist is farther from the shoulder than the arm is long, or nearer
             than it can fold.
     """
-    pose = _checked_pose(pose)
-    wrist = pose[:3, 3] - HAND_OFFSET_M * pose[:3, 2] - _SHOULDER
-    elbow_angle = branch.elbow * _elbow_angle(wrist)
-    axis = wrist / np.linalg.norm(wrist)
-    swivel = _rotation_about(axis, np.asarray(swivel_rad, dtype=np.float64))
-    upper = swivel @ _reference_rotation(wrist, elbow_angle)
-    lower = np.swapaxes(upper @ _rotation_y(elbow_angle), -1, -2) @ pose[:3, :3]
-    q = np.empty((*swivel.shape[:-2], 7))
-    q[..., 0], q[..., 1], q[..., 2] = _spherical_angles(upper, branch.shoulder)
-    q[..., 3] = elbow_angle
-    q[..., 4], q[..., 5], q[..., 6] = _spherical_angles(lower, branch.wrist)
-    return q
+    circle = _elbow_circle(checked_pose(pose), branch.elbow)
+    swivel = np.asarray(swivel_rad, dtype=np.float64)
+    return _postures(circle, swivel, branch.shoulder, branch.wrist)
 
 
 def inverse_kinematics(
-    pose: np.ndarray, seed: np.ndarray, limits: JointLimits = LWR_LIMITS
-) -> np.ndarray:
+    pose: ArrayLike, seed: ArrayLike, limits: JointLimits = LWR_LIMITS
+) -> NDArray[np.float64]:
     """Return the joint vector (7,) [rad] inside the limits that is nearest to the seed.
 
-    All swivels and branches are searched, so that a path followed with each solution as the next
-    seed stays on its branch and passes the shoulder's and wrist's singularities without a flip.
-    Exactly in a singular posture, where two joints line up, they share their rotation arbitrarily.
+    The search covers all swivels of all branches. A path followed with each solution as the next
+    seed therefore stays on its branch and passes singularities of shoulder and wrist without a
+    flip. In an exactly singular posture, where two joints line up, the first of them is zero.
 
     Args:
         pose: the hand's pose (4, 4) in the base frame.
@@ -105,110 +114,161 @@ def inverse_kinematics(
     Raises:
         KinematicsError: out of reach, or no solution inside the joint limits.
     """
-    seed = joint_vector(seed, "seed")
-    best: tuple[float, np.ndarray] | None = None
-    start = swivel_angle(seed)
-    for branch in BRANCHES:
-        found = _nearest_on_branch(pose, seed, start, branch, limits)
-        if found is not None and (best is None or found[0] < best[0]):
-            best = found
-    if best is None:
+    target, posture = checked_pose(pose), joint_vector(seed, "seed")
+    start, elbow = swivel_angle(posture), branch_of(posture).elbow
+    best, nearest = np.inf, None
+    for sign in (elbow, -elbow):
+        circle = _elbow_circle(target, sign)
+        if abs(circle.elbow_angle - posture[3]) >= best:
+            continue  # no posture of this branch can be nearer
+        distance, q = _nearest_on_circle(circle, posture, start, limits)
+        if distance < best:
+            best, nearest = distance, q
+    if nearest is None:
         raise KinematicsError(
             describe(
                 "pose",
                 "a pose with a solution inside the joint limits",
-                f"none at {np.asarray(pose)[:3, 3].round(3).tolist()} m",
+                f"none at {target[:3, 3].round(3).tolist()} m",
                 "Turn the hand or bring it nearer to the middle of the workspace.",
             )
         )
-    return best[1]
+    return nearest
 
 
-def refine(
-    pose: np.ndarray,
-    seed: np.ndarray,
-    *,
-    damping: float = 1e-3,
-    n_iterations: int = 50,
-    limits: JointLimits = LWR_LIMITS,
-    position_only: bool = False,
-    tolerance_m: float = 1e-9,
-) -> np.ndarray:
-    """Return joint angles (7,) [rad] reaching the pose from the seed by damped least squares.
+class _ElbowCircle(NamedTuple):
+    """All elbow positions of one hand pose and elbow angle.
 
-    Args:
-        pose: the hand's pose (4, 4) in the base frame.
-        seed: joint vector (7,) [rad] to start at.
-        damping: added to the diagonal of J J^T (m^2 and rad^2).
-        n_iterations: most steps to take.
-        limits: joints are clamped into them after each step.
-        position_only: leave the hand's orientation free.
-        tolerance_m: error (m, and rad for the orientation) at which to stop.
-
-    Raises:
-        KinematicsError: still off by more than 0.1 mm (or mrad) at the end; names the distance.
+    The upper arm's rotation in the base and the hand's rotation in the forearm are linear in
+    (1, sin(swivel), cos(swivel)) (Shimizu et al. 2008, eqs. 13 and 16); each array (3, 3, 3) holds
+    the matrices of these three terms.
     """
-    pose = _checked_pose(pose)
-    q = clamp_position(joint_vector(seed, "seed"), limits)
-    rows = slice(0, 3 if position_only else 6)
-    for _ in range(n_iterations):
-        error = _pose_error(pose, forward_kinematics(q))[rows]
-        if np.linalg.norm(error) < tolerance_m:
-            return q
-        J = jacobian(q)[rows]
-        # The damping fades with the error: safe far away, quadratic convergence near the pose.
-        square = damping * min(1.0, float(np.linalg.norm(error))) + 1e-12
-        step = J.T @ np.linalg.solve(J @ J.T + square * np.eye(len(error)), error)
-        step *= min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-12))
-        q = clamp_position(q + step, limits)
-    distance = float(np.linalg.norm(_pose_error(pose, forward_kinematics(q))[rows]))
-    if distance > 1e-4:
-        raise KinematicsError(
-            describe(
-                "pose",
-                "a pose within reach and joint limits",
-                f"one still {distance:.4f} m away after {n_iterations} steps",
-                "Start from a nearer seed or bring the pose nearer.",
-            )
-        )
+
+    elbow_angle: float
+    shoulder: NDArray[np.float64]
+    wrist: NDArray[np.float64]
+
+
+def _elbow_circle(pose: NDArray[np.float64], elbow_sign: int) -> _ElbowCircle:
+    wrist = pose[:3, 3] - HAND_OFFSET_M * pose[:3, 2] - _SHOULDER
+    elbow_angle = elbow_sign * _elbow_angle(wrist)
+    x, y, z = wrist / np.linalg.norm(wrist)
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    terms = np.stack([np.eye(3) + K @ K, K, -K @ K])  # Rodrigues
+    shoulder = terms @ _reference_rotation(wrist, elbow_angle)
+    forearm = shoulder @ _rotation_y(elbow_angle)
+    return _ElbowCircle(elbow_angle, shoulder, np.swapaxes(forearm, -1, -2) @ pose[:3, :3])
+
+
+def _postures(
+    circle: _ElbowCircle,
+    swivel: NDArray[np.float64],
+    shoulder_sign: NDArray[np.int_] | int,
+    wrist_sign: NDArray[np.int_] | int,
+) -> NDArray[np.float64]:
+    """Return joint vectors (..., 7); swivel (...) and signs broadcast."""
+    terms = np.stack([np.ones_like(swivel), np.sin(swivel), np.cos(swivel)], axis=-1)
+    upper = np.tensordot(terms, circle.shoulder, axes=1)
+    lower = np.tensordot(terms, circle.wrist, axes=1)
+    q = np.empty((*np.broadcast(swivel, shoulder_sign, wrist_sign).shape, 7))
+    q[..., 0], q[..., 1], q[..., 2] = _spherical_angles(upper, shoulder_sign)
+    q[..., 3] = circle.elbow_angle
+    q[..., 4], q[..., 5], q[..., 6] = _spherical_angles(lower, wrist_sign)
     return q
 
 
-def reach_position(
-    position_m: np.ndarray, seed: np.ndarray, limits: JointLimits = LWR_LIMITS
-) -> np.ndarray:
-    """Return joint angles (7,) [rad] near the seed with the hand at position_m (3,) [m].
+_SHOULDER_SIGNS = np.array([[1], [1], [-1], [-1]])
+_WRIST_SIGNS = np.array([[1], [-1], [1], [-1]])
 
-    Raises:
-        KinematicsError: out of reach; names the distance left.
+
+def _nearest_on_circle(
+    circle: _ElbowCircle, seed: NDArray[np.float64], start: float, limits: JointLimits
+) -> tuple[float, NDArray[np.float64] | None]:
+    """Return (distance, q) of the posture nearest to the seed; (inf, None) outside the limits."""
+
+    def distances(
+        swivels: NDArray[np.float64], shoulder: NDArray[np.int_], wrist: NDArray[np.int_]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        q = _postures(circle, swivels, shoulder, wrist)
+        distance = np.linalg.norm(q - seed, axis=-1)
+        return np.where(within_position_limits(q, limits), distance, np.inf), q
+
+    swivels = _sampled_swivels(circle, start, limits)
+    distance, _ = distances(swivels, _SHOULDER_SIGNS, _WRIST_SIGNS)
+    if not np.isfinite(distance.min()):
+        return np.inf, None
+    fence = np.pad(distance, ((0, 0), (1, 1)), constant_values=np.inf)
+    minimum = (distance <= fence[:, :-2]) & (distance <= fence[:, 2:])
+    # No posture between two samples is nearer by more than one step of all joints.
+    minimum &= distance <= distance.min() + _MAX_STEP_RAD * np.sqrt(seed.size)
+    branch, k = np.nonzero(minimum)
+    shoulder, wrist = _SHOULDER_SIGNS[branch], _WRIST_SIGNS[branch]
+    low, middle = swivels[np.maximum(k - 1, 0)], swivels[k]
+    high = swivels[np.minimum(k + 1, swivels.size - 1)]
+    rows, share = np.arange(k.size), np.linspace(0.0, 1.0, 9)
+    for _ in range(_N_ZOOMS):
+        below = low[:, None] + share[:-1] * (middle - low)[:, None]
+        above = middle[:, None] + share * (high - middle)[:, None]
+        zoomed = np.hstack([below, above])
+        distance, q = distances(zoomed, shoulder, wrist)
+        k = np.argmin(distance, axis=1)
+        low, middle = zoomed[rows, np.maximum(k - 1, 0)], zoomed[rows, k]
+        high = zoomed[rows, np.minimum(k + 1, zoomed.shape[1] - 1)]
+    row = int(np.argmin(distance[rows, k]))
+    return float(distance[row, k[row]]), q[row, k[row]]
+
+
+def _sampled_swivels(
+    circle: _ElbowCircle, start: float, limits: JointLimits
+) -> NDArray[np.float64]:
+    """Return increasing swivels around the circle from start - pi to start + pi.
+
+    Every swivel at which a joint may enter or leave its limits is among them, so that no feasible
+    interval is missed, however short; between them joints move by at most `_MAX_STEP_RAD`.
     """
-    pose = forward_kinematics(joint_vector(seed, "seed"))
-    pose[:3, 3] = position_m
-    return refine(pose, seed, n_iterations=200, limits=limits, position_only=True)
+    n_grid = round(np.pi / _GRID_STEP_RAD)
+    grid = np.linspace(-np.pi, np.pi, 2 * n_grid + 1)
+    crossings = (_limit_crossings(circle, limits) - start + np.pi) % (2.0 * np.pi) - np.pi
+    edges = np.sort(np.concatenate([grid, crossings]))
+    edges = edges[np.diff(edges, prepend=-np.inf) > _SAME_SWIVEL_RAD]
+    # The middle of each section shows whether it is inside, whatever rounding does to its ends.
+    swivels = start + np.sort(np.concatenate([edges, 0.5 * (edges[:-1] + edges[1:])]))
+    while True:
+        q = _postures(circle, swivels, 1, 1)  # the other branches turn by as much
+        turn = np.abs((np.diff(q, axis=0) + np.pi) % (2.0 * np.pi) - np.pi).max(axis=1)
+        split = (turn > _MAX_STEP_RAD) & (np.diff(swivels) > _MIN_SECTION_RAD)
+        if not split.any():
+            return swivels
+        middles = 0.5 * (swivels[:-1] + swivels[1:])[split]
+        swivels = np.sort(np.concatenate([swivels, middles]))
 
 
-def _nearest_on_branch(
-    pose: np.ndarray, seed: np.ndarray, start_rad: float, branch: Branch, limits: JointLimits
-) -> tuple[float, np.ndarray] | None:
-    """Return (squared distance, q) of the swivel nearest to the seed on a branch, None if none."""
-    swivels = start_rad + _GRID
-    spacing = _GRID[1] - _GRID[0]
-    best = None
-    for _ in range(6):
-        candidates = solve(pose, swivels, branch)
-        cost = np.sum((candidates - seed) ** 2, axis=-1)
-        cost[~within_position_limits(candidates, limits)] = np.inf
-        k = int(np.argmin(cost))
-        if not np.isfinite(cost[k]):
-            return best
-        if best is None or cost[k] < best[0]:
-            best = (float(cost[k]), candidates[k])
-        spacing /= 8.0
-        swivels = swivels[k] + spacing * np.arange(-8, 9)
-    return best
+def _limit_crossings(circle: _ElbowCircle, limits: JointLimits) -> NDArray[np.float64]:
+    """Return all swivels at which a joint of shoulder or wrist is at a limit, in any branch.
+
+    A limit L of the first, second or third joint of R = Rz(a) Ry(-b) Rz(c) is met where
+    R02 sin(L) = R12 cos(L), R22 = cos(L) or R21 cos(L) = -R20 sin(L): each is linear in (1, sin,
+    cos) of the swivel and has up to two roots. The most nearly singular swivels, where R22 is
+    extreme, and those where an angle wraps from pi to -pi are included.
+    """
+    equations = []
+    for R, first in ((circle.shoulder, 0), (circle.wrist, 4)):
+        for bound in (limits.lower, limits.upper, np.full(7, np.pi)):
+            a, b, c = bound[first : first + 3]
+            equations.append(R[:, 0, 2] * np.sin(a) - R[:, 1, 2] * np.cos(a))
+            equations.append(R[:, 2, 2] - np.array([np.cos(b), 0.0, 0.0]))
+            equations.append(R[:, 2, 1] * np.cos(c) + R[:, 2, 0] * np.sin(c))
+    constant, sine, cosine = np.array(equations).T
+    amplitude = np.hypot(sine, cosine)
+    peak = np.arctan2(sine, cosine)
+    solvable = (amplitude > 0.0) & (np.abs(constant) <= amplitude)
+    half = np.arccos(-constant[solvable] / amplitude[solvable])
+    extremes = peak[[1, 10]]  # of R22 of shoulder and wrist
+    roots = [peak[solvable] + half, peak[solvable] - half, extremes, extremes + np.pi]
+    return np.concatenate(roots)
 
 
-def _elbow_angle(wrist: np.ndarray) -> float:
+def _elbow_angle(wrist: NDArray[np.float64]) -> float:
     distance = float(np.linalg.norm(wrist))
     cosine = (distance**2 - UPPER_ARM_M**2 - FOREARM_M**2) / (2.0 * UPPER_ARM_M * FOREARM_M)
     if not -1.0 <= cosine <= 1.0 + 1e-9:
@@ -224,73 +284,59 @@ def _elbow_angle(wrist: np.ndarray) -> float:
     return float(np.arccos(min(cosine, 1.0)))
 
 
-def _wrist_in_upper_arm(elbow_angle: float) -> np.ndarray:
+def _wrist_in_upper_arm(elbow_angle: float) -> NDArray[np.float64]:
     """Return the vector from shoulder to wrist (3,) in the axes of the upper arm."""
     return np.array(
         [FOREARM_M * np.sin(elbow_angle), 0.0, UPPER_ARM_M + FOREARM_M * np.cos(elbow_angle)]
     )
 
 
-def _reference_rotation(wrist: np.ndarray, elbow_angle: float) -> np.ndarray:
+def _reference_rotation(wrist: NDArray[np.float64], elbow_angle: float) -> NDArray[np.float64]:
     """Return the upper arm's rotation with q3 = 0 that puts the wrist where it is."""
     in_arm = _wrist_in_upper_arm(elbow_angle)
     lateral = float(np.hypot(wrist[0], wrist[1]))
-    azimuth = float(np.arctan2(wrist[1], wrist[0])) if lateral > 1e-9 else 0.0
+    azimuth = float(np.arctan2(wrist[1], wrist[0])) if lateral > _ON_AXIS_M else 0.0
     polar = np.arctan2(lateral, wrist[2])
     return _rotation_z(azimuth) @ _rotation_y(polar - np.arctan2(in_arm[0], in_arm[2]))
 
 
-def _spherical_angles(rotation: np.ndarray, sign: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (a, b, c) with rotation = Rz(a) Ry(-b) Rz(c) and b of the given sign."""
-    sine = np.hypot(rotation[..., 0, 2], rotation[..., 1, 2])
-    b = sign * np.arctan2(sine, rotation[..., 2, 2])
-    regular = sine > 1e-12
-    a = np.where(regular, np.arctan2(-sign * rotation[..., 1, 2], -sign * rotation[..., 0, 2]), 0.0)
-    aligned = np.arctan2(rotation[..., 1, 0], rotation[..., 1, 1])
-    c = np.where(
-        regular, np.arctan2(-sign * rotation[..., 2, 1], sign * rotation[..., 2, 0]), aligned
+def _spherical_angles(
+    rotation: NDArray[np.float64], sign: NDArray[np.int_] | int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return (a, b, c) with rotation = Rz(a) Ry(-b) Rz(c) and b of the given sign.
+
+    c is what remains of the rotation after a, so that the product stays exact near b = 0, where a
+    is ill-conditioned.
+    """
+    x, y = rotation[..., 0, 2], rotation[..., 1, 2]
+    sine = np.hypot(x, y)
+    b = np.asarray(sign, dtype=np.float64) * np.arctan2(sine, rotation[..., 2, 2])
+    a = np.where(sine > _SINGULAR, np.arctan2(-sign * y, -sign * x), 0.0)
+    cos, sin = np.cos(a), np.sin(a)
+    c = np.arctan2(
+        cos * rotation[..., 1, 0] - sin * rotation[..., 0, 0],
+        cos * rotation[..., 1, 1] - sin * rotation[..., 0, 1],
     )
     return a, b, c
 
 
-def _pose_error(target: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """Return position error [m] and rotation vector [rad] from pose to target, base axes (6,)."""
-    turn = target[:3, :3] @ pose[:3, :3].T
-    sine = 0.5 * np.array(
-        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    )
-    norm = float(np.linalg.norm(sine))
-    angle = np.arctan2(norm, 0.5 * (np.trace(turn) - 1.0))
-    rotation = sine * (angle / norm) if norm > 1e-12 else sine
-    return np.concatenate([target[:3, 3] - pose[:3, 3], rotation])
+def checked_pose(pose: ArrayLike) -> NDArray[np.float64]:
+    """Return a finite pose (4, 4) as float64, or raise ShapeError or KinematicsError."""
+    matrix = np.asarray(pose, dtype=np.float64)
+    if matrix.shape != (4, 4):
+        cure = "Give one homogeneous transform."
+        raise ShapeError(describe("pose", "shape (4, 4)", matrix.shape, cure))
+    if not np.all(np.isfinite(matrix)):
+        cure = "Check the transform's source."
+        raise KinematicsError(describe("pose", "finite values", matrix, cure))
+    return matrix
 
 
-def _checked_pose(pose: np.ndarray) -> np.ndarray:
-    pose = np.asarray(pose, dtype=np.float64)
-    if pose.shape != (4, 4):
-        raise ShapeError(
-            describe("pose", "shape (4, 4)", pose.shape, "Give one homogeneous transform.")
-        )
-    if not np.all(np.isfinite(pose)):
-        raise KinematicsError(
-            describe("pose", "finite values", pose, "Check the transform's source.")
-        )
-    return pose
-
-
-def _rotation_z(angle: float) -> np.ndarray:
+def _rotation_z(angle: float) -> NDArray[np.float64]:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _rotation_y(angle: float) -> np.ndarray:
+def _rotation_y(angle: float) -> NDArray[np.float64]:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def _rotation_about(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Return rotations (..., 3, 3) about a unit axis (3,) by angles (...) (Rodrigues)."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    s, c = np.sin(angle)[..., None, None], np.cos(angle)[..., None, None]
-    return np.eye(3) + s * K + (1.0 - c) * (K @ K)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, describe
 
@@ -21,11 +22,11 @@ class JointLimits:
         torque: largest torque [Nm], symmetric.
     """
 
-    lower: np.ndarray
-    upper: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    torque: np.ndarray
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+    torque: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         """Copy, check and freeze the arrays."""
@@ -62,27 +63,30 @@ class JointLimits:
 
 
 def within_position_limits(
-    q: np.ndarray, limits: JointLimits, tolerance_rad: float = 1e-9
-) -> np.ndarray:
+    q: ArrayLike, limits: JointLimits, tolerance_rad: float = 1e-9
+) -> NDArray[np.bool_]:
     """Return whether each joint vector of q (..., n) [rad] is inside; shape (...,), bool."""
     q = np.asarray(q, dtype=np.float64)
     inside = (q >= limits.lower - tolerance_rad) & (q <= limits.upper + tolerance_rad)
     return np.all(inside, axis=-1)
 
 
-def clamp_position(q: np.ndarray, limits: JointLimits) -> np.ndarray:
+def clamp_position(q: ArrayLike, limits: JointLimits) -> NDArray[np.float64]:
     """Return q (..., n) [rad] with every joint moved to the nearest allowed position."""
     return np.clip(np.asarray(q, dtype=np.float64), limits.lower, limits.upper)
 
 
-def position_violation(q: np.ndarray, limits: JointLimits) -> np.ndarray:
+def position_violation(q: ArrayLike, limits: JointLimits) -> NDArray[np.float64]:
     """Return by how much each joint of q (..., n) is outside [rad], 0 where it is inside."""
     q = np.asarray(q, dtype=np.float64)
     return np.maximum(np.maximum(limits.lower - q, q - limits.upper), 0.0)
 
 
 def check_position(
-    q: np.ndarray, limits: JointLimits, names: Sequence[str] | None = None, argument: str = "q"
+    q: ArrayLike,
+    limits: JointLimits,
+    names: Sequence[str] | None = None,
+    argument: str = "q",
 ) -> None:
     """Raise KinematicsError naming the worst joint of q (..., n) [rad] outside its limits."""
     excess = position_violation(q, limits)
@@ -91,7 +95,7 @@ def check_position(
     if not np.any(excess > 1e-9):
         return
     index = np.unravel_index(np.argmax(excess), excess.shape)
-    joint = index[-1]
+    joint = int(index[-1])
     name = names[joint] if names is not None else f"joint {joint}"
     raise KinematicsError(
         describe(

@@ -9,6 +9,7 @@ default and can be replaced with `lwr_limits`.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.kinematics.limits import JointLimits
 
@@ -24,8 +25,8 @@ class DHParameters:
     Frame i is frame i-1 times Rz(q_i) Tz(d_i) Tx(a_i) Rx(alpha_i); here a is zero throughout.
     """
 
-    d_m: np.ndarray
-    alpha_rad: np.ndarray
+    d_m: NDArray[np.float64]
+    alpha_rad: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
