@@ -28,7 +28,7 @@ def movement_primitives(
     """One task's observation in movement_primitives."""
     n_dofs = library.n_observed + library.n_controlled
     promp = ProMP(n_dims=n_dofs, n_weights_per_dim=library.basis.n_basis)
-    promp.from_weight_distribution(*library.primitive(0))
+    promp.from_weight_distribution(*library.primitive(0).weights)
     y, covariance = np.zeros(n_dofs), NOT_OBSERVED * np.eye(n_dofs)
     y[: len(values)] = values
     covariance[: len(values), : len(values)] = noise
@@ -43,7 +43,7 @@ def movement_primitives(
 
 def filterpy(library: TaskLibrary, noise: np.ndarray, values: np.ndarray, phase: float) -> Peer:
     """One task's observation in filterpy; the observation matrix is made beforehand."""
-    mean, covariance = library.primitive(0)
+    mean, covariance = library.primitive(0).weights
     filtered = KalmanFilter(dim_x=len(mean), dim_z=len(values))
     filtered.x, filtered.P, filtered.R = mean[:, None].copy(), covariance.copy(), noise
     n_dofs = library.n_observed + library.n_controlled

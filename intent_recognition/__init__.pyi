@@ -14,10 +14,10 @@ from .errors import (
 )
 from .evaluation import evaluate, make_folds, reliability_bins
 from .gaussian import Gaussian, GaussianMixture, condition, fit_gaussian_mixture, marginal
-from .learning import TrainingSettings, learn
+from .learning import TrainingSettings, fit_interaction_promp, learn
 from .model import Model, load_model, save_model
 from .objects import load_object
-from .promp import NormalizedRBFBasis, TaskLibrary, Trajectory
+from .promp import InteractionProMP, NormalizedRBFBasis, TaskLibrary, Trajectory
 from .recognition import (
     DecisionSettings,
     DecisionState,
@@ -51,6 +51,7 @@ __all__ = [
     "GaussianMixture",
     "IntentError",
     "IntentEstimator",
+    "InteractionProMP",
     "Model",
     "ModelError",
     "NormalizedRBFBasis",
@@ -70,6 +71,7 @@ __all__ = [
     "decide",
     "evaluate",
     "fit_gaussian_mixture",
+    "fit_interaction_promp",
     "learn",
     "load_dofs",
     "load_model",

@@ -30,6 +30,7 @@ from intent_recognition.learning.examples import (
     scored_phases,
 )
 from intent_recognition.learning.fitting import aligned_primitives, library_from_statistics
+from intent_recognition.learning.interaction_promp import fit_interaction_promp
 from intent_recognition.learning.mixture import (
     BASIS,
     MIN_MEMBERS,
@@ -98,6 +99,7 @@ __all__ = [
     "count_transitions",
     "cut_one",
     "cut_to_movement",
+    "fit_interaction_promp",
     "is_outdated",
     "label_by_components",
     "learn",

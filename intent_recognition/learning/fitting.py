@@ -75,7 +75,7 @@ def learned_from(
     """Those attributes of the library that change with every demonstration."""
     statistics = list(tasks.values())
     _, noise = scales(tasks)
-    covariances = _covariances(tasks, chosen.strength)
+    covariances = predictive_covariances(tasks, chosen.strength)
     timing = _timing(statistics)
     covariance = recognition(tasks, reference, chosen.recognition_strength)
     return {
@@ -109,7 +109,7 @@ def aligned_primitives(
         basis=reference.forecast_basis,
         n_observed=sum(len(signal.names) for signal in reference.observed),
         weight_mean=np.array([task.mean.ravel() for task in over_reference.values()]),
-        weight_covariance=_covariances(over_reference, chosen.aligned_strength),
+        weight_covariance=predictive_covariances(over_reference, chosen.aligned_strength),
         noise_variance=noise,
         noise_scale=chosen.aligned_noise_scale,
         phase_deviation=reference.timing.phase_deviation,
@@ -135,7 +135,7 @@ def recognition(
     return covariances
 
 
-def _covariances(tasks: Mapping[str, TaskStatistics], strength: float) -> np.ndarray:
+def predictive_covariances(tasks: Mapping[str, TaskStatistics], strength: float) -> np.ndarray:
     """Predictive covariance of each task's next demonstration, (K, D N, D N)."""
     floor, _ = scales(tasks)
     pooled = pooled_moments(tasks.values())

@@ -4,6 +4,7 @@
 from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.control_grid import ControlGrid
+from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.library import IDENTITY_CALIBRATION, NONE, TaskLibrary
 from intent_recognition.promp.phase_deviation import (
     PhaseDeviation,
@@ -43,6 +44,7 @@ __all__ = [
     "OWN_COVARIANCE_SHARE",
     "AlignedPrimitives",
     "ControlGrid",
+    "InteractionProMP",
     "NormalizedRBFBasis",
     "PhaseDeviation",
     "Scatter",

@@ -10,6 +10,7 @@ import numpy as np
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.phase_deviation import STEADY
 from intent_recognition.signals import OnsetSettings
 
@@ -107,9 +108,15 @@ class TaskLibrary:
         """Median duration of each task in seconds, (K,)."""
         return np.exp(self.log_duration_mean)
 
-    def primitive(self, task: int) -> Gaussian:
-        """Joint distribution of the weights of task number `task`."""
-        return Gaussian(self.weight_mean[task], self.weight_covariance[task])
+    def primitive(self, task: int) -> InteractionProMP:
+        """The interaction primitive of task number `task`, at steady progress."""
+        return InteractionProMP(
+            self.basis,
+            Gaussian(self.weight_mean[task], self.weight_covariance[task]),
+            self.n_observed,
+            self.noise_variance,
+            float(self.durations_s[task]),
+        )
 
     @cached_property
     def observed_mean(self) -> np.ndarray:

@@ -280,7 +280,7 @@ def test_scores_against_a_loop_written_out(rng):
         H = np.hstack([library.basis.design_matrix(times / duration), np.zeros((12, 16))])
         crowding = np.r_[1.0, np.maximum(1.0, library.correlation_time_s / np.diff(times))]
         R = np.diag(library.noise_variance[0] * library.noise_scale * crowding)
-        mean, covariance = library.primitive(0)
+        mean, covariance = library.primitive(0).weights
         gain = covariance @ H.T @ np.linalg.inv(H @ covariance @ H.T + R)
         mean = mean + gain @ (test.observed[0].values[:, 0] - H @ mean)
         covariance = covariance - gain @ H @ covariance

@@ -36,7 +36,7 @@ def test_the_arm_does_what_was_predicted(outcome):
 def test_conditioning_on_the_end_is_the_joint_gaussian_of_end_and_weights(repository):
     bags = sorted((repository / "bags" / "pointing" / "train").iterdir())[:4]
     library = learn(read_demonstrations(bags, load_dofs()))
-    primitive, n_basis = library.primitive(0), library.basis.n_basis
+    primitive, n_basis = library.primitive(0).weights, library.basis.n_basis
     wrist = np.array([0.9, 0.02, 0.03])
     row = library.basis.design_matrix(np.ones(1))[0]
     matrix = np.zeros((3, len(primitive.mean)))

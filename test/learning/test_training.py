@@ -84,7 +84,7 @@ def test_few_demonstrations_train_with_positive_definite_covariances(truth, rng,
         assert np.linalg.eigvalsh(covariance).min() > 0
     assert np.all(np.isfinite(library.log_duration_std))
     assert np.all(library.log_duration_std >= 0.05)
-    assert library.primitive(0).covariance.shape == (40, 40)
+    assert library.primitive(0).weights.covariance.shape == (40, 40)
 
 
 def test_identical_demonstrations_train(truth, rng):

@@ -113,7 +113,9 @@ def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
     noise = np.r_[
         np.tile(library.noise_variance[:2], 7), start.variance + library.noise_variance[2:]
     ]
-    joint, _ = condition(library.primitive(0), np.vstack([*human, robot]), y, np.diag(noise))
+    joint, _ = condition(
+        library.primitive(0).weights, np.vstack([*human, robot]), y, np.diag(noise)
+    )
     split = library.n_observed_weights
     np.testing.assert_allclose(found.mean, joint.mean[split:], atol=1e-8)
     np.testing.assert_allclose(found.covariance, joint.covariance[split:, split:], atol=1e-8)

@@ -14,7 +14,7 @@ def test_every_task_s_regression_is_there_and_few_stay_in_memory(rng):
     recovery = library.primitives.recovery
     assert len(recovery) == library.n_tasks
     for task, found in enumerate(recovery):
-        expected = regression(library.primitive(task), library.n_observed_weights)
+        expected = regression(library.primitive(task).weights, library.n_observed_weights)
         for a, b in zip(found, expected, strict=True):
             assert np.array_equal(a, b)
         assert recovery[task] is found

@@ -96,7 +96,7 @@ def stiffer_after_the_human(library: TaskLibrary, test: Demonstration) -> NDArra
     """Stiffness at the end once the human's hand has arrived, over that before (7,)."""
     part = slice(library.n_observed_weights, None)
     stiffness = []
-    for weights in (library.primitive(0), condition_on_end(library, final_wrist(test))):
+    for weights in (library.primitive(0).weights, condition_on_end(library, final_wrist(test))):
         arm = Gaussian(weights.mean[part], weights.covariance[part, part])
         duration = float(library.durations_s[0])
         stiffness.append(feedback_policy(library.basis, arm, duration, DESIGN).stiffness[-1])

@@ -94,7 +94,7 @@ def final_wrist(recording: Demonstration) -> NDArray[np.float64]:
 
 def condition_on_end(library: TaskLibrary, wrist_m: NDArray[np.float64]) -> Gaussian:
     """All weights given the wrist's final position (3,): Maeda et al. 2014, Eq. 6-8 at phase 1."""
-    primitive = library.primitive(0)
+    primitive = library.primitive(0).weights
     row = library.basis.design_matrix(np.ones(1))
     matrix = np.zeros((library.n_observed, len(primitive.mean)))
     matrix[:, : library.n_observed_weights] = np.kron(np.eye(library.n_observed), row)
@@ -292,7 +292,7 @@ def _blocks(
 
 
 def _conditioned(library: TaskLibrary, one: Tested) -> Figure:
-    prior = both_agents(library, library.primitive(0))
+    prior = both_agents(library, library.primitive(0).weights)
     posterior = both_agents(library, one.posterior)
     onset = int(one.recording.metadata["human_onset_ns"])
     signal = one.recording.observed[0].between(onset, one.recording.end_ns)

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The interaction primitive of one task, without timing, unknown tasks or a choice of settings."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, TrainingError, describe
+from intent_recognition.gaussian import Gaussian
+from intent_recognition.learning.examples import make_example
+from intent_recognition.learning.fitting import predictive_covariances, scales
+from intent_recognition.learning.settings import TrainingSettings
+from intent_recognition.learning.statistics import summarize
+from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis
+from intent_recognition.signals import Demonstration
+
+STRENGTH = 10.0
+"""Equivalent sample size of the structured target, in demonstrations.
+
+Convention: the middle of the values from which `learn` chooses by leave-one-out prediction.
+"""
+
+
+def fit_interaction_promp(
+    demonstrations: Sequence[Demonstration],
+    *,
+    basis: NormalizedRBFBasis | None = None,
+    ridge: float = TrainingSettings.ridge,
+    strength: float = STRENGTH,
+) -> InteractionProMP:
+    """Fit the joint Gaussian over both agents' weights to demonstrations of one task.
+
+    Each demonstration is taken from its start to its end, its phase running evenly from 0 to 1;
+    `cut_to_movement` cuts recordings with rest at their ends. The sample covariance (Maeda et al.
+    2014, Eq. 5) is shrunk toward a structured target (`promp.structured_target`), because few
+    demonstrations leave it singular. `learn` fits all tasks at once and chooses the strength.
+
+    Args:
+        demonstrations: two or more with the same DOFs, all of one task.
+        basis: basis functions of each DOF; None for those that `learn` uses by default.
+        ridge: relative curvature penalty of the weights' regression.
+        strength: equivalent sample size of the target, in demonstrations, positive.
+
+    Raises:
+        TrainingError: fewer than two demonstrations, or one is too short or has too few samples.
+        ArgumentError: the demonstrations differ in their DOFs or tasks, or `strength` or `ridge`
+            is not positive.
+    """
+    if not strength > 0:
+        raise ArgumentError(describe("strength", "a positive number", strength, "Try 10."))
+    if len(demonstrations) < 2:
+        got, cure = len(demonstrations), "A covariance takes more than one; record more."
+        raise TrainingError(describe("demonstrations", "two or more", got, cure))
+    for demonstration in demonstrations[1:]:
+        _check_alike(demonstrations[0], demonstration)
+    if basis is None:
+        basis = NormalizedRBFBasis(TrainingSettings.n_basis, TrainingSettings.width)
+    task = summarize([make_example(recorded, basis, ridge) for recorded in demonstrations])
+    (covariance,) = predictive_covariances({"": task}, strength)
+    return InteractionProMP(
+        basis,
+        Gaussian(task.mean.ravel(), covariance),
+        sum(len(signal.names) for signal in demonstrations[0].observed),
+        scales({"": task})[1],
+        float(np.exp(task.log_duration_mean)),
+    )
+
+
+def _check_alike(first: Demonstration, other: Demonstration) -> None:
+    """Refuse demonstrations of several tasks or DOFs."""
+    for argument, expected, got in (
+        ("task", first.task, other.task),
+        ("observed DOFs", *([s.names for s in d.observed] for d in (first, other))),
+        ("controlled DOFs", *([s.names for s in d.controlled] for d in (first, other))),
+    ):
+        if expected != got:
+            raise ArgumentError(
+                describe(
+                    f"{argument} of {other.name}",
+                    f"{expected} as of {first.name}",
+                    got,
+                    "Pass demonstrations of one task with the same DOFs; `learn` takes several.",
+                )
+            )

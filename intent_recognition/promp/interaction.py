@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The interaction primitive of one task: one Gaussian over the weights of both agents.
+
+This is the model of Maeda et al. 2014 at known phase, for use from arrays. The online estimator
+filters many tasks and durations at once (`filtering`); for one task of known duration it gives what
+`InteractionProMP.condition` gives.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.gaussian import Gaussian, condition, marginal
+from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.prediction import Trajectory, rollout
+
+
+@dataclass(frozen=True)
+class InteractionProMP:
+    """Joint distribution of the weights of P observed and Q controlled DOFs, D = P + Q.
+
+    Attributes:
+        basis: the N basis functions of each DOF.
+        weights: joint distribution of all weights, (D N,), grouped by DOF, observed DOFs first
+            (Maeda et al. 2014, Eq. 4).
+        n_observed: P.
+        noise_variance: variance of a measured position about the trajectory, per DOF, (D,), in the
+            squared unit of the DOF.
+        duration_s: duration of the interaction [s]; the phase is time since onset divided by it.
+    """
+
+    basis: NormalizedRBFBasis
+    weights: Gaussian
+    n_observed: int
+    noise_variance: NDArray[np.float64]
+    duration_s: float
+
+    @property
+    def n_dofs(self) -> int:
+        """Number of observed and controlled DOFs D."""
+        return len(self.noise_variance)
+
+    def observation_matrix(self, phase: ArrayLike, dofs: Sequence[int]) -> NDArray[np.float64]:
+        """H of positions of some DOFs, (T m, D N): row t m + k is DOF `dofs[k]` at `phase[t]`.
+
+        A DOF that is not observed has no row.
+
+        Args:
+            phase: (T,), or a number for one.
+            dofs: numbers of m DOFs, counted from 0 over the observed, then the controlled ones.
+        """
+        design = self.basis.design_matrix(np.atleast_1d(np.asarray(phase, dtype=np.float64)))
+        select = np.eye(self.n_dofs)[list(dofs)]
+        return np.einsum("md,tn->tmdn", select, design).reshape(len(design) * len(dofs), -1)
+
+    def condition(
+        self,
+        phase: ArrayLike,
+        values: ArrayLike,
+        *,
+        dofs: Sequence[int] | None = None,
+        covariance: ArrayLike | None = None,
+    ) -> tuple["InteractionProMP", float]:
+        """Condition on measured positions at known phases (Maeda et al. 2014, Eq. 6).
+
+        The learned noise counts as independent from sample to sample.
+
+        Args:
+            phase: phases of the samples in [0, 1], (T,), or a number for one sample.
+            values: measured positions, (T, m), or (m,) for one sample, in the units of the DOFs.
+            dofs: which DOFs were measured, m numbers counted from 0 over the observed, then the
+                controlled ones; None for all observed ones.
+            covariance: measurement covariance of one sample, (m, m), added to `noise_variance`.
+
+        Returns:
+            The primitive with the posterior of the weights, and the log evidence log p(values).
+
+        Raises:
+            ShapeError: the arrays do not fit each other.
+            ArgumentError: a number is not finite, there is no such DOF, or the noise is not
+                positive definite.
+        """
+        index = list(range(self.n_observed) if dofs is None else dofs)
+        if not index or not all(0 <= dof < self.n_dofs for dof in index):
+            expected, cure = f"numbers from 0 to {self.n_dofs - 1}", "Observed DOFs come first."
+            raise ArgumentError(describe("dofs", expected, index, cure))
+        noise = np.diag(self.noise_variance[index])
+        if covariance is not None:
+            noise = noise + _finite("covariance", covariance, noise.shape)
+        phases = np.asarray(phase, dtype=np.float64)
+        shape = (*phases.shape, len(index))
+        if phases.ndim > 1:
+            cure = "Pass one phase per sample."
+            raise ShapeError(describe("phase", "a number or shape (T,)", phases.shape, cure))
+        observed = _finite("values", values, shape)
+        posterior, log_evidence = condition(
+            self.weights,
+            self.observation_matrix(_finite("phase", phases, phases.shape), index),
+            observed.ravel(),
+            np.kron(np.eye(phases.size), noise),
+        )
+        return replace(self, weights=posterior), log_evidence
+
+    def predict_observed(self, n_points: int = 50) -> Trajectory:
+        """Trajectory of the observed DOFs at T evenly spaced times from onset to end, (T, P)."""
+        return self._predict(slice(0, self.n_observed), n_points)
+
+    def predict_controlled(self, n_points: int = 50) -> Trajectory:
+        """Trajectory of the controlled DOFs at T evenly spaced times from onset to end, (T, Q).
+
+        Its standard deviation is that of a position that would be measured: uncertain weights and
+        noise (Maeda et al. 2014, Eq. 8).
+        """
+        return self._predict(slice(self.n_observed, None), n_points)
+
+    def _predict(self, dofs: slice, n_points: int) -> Trajectory:
+        index = np.arange(len(self.weights.mean)).reshape(self.n_dofs, -1)[dofs].ravel()
+        phase = np.linspace(0.0, 1.0, n_points)
+        weights, noise = marginal(self.weights, index), self.noise_variance[dofs]
+        return rollout(self.basis, weights, phase, self.duration_s, noise)
+
+
+def _finite(argument: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """An argument as an array of the given shape, all of it finite."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != shape:
+        cure = "Pass one row per sample and one column per DOF."
+        raise ShapeError(describe(argument, f"shape {shape}", array.shape, cure))
+    if not np.all(np.isfinite(array)):
+        cure = "Leave out samples that were not measured, and name the measured DOFs as `dofs`."
+        raise ArgumentError(describe(argument, "finite numbers", "NaN or infinity", cure))
+    return array
