@@ -8,6 +8,12 @@ from intent_recognition.bags.cdr.columns import (
     JointColumns,
     PoseColumns,
 )
+from intent_recognition.bags.cdr.layout import (
+    LITTLE_ENDIAN,
+    LayoutCache,
+    header_stamp_ns,
+)
+from intent_recognition.bags.cdr.template import SerializedTemplate
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import BagMessage
 from intent_recognition.bags.metadata import FILE_NAME, TopicInfo, read_metadata
@@ -20,6 +26,7 @@ __all__ = [
     "FILE_NAME",
     "FLUSH_PERIOD_S",
     "JOINT_STATE",
+    "LITTLE_ENDIAN",
     "POSE",
     "BagMessage",
     "BagReader",
@@ -28,11 +35,14 @@ __all__ = [
     "Damage",
     "DiskFullError",
     "JointColumns",
+    "LayoutCache",
     "PoseColumns",
     "RawMessage",
     "RecoveryReport",
+    "SerializedTemplate",
     "TopicInfo",
     "decode",
+    "header_stamp_ns",
     "policy",
     "read_metadata",
     "recover_bag",

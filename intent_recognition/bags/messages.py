@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One message of a bag, raw and decoded, and the decoders of its types."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -9,7 +8,8 @@ from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import get_types_from_msg
 
-from intent_recognition.bags.cdr.fast_decode import fast_decoder
+from intent_recognition.bags.cdr.columns import COLUMNS
+from intent_recognition.bags.cdr.decoder import Decoder, layout_decoder
 from intent_recognition.bags.definitions import definition, jazzy_names, jazzy_types
 from intent_recognition.errors import MessageError, describe
 
@@ -39,7 +39,7 @@ class BagMessage:
     message: object
 
 
-def schema_decoder(schema: Schema) -> Callable[[bytes], object] | None:
+def schema_decoder(schema: Schema) -> Decoder | None:
     """Function from CDR bytes to a message with the attributes of its type.
 
     None when the definition is in a form that cannot be used.
@@ -48,7 +48,9 @@ def schema_decoder(schema: Schema) -> Callable[[bytes], object] | None:
         Exception: whatever the parser of definitions raises.
     """
     found = DecoderFactory().decoder_for("cdr", schema)
-    return fast_decoder(schema.name, found) if found and is_standard(schema) else found
+    if found and schema.name in COLUMNS and is_standard(schema):
+        return layout_decoder(schema.name, found)
+    return found
 
 
 def is_standard(schema: Schema) -> bool:
@@ -70,7 +72,7 @@ def _same_fields(type_name: str, text: bytes) -> bool:
         return False
 
 
-def decode(raw: RawMessage, decoder: Callable[[bytes], object]) -> BagMessage:
+def decode(raw: RawMessage, decoder: Decoder) -> BagMessage:
     """Decode one raw message.
 
     Raises:

@@ -10,8 +10,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from intent_recognition.bags import header_stamp_ns
 from intent_recognition.nodes.conversions import stamp_ns
-from intent_recognition.nodes.wire_reading import read_stamp_ns
 
 LATEST_NS = 2**63 - 1
 MAX_WAITING = 16
@@ -121,7 +121,7 @@ def _time_ns(arrival: tuple[_Source, object]) -> int:
     """Stamp of a message; without one it is of now, so it comes last."""
     source, message = arrival
     if source.raw:
-        return read_stamp_ns(message)
+        return header_stamp_ns(message)
     stamped = hasattr(message, "header") or hasattr(message, "stamp")
     return stamp_ns(message) if stamped else LATEST_NS
 

@@ -15,8 +15,7 @@ from intent_recognition.errors import ArgumentError, MessageError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import Diagnostics, parameter, run
-from intent_recognition.nodes.serialized import SerializedOdometry
-from intent_recognition.nodes.wire_reading import read_pose
+from intent_recognition.nodes.serialized import SerializedOdometry, read_pose
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
 
 LIVE = {

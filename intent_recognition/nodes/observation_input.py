@@ -21,7 +21,7 @@ from intent_recognition.errors import MessageError
 from intent_recognition.nodes.backlog import Backlog
 from intent_recognition.nodes.conversions import message_class, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics
-from intent_recognition.nodes.wire_reading import read_odometry
+from intent_recognition.nodes.serialized import read_odometry
 from intent_recognition.signals import Observation
 
 INPUT = QoSProfile(

@@ -1,69 +1,105 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages as bytes, ready to be published: only the numbers in them change from one to the next.
+"""Serialized messages: the numbers that a node needs are read from and written to their bytes.
 
 To publish a message object, rclpy converts it to C, point by point and field by field, and
-serialises that. A message of the same shape has its numbers at the same places. They are found once
-(numbers that occur nowhere else are serialised and looked for), and after that written there.
+serializes that; to receive one, it makes an object of every field. Messages of the same lengths
+have their numbers at the same places, which `bags.find_layout` knows.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
-from rclpy.serialization import serialize_message
+from numpy.typing import ArrayLike, NDArray
+from rclpy.serialization import deserialize_message, serialize_message
 
+from intent_recognition.bags import (
+    JOINT_STATE,
+    LITTLE_ENDIAN,
+    LayoutCache,
+    SerializedTemplate,
+    header_stamp_ns,
+)
 from intent_recognition.errors import MessageError, describe
 from intent_recognition.nodes.conversions import NANOSECONDS, TrajectoryBuilder, to_joint_state
 from intent_recognition.tracking import TrackedPose
 
-HEADER_BYTES = 4
-"""Of a serialised message, before its content; places are counted from there."""
 UNKNOWN_VARIANCE = 1e6
-"""Of what was not measured (orientation, velocity before the third sample)."""
+"""Of what was not measured: orientation [rad^2], velocity before the third sample [m^2/s^2], rate
+of turning [rad^2/s^2]. Convention: so large that no filter takes it for a measurement."""
 MAX_TEMPLATES = 32
+"""Trajectories of different frames and lengths kept ready. Convention; a node needs one a task."""
+POSE, ODOMETRY = "geometry_msgs/msg/PoseStamped", "nav_msgs/msg/Odometry"
+TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 
 
-class SerializedTemplate:
-    """The bytes of one message, its floats and 32-bit integers as arrays to write to.
+class PoseNumbers(NamedTuple):
+    """What a node uses of a pose.
 
-    Args:
-        message: with a different number at each place that will be written.
+    Attributes:
+        stamp_ns: of the header.
+        frame_id: of the header.
+        pose: position [m] and orientation xyzw, (7,).
+        covariance: of position and rotation, (6, 6), None in a message without one.
     """
 
-    def __init__(self, message: object):
-        self._data = bytearray(serialize_message(message))
-        size = len(self._data) - HEADER_BYTES
-        self.floats = np.frombuffer(self._data, "<f8", size // 8, HEADER_BYTES)
-        self.integers = np.frombuffer(self._data, "<i4", size // 4, HEADER_BYTES)
-
-    def places_of(self, numbers: np.ndarray) -> np.ndarray:
-        """Index into `floats` of each number, in the same shape.
-
-        Raises:
-            MessageError: a number is not there, or twice.
-        """
-        order = np.argsort(self.floats)
-        flat = np.ravel(numbers)
-        first = np.searchsorted(self.floats, flat, "left", sorter=order)
-        last = np.searchsorted(self.floats, flat, "right", sorter=order)
-        if np.any(last - first != 1):
-            raise MessageError(
-                describe("message", "each number once", "another layout", "Report this.")
-            )
-        return order[first].reshape(np.shape(numbers))
-
-    def stamp(self, time_ns: int) -> None:
-        """Write the time of the header, with which the message begins."""
-        self.integers[:2] = divmod(int(time_ns), NANOSECONDS)
-
-    def to_bytes(self) -> bytes:
-        """The message as it is now."""
-        return bytes(self._data)
+    stamp_ns: int
+    frame_id: str
+    pose: NDArray[np.float64]
+    covariance: NDArray[np.float64] | None = None
 
 
-def marks(count: int) -> np.ndarray:
-    """Floats that no message contains by chance, (count,)."""
-    return -1.7e250 * (1.0 + np.arange(count) / 2**20)
+_POSES, _ODOMETRIES = LayoutCache(POSE), LayoutCache(ODOMETRY)
+
+
+def read_pose(data: bytes) -> PoseNumbers:
+    """Numbers of a serialized PoseStamped.
+
+    Raises:
+        MessageError: it ends too early, or its frame is not UTF-8.
+    """
+    return _read(data, PoseStamped, _POSES, "pose")
+
+
+def read_odometry(data: bytes) -> PoseNumbers:
+    """Numbers of the pose in a serialized Odometry.
+
+    Raises:
+        MessageError: it ends too early, or a frame is not UTF-8.
+    """
+    return _read(data, Odometry, _ODOMETRIES, "pose.pose", "pose.covariance")
+
+
+def _read(
+    data: bytes, kind: type, layouts: LayoutCache, pose: str, covariance: str = ""
+) -> PoseNumbers:
+    if data[:2] != LITTLE_ENDIAN:  # of another machine: rclpy puts the bytes in order
+        data = serialize_message(deserialize_message(data, kind))
+    try:
+        layout = layouts.layout_of(data)
+    except ValueError as error:
+        raise MessageError(
+            describe("message", "a whole one", error, "Check who publishes it.")
+        ) from error
+    (frame_id,) = layout.texts["header.frame_id"]
+    matrix = layout.values(data, covariance).reshape(6, 6) if covariance else None
+    return PoseNumbers(header_stamp_ns(data), frame_id, layout.values(data, pose), matrix)
+
+
+class _Trajectory(NamedTuple):
+    """The template of trajectories of one frame and length, and where to write to.
+
+    Attributes:
+        template: the message.
+        values: of positions, velocities and efforts in its doubles, (3, T, d).
+        times: of each point's time in its integers, (T, 2).
+    """
+
+    template: SerializedTemplate
+    values: NDArray[np.intp]
+    times: NDArray[np.intp]
 
 
 class SerializedTrajectory:
@@ -75,46 +111,47 @@ class SerializedTrajectory:
 
     def __init__(self, names: Sequence[str]):
         self._names = list(names)
-        self._templates: dict[tuple[str, int], tuple] = {}
+        self._known: dict[tuple[str, int], _Trajectory] = {}
 
     def build(
         self,
         time_ns: int,
-        times_s: np.ndarray,
-        positions: np.ndarray,
-        velocities: np.ndarray,
-        efforts: np.ndarray,
+        times_s: ArrayLike,
+        positions: ArrayLike,
+        velocities: ArrayLike,
+        efforts: ArrayLike,
         *,
         frame_id: str = "",
     ) -> bytes:
-        """As `TrajectoryBuilder.build`, serialised; arrays (T, d).
+        """As `TrajectoryBuilder.build`, serialized; arrays (T, d).
 
         Raises:
             ShapeError: an array is not (T, d).
         """
-        key = frame_id, len(times_s)
-        if key not in self._templates:
-            if len(self._templates) >= MAX_TEMPLATES:
-                self._templates.clear()
-            self._templates[key] = self._make(*key)
-        template, places, times = self._templates[key]
-        for place, values in zip(places, (positions, velocities, efforts), strict=True):
-            template.floats[place] = values
-        template.stamp(time_ns)
         times_ns = np.rint(np.asarray(times_s) * 1e9).astype(np.int64)
+        key = frame_id, times_ns.size
+        if key not in self._known:
+            if len(self._known) >= MAX_TEMPLATES:
+                self._known.clear()
+            self._known[key] = self._prepare(*key)
+        template, places, times = self._known[key]
+        for place, values in zip(places, (positions, velocities, efforts), strict=True):
+            template.doubles[place] = values
+        template.stamp(time_ns)
         template.integers[times] = np.stack(np.divmod(times_ns, NANOSECONDS), axis=1)
         return template.to_bytes()
 
-    def _make(self, frame_id: str, count: int) -> tuple:
-        shape = (3, count, len(self._names))
-        values = marks(int(np.prod(shape))).reshape(shape)
+    def _prepare(self, frame_id: str, count: int) -> _Trajectory:
+        zeros = np.zeros((count, len(self._names)))
         message = TrajectoryBuilder(self._names).build(
-            0, np.zeros(count), *values, frame_id=frame_id
+            0, np.zeros(count), zeros, zeros, zeros, frame_id=frame_id
         )
-        template = SerializedTemplate(message)
-        places = template.places_of(values)
-        times = 2 * places[2, :, -1:] + (2, 3)  # time_from_start comes right after the efforts
-        return template, tuple(places), times
+        template = SerializedTemplate(TRAJECTORY, serialize_message(message))
+        values, times = (
+            [[template.indices(f"points[{k}].{field}") for k in range(count)] for field in fields]
+            for fields in (("positions", "velocities", "effort"), ("time_from_start",))
+        )
+        return _Trajectory(template, np.array(values), np.array(times[0]))
 
 
 class SerializedNamedVector:
@@ -125,21 +162,22 @@ class SerializedNamedVector:
     """
 
     def __init__(self, names: Sequence[str]):
-        values = marks(3 * len(names)).reshape(3, -1)
-        self._template = SerializedTemplate(to_joint_state(names, *values, time_ns=0))
-        self._places = self._template.places_of(values)
+        message = to_joint_state(names, *np.zeros((3, len(names))), time_ns=0)
+        self._template = SerializedTemplate(JOINT_STATE, serialize_message(message))
+        self._columns = [self._template.view(name) for name in ("position", "velocity", "effort")]
 
     def build(
-        self, time_ns: int, position: np.ndarray, velocity: np.ndarray, effort: np.ndarray
+        self, time_ns: int, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike
     ) -> bytes:
-        """As `to_joint_state`, serialised; arrays (d,)."""
-        self._template.floats[self._places] = (position, velocity, effort)
+        """As `to_joint_state`, serialized; arrays (d,)."""
+        for column, values in zip(self._columns, (position, velocity, effort), strict=True):
+            column[:] = values
         self._template.stamp(time_ns)
         return self._template.to_bytes()
 
 
 class SerializedOdometry:
-    """Odometry messages of tracked poses; what was not measured has variance 1e6.
+    """Odometry messages of tracked poses; what was not measured has `UNKNOWN_VARIANCE`.
 
     Args:
         body: the tracked body.
@@ -151,38 +189,26 @@ class SerializedOdometry:
         self.orientation_variance = orientation_variance
         message = Odometry(child_frame_id=f"{body}_world_aligned")
         message.header.frame_id = world_frame
-        mark = marks(7 + 36 + 6 + 36)
-        pose, twist = message.pose.pose, message.twist.twist
-        numbers = iter(mark[:7].tolist())
-        for part, fields in ((pose.position, "xyz"), (pose.orientation, "xyzw")):
-            for name in fields:
-                setattr(part, name, next(numbers))
-        message.pose.covariance = mark[7:43]
-        numbers = iter(mark[43:49].tolist())
-        for part in (twist.linear, twist.angular):
-            for name in "xyz":
-                setattr(part, name, next(numbers))
-        message.twist.covariance = mark[49:]
-        self._template = SerializedTemplate(message)
-        self._places = self._template.places_of(mark)
-        self._values = np.zeros(85)
-        self._turn = self._values[7:43].reshape(6, 6)
-        self._spin = self._values[49:].reshape(6, 6)
-        self._spin[range(3, 6), range(3, 6)] = UNKNOWN_VARIANCE
+        self._template = SerializedTemplate(ODOMETRY, serialize_message(message))
+        view = self._template.view
+        self._pose = view("pose.pose")
+        self._pose_covariance = view("pose.covariance").reshape(6, 6)
+        self._velocity = view("twist.twist.linear")
+        self._twist_covariance = view("twist.covariance").reshape(6, 6)
+        self._turn_variances = np.einsum("ii->i", self._pose_covariance[3:, 3:])  # a view
+        np.fill_diagonal(self._twist_covariance[3:, 3:], UNKNOWN_VARIANCE)
 
     def build(self, pose: TrackedPose) -> bytes:
         """The message of an accepted pose."""
-        values = self._values
-        values[:3], values[3:7] = pose.position, pose.orientation
+        self._pose[:3], self._pose[3:] = pose.position, pose.orientation
         turn = self.orientation_variance if pose.orientation_measured else UNKNOWN_VARIANCE
-        self._turn[:3, :3] = pose.position_covariance
-        self._turn[3, 3] = self._turn[4, 4] = self._turn[5, 5] = turn
+        self._pose_covariance[:3, :3] = pose.position_covariance
+        self._turn_variances[:] = turn
         if pose.velocity is None:
-            values[43:46] = 0.0
-            self._spin[:3, :3] = np.eye(3) * UNKNOWN_VARIANCE
+            self._velocity[:] = 0.0
+            self._twist_covariance[:3, :3] = np.eye(3) * UNKNOWN_VARIANCE
         else:
-            values[43:46] = pose.velocity
-            self._spin[:3, :3] = pose.velocity_covariance
-        self._template.floats[self._places] = values
+            self._velocity[:] = pose.velocity
+            self._twist_covariance[:3, :3] = pose.velocity_covariance
         self._template.stamp(pose.stamp_ns)
         return self._template.to_bytes()

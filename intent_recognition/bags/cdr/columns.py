@@ -6,14 +6,22 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from intent_recognition.bags.cdr.layout import Layout, layout_of
+from intent_recognition.bags.cdr.layout import Layout, find_layout, header_stamps_ns
 from intent_recognition.bags.mcap.chunk import MessageTable, payloads
 
 POSE = "geometry_msgs/msg/PoseStamped"
 JOINT_STATE = "sensor_msgs/msg/JointState"
+COLUMNS = {
+    POSE: ("pose.position", "pose.orientation"),
+    JOINT_STATE: ("position", "velocity", "effort"),
+}
+"""The numbers that are read as columns, for each type of message that can be."""
 MOST_LAYOUTS = 16
-"""A topic that changes its texts or lengths more often is read message by message."""
+"""Convention. A topic whose texts or lengths change more often is read message by message."""
+LONGEST_PADDING = 3
+"""Bytes of padding that a message may end with."""
 LATEST_NS = 2**63 - 1
 
 
@@ -30,12 +38,12 @@ class PoseColumns:
         orientations: (T, 4) xyzw.
     """
 
-    log_times_ns: np.ndarray
-    stamps_ns: np.ndarray
+    log_times_ns: NDArray[np.int64]
+    stamps_ns: NDArray[np.int64]
     frame_ids: tuple[str, ...]
-    frames: np.ndarray
-    positions: np.ndarray
-    orientations: np.ndarray
+    frames: NDArray[np.int64]
+    positions: NDArray[np.float64]
+    orientations: NDArray[np.float64]
 
 
 class JointPart(NamedTuple):
@@ -50,12 +58,12 @@ class JointPart(NamedTuple):
         effort: (n, J).
     """
 
-    rows: np.ndarray
+    rows: NDArray[np.int64]
     frame_id: str
     names: tuple[str, ...]
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    effort: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -68,12 +76,17 @@ class JointColumns:
         parts: one for each layout; several where, say, arm and gripper share the topic.
     """
 
-    log_times_ns: np.ndarray
-    stamps_ns: np.ndarray
+    log_times_ns: NDArray[np.int64]
+    stamps_ns: NDArray[np.int64]
     parts: tuple[JointPart, ...]
 
 
 Columns = PoseColumns | JointColumns
+
+
+_Integers = NDArray[np.int64]
+_Part = tuple[_Integers, list[NDArray[np.float64]]]
+"""Messages of one layout: which of the topic's they are, and the values of each field."""
 
 
 class ColumnsBuilder:
@@ -85,7 +98,6 @@ class ColumnsBuilder:
 
     def __init__(self, type_name: str):
         self._type = type_name
-        self._layout_of = layout_of(type_name)
         self._layouts: list[Layout] = []
         self._pieces: list[_Piece] = []
         self._count = 0
@@ -96,7 +108,7 @@ class ColumnsBuilder:
         Returns:
             False if one of them is not for columns; the builder is of no use then.
         """
-        if self._layout_of is None or np.any(table.log_times_ns > LATEST_NS):
+        if self._type not in COLUMNS or np.any(table.log_times_ns > LATEST_NS):
             return False
         numbers = self._count + np.arange(table.starts.size)
         self._count += table.starts.size
@@ -112,33 +124,34 @@ class ColumnsBuilder:
 
     def columns(self) -> Columns:
         """Everything added, in the order of log time within each file."""
-        numbers, log_times_ns, stamps_ns = (
-            _join([piece[k] for piece in self._pieces]) for k in range(3)
-        )
-        files, layouts = (
-            np.repeat(
-                np.array([getattr(piece, name) for piece in self._pieces], np.int64),
-                [piece.numbers.size for piece in self._pieces],
-            )
-            for name in ("file", "layout")
-        )
+        pieces = self._pieces
+        numbers = _join([piece.numbers for piece in pieces])
+        log_times_ns = _join([piece.log_times_ns for piece in pieces])
+        stamps_ns = _join([piece.stamps_ns for piece in pieces])
+        sizes = [piece.numbers.size for piece in pieces]
+        files = np.repeat(np.array([piece.file for piece in pieces], np.int64), sizes)
+        layouts = np.repeat(np.array([piece.layout for piece in pieces], np.int64), sizes)
         order = _order(files, log_times_ns, numbers)
         if order is not None:
             log_times_ns, stamps_ns, layouts = log_times_ns[order], stamps_ns[order], layouts[order]
-        parts = []
+        parts: list[_Part] = []
         for index in range(len(self._layouts)):
-            pieces = [p for p in self._pieces if p.layout == index]
             rows = np.flatnonzero(layouts == index)
             # The order is that among the messages of all layouts; of these alone, their ranks.
-            own = None if order is None else np.argsort(np.argsort(order[rows]))
-            values = [_join(arrays) for arrays in zip(*(p.values for p in pieces), strict=True)]
-            parts.append((rows, *(v if own is None else v[own] for v in values)))
+            ranks = None if order is None else np.argsort(np.argsort(order[rows]))
+            own_values = [piece.values for piece in pieces if piece.layout == index]
+            values = [_join(arrays) for arrays in zip(*own_values, strict=True)]
+            parts.append((rows, [v if ranks is None else v[ranks] for v in values]))
         if self._type == JOINT_STATE:
             return self._joints(log_times_ns, stamps_ns, parts)
         return self._poses(log_times_ns, stamps_ns, layouts, parts)
 
     def _add_equal(
-        self, file: int, table: MessageTable, numbers: np.ndarray, messages: np.ndarray
+        self,
+        file: int,
+        table: MessageTable,
+        numbers: NDArray[np.int64],
+        messages: NDArray[np.uint8],
     ) -> bool:
         """Messages of one length, uint8 (n, length)."""
         open_rows = np.arange(len(messages))
@@ -147,18 +160,18 @@ class ColumnsBuilder:
             if index == len(self._layouts) and not self._new_layout(messages[open_rows[0]]):
                 return False
             layout = self._layouts[index]
-            if layout.template.size == messages.shape[1]:
+            if len(layout.template) == messages.shape[1]:
                 whole = open_rows.size == len(messages)
                 left = messages if whole else messages[open_rows]
-                hit = layout.matches(left)
+                hit = layout.fit(left)
                 rows = open_rows[hit]
                 if rows.size:
                     found = left if hit.all() else left[hit]
                     piece = _Piece(
                         numbers[rows],
                         table.log_times_ns[rows].astype(np.int64),
-                        layout.stamps_ns(found),
-                        layout.values(found),
+                        header_stamps_ns(found),
+                        tuple(layout.columns(found, field) for field in COLUMNS[self._type]),
                         file,
                         index,
                     )
@@ -167,47 +180,56 @@ class ColumnsBuilder:
             index += 1
         return True
 
-    def _new_layout(self, message: np.ndarray) -> bool:
-        layout = self._layout_of(message.tobytes())
-        if layout is None or len(self._layouts) == MOST_LAYOUTS:
+    def _new_layout(self, message: NDArray[np.uint8]) -> bool:
+        try:
+            layout = find_layout(self._type, message.tobytes())
+        except ValueError:  # the general decoder says what is wrong
+            return False
+        if layout.tail > LONGEST_PADDING or len(self._layouts) == MOST_LAYOUTS:
             return False
         self._layouts.append(layout)
         return True
 
-    def _joints(self, log_times_ns, stamps_ns, parts) -> JointColumns:
-        named = (
-            JointPart(rows, layout.frame_id, layout.names, *values)
-            for layout, (rows, *values) in zip(self._layouts, parts, strict=True)
-        )
+    def _joints(self, log_times_ns: _Integers, stamps_ns: _Integers, parts: list[_Part]) -> Columns:
+        named = [
+            JointPart(rows, layout.texts["header.frame_id"][0], layout.texts["name"], *values)
+            for layout, (rows, values) in zip(self._layouts, parts, strict=True)
+        ]
         return JointColumns(log_times_ns, stamps_ns, tuple(named))
 
-    def _poses(self, log_times_ns, stamps_ns, layouts, parts) -> PoseColumns:
+    def _poses(
+        self,
+        log_times_ns: _Integers,
+        stamps_ns: _Integers,
+        layouts: _Integers,
+        parts: list[_Part],
+    ) -> Columns:
         if len(parts) == 1:
-            _, positions, orientations = parts[0]
+            ((_, (positions, orientations)),) = parts
         else:
             positions, orientations = np.empty((stamps_ns.size, 3)), np.empty((stamps_ns.size, 4))
-            for rows, *values in parts:
+            for rows, values in parts:
                 positions[rows], orientations[rows] = values
-        frame_ids = tuple(layout.frame_id for layout in self._layouts)
+        frame_ids = tuple(layout.texts["header.frame_id"][0] for layout in self._layouts)
         return PoseColumns(log_times_ns, stamps_ns, frame_ids, layouts, positions, orientations)
 
 
 class _Piece(NamedTuple):
     """Messages of one block and one layout, as they were recorded."""
 
-    numbers: np.ndarray
-    log_times_ns: np.ndarray
-    stamps_ns: np.ndarray
-    values: tuple[np.ndarray, ...]
+    numbers: NDArray[np.int64]
+    log_times_ns: NDArray[np.int64]
+    stamps_ns: NDArray[np.int64]
+    values: tuple[NDArray[np.float64], ...]
     file: int
     layout: int
 
 
-def _join(arrays: Sequence[np.ndarray]) -> np.ndarray:
+def _join(arrays: Sequence[NDArray]) -> NDArray:
     return np.concatenate(arrays) if arrays else np.empty(0, np.int64)
 
 
-def _order(files: np.ndarray, log_times_ns: np.ndarray, numbers: np.ndarray) -> np.ndarray | None:
+def _order(files: _Integers, log_times_ns: _Integers, numbers: _Integers) -> _Integers | None:
     """Indices that sort by file, log time and number; None if they are sorted already."""
     later = (np.diff(files) > 0) | (np.diff(log_times_ns) >= 0)
     if np.all(later) and np.all(np.diff(numbers) > 0):

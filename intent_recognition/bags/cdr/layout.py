@@ -1,20 +1,73 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the numbers of a PoseStamped or JointState stand in its CDR bytes (little endian)."""
+"""Where the numbers and texts of a message stand in its CDR bytes (little endian).
+
+CDR aligns each number to its own size, counted from behind the encapsulation header. A string is
+its length and its bytes with a final zero; a sequence is its count and its elements. So counts and
+lengths decide where everything stands: messages that agree in them have the same layout.
+"""
 
 import struct
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
+from rosbags.typesys.stores.ros2_jazzy import FIELDDEFS
 
 LITTLE_ENDIAN = b"\x00\x01"
-COUNT = struct.Struct("<I")
+"""First two bytes of the encapsulation header of a message in little endian."""
 ORIGIN = 4
-"""Length of the encapsulation header; alignment counts from behind it."""
-STAMP = slice(4, 12)
-LONGEST_TAIL = 3
-"""Bytes of padding a message may end with."""
+"""Length of the encapsulation header [bytes]; alignment counts from behind it."""
+STAMP = struct.Struct("<iI")
+"""The stamp of a header, with which every stamped message begins: seconds and nanoseconds."""
+COUNT = struct.Struct("<I")
+NANOSECONDS = 1_000_000_000
+FORMATS = {
+    "bool": "<?",
+    "byte": "<B",
+    "char": "<B",
+    "int8": "<b",
+    "uint8": "<B",
+    "int16": "<h",
+    "uint16": "<H",
+    "int32": "<i",
+    "uint32": "<I",
+    "int64": "<q",
+    "uint64": "<Q",
+    "float32": "<f",
+    "float64": "<d",
+}
+"""Types of numbers in message definitions as `struct` and numpy name them."""
+FIELDS: Mapping[str, tuple[object, Sequence[tuple[str, tuple[int, Any]]]]] = FIELDDEFS
+"""Of each message type of Jazzy: constants, and its fields as (name, (kind of node, detail))."""
+
+
+class Run(NamedTuple):
+    """Numbers that follow one another without padding.
+
+    Attributes:
+        start: offset of the first in the message [bytes].
+        dtype: of each, as `struct` and numpy name it, such as "<d".
+        length: how many there are.
+    """
+
+    start: int
+    dtype: str
+    length: int
+
+    @property
+    def size(self) -> int:
+        """Bytes of one number."""
+        return struct.calcsize(self.dtype)
+
+    @property
+    def stop(self) -> int:
+        """Offset behind the last number [bytes]."""
+        return self.start + self.length * self.size
 
 
 @dataclass(frozen=True)
@@ -22,134 +75,215 @@ class Layout:
     """What messages with their numbers in the same places have in common.
 
     Attributes:
-        template: one such message, uint8 (L,).
-        spans: (start, stop) of the bytes that make the layout: lengths, counts and texts.
-        frame_id: of the header.
-        names: joint names; empty for a pose.
-        arrays: (start, count) of each run of float64.
+        template: one such message.
+        fields: those that hold numbers, in order.
+        decisive: (start, stop) of the bytes that decide the layout: lengths, counts and texts.
+        runs: numbers by field, such as "pose.position.x", "position" or "points[2].positions";
+            for a nested message whose numbers all follow one another also "pose.position".
+        texts: strings by field; a single string is a tuple of one.
+        tail: bytes behind the last field.
     """
 
-    template: np.ndarray
-    spans: tuple[tuple[int, int], ...]
-    frame_id: str
-    names: tuple[str, ...]
-    arrays: tuple[tuple[int, int], ...]
+    template: bytes
+    fields: tuple[str, ...]
+    decisive: tuple[tuple[int, int], ...]
+    runs: Mapping[str, Run]
+    texts: Mapping[str, tuple[str, ...]]
+    tail: int
 
-    def matches(self, messages: np.ndarray) -> np.ndarray:
-        """Which of the messages, uint8 (n, L), have this layout; bool (n,)."""
-        if all(self._same(messages, *stretch) for stretch in self._stretches):
+    def fits(self, data: bytes) -> bool:
+        """Whether a message has this layout.
+
+        False also for one that differs in the padding between two decisive fields.
+        """
+        if len(data) != len(self.template):
+            return False
+        for where, expected in self._expected:  # noqa: SIM110, twice as fast as all()
+            if data[where] != expected:
+                return False
+        return True
+
+    def fit(self, messages: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Which of the messages, (n, L), have this layout; (n,)."""
+        if all(self._same(messages, where) for where, _ in self._expected):
             return np.ones(len(messages), bool)
-        return ~np.any((messages != self.template) & self._decisive, axis=1)
+        return ~np.any((messages != self._bytes) & self._mask, axis=1)
 
-    def stamps_ns(self, messages: np.ndarray) -> np.ndarray:
-        """Stamps of the headers, int64 (n,)."""
-        stamps = np.array(messages[:, STAMP], order="C")
-        seconds, nanoseconds = stamps.view("<i4")[:, 0], stamps.view("<u4")[:, 1]
-        return seconds.astype(np.int64) * 1_000_000_000 + nanoseconds
+    def values(self, data: bytes, field: str) -> NDArray:
+        """Numbers (count,) of a field in one message of this layout; a view of `data`."""
+        start, dtype, length = self.runs[field]
+        return np.frombuffer(data, dtype, length, start)
 
-    def values(self, messages: np.ndarray) -> tuple[np.ndarray, ...]:
-        """The float64 (n, count) of each run, bit for bit."""
-        return tuple(
-            np.array(messages[:, start : start + 8 * count], order="C").view("<f8")
-            if count
-            else np.empty((len(messages), 0))
-            for start, count in self.arrays
-        )
+    def columns(self, messages: NDArray[np.uint8], field: str) -> NDArray:
+        """Numbers (n, count) of a field in messages (n, L) of this layout, bit for bit."""
+        run = self.runs[field]
+        if not run.length:
+            return np.empty((len(messages), 0), run.dtype)
+        return np.array(messages[:, run.start : run.stop], order="C").view(run.dtype)
 
-    def _same(self, messages: np.ndarray, start: int, stop: int) -> bool:
+    def _same(self, messages: NDArray[np.uint8], where: slice) -> bool:
         """Whether these bytes are the template's in all messages."""
-        width, expected = stop - start, self.template[start:stop]
-        if width in (2, 4):  # many rows of a few bytes are compared faster as one number each
-            kind = f"<u{width}"
-            return bool(np.all(messages[:, start:stop].view(kind) == expected.view(kind)))
-        return bool(np.all(messages[:, start:stop] == expected))
+        expected = self._bytes[where]
+        if expected.size in (2, 4):  # one number a row is compared faster than a few bytes
+            dtype = f"<u{expected.size}"
+            return bool(np.all(messages[:, where].view(dtype) == expected.view(dtype)))
+        return bool(np.all(messages[:, where] == expected))
 
     @cached_property
-    def _decisive(self) -> np.ndarray:
-        mask = np.zeros(self.template.size, bool)
-        for start, stop in self.spans:
+    def _bytes(self) -> NDArray[np.uint8]:
+        return np.frombuffer(self.template, np.uint8)
+
+    @cached_property
+    def _mask(self) -> NDArray[np.bool_]:
+        mask = np.zeros(len(self.template), bool)
+        for start, stop in self.decisive:
             mask[start:stop] = True
         return mask
 
     @cached_property
-    def _stretches(self) -> list[list[int]]:
-        """The spans, those joined that only padding parts: as a rule that is the same too."""
+    def _expected(self) -> tuple[tuple[slice, bytes], ...]:
+        """Decisive bytes; neighbours with only padding in between are joined."""
         joined: list[list[int]] = []
-        for start, stop in self.spans:
-            if joined and start - joined[-1][1] < ORIGIN:
+        for start, stop in self.decisive:
+            if joined and start - joined[-1][1] < COUNT.size:
                 joined[-1][1] = stop
             else:
                 joined.append([start, stop])
-        return joined
+        return tuple((slice(*span), self.template[slice(*span)]) for span in joined)
 
 
-def layout_of(type_name: str) -> Callable[[bytes], Layout | None] | None:
-    """Function from a message to its layout; None for types without one."""
-    return {
-        "geometry_msgs/msg/PoseStamped": _pose_stamped,
-        "sensor_msgs/msg/JointState": _joint_state,
-    }.get(type_name)
+class LayoutCache:
+    """Layouts of the messages of one topic, which rarely has more than one.
+
+    Args:
+        type_name: message type of Jazzy, "package/msg/Name".
+        most: layouts kept.
+    """
+
+    def __init__(self, type_name: str, most: int = 16):
+        self._type, self._most = type_name, most
+        self._layouts: list[Layout] = []
+
+    def layout_of(self, data: bytes) -> Layout:
+        """The layout of a message.
+
+        Raises:
+            ValueError: as `find_layout`.
+        """
+        for layout in self._layouts:
+            if layout.fits(data):
+                return layout
+        layout = find_layout(self._type, data)
+        if len(self._layouts) < self._most:
+            self._layouts.append(layout)
+        return layout
 
 
-def _pose_stamped(data: bytes) -> Layout | None:
-    return _parse(data, lambda cursor: ((), (cursor.doubles(3), cursor.doubles(4))))
+def find_layout(type_name: str, data: bytes) -> Layout:
+    """The layout of a serialized message.
 
+    Args:
+        type_name: message type of Jazzy, "package/msg/Name".
+        data: CDR bytes with their encapsulation header.
 
-def _joint_state(data: bytes) -> Layout | None:
-    def fields(cursor: "_Cursor"):
-        names = tuple(cursor.text() for _ in range(cursor.count()))
-        return names, tuple(cursor.doubles(cursor.count()) for _ in range(3))
-
-    return _parse(data, fields)
-
-
-def _parse(data: bytes, fields: Callable[["_Cursor"], tuple]) -> Layout | None:
-    """Header, then fields; None for whatever a general decoder had better look at."""
-    if data[: len(LITTLE_ENDIAN)] != LITTLE_ENDIAN:
-        return None
+    Raises:
+        ValueError: it is not little endian, ends too early, holds a text that is not UTF-8, or
+            its type has fields other than numbers and strings.
+    """
     cursor = _Cursor(data)
-    try:
-        frame_id = cursor.text()
-        names, arrays = fields(cursor)
-    except (struct.error, ValueError):  # too short, or no UTF-8
-        return None
-    if not 0 <= len(data) - cursor.at <= LONGEST_TAIL:
-        return None
-    template = np.frombuffer(data, np.uint8)
-    return Layout(template, tuple(cursor.spans), frame_id, names, arrays)
+    cursor.message(type_name, "")
+    tail = len(data) - cursor.at
+    fields = tuple(cursor.fields)
+    return Layout(data, fields, tuple(cursor.decisive), cursor.runs, cursor.texts, tail)
+
+
+def header_stamp_ns(data: bytes) -> int:
+    """Stamp [ns] of a serialized message that begins with a header; 0 where it ends before."""
+    if len(data) < ORIGIN + STAMP.size:
+        return 0
+    if data[:2] == LITTLE_ENDIAN:
+        seconds, nanoseconds = STAMP.unpack_from(data, ORIGIN)
+    else:
+        seconds, nanoseconds = struct.unpack_from(">iI", data, ORIGIN)
+    return seconds * NANOSECONDS + nanoseconds
+
+
+def header_stamps_ns(messages: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Stamps [ns], (n,), of messages (n, L) in little endian that begin with a header."""
+    stamps = np.array(messages[:, ORIGIN : ORIGIN + STAMP.size], order="C")
+    seconds, nanoseconds = stamps.view("<i4")[:, 0], stamps.view("<u4")[:, 1]
+    return seconds.astype(np.int64) * NANOSECONDS + nanoseconds
 
 
 class _Cursor:
-    """Goes through a message behind its stamp and notes what decides the layout."""
+    """Walks a message by the fields of its type and notes where everything stands."""
 
     def __init__(self, data: bytes):
-        self.data = data
-        self.at = STAMP.stop
-        self.spans = [(0, len(LITTLE_ENDIAN))]
+        if data[: len(LITTLE_ENDIAN)] != LITTLE_ENDIAN:
+            raise ValueError(f"encapsulation {data[:2].hex()} instead of {LITTLE_ENDIAN.hex()}")
+        self._data = data
+        self.at = ORIGIN
+        self.decisive = [(0, len(LITTLE_ENDIAN))]
+        self.runs: dict[str, Run] = {}
+        self.fields: list[str] = []
+        self.texts: dict[str, tuple[str, ...]] = {}
 
-    def count(self) -> int:
-        self.at += (ORIGIN - self.at) % COUNT.size
-        (count,) = COUNT.unpack_from(self.data, self.at)
-        self._advance(COUNT.size)
-        return count
+    def message(self, type_name: str, place: str) -> None:
+        """Pass a message, nested in the field `place` or "" for the outermost."""
+        before = len(self.fields)
+        for name, (node, detail) in FIELDS[type_name][1]:
+            field = f"{place}.{name}" if place else name
+            if node == Nodetype.NAME:
+                self.message(detail, field)
+            elif node == Nodetype.BASE:
+                self._elements(field, detail[0], 1)
+            else:
+                (element_node, element), size = detail
+                count = size if node == Nodetype.ARRAY else self._count()
+                if element_node == Nodetype.BASE:
+                    self._elements(field, element[0], count)
+                else:
+                    for k in range(count):
+                        self.message(element, f"{field}[{k}]")
+        self._join(place, [self.runs[field] for field in self.fields[before:]])
 
-    def text(self) -> str:
-        length = self.count()
-        content = self.data[self.at : self.at + max(length - 1, 0)]
-        self._advance(length)
-        return content.decode()
+    def _elements(self, field: str, kind: str, count: int) -> None:
+        if kind == "string":
+            self.texts[field] = tuple(self._text() for _ in range(count))
+        elif kind in FORMATS:
+            size = struct.calcsize(FORMATS[kind])
+            if count:
+                self._align(size)
+            self.fields.append(field)
+            self.runs[field] = Run(self.at, FORMATS[kind], count)
+            self._advance(count * size)
+        else:
+            raise ValueError(f"{field} is a {kind}, which cannot be located")
 
-    def doubles(self, count: int) -> tuple[int, int]:
-        if count:
-            self.at += (ORIGIN - self.at) % 8
+    def _join(self, place: str, runs: list[Run]) -> None:
+        """Note the numbers of a nested message as one run, where they are one."""
+        follows = (a.stop == b.start and a.size == b.size for a, b in pairwise(runs))
+        if place and runs and all(follows):
+            self.runs[place] = runs[0]._replace(length=sum(run.length for run in runs))
+
+    def _count(self) -> int:
+        self._align(COUNT.size)
         start = self.at
-        self.at += 8 * count
-        if self.at > len(self.data):
-            raise ValueError(f"{count} numbers in a message of {len(self.data)} bytes")
-        return start, count
+        self._advance(COUNT.size)
+        self.decisive.append((start, self.at))
+        return COUNT.unpack_from(self._data, start)[0]
+
+    def _text(self) -> str:
+        length = self._count()
+        start = self.at
+        self._advance(length)
+        self.decisive.append((start, self.at))
+        return self._data[start : start + max(length - 1, 0)].decode()
+
+    def _align(self, size: int) -> None:
+        self.at += (ORIGIN - self.at) % size
 
     def _advance(self, size: int) -> None:
-        self.spans.append((self.at, self.at + size))
         self.at += size
-        if self.at > len(self.data):
-            raise ValueError(f"{size} bytes of text in a message of {len(self.data)}")
+        if self.at > len(self._data):
+            raise ValueError(f"a message of {len(self._data)} bytes ends too early")

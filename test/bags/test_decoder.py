@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fast decoders give what the general one gives."""
+"""The decoder of constant layouts gives what the general one gives."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from intent_recognition.bags.cdr.fast_decode import fast_decoder
+from intent_recognition.bags.cdr.decoder import layout_decoder
 from intent_recognition.bags.definitions import definition, serialize
 
 NUMBERS = st.lists(st.floats(allow_nan=False), max_size=8)
@@ -28,7 +28,7 @@ def test_joint_states(frame, names, columns):
     kind = "sensor_msgs/msg/JointState"
     fields = dict(zip(("position", "velocity", "effort"), columns, strict=True))
     data = serialize(kind, {"header": {"stamp": 5, "frame_id": frame}, "name": names, **fields})
-    fast, slow = fast_decoder(kind, general(kind))(data), general(kind)(data)
+    fast, slow = layout_decoder(kind, general(kind))(data), general(kind)(data)
     assert fast.name == list(slow.name) and fast.header.frame_id == slow.header.frame_id
     for column in fields:
         assert list(getattr(fast, column)) == list(getattr(slow, column))
@@ -44,7 +44,7 @@ def test_poses(frame, x, w):
     kind = "geometry_msgs/msg/PoseStamped"
     pose = {"position": {"x": x}, "orientation": {"w": w}}
     data = serialize(kind, {"header": {"stamp": 7, "frame_id": frame}, "pose": pose})
-    fast, slow = fast_decoder(kind, general(kind))(data), general(kind)(data)
+    fast, slow = layout_decoder(kind, general(kind))(data), general(kind)(data)
     assert (fast.pose.position.x, fast.pose.orientation.w) == (x, w)
     assert (slow.pose.position.x, slow.pose.orientation.w) == (x, w)
     assert fast.header.frame_id == slow.header.frame_id == frame
