@@ -14,7 +14,14 @@ from .errors import (
 )
 from .evaluation import evaluate, make_folds, reliability_bins
 from .gaussian import Gaussian, GaussianMixture, condition, fit_gaussian_mixture, marginal
-from .learning import TrainingSettings, fit_interaction_promp, learn
+from .learning import (
+    TrainingSettings,
+    cut_to_movement,
+    fit_interaction_promp,
+    learn,
+    learn_mixture,
+    learn_with_report,
+)
 from .model import Model, load_model, save_model
 from .objects import load_object
 from .promp import InteractionProMP, NormalizedRBFBasis, TaskLibrary, Trajectory
@@ -25,6 +32,8 @@ from .recognition import (
     IntentEstimator,
     TaskPosterior,
     decide,
+    predict_controlled,
+    recognize_task,
 )
 from .signals import Demonstration, Observation, Signal
 from .warping import WarpedPrimitive
@@ -68,17 +77,22 @@ __all__ = [
     "align",
     "align_to",
     "condition",
+    "cut_to_movement",
     "decide",
     "evaluate",
     "fit_gaussian_mixture",
     "fit_interaction_promp",
     "learn",
+    "learn_mixture",
+    "learn_with_report",
     "load_dofs",
     "load_model",
     "load_object",
     "make_folds",
     "marginal",
+    "predict_controlled",
     "read_demonstrations",
+    "recognize_task",
     "recover_bag",
     "reliability_bins",
     "save_model",

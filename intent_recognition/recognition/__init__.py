@@ -9,6 +9,7 @@ from intent_recognition.recognition.decision import (
     uncertain_end,
 )
 from intent_recognition.recognition.estimator import Estimate, IntentEstimator, Prediction
+from intent_recognition.recognition.offline import predict_controlled, recognize_task
 from intent_recognition.recognition.posterior import TaskPosterior, task_posterior
 from intent_recognition.recognition.start_posture import (
     POSTURE_OUTSIDE,
@@ -30,6 +31,8 @@ __all__ = [
     "TaskMemory",
     "TaskPosterior",
     "decide",
+    "predict_controlled",
+    "recognize_task",
     "start_mean",
     "task_posterior",
     "uncertain_end",

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Task and prediction from the arrays of a movement, whole or in part, without a stream."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.filtering import (
+    Hypotheses,
+    MovementRun,
+    fixed_hypotheses,
+    make_hypotheses,
+)
+from intent_recognition.promp import NONE, TaskLibrary, Trajectory
+from intent_recognition.recognition.estimator import Estimate
+from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.signals import Observation
+
+
+def recognize_task(
+    library: TaskLibrary,
+    times_s: ArrayLike,
+    human: ArrayLike,
+    *,
+    onset_s: float | None = None,
+    duration_s: float | None = None,
+) -> Estimate:
+    """Task probabilities of one movement, or of its first part (Maeda et al. 2014, Eq. 9-11).
+
+    `IntentEstimator` does the same over a stream, and finds the onset by itself.
+
+    Args:
+        library: the learned tasks.
+        times_s: times of the samples, increasing, (T,) [s].
+        human: positions of the observed DOFs, (T, P), in the units of the library. What was not
+            measured is NaN: it is left out, and nothing is put in its place.
+        onset_s: when the movement began [s]; None for the first sample.
+        duration_s: duration of the whole movement [s]; None marginalises over durations.
+
+    Returns:
+        The estimate at the last sample: `task`, `task_probabilities`, `phase`, `log_evidence`.
+
+    Raises:
+        ShapeError: the arrays do not fit each other or the library.
+        ArgumentError: times do not increase, a value is infinite, or nothing was measured.
+    """
+    hypotheses = _hypotheses(library, duration_s)
+    run, last_ns = _filtered(library, hypotheses, times_s, human, onset_s)
+    posterior = task_posterior(run, hypotheses, (last_ns - run.onset_ns) * 1e-9)
+    return Estimate(
+        last_ns,
+        True,
+        run.onset_ns,
+        posterior.probabilities,
+        posterior.phase,
+        posterior.log_evidence,
+        posterior,
+        (*library.labels, NONE),
+    )
+
+
+def predict_controlled(
+    library: TaskLibrary,
+    times_s: ArrayLike,
+    human: ArrayLike,
+    *,
+    task: str | None = None,
+    onset_s: float | None = None,
+    duration_s: float | None = None,
+    n_points: int = 50,
+) -> Trajectory:
+    """Trajectory of the controlled agent, given a movement or its first part.
+
+    It covers the whole interaction; its times count from onset. `IntentEstimator` predicts the same
+    over a stream.
+
+    Args:
+        library: the learned tasks.
+        times_s: as in `recognize_task`.
+        human: as in `recognize_task`.
+        task: label of the task; None for the most probable one.
+        onset_s: as in `recognize_task`.
+        duration_s: as in `recognize_task`.
+        n_points: number of points in time.
+
+    Raises:
+        ShapeError: the arrays do not fit each other or the library.
+        ArgumentError: as in `recognize_task`, or there is no such task.
+    """
+    hypotheses = _hypotheses(library, duration_s)
+    run, last_ns = _filtered(library, hypotheses, times_s, human, onset_s)
+    if task is None:
+        posterior = task_posterior(run, hypotheses, (last_ns - run.onset_ns) * 1e-9)
+        return run.task_filters.controlled(int(np.argmax(posterior.probabilities[:-1])), n_points)
+    if task not in library.labels:
+        cure = "Learn it first, or pass None for the most probable task."
+        raise ArgumentError(describe("task", f"one of {library.labels}", task, cure))
+    return run.task_filters.controlled(library.labels.index(task), n_points)
+
+
+def _hypotheses(library: TaskLibrary, duration_s: float | None) -> Hypotheses:
+    """The grid of hypotheses: durations of the timing prior, or the one that is known."""
+    if duration_s is None:
+        return make_hypotheses(library)
+    if not (np.isfinite(duration_s) and duration_s > 0):
+        cure = "Pass None when it is not known."
+        raise ArgumentError(describe("duration_s", "a positive number", duration_s, cure))
+    return fixed_hypotheses(library, duration_s)
+
+
+def _filtered(
+    library: TaskLibrary,
+    hypotheses: Hypotheses,
+    times_s: ArrayLike,
+    human: ArrayLike,
+    onset_s: float | None,
+) -> tuple[MovementRun, int]:
+    """The hypotheses conditioned on the samples from onset on, and the stamp of the last one."""
+    stamps_ns, values = _checked(library, times_s, human)
+    onset_ns = int(stamps_ns[0]) if onset_s is None else round(onset_s * 1e9)
+    run = MovementRun(library, hypotheses, onset_ns)
+    last_ns = None
+    for observation in _observations(library, stamps_ns, values):
+        if observation.stamp_ns >= onset_ns:
+            run.observe(observation)
+            last_ns = observation.stamp_ns
+    if last_ns is None:
+        cure = "Pass at least one measured sample of the movement."
+        raise ArgumentError(describe("human", "a sample at or after onset", "none", cure))
+    return run, last_ns
+
+
+def _observations(
+    library: TaskLibrary, stamps_ns: NDArray[np.int64], values: NDArray[np.float64]
+) -> Iterator[Observation]:
+    """The samples as observations of each signal; a DOF that is NaN has no row."""
+    ends = np.cumsum(library.observed_groups)
+    for stamp_ns, row in zip(stamps_ns.tolist(), values, strict=True):
+        for group, part in enumerate(np.split(row, ends[:-1])):
+            measured = np.flatnonzero(~np.isnan(part))
+            if measured.size:
+                dofs = None if measured.size == part.size else tuple(measured.tolist())
+                yield Observation(stamp_ns, group, part[measured], dofs=dofs)
+
+
+def _checked(
+    library: TaskLibrary, times_s: ArrayLike, human: ArrayLike
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Stamps (T,) and values (T, P), checked."""
+    times, values = np.asarray(times_s, np.float64), np.asarray(human, np.float64)
+    expected = f"times_s (T,) and human (T, {library.n_observed})"
+    if times.ndim != 1 or not times.size or values.shape != (times.size, library.n_observed):
+        got, cure = (
+            f"{times.shape} and {values.shape}",
+            "Pass one row per time, one column per DOF.",
+        )
+        raise ShapeError(describe("times_s, human", expected, got, cure))
+    if not (np.all(np.isfinite(times)) and np.all(np.diff(times) > 0)):
+        cure = "Sort the samples and drop duplicates."
+        raise ArgumentError(describe("times_s", "finite, increasing times", "others", cure))
+    if np.any(np.isinf(values)):
+        cure = "Set what was not measured to NaN."
+        raise ArgumentError(describe("human", "finite numbers or NaN", "infinity", cure))
+    return np.round(times * 1e9).astype(np.int64), values
