@@ -56,3 +56,8 @@ def describe(argument: str, expected: str, got: object, cure: str) -> str:
         cure: what the caller can do about it, as a sentence.
     """
     return f"{argument}: expected {expected}, got {got}. {cure}"
+
+
+def one_line(error: BaseException) -> str:
+    """The message of an error on one line; the name of its class if it has none."""
+    return " ".join(str(error).split()) or type(error).__name__

@@ -4,9 +4,11 @@
 ros2 launch intent_recognition demo.launch.py model:=toolbox.npz dashboard:=true rviz:=true
 """
 
+from launch import LaunchDescription
+
 from intent_recognition.nodes.launching import describe_graph
 from sim_bridge.arm import lwr_urdf
 
 
-def generate_launch_description():
+def generate_launch_description() -> LaunchDescription:
     return describe_graph("demo", robot_description=lwr_urdf(world=True), fast_discovery=True)

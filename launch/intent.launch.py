@@ -5,8 +5,10 @@ ros2 launch intent_recognition intent.launch.py model:=toolbox.npz
 With `sim.launch.py` beside it, or the rest of the cell; for a real arm see `real.launch.py`.
 """
 
+from launch import LaunchDescription
+
 from intent_recognition.nodes.launching import describe_graph
 
 
-def generate_launch_description():
+def generate_launch_description() -> LaunchDescription:
     return describe_graph("intent")

@@ -8,8 +8,10 @@ joint states and robot_description. The arm is not moved before somebody says so
 ros2 lifecycle set /primitive_activation configure, then activate.
 """
 
+from launch import LaunchDescription
+
 from intent_recognition.nodes.launching import describe_graph
 
 
-def generate_launch_description():
+def generate_launch_description() -> LaunchDescription:
     return describe_graph("real")

@@ -4,9 +4,11 @@
 ros2 launch intent_recognition replay.launch.py bag:=session model:=toolbox.npz rviz:=true
 """
 
+from launch import LaunchDescription
+
 from intent_recognition.nodes.launching import describe_graph
 from sim_bridge.arm import lwr_urdf
 
 
-def generate_launch_description():
+def generate_launch_description() -> LaunchDescription:
     return describe_graph("replay", robot_description=lwr_urdf(world=True))

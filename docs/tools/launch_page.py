@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The reference of launch files, from the graphs that they and `intent demo` start."""
 
-from intent_recognition.nodes.graph import GRAPHS, NODES, Argument, GraphSpec
+from intent_recognition.nodes.arguments import Argument
+from intent_recognition.nodes.graph import GRAPHS, NODES, GraphSpec
 
 INTRODUCTION = """\
 # Launch files

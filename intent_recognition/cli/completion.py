@@ -5,6 +5,7 @@ import argparse
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 from intent_recognition.errors import ArgumentError, describe
 
@@ -16,7 +17,13 @@ ANY_NUMBER_ZSH = re.compile(r'^  "\(\*\)::?', re.MULTILINE)
 class PrintCompletion(argparse.Action):
     """Prints the script of the parser it belongs to, and ends."""
 
-    def __call__(self, parser, namespace, values, option_string=None) -> None:
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
         """Print it; one line on stderr and exit code 1 without shtab."""
         try:
             sys.stdout.write(completion(parser, values) + "\n")
@@ -52,12 +59,13 @@ def completion(parser: argparse.ArgumentParser, shell: str) -> str:
     return ANY_NUMBER_ZSH.sub('  "*:', script) if shell == "zsh" else script
 
 
-def _prepare(parser: argparse.ArgumentParser, files: dict, folders: dict) -> None:
-    """Say which arguments are files and folders; commands with the short text of `--help`.
+def offer(action: argparse.Action, offered: "tuple[str, ...] | type[Path]") -> None:
+    """Have these words, or paths, completed for an argument whose type does not say so."""
+    vars(action)["offered"] = offered
 
-    An argument's attribute `offered`, if it has one, says what to offer beside its type: texts, or
-    `Path`.
-    """
+
+def _prepare(parser: argparse.ArgumentParser, files: dict, folders: dict) -> None:
+    """Tell shtab which arguments are files and folders, and the short text of each command."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for shown in action._choices_actions:
@@ -67,6 +75,6 @@ def _prepare(parser: argparse.ArgumentParser, files: dict, folders: dict) -> Non
             continue
         offered = getattr(action, "offered", action.type)
         if offered is Path:
-            action.complete = folders if action.metavar == "DIR" else files
+            vars(action)["complete"] = folders if action.metavar == "DIR" else files
         elif isinstance(offered, tuple):
             action.choices = offered

@@ -1,14 +1,69 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The console all commands print to."""
+"""The console all commands print to, and progress on it."""
 
 import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 from rich.console import Console
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
 
 WIDTH_OF_A_PIPE = 140
-"""Columns where the output is no terminal, so that tables are not cut off."""
+"""Columns where the output is no terminal, so that tables are not cut off. Convention."""
 
 
 def make_console() -> Console:
     """A console as wide as the terminal, or wide enough for every table."""
     return Console(width=None if sys.stdout.isatty() else WIDTH_OF_A_PIPE)
+
+
+def progress_bar(console: Console) -> Progress:
+    """A progress bar that is removed at its end; none without a terminal."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+@contextmanager
+def busy(console: Console, what: str) -> Iterator[None]:
+    """A bar with the elapsed time, for work of unknown length."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        bar.add_task(what, total=None)
+        yield
+
+
+def print_facts(console: Console, facts: Mapping[str, str]) -> None:
+    """Print names and values in two columns."""
+    width = max(map(len, facts))
+    for name, value in facts.items():
+        line = f"[bold]{escape(name.ljust(width))}[/bold]  {escape(str(value))}"
+        console.print(line, highlight=False, soft_wrap=True)
+
+
+def plain_table(*titles: str) -> Table:
+    """A table whose titles beginning with `>` head columns of numbers."""
+    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
+    for title in titles:
+        number = title.startswith(">")
+        table.add_column(
+            escape(title.removeprefix(">")), justify="right" if number else "left", overflow="fold"
+        )
+    return table

@@ -2,7 +2,6 @@
 """`intent demo`: learn from the shipped bags, then help a simulated coworker through a session."""
 
 import argparse
-import json
 import signal
 import socket
 import sys
@@ -11,10 +10,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.console import make_console
-from intent_recognition.cli.demo_session import END_SIGNALS, interrupt, run_session
+from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.demo_session import END_SIGNALS, Session, interrupt, run_session
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.recordings import busy
+from intent_recognition.cli.options import Subparsers, number
+from intent_recognition.cli.output import write_json
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import load_model, load_trained, save_model
@@ -25,10 +25,10 @@ DEFAULT_RATE, DASHBOARD_RATE = 1.5, 1.0
 DEFAULT_PORT = 8080
 LAST_PORT = 65535
 RATES = (0.01, 50.0)
-"""What the simulated arm takes."""
+"""Limits of `real_time_factor` of the simulated arm."""
 
 
-def add_parser(subparsers) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "demo",
@@ -64,12 +64,14 @@ def add_parser(subparsers) -> None:
     )
     session.add_argument(
         "--interactions",
-        type=_positive,
+        type=number(int, 1),
         default=0,
         metavar="N",
         help=f"how many (default: the list as it is; {DEFAULT_INTERACTIONS} when habit or random)",
     )
-    session.add_argument("--seed", type=_natural, default=1, help="of the session (default: 1)")
+    session.add_argument(
+        "--seed", type=number(int, 0), default=1, help="of the session (default: 1)"
+    )
     session.add_argument(
         "--no-anticipation",
         action="store_true",
@@ -81,12 +83,15 @@ def add_parser(subparsers) -> None:
         help="serve a page that shows the cell and teaches tasks; it stays until Ctrl-C",
     )
     shown.add_argument(
-        "--port", type=_port, default=DEFAULT_PORT, help="of the page (default: %(default)s)"
+        "--port",
+        type=number(int, 1, LAST_PORT),
+        default=DEFAULT_PORT,
+        help="of the page (default: %(default)s)",
     )
     shown.add_argument("--headless", action="store_true", help="no window of the physics")
     session.add_argument(
         "--rate",
-        type=_rate,
+        type=number(float, *RATES),
         metavar="X",
         help="simulated time per real time, through /clock (default: "
         f"{DEFAULT_RATE}, with --dashboard {DASHBOARD_RATE})",
@@ -117,19 +122,19 @@ def run(args: argparse.Namespace) -> int:
         raise IntentError(
             describe("rclpy", "ROS 2 Jazzy", error, "Source it, or pip install .[ros].")
         ) from error
-    for number in END_SIGNALS:
-        signal.signal(number, interrupt)
+    for end_signal in END_SIGNALS:
+        signal.signal(end_signal, interrupt)
     if args.rate is None:
         args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE
     _check(args)
     model = args.model or _train(args.output / "model.npz", console)
     started = time.monotonic()
-    log, plan, first_ns = run_session(args, model, console)
-    return _report(args, log, plan, first_ns, time.monotonic() - started, console)
+    session = run_session(args, model, console)
+    return _report(args, session, time.monotonic() - started, console)
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Find out before the training what would end the demo after it.
+    """Check before the training what would otherwise end the demo after it.
 
     Raises:
         IntentError: a task is unknown, the model cannot be used, or the page's port is taken.
@@ -159,7 +164,7 @@ def _check(args: argparse.Namespace) -> None:
 
 def _train(path: Path, console: Console) -> Path:
     from intent_recognition.cli.train import print_library, train
-    from intent_recognition.cli.transitions import with_sessions
+    from intent_recognition.cli.train_sessions import with_sessions
     from intent_recognition.share import share_path
 
     started = time.monotonic()
@@ -172,18 +177,18 @@ def _train(path: Path, console: Console) -> Path:
     return path
 
 
-def _report(args, log, plan, first_ns: int, wall_s: float, console: Console) -> int:
+def _report(args: argparse.Namespace, session: Session, wall_s: float, console: Console) -> int:
     """Score, print the table, write the report; returns the exit code."""
     from intent_recognition.evaluation import summarise, summary_line, to_json
     from intent_recognition.experiments.toolbox.session_scoring import score_session
     from intent_recognition.report import table_lines, write_demo_report
 
-    records, traces = score_session(log, plan, first_ns)
+    records, traces = score_session(*session)
     summary = summarise(records)
     settings = {
         "seed": args.seed,
         "simulated time per real time": args.rate,
-        "duration of the session [s, simulated]": round(float(plan.samples.times_s[-1]), 1),
+        "duration of the session [s, simulated]": round(float(session.plan.samples.times_s[-1]), 1),
         "duration of the session [s, real]": round(wall_s, 1),
     }
     for line in table_lines(records):
@@ -192,38 +197,8 @@ def _report(args, log, plan, first_ns: int, wall_s: float, console: Console) -> 
     with busy(console, "writing the report"):
         write_demo_report(report, records, summary, traces, settings)
     if args.json:
-        args.json.parent.mkdir(parents=True, exist_ok=True)
-        content = to_json(records, summary, settings)
-        args.json.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        write_json(args.json, to_json(records, summary, settings), indent=2)
     console.print(f"session of {wall_s:.0f} s, report: {report}", highlight=False, soft_wrap=True)
     sys.stdout.write(summary_line(summary) + "\n")
     sys.stdout.flush()
     return 1 if summary.too_many_missed else 0
-
-
-def _positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"expected 1 or more, got {value}")
-    return value
-
-
-def _natural(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"expected 0 or more, got {value}")
-    return value
-
-
-def _port(text: str) -> int:
-    value = int(text)
-    if not 1 <= value <= LAST_PORT:
-        raise argparse.ArgumentTypeError(f"expected 1 to {LAST_PORT}, got {value}")
-    return value
-
-
-def _rate(text: str) -> float:
-    value = float(text)
-    if not RATES[0] <= value <= RATES[1]:
-        raise argparse.ArgumentTypeError(f"expected {RATES[0]:g} to {RATES[1]:g}, got {text}")
-    return value

@@ -2,7 +2,6 @@
 """`intent demo --scenario pouring`: pour with containers nobody demonstrated. Needs no ROS 2."""
 
 import argparse
-import json
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -11,7 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from intent_recognition.cli.recordings import busy
+from intent_recognition.cli.console import busy
+from intent_recognition.cli.output import write_json
 from intent_recognition.share import share_path
 
 if TYPE_CHECKING:
@@ -33,9 +33,7 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
     console.print(_table(done))
     spilled = [poured.spilled for *_, poured in done]
     if args.json:
-        args.json.parent.mkdir(parents=True, exist_ok=True)
-        content = [_numbers(*one) for one in done]
-        args.json.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        write_json(args.json, [_numbers(*one) for one in done], indent=2)
     mean = sum(spilled) / len(spilled)
     sys.stdout.write(
         f"poured with {len(done)} pairs never demonstrated: {mean:.1f} of {done[0][2].n_balls}"

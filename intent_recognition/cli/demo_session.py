@@ -6,36 +6,61 @@ import os
 import signal
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, resolve
 
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
+
+    from intent_recognition.evaluation import SessionLog
+    from intent_recognition.nodes.processes import NodeProcesses
+    from intent_recognition.nodes.session_observer import SessionObserver
+    from sim_bridge.coworker import SessionPlan
+
+COWORKER = "coworker_sim"
+DISCOVERY_S = 0.5
+"""Time to find other graphs in the domain [s]. Convention."""
 GRAPH_DEADLINE_S = 30.0
+"""Longest wait until the nodes have found one another [s]. Convention."""
+START_S, LONGEST_INTERACTION_S = 120.0, 150.0
+"""Longest session [s]: its start, and each interaction at the slowest pace. Convention."""
 LAST_MOTION_S = 3.0
+"""Simulated time after the session in which the arm ends its last motion [s]. Convention."""
 PRETRIGGER_THRESHOLD = 0.7
+"""Probability of the next task from which on the arm goes ahead (docs/recognition.md)."""
 SLICE_S = 0.1
+"""Longest wait for a callback between two looks at nodes and signals [s]. Convention."""
 PACE_PERIOD_S = 0.2
+"""Time between two looks at the lag [s]. Convention."""
 DOMAINS = (1, 101)
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def run_session(args: argparse.Namespace, model: Path, console: Console):
-    """Start the nodes, watch the session, stop the nodes.
+class Session(NamedTuple):
+    """A session that is over: what was observed, the truth, the stamp of the first sample."""
+
+    log: "SessionLog"
+    plan: "SessionPlan"
+    first_ns: int
+
+
+def run_session(args: argparse.Namespace, model: Path, console: Console) -> Session:
+    """Start the nodes, follow the session, stop the nodes.
 
     Args:
         args: the options of `intent demo`.
         model: model file of the estimator.
         console: where the progress is shown.
 
-    Returns:
-        The session's log, its ground truth and the stamp of its first sample.
-
     Raises:
-        IntentError: a node died, or nothing was heard of one.
+        IntentError: a node died, or nothing was received from one.
         KeyboardInterrupt: interrupted; all nodes are stopped by then.
     """
     import rclpy
@@ -52,7 +77,7 @@ def run_session(args: argparse.Namespace, model: Path, console: Console):
     rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
     try:
         with NodeProcesses(environment, args.output / "logs") as processes:
-            log = _watch(args, model, tasks, processes, console)
+            log = _run_graph(args, _calls(args, model, tasks), len(tasks), processes, console)
     finally:
         for number in END_SIGNALS:
             signal.signal(number, interrupt)
@@ -62,80 +87,49 @@ def run_session(args: argparse.Namespace, model: Path, console: Console):
         raise IntentError(
             describe("mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs.")
         )
-    return log, plan, first_ns
+    return Session(log, plan, first_ns)
 
 
-def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console):
-    """Start all nodes, wait until they know one another, then let the human begin."""
+def _run_graph(
+    args: argparse.Namespace,
+    calls: dict[str, NodeCall],
+    n_tasks: int,
+    processes: "NodeProcesses",
+    console: Console,
+) -> "SessionLog":
+    """Run the nodes through one session; returns what was observed."""
     from rclpy.parameter import Parameter
 
-    from intent_recognition.nodes.pace_keeper import PaceKeeper
     from intent_recognition.nodes.runtime import make_executor
     from intent_recognition.nodes.session_observer import SessionObserver
 
-    progress = _Progress(len(tasks), console)
-    # A callback must not be torn apart: from here on a signal ends the loop after the one in hand.
-    interrupted: list[int] = []
-    for number in END_SIGNALS:
-        signal.signal(number, lambda number, frame: interrupted.append(number))
+    progress = _ProgressLine(n_tasks, console)
+    simulated_time = [Parameter("use_sim_time", value=True)]
     observer = SessionObserver(
-        progress.on_task,
-        progress.on_active,
-        parameter_overrides=[Parameter("use_sim_time", value=True)],
+        progress.on_task, progress.on_active, parameter_overrides=simulated_time
     )
     executor = make_executor()
     executor.add_node(observer)
-
-    pace = PaceKeeper(observer, args.rate)
-    looked = time.monotonic()
-
-    def session_over() -> bool:
-        nonlocal looked
-        over = not processes.running("coworker_sim")
-        if not progress.over and time.monotonic() - looked > PACE_PERIOD_S:
-            looked = time.monotonic()
-            pace.update(observer.lag_s())
-        return over
-
-    def spin_until(condition: Callable[[], bool], deadline_s: float, what: str) -> None:
-        end = time.monotonic() + deadline_s
-        while not condition():
-            if interrupted:
-                raise KeyboardInterrupt
-            processes.check(may_end=("coworker_sim",))
-            if time.monotonic() > end:
-                raise IntentError(
-                    describe(what, f"within {deadline_s:.0f} s", "nothing", "See the nodes' logs.")
-                )
-            executor.spin_once(timeout_sec=SLICE_S)
-
+    watch = _Watch(processes, executor)
     try:
-        _refuse_busy_domain(observer, executor)
-        calls = _calls(args, model, tasks)
-        coworker = calls.pop("coworker_sim")
-        for call in calls.values():
-            processes.start(call.name, call.module, call.parameters)
-        spin_until(observer.graph_is_complete, GRAPH_DEADLINE_S, "the node graph")
-        listeners = {"exit_at_end": True, "wait_for_subscribers": 3 if args.record else 2}
-        processes.start(coworker.name, coworker.module, coworker.parameters | listeners)
-        console.print(
-            f"the nodes found one another; {len(tasks)} interactions begin", highlight=False
-        )
+        _refuse_busy_domain(observer, watch)
+        _start_nodes(args, calls, observer, watch)
+        console.print(f"the nodes found one another; {n_tasks} interactions begin", highlight=False)
         if args.dashboard:
-            console.print(f"the page is at http://127.0.0.1:{args.port}", highlight=False)
-        longest = 120.0 + 150.0 * len(tasks)
-        with progress:
-            spin_until(session_over, longest, "the session's end")
-            end = time.monotonic() + LAST_MOTION_S / args.rate
-            spin_until(lambda: time.monotonic() > end, 2 * LAST_MOTION_S / args.rate, "the end")
-        processes.check(may_end=("coworker_sim",))
+            console.print(f"the page is at {_page(args)}", highlight=False)
+        slowest = _follow(args, observer, progress, watch)
         log = observer.log()
         if args.dashboard:
             observer.close()
-            _leave_open(args, console, executor, interrupted, processes)
-        if pace.slowest < args.rate:
             console.print(
-                f"the machine was busy: simulated time ran down to {pace.slowest:.2f} x real time",
+                f"the session is over; the page stays open at {_page(args)}:"
+                " teach a task there, or end with Ctrl-C",
+                highlight=False,
+            )
+            watch.until_interrupted()
+        if slowest < args.rate:
+            console.print(
+                f"the machine was busy: simulated time ran down to {slowest:.2f} x real time",
                 style="yellow",
                 highlight=False,
             )
@@ -145,17 +139,103 @@ def _watch(args, model: Path, tasks: Sequence[str], processes, console: Console)
         observer.destroy_node()
 
 
-def _leave_open(args, console: Console, executor, interrupted: list[int], processes) -> None:
-    """Let the page and the graph go on until a signal comes."""
-    console.print(
-        f"the session is over; the page stays open at http://127.0.0.1:{args.port}:"
-        " teach a task there, or end with Ctrl-C",
-        highlight=False,
+def _start_nodes(
+    args: argparse.Namespace,
+    calls: dict[str, NodeCall],
+    observer: "SessionObserver",
+    watch: "_Watch",
+) -> None:
+    """Start all nodes; the coworker last, when the others have found one another."""
+    coworker = calls.pop(COWORKER)
+    for call in calls.values():
+        watch.processes.start(call.name, call.module, call.parameters)
+    watch.until(observer.graph_is_complete, GRAPH_DEADLINE_S, "the node graph")
+    listeners = {"exit_at_end": True, "wait_for_subscribers": 3 if args.record else 2}
+    watch.processes.start(coworker.name, coworker.module, coworker.parameters | listeners)
+
+
+def _follow(
+    args: argparse.Namespace,
+    observer: "SessionObserver",
+    progress: "_ProgressLine",
+    watch: "_Watch",
+) -> float:
+    """Show the session until the last motion is over; returns the slowest pace of its time."""
+    from rclpy.clock import Clock, ClockType
+
+    from intent_recognition.nodes.pace_keeper import PaceKeeper
+
+    pace = PaceKeeper(observer, args.rate)
+
+    def keep_pace() -> None:
+        if not progress.over:
+            pace.update(observer.lag_s())
+
+    timer = observer.create_timer(
+        PACE_PERIOD_S, keep_pace, clock=Clock(clock_type=ClockType.STEADY_TIME)
     )
-    while not interrupted:
-        processes.check(may_end=("coworker_sim",))
-        executor.spin_once(timeout_sec=SLICE_S)
-    interrupted.clear()
+    longest_s = START_S + LONGEST_INTERACTION_S * progress.total
+    with progress:
+        watch.until(lambda: not watch.processes.running(COWORKER), longest_s, "the session's end")
+        watch.for_seconds(LAST_MOTION_S / args.rate)
+    timer.cancel()
+    return pace.slowest
+
+
+class _Watch:
+    """Runs the callbacks of this process while the nodes run.
+
+    A callback must not be interrupted halfway: from here on a signal is noted, and ends what is
+    waited for after the callback under way.
+    """
+
+    def __init__(self, processes: "NodeProcesses", executor: "Executor") -> None:
+        self.processes = processes
+        self._executor = executor
+        self._interrupted = False
+        for number in END_SIGNALS:
+            signal.signal(number, self._note)
+
+    def until(self, condition: Callable[[], bool], deadline_s: float, what: str) -> None:
+        """Wait until a condition holds.
+
+        Raises:
+            IntentError: a node died, or the deadline is over.
+            KeyboardInterrupt: a signal came.
+        """
+        end_s = time.monotonic() + deadline_s
+        while not condition():
+            if time.monotonic() > end_s:
+                raise IntentError(
+                    describe(what, f"within {deadline_s:.0f} s", "nothing", "See the nodes' logs.")
+                )
+            self._step()
+
+    def for_seconds(self, seconds: float) -> None:
+        """Wait for a time; raises as `until`."""
+        end_s = time.monotonic() + seconds
+        while time.monotonic() <= end_s:
+            self._step()
+
+    def until_interrupted(self) -> None:
+        """Wait for a signal.
+
+        Raises:
+            IntentError: a node died.
+        """
+        with suppress(KeyboardInterrupt):
+            while True:
+                self._step()
+
+    def _step(self) -> None:
+        if self._interrupted:
+            self._interrupted = False
+            raise KeyboardInterrupt
+        self.processes.check(may_end=(COWORKER,))
+        self._executor.spin_once(timeout_sec=SLICE_S)
+
+    def _note(self, number: int, frame: object) -> None:
+        self._interrupted = True
 
 
 def _calls(args: argparse.Namespace, model: Path, tasks: Sequence[str]) -> dict[str, NodeCall]:
@@ -195,11 +275,13 @@ def _calls(args: argparse.Namespace, model: Path, tasks: Sequence[str]) -> dict[
     }
 
 
-def _refuse_busy_domain(observer, executor) -> None:
+def _page(args: argparse.Namespace) -> str:
+    return f"http://127.0.0.1:{args.port}"
+
+
+def _refuse_busy_domain(observer: "SessionObserver", watch: _Watch) -> None:
     """Make sure that no other graph with such nodes is in this domain."""
-    end = time.monotonic() + 0.5
-    while time.monotonic() < end:
-        executor.spin_once(timeout_sec=SLICE_S)
+    watch.for_seconds(DISCOVERY_S)
     taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))
     if taken:
         raise ResourceBusyError(
@@ -212,25 +294,25 @@ def _refuse_busy_domain(observer, executor) -> None:
         )
 
 
-class _Progress:
+class _ProgressLine:
     """One line that says where the session is."""
 
     def __init__(self, total: int, console: Console):
-        self._total, self._console = total, console
+        self.total = total
         self._number, self._truth, self._active, self._right = 0, "", "", 0
         self._status = console.status("waiting for the coworker")
 
-    def __enter__(self) -> "_Progress":
-        self._status.__enter__()
+    def __enter__(self) -> "_ProgressLine":
+        self._status.start()
         return self
 
-    def __exit__(self, *details: object) -> None:
-        self._status.__exit__(*details)
+    def __exit__(self, *_: object) -> None:
+        self._status.stop()
 
     @property
     def over(self) -> bool:
         """Whether the last movement of the session has ended."""
-        return self._number == self._total and not self._truth
+        return self._number == self.total and not self._truth
 
     def on_task(self, label: str) -> None:
         """Take note of the ground truth: a movement began, or ended."""
@@ -249,7 +331,7 @@ class _Progress:
     def _show(self) -> None:
         truth = self._truth or "-"
         self._status.update(
-            f"interaction {self._number}/{self._total}, {self._right} right so far;"
+            f"interaction {self._number}/{self.total}, {self._right} right so far;"
             f" human: {truth}, robot: {self._active or '-'}"
         )
 

@@ -7,19 +7,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from intent_recognition.cli.console import make_console
+from intent_recognition.cli.console import busy, make_console, progress_bar
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.recordings import (
-    add_recording_options,
-    busy,
-    check_output,
-    print_dropped,
-    print_left_out,
-    progress_bar,
-    read_all,
-    training_settings,
-    write_json,
-)
+from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.output import check_output, write_json
+from intent_recognition.cli.recordings import add_recording_options, read_all, training_settings
+from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.cli.unlabelled import (
     add_unlabelled_options,
     find_components,
@@ -33,7 +26,7 @@ from intent_recognition.recognition import DecisionSettings
 from intent_recognition.signals import Demonstration
 
 
-def add_parser(subparsers) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "evaluate",

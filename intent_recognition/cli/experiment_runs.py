@@ -13,22 +13,27 @@ from concurrent.futures import (
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
-from queue import Empty
+from multiprocessing.context import SpawnContext
+from queue import Empty, Queue
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from intent_recognition.errors import IntentError
+from intent_recognition.errors import IntentError, one_line
 from intent_recognition.experiments.catalogue import Entry
 from intent_recognition.experiments.outcome import Outcome, Settings
 
+News = Queue[tuple[str, float, str]]
+"""Name of an experiment, share of it that is done, and what it does."""
+
 LOOK_S = 0.2
+"""Time between two looks at the news [s]. Convention."""
 LEAST_STEP = 0.05
 """Share of an experiment between two lines where no terminal is."""
 
 
 @dataclass(frozen=True)
-class Run:
+class ExperimentRun:
     """What became of one experiment: its outcome, or why it broke off."""
 
     outcome: Outcome | None
@@ -38,10 +43,10 @@ class Run:
 
 def run_all(
     entries: Sequence[Entry], settings: Settings, jobs: int, console: Console
-) -> dict[str, Run]:
+) -> dict[str, ExperimentRun]:
     """Run each in a fresh process, `jobs` at a time, and show how far; results in their order."""
     context = get_context("spawn")
-    show = _Bars if console.is_terminal else _Lines
+    show = _ProgressBars if console.is_terminal else _ProgressLines
     with (
         context.Manager() as manager,
         show(console, [entry.name for entry in entries]) as shown,
@@ -59,7 +64,7 @@ def run_all(
         return {name: _result(future) for name, future in futures.items()}
 
 
-class _Bars:
+class _ProgressBars:
     """A bar for each experiment."""
 
     def __init__(self, console: Console, names: Sequence[str]):
@@ -75,11 +80,11 @@ class _Bars:
             for name in names
         }
 
-    def __enter__(self) -> "_Bars":
+    def __enter__(self) -> "_ProgressBars":
         self._bars.start()
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self._bars.stop()
 
     def tell(self, name: str, share: float, what: str) -> None:
@@ -93,17 +98,17 @@ class _Bars:
         self._bars.stop_task(self._rows[name])
 
 
-class _Lines:
+class _ProgressLines:
     """Where no terminal is, a plain line for each step of an experiment, none for a small one."""
 
     def __init__(self, console: Console, names: Sequence[str]):
         self._console, self._shown = console, dict.fromkeys(names, -1.0)
         self._started = time.monotonic()
 
-    def __enter__(self) -> "_Lines":
+    def __enter__(self) -> "_ProgressLines":
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         pass
 
     def tell(self, name: str, share: float, what: str) -> None:
@@ -122,15 +127,17 @@ class _Lines:
         self._console.print(line, markup=False, highlight=False)
 
 
-def _result(future: Future) -> Run:
+def _result(future: Future) -> ExperimentRun:
     error = future.exception()
     if error is None:
         return future.result()
     kind = "" if isinstance(error, IntentError) else f"{type(error).__name__}: "
-    return Run(None, kind + " ".join(str(error).split()), 0.0)
+    return ExperimentRun(None, kind + one_line(error), 0.0)
 
 
-def _watch(futures: Mapping[str, Future], news, shown: "_Bars | _Lines") -> None:
+def _watch(
+    futures: Mapping[str, Future], news: News, shown: "_ProgressBars | _ProgressLines"
+) -> None:
     """Show the news of all experiments until the last one is over."""
     running = dict(futures)
     while running:
@@ -141,7 +148,7 @@ def _watch(futures: Mapping[str, Future], news, shown: "_Bars | _Lines") -> None
             shown.end(name, "broke off" if running.pop(name).exception() else "done")
 
 
-def _show(news, shown: "_Bars | _Lines") -> None:
+def _show(news: News, shown: "_ProgressBars | _ProgressLines") -> None:
     while True:
         try:
             name, share, what = news.get_nowait()
@@ -150,19 +157,19 @@ def _show(news, shown: "_Bars | _Lines") -> None:
         shown.tell(name, share, what)
 
 
-def _alone(context, entry: Entry, settings: Settings, news) -> Run:
+def _alone(context: SpawnContext, entry: Entry, settings: Settings, news: News) -> ExperimentRun:
     """One experiment in a process of its own; what ends that ends no other."""
     with ProcessPoolExecutor(1, mp_context=context) as process:
         return process.submit(_run, entry, settings, news).result()
 
 
-def _run(entry: Entry, settings: Settings, news) -> Run:
+def _run(entry: Entry, settings: Settings, news: News) -> ExperimentRun:
     """One experiment, in its process."""
     started = time.monotonic()
     news.put((entry.name, 0.0, "starting"))
     watched = replace(settings, progress=partial(_tell, news, entry.name))
-    return Run(entry.run(watched), "", time.monotonic() - started)
+    return ExperimentRun(entry.run(watched), "", time.monotonic() - started)
 
 
-def _tell(news, name: str, share: float, what: str) -> None:
+def _tell(news: News, name: str, share: float, what: str) -> None:
     news.put((name, share, what))

@@ -2,10 +2,9 @@
 """`intent experiments`: the papers' tables and figures, each beside the paper's own."""
 
 import argparse
-import json
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from rich.console import Console
@@ -13,10 +12,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition import __version__
-from intent_recognition.cli.console import make_console
-from intent_recognition.cli.experiment_runs import Run, run_all
+from intent_recognition.cli.completion import offer
+from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.experiment_runs import ExperimentRun, run_all
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.recordings import busy
+from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.output import write_json
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.experiments.catalogue import EXPERIMENTS, chosen
 from intent_recognition.experiments.outcome import Outcome, Settings
@@ -24,7 +25,7 @@ from intent_recognition.experiments.outcome import Outcome, Settings
 MARKS = {True: "[green]yes[/]", False: "[red]no[/]", None: "other conditions"}
 
 
-def add_parser(subparsers) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "experiments",
@@ -43,7 +44,7 @@ def add_parser(subparsers) -> None:
     names = parser.add_argument(
         "names", nargs="*", metavar="NAME", help="which (default: all; --list shows them)"
     )
-    names.offered = tuple(entry.name for entry in EXPERIMENTS)
+    offer(names, tuple(entry.name for entry in EXPERIMENTS))
     parser.add_argument(
         "--output",
         type=Path,
@@ -99,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     return 1 if failures else 0
 
 
-def summary_line(outcomes: Sequence[Outcome]) -> str:
+def summary_line(outcomes: Iterable[Outcome]) -> str:
     """How many of the papers' figures are met."""
     findings = [finding.holds for outcome in outcomes for finding in outcome.findings]
     return (
@@ -108,7 +109,7 @@ def summary_line(outcomes: Sequence[Outcome]) -> str:
     )
 
 
-def numbers_json(runs: Mapping[str, Run], seed: int, quick: bool) -> dict:
+def numbers_json(runs: Mapping[str, ExperimentRun], seed: int, quick: bool) -> dict:
     """All numbers and findings, ready for JSON."""
     content: dict = {"version": __version__, "seed": seed, "quick": quick, "experiments": {}}
     for name, run in runs.items():
@@ -132,11 +133,9 @@ def _write(
     folder.mkdir(parents=True, exist_ok=True)
     for name, outcome in outcomes.items():
         write_figures(folder / "figures", name, outcome)
-    text = json.dumps(numbers, indent=2) + "\n"
     for path in (folder / "numbers.json", extra):
         if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
+            write_json(path, numbers, indent=2)
     mode = ", quick" if numbers["quick"] else ""
     footer = f"intent_recognition {__version__}, seed {numbers['seed']}{mode}."
     return write_experiments_report(folder / "report.html", outcomes, failures, footer)

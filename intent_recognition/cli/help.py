@@ -2,7 +2,8 @@
 """How `intent --help` and the help of each command read."""
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Generator
+from typing import Any
 
 GROUPS = {
     "see it work": ("demo", "experiments"),
@@ -26,7 +27,9 @@ class Formatter(argparse.HelpFormatter):
             return "".join(f"{indent}{line}\n" for line in text.splitlines())
         return super()._fill_text(text, width, indent)
 
-    def _iter_indented_subactions(self, action: argparse.Action) -> Iterator[argparse.Action]:
+    def _iter_indented_subactions(
+        self, action: argparse.Action
+    ) -> Generator[argparse.Action, None, None]:
         if not isinstance(action, argparse._SubParsersAction):
             yield from super()._iter_indented_subactions(action)
             return
@@ -55,7 +58,7 @@ class _Title(argparse.Action):
     """The line above a group of commands; no argument."""
 
 
-def examples(*lines: tuple[str, str]) -> dict[str, object]:
+def examples(*lines: tuple[str, str]) -> dict[str, Any]:
     """Arguments of `add_parser` for a command with examples below its options.
 
     Args:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from intent_recognition import __version__
 from intent_recognition.cli.completion import add_completion_option
 from intent_recognition.cli.help import COMMANDS, Formatter
-from intent_recognition.errors import IntentError
+from intent_recognition.errors import IntentError, one_line
 
 
 def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return int(args.run(args) or 0)
     except IntentError as error:
-        sys.stderr.write(f"intent {args.command}: {' '.join(str(error).split())}\n")
+        sys.stderr.write(f"intent {args.command}: {one_line(error)}\n")
         return 1
     except KeyboardInterrupt:
         return 130

@@ -2,7 +2,6 @@
 """`intent play`: the player node from the terminal."""
 
 import argparse
-import math
 from pathlib import Path
 
 from rich.console import Console
@@ -10,13 +9,13 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.node_arguments import add_node_options, node_arguments
+from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments, number
 
 SECONDS = "{task.completed:.1f} of {task.total:.1f} s"
 SHOWN_EVERY_S = 0.2
 
 
-def add_parser(subparsers) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "play",
@@ -34,7 +33,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("bag", type=Path, metavar="BAG", help="bag directory or .mcap file")
     parser.add_argument(
         "--rate",
-        type=_rate,
+        type=number(float, 0),
         default=1.0,
         metavar="R",
         help="speed; 0 = as fast as possible (default: 1)",
@@ -45,7 +44,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument(
         "--wait",
-        type=_rate,
+        type=number(float, 0),
         default=3.0,
         metavar="S",
         help="longest wait for listeners in seconds (default: 3)",
@@ -96,10 +95,3 @@ def parameters(args: argparse.Namespace) -> dict[str, object]:
         "clock": args.clock,
         "restamp": args.restamp,
     }
-
-
-def _rate(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value) or value < 0:
-        raise argparse.ArgumentTypeError(f"expected a number, zero or more, got {text}")
-    return value

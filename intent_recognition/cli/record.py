@@ -5,11 +5,11 @@ import argparse
 from pathlib import Path
 
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.node_arguments import add_node_options, node_arguments
+from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments
 from intent_recognition.errors import ResourceBusyError, describe
 
 
-def add_parser(subparsers) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "record",

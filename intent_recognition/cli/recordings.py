@@ -1,26 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands that read recordings share: options, progress, what was left out."""
+"""Options and reading of the commands that learn from recordings."""
 
 import argparse
-import json
-import os
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
+from intent_recognition.cli.console import progress_bar
 from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
-from intent_recognition.errors import BagError, ResourceBusyError, describe
+from intent_recognition.errors import BagError, describe
 from intent_recognition.learning import SEGMENTATIONS, Reference, TrainingSettings
 from intent_recognition.model import FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.signals import Demonstration, Rejection
@@ -62,30 +51,6 @@ def training_settings(args: argparse.Namespace) -> TrainingSettings:
     return TrainingSettings(n_basis=args.basis, segmentation=args.segment)
 
 
-def progress_bar(console: Console) -> Progress:
-    """A progress bar that leaves nothing behind, and is not there where no terminal is."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-
-
-@contextmanager
-def busy(console: Console, what: str) -> Iterator[None]:
-    """A bar that only says that, and for how long, work of unknown length goes on."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        bar.add_task(what, total=None)
-        yield
-
-
 def read_all(
     paths: Sequence[Path], dofs: DofSpec, console: Console
 ) -> tuple[list[Demonstration], list[Rejection]]:
@@ -94,7 +59,8 @@ def read_all(
     Raises:
         BagError: a path does not exist, or nothing at all could be read.
     """
-    demonstrations, rejections = [], []
+    demonstrations: list[Demonstration] = []
+    rejections: list[Rejection] = []
     total = sum(len(find_bags(path)) for path in paths)
     with progress_bar(console) as bar:
         task = bar.add_task("reading bags", total=total)
@@ -149,87 +115,3 @@ def nothing_read(rejections: Sequence[Rejection]) -> BagError:
             "BAG", "recordings with the topics of the DOF file", reasons, "Check path and DOFs."
         )
     )
-
-
-def check_output(option: str, path: Path | None) -> None:
-    """Find out before long work that its result could not be written.
-
-    Raises:
-        ResourceBusyError: the path is a folder, or its folder cannot be made or written to.
-    """
-    if path is None:
-        return
-    folder = next(parent for parent in path.absolute().parents if parent.exists())
-    problem = ""
-    if path.is_dir():
-        problem = "a folder"
-    elif not folder.is_dir():
-        problem = f"{folder}, which is no folder"
-    elif not os.access(folder, os.W_OK):
-        problem = f"{folder}, which is write-protected"
-    if problem:
-        raise ResourceBusyError(
-            describe(f"{option} {path}", "a file that can be written", problem, "Choose another.")
-        )
-
-
-def write_json(path: Path, content: object, indent: int | None = None) -> None:
-    """Write JSON; its folder is made if it is missing.
-
-    Raises:
-        ResourceBusyError: the file cannot be written.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(content, indent=indent) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ResourceBusyError(
-            describe(f"--json {path}", "a file that can be written", error, "Choose another.")
-        ) from error
-
-
-def print_left_out(
-    console: Console, left_out: Sequence[object], n_left_out: int | None = None
-) -> None:
-    """Say what could not be used and why: a rejection, or a sentence, each on its line.
-
-    Args:
-        console: where to.
-        left_out: what.
-        n_left_out: how many there are in all, where those listed are only the first of very many.
-    """
-    lines = [f"left out {item}" for item in left_out]
-    if n_left_out is not None and n_left_out > len(lines):
-        lines.append(f"left out {n_left_out - len(lines)} more")
-    for text in lines:
-        console.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
-
-
-def all_left_out(found: FromBags) -> tuple[tuple[str, str], ...]:
-    """(recording, reason) of what could not be read and of what could not be learned from."""
-    unread = [(r.path, f"{r.topic}: {r.reason}" if r.topic else r.reason) for r in found.rejections]
-    return (*unread, *found.accumulated.rejected)
-
-
-def print_found(console: Console, found: FromBags) -> None:
-    """Say what of the bags could not be used and why."""
-    accumulated = found.accumulated
-    print_left_out(console, found.rejections, found.n_rejections)
-    reasons = [f"{name}: {reason}" for name, reason in accumulated.rejected]
-    print_left_out(console, reasons, accumulated.n_rejected)
-    print_dropped_counts(console, found.dropped)
-
-
-def print_dropped(console: Console, demonstrations: Sequence[Demonstration]) -> None:
-    """Say how many messages were dropped in all, by reason."""
-    total: Counter[str] = Counter()
-    for demonstration in demonstrations:
-        total.update(demonstration.rejected)
-    print_dropped_counts(console, total)
-
-
-def print_dropped_counts(console: Console, total: Mapping[str, int]) -> None:
-    """The same, counted."""
-    if total:
-        parts = ", ".join(f"{count} {reason}" for reason, count in sorted(total.items()))
-        console.print(f"messages dropped: {parts}", style="yellow", highlight=False)

@@ -2,7 +2,6 @@
 """`intent recover`: save what can be saved from a truncated or damaged recording."""
 
 import argparse
-import json
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -10,12 +9,14 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.bags import RecoveryReport, recover_bag
+from intent_recognition.cli.console import busy
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.inspect_tables import damage_line
-from intent_recognition.cli.recordings import busy
+from intent_recognition.cli.inspect_bag import damage_line
+from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.output import print_json
 
 
-def add_parser(subparsers) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "recover",
@@ -46,8 +47,10 @@ def run(args: argparse.Namespace) -> int:
     """
     with busy(Console(stderr=True), "recovering"):
         report = recover_bag(args.bag, args.output)
-    lines = [json.dumps(report_json(report), indent=2)] if args.json else report_lines(report)
-    sys.stdout.write("\n".join(lines) + "\n")
+    if args.json:
+        print_json(report_json(report))
+    else:
+        sys.stdout.write("\n".join(report_lines(report)) + "\n")
     return 0
 
 

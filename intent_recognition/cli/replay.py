@@ -10,9 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition.bags import BagReader
-from intent_recognition.cli.console import make_console
+from intent_recognition.cli.console import make_console, progress_bar
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.recordings import check_output, progress_bar, write_json
+from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.output import check_output, write_json
 from intent_recognition.errors import BagError, describe
 from intent_recognition.evaluation import replay
 from intent_recognition.model import load_model
@@ -21,7 +22,7 @@ from intent_recognition.promp import NONE, TaskLibrary
 PRINTED_ROWS = 20
 
 
-def add_parser(subparsers) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "replay",

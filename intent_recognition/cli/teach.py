@@ -5,26 +5,34 @@ import argparse
 import queue
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from intent_recognition.cli.console import make_console
+from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.node_arguments import add_node_options, node_arguments
-from intent_recognition.cli.recordings import busy
+from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments
 from intent_recognition.errors import BagError, IntentError, describe
 
-HEARD_S = 5.0
+if TYPE_CHECKING:
+    from intent_recognition.nodes.task_teacher import TaskTeacher
+
+DISCOVERY_S = 5.0
+"""Longest wait for the topics to record [s]. Convention."""
 HANDED_OVER_S = 5.0
+"""Longest wait for a running estimator to load a model [s]. Convention."""
 DEFAULT_LIBRARY = Path("tasks")
 QUIT = "q"
 
+Spin = Callable[[Callable[[], object], float], bool]
+"""Run callbacks until a condition holds, at most so many seconds; returns whether it holds."""
 
-def add_parser(subparsers) -> None:
+
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "teach",
@@ -83,18 +91,18 @@ def run(args: argparse.Namespace) -> int:
     console = make_console()
     with teacher_node(args, task=args.task) as (teacher, spin):
         with busy(console, "waiting for the topics"):
-            _wait_until_heard(teacher, spin)
+            _wait_for_topics(teacher, spin)
         console.print(f"library {teacher.folder.path}", highlight=False, soft_wrap=True)
-        learned = _lessons(args, teacher, spin, console)
+        learned = _teach(args, teacher, spin, console)
     return 0 if learned else 1
 
 
 @contextmanager
-def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple]:
-    """A task_teacher of this process, and `spin(until, seconds)`, true once `until()` is."""
+def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["TaskTeacher", Spin]]:
+    """A task_teacher of this process, and a function that runs its callbacks."""
     import rclpy
 
-    from intent_recognition.nodes.runtime import make_executor
+    from intent_recognition.nodes.runtime import make_executor, spin_until
     from intent_recognition.nodes.task_teacher import TaskTeacher
 
     chosen = {"library": str(args.library.absolute()), "task": task}
@@ -105,16 +113,7 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple]:
         executor = make_executor()
         node = TaskTeacher()
         executor.add_node(node)
-
-        def spin(until: Callable[[], object], seconds: float) -> bool:
-            end_s = time.monotonic() + seconds
-            while not until():
-                if time.monotonic() > end_s:
-                    return False
-                executor.spin_once(timeout_sec=0.05)
-            return True
-
-        yield node, spin
+        yield node, partial(spin_until, executor)
     finally:
         if executor is not None:
             executor.shutdown()
@@ -123,25 +122,25 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple]:
         rclpy.try_shutdown()
 
 
-def hand_over(teacher, spin: Callable, console: Console, what: str) -> None:
+def hand_over(teacher: "TaskTeacher", spin: Spin, console: Console, what: str) -> None:
     """Wait until a running estimator uses the model, and print how it went."""
     with busy(console, "handing over"):
         spin(lambda: not teacher.handing_over, HANDED_OVER_S)
     console.print(teacher.said or what, highlight=False, markup=False, soft_wrap=True)
 
 
-def _wait_until_heard(teacher, spin: Callable) -> None:
+def _wait_for_topics(teacher: "TaskTeacher", spin: Spin) -> None:
     wanted = teacher.wanted
-    if spin(lambda: len(teacher.listening) == len(wanted), HEARD_S):
+    if spin(lambda: len(teacher.listening) == len(wanted), DISCOVERY_S):
         return
     silent = sorted(set(wanted) - set(teacher.listening))
     cure = "Start the tracker and the arm, or remap the topics."
     raise BagError(describe("topics", f"publishers of {', '.join(silent)}", "none", cure))
 
 
-def _lessons(args: argparse.Namespace, teacher, spin: Callable, console: Console) -> int:
-    """Demonstrations, one after the other; returns how many were learned."""
-    lines = None if args.seconds else _Lines()
+def _teach(args: argparse.Namespace, teacher: "TaskTeacher", spin: Spin, console: Console) -> int:
+    """Record and learn demonstrations one after the other; returns how many were learned."""
+    lines = None if args.seconds else _InputLines()
     learned = shown = 0
     while not args.count or shown < args.count:
         if lines and not _asked(lines, spin, console, f"Enter: record {args.task}, {QUIT}: end"):
@@ -167,14 +166,14 @@ def _lessons(args: argparse.Namespace, teacher, spin: Callable, console: Console
     return learned
 
 
-def _asked(lines: "_Lines", spin: Callable, console: Console, question: str) -> bool:
+def _asked(lines: "_InputLines", spin: Spin, console: Console, question: str) -> bool:
     """Ask and wait for a line; False where it is to quit, or at the end of the input."""
     console.print(question, highlight=False)
     spin(lambda: lines.ready, float("inf"))
     return lines.take() not in (QUIT, None)
 
 
-class _Lines:
+class _InputLines:
     """Lines of standard input, read by a thread so that the node can go on; None at the end."""
 
     def __init__(self) -> None:

@@ -11,34 +11,32 @@ from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition import __version__
-from intent_recognition.cli.adding import add_adding_options, add_to_model
-from intent_recognition.cli.console import make_console
+from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
+from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.output import check_output, write_json
 from intent_recognition.cli.recordings import (
     accumulate_all,
     add_recording_options,
-    all_left_out,
-    busy,
-    check_output,
-    print_found,
     training_settings,
-    write_json,
 )
-from intent_recognition.cli.transitions import add_sessions_option, with_sessions
+from intent_recognition.cli.rejections import all_left_out, print_found
+from intent_recognition.cli.train_add import add_adding_options, add_to_model
+from intent_recognition.cli.train_sessions import add_sessions_option, with_sessions
+from intent_recognition.cli.train_workers import add_worker_options, workers
 from intent_recognition.cli.unlabelled import (
     add_unlabelled_options,
     check_alone,
     n_components,
     train_unlabelled,
 )
-from intent_recognition.cli.workers import add_worker_options, workers
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.learning import TrainingReport, TrainingSettings, learn_accumulated
 from intent_recognition.model import Model, Run, save_model
 from intent_recognition.promp import TaskLibrary
 
 
-def add_parser(subparsers) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command to `intent`."""
     parser = subparsers.add_parser(
         "train",

@@ -3,15 +3,15 @@
 
 import argparse
 
-from intent_recognition.cli.console import make_console
+from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.recordings import busy
+from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.teach import add_library_options, hand_over, teacher_node
 
 FOUND_S = 2.0
 
 
-def add_parser(subparsers) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "undo",

@@ -12,13 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition import __version__
-from intent_recognition.cli.recordings import (
-    busy,
-    print_dropped,
-    print_left_out,
-    progress_bar,
-    read_all,
-)
+from intent_recognition.cli.console import busy, progress_bar
+from intent_recognition.cli.recordings import read_all
+from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.learning import (

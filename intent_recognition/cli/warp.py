@@ -2,8 +2,6 @@
 """`intent warp`: what an annotated object tells about another one."""
 
 import argparse
-import json
-import sys
 import time
 from pathlib import Path
 
@@ -11,9 +9,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from intent_recognition.cli.console import make_console
+from intent_recognition.cli.completion import offer
+from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.recordings import busy
+from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.output import print_json
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
 from intent_recognition.warping import (
@@ -36,7 +36,7 @@ ROWS = (
 )
 
 
-def add_parser(subparsers) -> None:
+def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "warp",
@@ -53,7 +53,7 @@ def add_parser(subparsers) -> None:
     source = parser.add_argument(
         "source", metavar="SOURCE", help="annotated object: a file, or `mug`"
     )
-    source.offered = Path
+    offer(source, Path)
     parser.add_argument("target", type=Path, metavar="TARGET", help="mesh or cloud")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument(
@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
     taken_s = time.perf_counter() - start_s
     content = as_json(args, warped, parameters)
     if args.json:
-        sys.stdout.write(json.dumps(content, indent=2) + "\n")
+        print_json(content)
     else:
         make_console().print(_table(args, warped, parameters, taken_s))
     if args.report:

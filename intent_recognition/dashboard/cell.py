@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-HISTORY_S = 20.0
-HISTORY_STEP_S = 0.05
+PLOTTED_S = 20.0
+PLOTTED_STEP_S = 0.05
 WRIST_S = 3.0
 SILENT_AFTER_S = 3.0
 
@@ -32,8 +32,8 @@ class Posterior:
 
 
 @dataclass(frozen=True)
-class Predicted:
-    """Predicted joint motion of the robot: task, joint names, positions (T, d) [rad]."""
+class PredictedMotion:
+    """PredictedMotion joint motion of the robot: task, joint names, positions (T, d) [rad]."""
 
     task: str
     joints: tuple[str, ...]
@@ -41,7 +41,7 @@ class Predicted:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class PathMarkers:
     """The newest of `intent/markers`, as arrays.
 
     Attributes:
@@ -90,9 +90,9 @@ class CellState:
     wrist_at_s: float = -np.inf
     posterior: Posterior | None = None
     tasks_at_s: float = -np.inf
-    predicted: Predicted | None = None
+    predicted: PredictedMotion | None = None
     predicted_at_s: float = -np.inf
-    drawn: Drawn | None = None
+    drawn: PathMarkers | None = None
     drawn_at_s: float = -np.inf
     active: str = ""
     truth: str = ""
@@ -100,7 +100,7 @@ class CellState:
     teaching: str = ""
     nodes: dict[str, NodeHealth] = field(default_factory=dict)
     _wrist_past: deque = field(default_factory=lambda: deque(maxlen=int(WRIST_S * 100)))
-    _past: deque = field(default_factory=lambda: deque(maxlen=int(HISTORY_S / HISTORY_STEP_S)))
+    _past: deque = field(default_factory=lambda: deque(maxlen=int(PLOTTED_S / PLOTTED_STEP_S)))
 
     def take_joints(self, names: Sequence[str], positions: Sequence[float], now_s: float) -> None:
         """A joint state, of all joints or some."""
@@ -113,9 +113,9 @@ class CellState:
         self._wrist_past.append((now_s, position))
 
     def take_posterior(self, posterior: Posterior, now_s: float) -> None:
-        """A task posterior; the past keeps one every `HISTORY_STEP_S`."""
+        """A task posterior; the past keeps one every `PLOTTED_STEP_S`."""
         self.posterior, self.tasks_at_s = posterior, now_s
-        if not self._past or now_s - self._past[-1][0] >= HISTORY_STEP_S:
+        if not self._past or now_s - self._past[-1][0] >= PLOTTED_STEP_S:
             self._past.append((now_s, posterior.labels, posterior.probabilities))
 
     def wrist_path(self, now_s: float) -> np.ndarray:
@@ -128,7 +128,7 @@ class CellState:
 
         Tasks that were unknown at a time have NaN there.
         """
-        past = [row for row in self._past if now_s - row[0] <= HISTORY_S]
+        past = [row for row in self._past if now_s - row[0] <= PLOTTED_S]
         times = np.array([at - now_s for at, _, _ in past])
         labels = self.posterior.labels if self.posterior is not None else ()
         columns = {

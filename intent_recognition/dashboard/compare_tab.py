@@ -11,7 +11,7 @@ import viser
 from intent_recognition.bags import BagReader
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.replay_tab import names_of
-from intent_recognition.dashboard.watch_tab import probability_plot, set_content
+from intent_recognition.dashboard.widgets import probability_plot, set_content
 from intent_recognition.errors import IntentError
 from intent_recognition.evaluation import replay
 from intent_recognition.model import load_model
@@ -54,7 +54,7 @@ class CompareTab:
             self._gui.add_dropdown("Model A", names),
             self._gui.add_dropdown("Model B", names, initial_value=names[-1]),
         ]
-        self._button = self._gui.add_button("Compare", icon="arrows-left-right")
+        self._button = self._gui.add_button("Compare", icon=viser.Icon.ARROWS_LEFT_RIGHT)
         self._result = self._gui.add_html("")
         self._plots: list[viser.GuiUplotHandle] = []
         self._place = self._gui.add_folder("Probability over time", visible=False)

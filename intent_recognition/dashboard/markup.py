@@ -5,20 +5,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from intent_recognition.dashboard.cell import CellState, NodeHealth
+from intent_recognition.promp import NONE
+from intent_recognition.report import INK, NONE_COLOUR, SOFT, readable
 
-INK, SOFT, RULE = "#1d2733", "#5a6777", "#e3e8ee"
-GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", "#8792a0"
+RULE = "#e3e8ee"
+GOOD, WARNING, BAD, STALE = "#1a9c5b", "#c47f00", "#c8362b", NONE_COLOUR
 LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
 FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
 COLUMNS = "9.2em 1fr 3.2em 3em"
 LARGEST_RATES = 4
 MAY_END = frozenset({"bag_player", "bag_recorder", "coworker_sim"})
 """Nodes that are over when their work is done: their silence is no alarm."""
-
-
-def readable(label: str) -> str:
-    """A label as words."""
-    return escape(label.replace("_", " "))
 
 
 def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
@@ -33,12 +30,12 @@ def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
         colour = colours.get(label, STALE) if fresh else STALE
         strong = "600" if label == posterior.best and fresh else "400"
         running = " &#9679;" if label == state.active and label else ""
-        progress = "" if label == "none" else f"{max(float(phase), 0.0):.2f}"
+        progress = "" if label == NONE else f"{max(float(phase), 0.0):.2f}"
         rows.append(
             f'<div style="display:grid;grid-template-columns:{COLUMNS};gap:.5em;'
             f'align-items:center;margin:.3em 0;font-weight:{strong}">'
             f'<span style="overflow:hidden;text-overflow:ellipsis;white-space:nowrap">'
-            f"{readable(label)}<span style='color:{colour}'>{running}</span></span>"
+            f"{escape(readable(label))}<span style='color:{colour}'>{running}</span></span>"
             f'<span style="background:{RULE};border-radius:3px;height:.95em">'
             f'<span style="display:block;height:100%;border-radius:3px;background:{colour};'
             f'width:{100 * float(chance):.1f}%"></span></span>'
@@ -174,7 +171,7 @@ def _details(values: Mapping[str, str]) -> str:
 def _chip(label: str, colours: Mapping[str, str]) -> str:
     return (
         f'<span style="background:{colours.get(label, STALE)};color:white;border-radius:9px;'
-        f'padding:.08em .6em;font-weight:600;white-space:nowrap">{readable(label)}</span>'
+        f'padding:.08em .6em;font-weight:600;white-space:nowrap">{escape(readable(label))}</span>'
     )
 
 

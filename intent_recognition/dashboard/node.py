@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: a web page that shows the cell, replays recordings, and teaches tasks."""
 
-import functools
 import gc
 import time
+from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
@@ -14,15 +15,16 @@ from rclpy.parameter import Parameter
 from intent_recognition.bags import BagReader
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import Commands
-from intent_recognition.dashboard.lesson import Lesson
-from intent_recognition.dashboard.listener import Listener
-from intent_recognition.dashboard.page import Page
-from intent_recognition.dashboard.puppet import Puppet
+from intent_recognition.dashboard.page import DashboardPage
+from intent_recognition.dashboard.subscriptions import CellSubscriptions
+from intent_recognition.dashboard.teaching_session import TeachingSession
+from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.demonstrations import find_bags
-from intent_recognition.errors import BagError, IntentError, describe
+from intent_recognition.errors import BagError, IntentError, describe, one_line
 from intent_recognition.model import load_model
 from intent_recognition.nodes.bag_player import BagPlayer
-from intent_recognition.nodes.runtime import Diagnostics, parameter
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.share import share_path
 
 MOST_BAGS = 500
@@ -40,37 +42,34 @@ class Dashboard(Node):
         state: what it shows.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("dashboard", **kwargs)
-
-        def fixed(name: str, default: object, text: str, low=None, high=None) -> object:
-            return parameter(self, name, default, text, minimum=low, maximum=high, read_only=True)
-
-        host = fixed("host", "127.0.0.1", "address to serve on; 0.0.0.0 lets other machines in")
-        port = fixed("port", 8080, "port to serve on", 1, 65535)
-        rate_hz = fixed("rate", 25.0, "updates of the page per second", 1.0, 60.0)
-        bags = fixed("bags", "", "folder of recordings to replay; empty takes the shipped ones")
-        self._models = fixed("models", ".", "folder below which models to compare lie")
-        body = fixed("body", "wrist", "tracked body that is drawn, and moved from the page")
-        seed = fixed("seed", 0, "of the variation between shown demonstrations", 0)
+        get = partial(fixed_parameter, self)
+        host = get("host", "127.0.0.1", "address to serve on; 0.0.0.0 lets other machines in")
+        port = get("port", 8080, "port to serve on", 1, 65535)
+        rate_hz = get("rate", 25.0, "updates of the page per second", 1.0, 60.0)
+        bags = get("bags", "", "folder of recordings to replay; empty takes the shipped ones")
+        self._models = get("models", ".", "folder below which models to compare lie")
+        body = get("body", "wrist", "tracked body that is drawn, and moved from the page")
+        seed = get("seed", 0, "of the variation between shown demonstrations", 0)
         self._diagnostics = Diagnostics(self)
         self.state = CellState()
-        self._listener = Listener(self, self.state, body)
+        self._cell_subscriptions = CellSubscriptions(self, self.state, body)
         self._commands = Commands(self, lambda ok, text: self.page.tell(ok, text))
-        puppet = Puppet(self, self.state, body)
-        lesson = Lesson(
-            puppet,
+        teleoperation = Teleoperation(self, self.state, body)
+        session = TeachingSession(
+            teleoperation,
             self._commands,
             lambda ok, text: self.page.tell(ok, text),
             np.random.default_rng(seed),
         )
-        self.page = Page(
+        self.page = DashboardPage(
             host,
             port,
             self.state,
             self._commands,
-            puppet,
-            lesson,
+            teleoperation,
+            session,
             bags=find_bags(Path(bags) if bags else share_path("bags"))[:MOST_BAGS],
             models=self._find_models,
             play=self._play,
@@ -91,7 +90,7 @@ class Dashboard(Node):
         try:
             self.page.update()
         except IntentError as error:
-            self.page.tell(False, " ".join(str(error).split()))
+            self.page.tell(False, one_line(error))
         self._diagnostics.tick("page")
         self._diagnostics.latency(time.perf_counter() - started)
 
@@ -126,15 +125,17 @@ class Dashboard(Node):
             namespace=self.get_namespace(),
             parameter_overrides=[Parameter(name, value=value) for name, value in values.items()],
         )
-        self.executor.add_node(player)
+        if self.executor is not None:
+            self.executor.add_node(player)
         return player
 
     def _stop(self, player: BagPlayer) -> None:
-        self.executor.remove_node(player)
+        if self.executor is not None:
+            self.executor.remove_node(player)
         player.destroy_node()
 
 
-@functools.lru_cache(maxsize=1000)
+@lru_cache(maxsize=1000)
 def _is_model(path: Path, changed_ns: int) -> bool:
     """Whether a file is a model, looked at once for each of its versions."""
     try:

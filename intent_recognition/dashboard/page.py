@@ -15,14 +15,15 @@ from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.dashboard.compare_tab import CompareTab
-from intent_recognition.dashboard.lesson import Lesson
-from intent_recognition.dashboard.puppet import Puppet
 from intent_recognition.dashboard.replay_tab import Play, ReplayTab
 from intent_recognition.dashboard.scene import Scene
 from intent_recognition.dashboard.teach_tab import TeachTab
-from intent_recognition.dashboard.watch_tab import WatchTab, set_content
+from intent_recognition.dashboard.teaching_session import TeachingSession
+from intent_recognition.dashboard.teleoperation import Teleoperation
+from intent_recognition.dashboard.watch_tab import WatchTab
+from intent_recognition.dashboard.widgets import set_content
 from intent_recognition.errors import ResourceBusyError, describe
-from intent_recognition.report import task_colours
+from intent_recognition.report import INK, task_colours
 
 TITLE = "intent recognition"
 BRAND = (18, 27, 36)
@@ -33,7 +34,7 @@ SLOW_PERIOD_S = 1.0
 TOLD_S = 6.0
 
 
-class Page:
+class DashboardPage:
     """Shows a cell and passes on what is pressed; call `update` at the rate of the page.
 
     Callbacks of the page run in its threads; what they ask for is done in `update`, which the
@@ -44,8 +45,8 @@ class Page:
         port: port to serve on.
         state: the cell.
         commands: reaches the other nodes.
-        puppet: moves the wrist and the arm.
-        lesson: shows, records and learns.
+        teleoperation: moves the wrist and the arm.
+        session: shows, records and learns.
         bags: recordings to choose from.
         models: model files to choose from.
         play: starts a player.
@@ -62,8 +63,8 @@ class Page:
         port: int,
         state: CellState,
         commands: Commands,
-        puppet: Puppet,
-        lesson: Lesson,
+        teleoperation: Teleoperation,
+        session: TeachingSession,
         *,
         bags: Sequence[Path],
         models: Callable[[], Sequence[Path]],
@@ -97,7 +98,7 @@ class Page:
         with tabs.add_tab("Watch"):
             self._watch = WatchTab(self._server, commands, do)
         with tabs.add_tab("Teach"):
-            self._teach = TeachTab(self._server, puppet, lesson, commands, do)
+            self._teach = TeachTab(self._server, teleoperation, session, commands, do)
         with tabs.add_tab("Replay"):
             self._replay = ReplayTab(self._server, bags, play, stop, commands, do, self.tell)
         with tabs.add_tab("Compare"):
@@ -114,7 +115,7 @@ class Page:
         """Say what happened, for a few seconds; what went wrong stands out."""
         if not text:
             return
-        colour = markup.INK if ok else markup.WARNING
+        colour = INK if ok else markup.WARNING
         set_content(self._banner, markup.banner(text, colour))
         self._banner.visible = True
         self._told_until_s = self._clock() + TOLD_S

@@ -9,14 +9,14 @@ import viser
 from intent_recognition.bags import read_metadata
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.commands import ESTIMATOR, Commands
-from intent_recognition.dashboard.watch_tab import set_content
+from intent_recognition.dashboard.widgets import on_change, set_content, set_value
 from intent_recognition.errors import BagError
 from intent_recognition.nodes.bag_player import BagPlayer
 
 RATES = {"0.25 x": 0.25, "0.5 x": 0.5, "1 x": 1.0, "2 x": 2.0, "4 x": 4.0}
 NO_BAGS = ("Start the page with `-p bags:=FOLDER`, or record one: `intent record --output BAG`.",)
 SHOWN_ONLY = "No estimator runs: a recording is shown, but no task recognised."
-NOBODY_THINKS = ("Start one: `ros2 launch intent_recognition intent.launch.py model:=M.npz`",)
+START_ESTIMATOR = ("Start one: `ros2 launch intent_recognition intent.launch.py model:=M.npz`",)
 SHORTEST_S = 0.01
 
 Play = Callable[[Path, float, float], BagPlayer]
@@ -56,11 +56,11 @@ class ReplayTab:
         self._facts = gui.add_html("")
         self._rate = gui.add_dropdown("Speed", tuple(RATES), initial_value="1 x")
         self._at = gui.add_slider("Position [s]", 0.0, 1.0, SHORTEST_S, 0.0)
-        self._button = gui.add_button("Play", icon="player-play")
+        self._button = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
         self._button.on_click(lambda _: do(self._press))
-        self._bag.on_update(lambda e: e.client and do(self._chosen))
-        self._at.on_update(lambda e: e.client and do(self._seek))
-        self._rate.on_update(lambda e: e.client and do(self._seek))
+        on_change(self._bag, lambda: do(self._chosen))
+        on_change(self._at, lambda: do(self._seek))
+        on_change(self._rate, lambda: do(self._seek))
         for field in (self._bag, self._rate, self._at, self._button):
             field.visible = bool(self._bags)
         if self._bags:
@@ -74,20 +74,19 @@ class ReplayTab:
     def update(self) -> None:
         """Show how far it is; end what is over."""
         heard = self._commands.offers(f"{ESTIMATOR}/reset") or not self._bags
-        set_content(self._hint, "" if heard else markup.ways(SHOWN_ONLY, NOBODY_THINKS))
+        set_content(self._hint, "" if heard else markup.ways(SHOWN_ONLY, START_ESTIMATOR))
         player = self._player
         if player is None:
             return
         self._set_length(player.duration_s)
-        self._at.value = min(round(player.position_s, 2), self._at.max)
+        set_value(self._at, min(round(player.position_s, 2), self._at.max))
         if player.finished.is_set():
             self._end()
-            self._at.value = 0.0
+            set_value(self._at, 0.0)
 
     def close(self) -> None:
         """End what is being played."""
-        if self._player is not None:
-            self._end()
+        self._end()
 
     def _press(self) -> None:
         if self._player is not None:
@@ -97,7 +96,7 @@ class ReplayTab:
 
     def _chosen(self) -> None:
         self.close()
-        self._at.value = 0.0
+        set_value(self._at, 0.0)
         self._describe()
 
     def _describe(self) -> None:
@@ -127,13 +126,15 @@ class ReplayTab:
     def _begin(self, offset_s: float) -> None:
         bag = self._bags[self._bag.value]
         self._player = self._play(bag, float(offset_s), RATES[self._rate.value])
-        self._button.label, self._button.icon = "Pause", "player-pause"
+        self._button.label, self._button.icon = "Pause", viser.Icon.PLAYER_PAUSE
         self._say(True, f"playing {self._bag.value}")
 
     def _end(self) -> None:
+        if self._player is None:
+            return
         self._stop(self._player)
         self._player = None
-        self._button.label, self._button.icon = "Play", "player-play"
+        self._button.label, self._button.icon = "Play", viser.Icon.PLAYER_PLAY
 
 
 def names_of(paths: Sequence[Path]) -> dict[str, Path]:

@@ -4,6 +4,7 @@
 import io
 import re
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import viser
@@ -58,7 +59,7 @@ class RobotView:
 class _MovingUrdf(ViserUrdf):
     """A drawn URDF that is told where to be 25 times a second: only what moves is sent."""
 
-    def __init__(self, server: viser.ViserServer, urdf: yourdfpy.URDF, **options):
+    def __init__(self, server: viser.ViserServer, urdf: yourdfpy.URDF, **options: Any) -> None:
         super().__init__(server, urdf, **options)
         self._all = tuple(urdf.joint_map.values())
         self._local = chain_of(self._all)

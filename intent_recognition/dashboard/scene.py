@@ -10,12 +10,13 @@ import yourdfpy
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.robot_view import RobotView
 from intent_recognition.kinematics import JOINT_NAMES, frame_poses
+from intent_recognition.report import INK, NONE_COLOUR, readable
 
-INK = (29, 39, 51)
-SOFT = (135, 146, 160)
 WRIST_RADIUS_M = 0.022
 TUBE_OPACITY = 0.28
+"""With viser's lights; RViz shows the same tube with `markers.TUBE_ALPHA`. Convention."""
 STALE_S = 1.5
+"""Age from which on a prediction is not drawn [s]. Convention."""
 PATH_WIDTH_M = 0.006
 ARM_WIDTH_M = 0.045
 NOTHING = np.zeros((0, 3))
@@ -30,7 +31,12 @@ Colour = tuple[int, int, int]
 
 def rgb(colour: str) -> Colour:
     """#rrggbb as three numbers."""
-    return tuple(int(colour[k : k + 2], 16) for k in (1, 3, 5))
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
+
+
+DARK, GREY = rgb(INK), rgb(NONE_COLOUR)
+"""The wrist; the arm, and what is old."""
 
 
 class Scene:
@@ -81,7 +87,7 @@ class Scene:
         self._server.initial_camera.fov = VIEW_RAD
         self._base = scene.add_frame("/base", axes_length=0.15, axes_radius=0.004)
         scene.add_label("/base/name", "robot's base; x goes to the worker", anchor="top-center")
-        self._wrist = scene.add_icosphere("/wrist", WRIST_RADIUS_M, INK, visible=False)
+        self._wrist = scene.add_icosphere("/wrist", WRIST_RADIUS_M, DARK, visible=False)
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
         self._tube: viser.MeshHandle | None = None
         self._label = scene.add_label("/task", "", visible=False, anchor="bottom-center")
@@ -100,7 +106,7 @@ class Scene:
         bare = self._robot is None and not self._problem
         if self._base.visible != bare:
             self._base.visible = bare
-        self._line("arm", _skeleton(state.joints) if bare else NOTHING, SOFT, ARM_WIDTH_M)
+        self._line("arm", _skeleton(state.joints) if bare else NOTHING, GREY, ARM_WIDTH_M)
         return self._problem
 
     def _update_wrist(self, state: CellState, now_s: float) -> None:
@@ -109,18 +115,18 @@ class Scene:
         fresh = state.fresh(state.wrist_at_s, now_s)
         self._wrist.visible = True
         self._wrist.position = state.wrist
-        self._wrist.color = INK if fresh else SOFT
-        self._line("wrist_path", state.wrist_path(now_s), SOFT, PATH_WIDTH_M / 2)
+        self._wrist.color = DARK if fresh else GREY
+        self._line("wrist_path", state.wrist_path(now_s), GREY, PATH_WIDTH_M / 2)
 
     def _update_prediction(
         self, state: CellState, colours: Mapping[str, str], now_s: float
     ) -> None:
         best = state.posterior.best if state.posterior is not None else ""
-        colour = rgb(colours.get(best, "#8792a0"))
+        colour = rgb(colours.get(best, NONE_COLOUR))
         shown = state.drawn if state.fresh(state.drawn_at_s, now_s, STALE_S) else None
         self._line("predicted", NOTHING if shown is None else shown.predicted, colour, PATH_WIDTH_M)
         self._draw_tube(NOTHING if shown is None else shown.tube, colour)
-        self._draw_label(NOTHING if shown is None else shown.predicted, best.replace("_", " "))
+        self._draw_label(NOTHING if shown is None else shown.predicted, readable(best))
         self._update_hand_path(state, colours, now_s)
 
     def _draw_label(self, path: np.ndarray, text: str) -> None:
@@ -136,14 +142,14 @@ class Scene:
     def _update_hand_path(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         predicted = state.predicted
         if predicted is None or not state.fresh(state.predicted_at_s, now_s, STALE_S):
-            self._line("hand_path", NOTHING, INK, PATH_WIDTH_M)
+            self._line("hand_path", NOTHING, DARK, PATH_WIDTH_M)
             return
         due = now_s - self._hand_path_at_s >= HAND_PATH_PERIOD_S
         if self._robot is None or not due or len(predicted.positions) < 2:
             return
         self._hand_path_at_s = now_s
         path = self._robot.hand_path(predicted.joints, predicted.positions)
-        colour = rgb(colours.get(predicted.task, "#8792a0"))
+        colour = rgb(colours.get(predicted.task, NONE_COLOUR))
         self._line("hand_path", path, colour, PATH_WIDTH_M)
 
     def _line(self, name: str, path: np.ndarray, colour: Colour, width_m: float) -> None:

@@ -9,16 +9,16 @@ import viser
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import TEACHER, Commands
-from intent_recognition.dashboard.gizmos import GOALS, HAND, LEADS, WRIST, Gizmos
-from intent_recognition.dashboard.lesson import Lesson
-from intent_recognition.dashboard.puppet import Puppet
+from intent_recognition.dashboard.drag_handles import DIRECT, GOALS, HAND, WRIST, DragHandles
 from intent_recognition.dashboard.scene import rgb
-from intent_recognition.dashboard.watch_tab import set_content
+from intent_recognition.dashboard.teaching_session import TeachingSession
+from intent_recognition.dashboard.teleoperation import Teleoperation
+from intent_recognition.dashboard.widgets import on_change, set_content, set_label, set_value
 from intent_recognition.kinematics import hand_position
 
 REST_M = np.array([1.05, 0.0, 0.25])
-WRIST_GOAL_M = np.array([0.78, 0.22, 0.42])
-HAND_GOAL_M = np.array([0.60, 0.20, 0.42])
+WRIST_GOAL_M = (0.78, 0.22, 0.42)
+HAND_GOAL_M = (0.60, 0.20, 0.42)
 SET_GOALS, BY_HAND = "set two goals", "drag both myself"
 FEW = 3
 """Demonstrations of a task from which on it is worth learning."""
@@ -55,8 +55,8 @@ class TeachTab:
 
     Args:
         server: the page.
-        puppet: moves the wrist and the arm.
-        lesson: shows, records and learns.
+        teleoperation: moves the wrist and the arm.
+        session: shows, records and learns.
         commands: tells who is there.
         do: runs a function in the thread of the graph.
     """
@@ -64,12 +64,17 @@ class TeachTab:
     def __init__(
         self,
         server: viser.ViserServer,
-        puppet: Puppet,
-        lesson: Lesson,
+        teleoperation: Teleoperation,
+        session: TeachingSession,
         commands: Commands,
         do: Callable[[Callable], None],
     ):
-        self._puppet, self._lesson, self._commands, self._do = puppet, lesson, commands, do
+        self._teleoperation, self._session, self._commands, self._do = (
+            teleoperation,
+            session,
+            commands,
+            do,
+        )
         self._rested = False
         gui = server.gui
         self._hint = gui.add_html("")
@@ -77,101 +82,113 @@ class TeachTab:
         self._how = gui.add_dropdown("Show by", (SET_GOALS, BY_HAND))
         self._task = gui.add_text("Task", "my_task", hint="label of what is recorded")
         with gui.add_folder("Goals: x, y, z [m]") as self._goals:
-            self._wrist_goal = gui.add_vector3("Human's wrist", tuple(WRIST_GOAL_M), step=0.01)
-            self._hand_goal = gui.add_vector3("Robot's hand", tuple(HAND_GOAL_M), step=0.01)
+            self._wrist_goal = gui.add_vector3("Human's wrist", WRIST_GOAL_M, step=0.01)
+            self._hand_goal = gui.add_vector3("Robot's hand", HAND_GOAL_M, step=0.01)
             self._length = gui.add_slider("Duration [s]", 1.0, 4.0, 0.1, 2.0)
             self._vary = gui.add_slider("Variation [cm]", 0.0, 8.0, 0.5, 3.0)
-        self._record = gui.add_button(RECORD, icon="player-record", color=rgb(markup.BAD))
-        self._learn = gui.add_button("Learn", icon="school", color=rgb(markup.GOOD))
-        self._reach = gui.add_button("Reach to the wrist goal", icon="hand-finger")
-        self._undo = gui.add_button("Undo", icon="arrow-back-up", color="gray")
+        self._record = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color=rgb(markup.BAD))
+        self._learn = gui.add_button("Learn", icon=viser.Icon.SCHOOL, color=rgb(markup.GOOD))
+        self._reach = gui.add_button("Reach to the wrist goal", icon=viser.Icon.HAND_FINGER)
+        self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
         self._told = gui.add_html("")
-        self._gizmos = Gizmos(server, {WRIST: WRIST_GOAL_M, HAND: HAND_GOAL_M})
+        self._handles = DragHandles(
+            server, {WRIST: np.array(WRIST_GOAL_M), HAND: np.array(HAND_GOAL_M)}
+        )
         self._connect()
 
     def update(self, state: CellState) -> None:
         """Show what can be done now, what is next, and what the teacher says."""
-        puppet, lesson = self._puppet, self._lesson
+        teleoperation, session = self._teleoperation, self._session
         teacher = self._commands.offers(f"{TEACHER}/start")
-        taken, by_hand = puppet.holds_wrist, self._how.value == BY_HAND
+        taken, by_hand = teleoperation.holds_wrist, self._how.value == BY_HAND
         obstacle = self._obstacle(teacher, taken)
         steps = BY_POINTER if by_hand else BY_GOALS
         set_content(self._hint, obstacle or markup.steps(steps, self._steps_done(taken)))
-        self._take.disabled = not taken and puppet.others_move_wrist()
-        stops = by_hand and lesson.recording
-        free = taken and teacher and not obstacle and not lesson.busy
+        self._take.disabled = not taken and teleoperation.others_move_wrist()
+        stops = by_hand and session.recording
+        free = taken and teacher and not obstacle and not session.busy
         self._record.disabled = not (free or stops)
-        _label(self._record, "Stop" if stops else RECORD)
-        self._learn.disabled = lesson.busy or not teacher or not lesson.recorded
-        _label(self._learn, f"Learn ({lesson.recorded})" if lesson.recorded else "Learn")
-        self._undo.disabled = lesson.busy or not teacher
-        self._reach.disabled = not taken or lesson.busy
+        set_label(self._record, "Stop" if stops else RECORD)
+        self._learn.disabled = session.busy or not teacher or not session.recorded
+        set_label(self._learn, f"Learn ({session.recorded})" if session.recorded else "Learn")
+        self._undo.disabled = session.busy or not teacher
+        self._reach.disabled = not taken or session.busy
         for field in (self._task, self._record, self._learn, self._undo):
             field.visible = teacher
         self._goals.visible = self._reach.visible = not by_hand
-        self._update_gizmos(LEADS if by_hand else GOALS, taken)
+        self._update_handles(DIRECT if by_hand else GOALS, taken)
         set_content(self._told, markup.remark(state.teaching))
 
     def _obstacle(self, teacher: bool, taken: bool) -> str:
         """What has to be mended before anything can be recorded, and how; empty if nothing."""
         if not teacher:
             return markup.ways(NOBODY_RECORDS, NO_TEACHER)
-        if not taken and self._puppet.others_move_wrist():
+        if not taken and self._teleoperation.others_move_wrist():
             return markup.ways(NOT_FREE, OTHERS)
-        if not self._puppet.can_move_arm():
+        if not self._teleoperation.can_move_arm():
             return markup.ways(NO_ARM, ARMS)
         return ""
 
     def _steps_done(self, taken: bool) -> int:
         """How many of the steps are behind."""
-        lesson = self._lesson
+        session = self._session
         if not taken:
             return 0
-        if lesson.recorded:
-            return 2 if lesson.recorded >= FEW else 1
-        return 3 if lesson.learned else 1
+        if session.recorded:
+            return 2 if session.recorded >= FEW else 1
+        return 3 if session.learned else 1
 
-    def _update_gizmos(self, kind: str, taken: bool) -> None:
+    def _update_handles(self, kind: str, taken: bool) -> None:
         """Show the pair in use; the leading pair is where wrist and hand are at rest."""
-        shown = self._gizmos.show(kind if taken else None)
-        rests = not self._lesson.busy
-        if kind == LEADS and taken and (shown or (rests and not self._rested)):
-            self._gizmos.place(LEADS, WRIST, self._puppet.position)
-            if self._puppet.can_move_arm():
-                self._gizmos.place(LEADS, HAND, hand_position(self._puppet.measured()))
+        shown = self._handles.show(kind if taken else None)
+        rests = not self._session.busy
+        if kind == DIRECT and taken and (shown or (rests and not self._rested)):
+            self._handles.place(DIRECT, WRIST, self._teleoperation.position)
+            if self._teleoperation.can_move_arm():
+                self._handles.place(DIRECT, HAND, hand_position(self._teleoperation.measured()))
         self._rested = rests
 
     def _connect(self) -> None:
-        do, lesson, puppet, gizmos = self._do, self._lesson, self._puppet, self._gizmos
-        self._take.on_update(lambda event: event.client and do(self._take_or_release))
+        do, session, teleoperation, handles = (
+            self._do,
+            self._session,
+            self._teleoperation,
+            self._handles,
+        )
+        on_change(self._take, lambda: do(self._take_or_release))
         self._record.on_click(lambda _: do(self._press_record))
-        self._learn.on_click(lambda _: do(lesson.learn))
-        self._undo.on_click(lambda _: do(lesson.undo))
+        self._learn.on_click(lambda _: do(session.learn))
+        self._undo.on_click(lambda _: do(session.undo))
         self._reach.on_click(lambda _: do(self._press_reach))
         for body, field in ((WRIST, self._wrist_goal), (HAND, self._hand_goal)):
-            gizmos.on_moved(GOALS, body, lambda place, f=field: _write(f, place))
-            field.on_update(
-                lambda event, b=body, f=field: (
-                    event.client and gizmos.place(GOALS, b, np.array(f.value))
-                )
-            )
-        gizmos.on_moved(LEADS, WRIST, lambda place: do(lambda: puppet.lead_wrist(place)))
-        gizmos.on_moved(LEADS, HAND, lambda place: do(lambda: puppet.lead_hand(place)))
+            self._join(body, field)
+        handles.on_moved(DIRECT, WRIST, lambda place: do(lambda: teleoperation.drag_wrist(place)))
+        handles.on_moved(DIRECT, HAND, lambda place: do(lambda: teleoperation.drag_hand(place)))
+
+    def _join(self, body: str, field: viser.GuiVector3Handle) -> None:
+        """Let a goal's handle and its field of numbers follow one another."""
+
+        def dragged(position: np.ndarray) -> None:
+            x, y, z = (round(float(value), 3) for value in position)
+            set_value(field, (x, y, z))
+
+        self._handles.on_moved(GOALS, body, dragged)
+        on_change(field, lambda: self._handles.place(GOALS, body, np.array(field.value)))
 
     def _take_or_release(self) -> None:
         if self._take.value:
-            self._puppet.take_wrist(REST_M)
+            self._teleoperation.take_wrist(REST_M)
         else:
-            self._puppet.release_wrist()
+            self._teleoperation.release_wrist()
 
     def _press_record(self) -> None:
         if self._how.value == BY_HAND:
-            if self._lesson.recording:
-                self._lesson.stop_by_hand()
+            if self._session.recording:
+                self._session.stop_by_hand()
             else:
-                self._lesson.start_by_hand(self._task.value.strip())
+                self._session.start_by_hand(self._task.value.strip())
             return
-        self._lesson.show(
+        self._session.show(
             self._task.value.strip(),
             np.array(self._wrist_goal.value),
             np.array(self._hand_goal.value),
@@ -180,14 +197,4 @@ class TeachTab:
         )
 
     def _press_reach(self) -> None:
-        self._lesson.reach(np.array(self._wrist_goal.value), self._length.value)
-
-
-def _write(field: viser.GuiVector3Handle, position: np.ndarray) -> None:
-    """Show a gizmo's position in its field."""
-    field.value = tuple(round(float(v), 3) for v in position)
-
-
-def _label(button: viser.GuiButtonHandle, text: str) -> None:
-    if button.label != text:
-        button.label = text
+        self._session.reach(np.array(self._wrist_goal.value), self._length.value)

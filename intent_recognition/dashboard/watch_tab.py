@@ -5,15 +5,20 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import viser
-from viser import uplot
 
 from intent_recognition.dashboard import markup
-from intent_recognition.dashboard.cell import HISTORY_S, CellState
+from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import ACTIVATION, ESTIMATOR, Commands
+from intent_recognition.dashboard.widgets import (
+    on_change,
+    probability_plot,
+    series_of,
+    set_content,
+    set_value,
+)
 
 PLOT_PERIOD_S = 0.2
-PLOT_HEIGHT = 190
-FONT = "12px sans-serif"
+"""Time between two updates of the plot [s]. Convention."""
 NOBODY = "No tracker, arm or estimator is heard yet."
 NEXT_STEPS = (
     "See it work, with a simulated coworker and arm: `intent demo --dashboard`",
@@ -44,15 +49,15 @@ class WatchTab:
         self._plotted_at_s = -np.inf
         self._place = gui.add_folder("Probability over time", visible=False)
         with gui.add_folder("Controls"):
-            self._reset = gui.add_button("Forget the movement", icon="refresh")
+            self._reset = gui.add_button("Forget the movement", icon=viser.Icon.REFRESH)
             self._helps = gui.add_checkbox("Robot helps", True, hint="activation is active")
             self._guide = gui.add_checkbox(
                 "Guide the arm by hand", False, hint="gravity compensation"
             )
         self._commands = commands
         self._reset.on_click(lambda _: do(self._forget))
-        self._helps.on_update(lambda e: e.client and do(self._set_help))
-        self._guide.on_update(lambda e: e.client and do(self._set_guide))
+        on_change(self._helps, lambda: do(self._set_help))
+        on_change(self._guide, lambda: do(self._set_guide))
 
     def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         """Show the newest."""
@@ -68,7 +73,7 @@ class WatchTab:
     def update_controls(self) -> None:
         """Disable what nobody offers, and show whether the robot helps."""
         offers = self._commands.offers
-        self._helps.value = self._commands.helping
+        set_value(self._helps, self._commands.helping)
         self._commands.ask_for_help()
         self._reset.disabled = not offers(f"{ESTIMATOR}/reset")
         self._helps.disabled = not self._commands.can_switch_help()
@@ -101,49 +106,3 @@ class WatchTab:
 
     def _set_guide(self) -> None:
         self._commands.gravity_compensation(self._guide.value)
-
-
-def probability_plot(
-    gui: viser.GuiApi,
-    data: tuple[np.ndarray, ...],
-    labels: tuple[str, ...],
-    colours: Mapping[str, str],
-    first_s: float = -HISTORY_S,
-    last_s: float = 0.0,
-    title: str | None = None,
-) -> viser.GuiUplotHandle:
-    """Probabilities of tasks over time [s]."""
-    axis = {"stroke": markup.SOFT, "grid": {"stroke": markup.RULE}, "font": FONT}
-    return gui.add_uplot(
-        data=data,
-        series=series_of(labels, colours),
-        title=title,
-        scales={
-            "x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)),
-            "y": uplot.Scale(auto=False, range=(-0.02, 1.06)),
-        },
-        axes=(
-            uplot.Axis(label="time [s]", size=34, labelSize=18, labelFont=FONT, **axis),
-            uplot.Axis(label="probability", size=40, labelSize=18, labelFont=FONT, **axis),
-        ),
-        legend=uplot.Legend(show=False),
-        height=PLOT_HEIGHT,
-    )
-
-
-def series_of(labels: tuple[str, ...], colours: Mapping[str, str]) -> tuple[uplot.Series, ...]:
-    """Time and one curve per task, in its colour."""
-    series = [uplot.Series(label="time [s]")]
-    for label in labels:
-        width = 1.5 if label == "none" else 2.5
-        name = label.replace("_", " ")
-        series.append(
-            uplot.Series(label=name, stroke=colours.get(label, markup.STALE), width=width)
-        )
-    return tuple(series)
-
-
-def set_content(handle: viser.GuiHtmlHandle, content: str) -> None:
-    """Change a piece of the page only where it is another one."""
-    if handle.content != content:
-        handle.content = content

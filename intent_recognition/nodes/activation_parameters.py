@@ -17,8 +17,7 @@ from intent_recognition.kinematics import (
     JointLimits,
 )
 from intent_recognition.motion import scaled_limits
-from intent_recognition.nodes.live_parameters import Changes
-from intent_recognition.nodes.runtime import parameter
+from intent_recognition.nodes.parameters import Changes, parameter
 from intent_recognition.promp import least_end_std
 from intent_recognition.recognition import DecisionSettings, start_mean
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the estimator node adds before and around a movement: start posture in, next task out."""
 
+from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from nav_msgs.msg import Odometry
@@ -13,8 +15,8 @@ from intent_recognition.demonstrations import DofEntry, extract, is_raw_pose
 from intent_recognition.errors import MessageError
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import message_class, stamp_ns, to_joint_state
+from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.observation_input import human_topic
-from intent_recognition.nodes.runtime import Diagnostics
 from intent_recognition.recognition import (
     POSTURE_OUTSIDE,
     POSTURE_UNKNOWN,
@@ -49,7 +51,7 @@ class PostureInput:
         self._noted: tuple | None = None
         self._heard = False
 
-    def open(self, estimator: IntentEstimator, entries) -> None:
+    def open(self, estimator: IntentEstimator, entries: Sequence[DofEntry]) -> None:
         """Subscribe to the controlled signals.
 
         Args:
@@ -73,7 +75,7 @@ class PostureInput:
         while self._subscriptions:
             self._node.destroy_subscription(self._subscriptions.pop())
 
-    def _take(self, group: int, entry: DofEntry, raw: bool, message: object) -> None:
+    def _take(self, group: int, entry: DofEntry, raw: bool, message: Any) -> None:
         self._diagnostics.tick(entry.topic)
         self._heard = True
         clock = self._node.get_clock()
@@ -83,6 +85,7 @@ class PostureInput:
         except MessageError as error:
             self._diagnostics.reject("posture_missing_dof", str(error))
             return
+        assert self._estimator is not None  # since `open`
         reason = self._estimator.update_controlled(Observation(stamp, group, values))
         if reason is not None:
             self._diagnostics.reject(f"posture_{reason}", f"{entry.topic} at {stamp} ns")

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Replay a bag: the recorded bytes on the recorded topics, in the recorded rhythm."""
+"""Node: plays a bag, the recorded bytes on the recorded topics at the recorded times."""
 
 import gc
 import struct
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
@@ -23,17 +24,39 @@ from std_srvs.srv import Trigger
 from intent_recognition.bags import BagReader, RawMessage, TopicInfo, policy
 from intent_recognition.errors import BagError, describe
 from intent_recognition.nodes.conversions import message_class
-from intent_recognition.nodes.live_parameters import Changes, keep_live
-from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
+from intent_recognition.nodes.runtime import run
 
 DEPTH = 1000
+"""Messages that a publisher keeps for slow subscribers. Convention."""
 IN_MEMORY_BYTES = 2**26
+"""Larger bags are read while they are played [bytes]. Convention."""
 CLOCK_PERIOD_S = 0.01
+"""Time between two messages on /clock while nothing is published [s]. Convention."""
+POLL_PERIOD_S = 0.05
+"""Longest time between two looks at pause, stop and rate [s]. Convention."""
 SETTLE_S = 0.2
+"""Wait after the last subscriber was found, so that its side is ready too [s]. Convention."""
 UNCHANGED_S = 1.0
-WARN, ERROR = 1, 2
+"""Playing begins when the subscribers have not changed for so long [s]. Convention."""
+ERROR = 2
 LATCHED_TOPICS = ("robot_description", "intent/active_task")
 SENSOR_TOPICS = ("mocap/", "human/")
+
+
+class _Anchor(NamedTuple):
+    """A recorded time and when it is played.
+
+    Attributes:
+        log_ns: recorded time [ns].
+        played_s: monotonic time at which it is played [s].
+        stamp_ns: the same by the node's clock [ns].
+    """
+
+    log_ns: int
+    played_s: float
+    stamp_ns: int
 
 
 class BagPlayer(Node):
@@ -53,58 +76,39 @@ class BagPlayer(Node):
         published: messages published so far.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_player", **kwargs)
-        bag = parameter(self, "bag", "", "the bag to play", read_only=True)
-        self._rate = parameter(
-            self, "rate", 1.0, "speed of replay; 0 = as fast as possible", minimum=0.0
-        )
+        bag = fixed_parameter(self, "bag", "", "the bag to play")
+        self._rate = parameter(self, "rate", 1.0, "speed of replay; 0 = as fast as possible", 0.0)
         self._loop = parameter(self, "loop", False, "begin again at the end")
-        paused = parameter(
-            self,
-            "start_paused",
-            False,
-            "wait for ~/resume before the first message",
-            read_only=True,
+        paused = fixed_parameter(
+            self, "start_paused", False, "wait for ~/resume before the first message"
         )
-        self._wait_s = parameter(
-            self,
-            "wait_for_subscribers",
-            3.0,
-            "longest wait for subscribers in s",
-            minimum=0.0,
-            read_only=True,
+        self._wait_s = fixed_parameter(
+            self, "wait_for_subscribers", 3.0, "longest wait for subscribers in s", 0.0
         )
         self._exit_at_end = parameter(self, "exit_at_end", True, "end the process after the bag")
-        self._restamp = parameter(
-            self, "restamp", False, "shift header stamps to the present", read_only=True
+        self._restamp = fixed_parameter(
+            self, "restamp", False, "shift header stamps to the present"
         )
-        self._offset_s = parameter(
-            self,
-            "start_offset",
-            0.0,
-            "begin this long into the bag in s",
-            minimum=0.0,
-            read_only=True,
+        self._offset_s = fixed_parameter(
+            self, "start_offset", 0.0, "begin this long into the bag in s", 0.0
         )
-        wanted = parameter(
-            self, "topics", [], "topics to play; none means all in the bag", read_only=True
+        wanted: list[str] = fixed_parameter(
+            self, "topics", [], "topics to play; none means all in the bag"
         )
         self._wanted = {topic.lstrip("/") for topic in wanted}
-        without = parameter(
-            self,
-            "without",
-            [],
-            "topics not to play; one that ends in / stands for all below",
-            read_only=True,
+        without: list[str] = fixed_parameter(
+            self, "without", [], "topics not to play; one that ends in / stands for all below"
         )
         self._unwanted = [topic.lstrip("/") for topic in without if topic]
-        use_clock = parameter(
-            self, "clock", False, "publish the recorded time on /clock", read_only=True
+        self._use_clock = fixed_parameter(
+            self, "clock", False, "publish the recorded time on /clock"
         )
         self.done = False
         self.exit_code = 0
         self.published = 0
+        self._latest_s = 0.0
         self.position_s = 0.0
         self.finished = threading.Event()
         self._stopping = threading.Event()
@@ -121,7 +125,9 @@ class BagPlayer(Node):
         self._stamped: set[str] = set()
         for info in self._reader.topics.values():
             self._add_publisher(info)
-        self._clock_publisher = self.create_publisher(Clock, "/clock", 1) if use_clock else None
+        self._clock_publisher = (
+            self.create_publisher(Clock, "/clock", 1) if self._use_clock else None
+        )
         self.create_service(Trigger, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/resume", self._on_resume)
         self._messages = self._load()
@@ -147,13 +153,13 @@ class BagPlayer(Node):
         if info.message_count == 0 or not self._is_wanted(info.name):
             return
         try:
-            kind = message_class(info.type)
+            kind: Any = message_class(info.type)
         except BagError as error:
             self._diagnostics.reject("unknown_type", f"{info.name} is not played: {error}")
             return
         topic = info.name.lstrip("/")
         name = info.name if topic in ("clock", "diagnostics") else topic
-        if topic == "clock" and self.get_parameter("clock").value:
+        if topic == "clock" and self._use_clock:
             return
         self._outputs[info.name] = self.create_publisher(kind, name, player_qos(info))
         fields = list(kind.get_fields_and_field_types().items())
@@ -194,70 +200,70 @@ class BagPlayer(Node):
         self.done = self._exit_at_end
 
     def _play_once(self) -> None:
-        origin_ns = offset_s = None
-        latest_s = 0.0
+        """Publish each message when it is due."""
         begin_ns = self._start_ns + round(self._offset_s * 1e9)
+        anchor: _Anchor | None = None
+        self._latest_s = 0.0
         for message in self._messages or self._reader.raw_messages(self._outputs):
-            if message.log_time_ns < begin_ns:
-                continue
-            if origin_ns is None or not self._running.is_set() or self._rate_changed.is_set():
-                if not self._wait_while_paused():
+            if message.log_time_ns >= begin_ns:
+                anchor = self._wait_until_due(message.log_time_ns, anchor)
+                if anchor is None:
                     return
-                self._rate_changed.clear()
-                origin_ns, offset_s = message.log_time_ns, time.monotonic()
-                wall_ns = self._now_ns()
-            if self._rate > 0.0:
-                due_s = offset_s + (message.log_time_ns - origin_ns) * 1e-9 / self._rate
-                if not self._sleep_until(due_s, message.log_time_ns):
-                    if self._stopping.is_set():
-                        return
-                    if not self._wait_while_paused():
-                        return
-                    self._rate_changed.clear()
-                    origin_ns, offset_s = message.log_time_ns, time.monotonic()
-                    wall_ns, due_s = self._now_ns(), offset_s
-                latest_s = max(latest_s, time.monotonic() - due_s)
-            elif self._stopping.is_set():
-                return
-            self._publish(message, origin_ns, wall_ns)
-        self._diagnostics.value("largest lateness [ms]", f"{latest_s * 1e3:.2f}")
+                self._publish(message, anchor)
+        self._diagnostics.value("largest lateness [ms]", f"{self._latest_s * 1e3:.2f}")
 
-    def _publish(self, message: RawMessage, origin_ns: int, wall_ns: int) -> None:
+    def _wait_until_due(self, log_ns: int, anchor: "_Anchor | None") -> "_Anchor | None":
+        """The anchor of the schedule, a new one after a pause or a new rate; None when stopped."""
+        while True:
+            if anchor is None or self._interrupted:
+                self._running.wait()
+                self._rate_changed.clear()
+                anchor = _Anchor(log_ns, time.monotonic(), self._now_ns())
+            if self._stopping.is_set():
+                return None
+            if self._rate <= 0.0:
+                return anchor
+            due_s = anchor.played_s + (log_ns - anchor.log_ns) * 1e-9 / self._rate
+            if self._sleep_until(due_s, log_ns):
+                self._latest_s = max(self._latest_s, time.monotonic() - due_s)
+                return anchor
+
+    def _publish(self, message: RawMessage, anchor: "_Anchor") -> None:
         data = message.data
         if self._restamp and message.topic in self._stamped:
             rate = self._rate or 1.0
-            data = shift_stamp(data, lambda ns: wall_ns + round((ns - origin_ns) / rate))
-        if self._clock_publisher and self._rate <= 0.0:
+            data = shift_stamp(
+                data, lambda ns: anchor.stamp_ns + round((ns - anchor.log_ns) / rate)
+            )
+        if self._rate <= 0.0:
             self._publish_clock(message.log_time_ns)
         self._outputs[message.topic].publish(data)
         self.position_s = (message.log_time_ns - self._start_ns) * 1e-9
         self.published += 1
         self._diagnostics.tick(message.topic.lstrip("/"))
 
+    @property
+    def _interrupted(self) -> bool:
+        """Whether the schedule is void: paused, or asked for another rate."""
+        return self._rate_changed.is_set() or not self._running.is_set()
+
     def _sleep_until(self, due_s: float, log_time_ns: int) -> bool:
-        """Sleep; False when paused, stopped or asked for another rate meanwhile."""
-        while True:
+        """Sleep, publishing the clock; False when stopped or interrupted meanwhile."""
+        while not self._stopping.is_set() and not self._interrupted:
             remaining_s = due_s - time.monotonic()
-            changed = self._rate_changed.is_set() or not self._running.is_set()
-            if self._stopping.is_set() or changed:
-                return False
-            if self._clock_publisher:
-                self._publish_clock(log_time_ns - round(max(remaining_s, 0.0) * self._rate * 1e9))
+            self._publish_clock(log_time_ns - round(max(remaining_s, 0.0) * self._rate * 1e9))
             if remaining_s <= 0.0:
                 return True
-            time.sleep(min(remaining_s, CLOCK_PERIOD_S if self._clock_publisher else 0.05))
-
-    def _wait_while_paused(self) -> bool:
-        """Wait for ~/resume; False when the node is to end."""
-        self._running.wait()
-        return not self._stopping.is_set()
+            time.sleep(min(remaining_s, CLOCK_PERIOD_S if self._use_clock else POLL_PERIOD_S))
+        return False
 
     def _now_ns(self) -> int:
         return self.get_clock().now().nanoseconds
 
     def _publish_clock(self, now_ns: int) -> None:
-        seconds, nanoseconds = divmod(max(now_ns, 0), 1_000_000_000)
-        self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+        if self._clock_publisher is not None:
+            seconds, nanoseconds = divmod(max(now_ns, 0), 1_000_000_000)
+            self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
 
     def _wait_for_subscribers(self) -> None:
         end_s = time.monotonic() + self._wait_s
@@ -316,7 +322,7 @@ def player_qos(info: TopicInfo) -> QoSProfile:
     )
 
 
-def shift_stamp(data: bytes, shift) -> bytes:
+def shift_stamp(data: bytes, shift: Callable[[int], int]) -> bytes:
     """CDR bytes whose first field is a Header, with the stamp replaced by `shift(stamp_ns)`."""
     layout = struct.Struct("<iI" if data[1] & 1 else ">iI")
     seconds, nanoseconds = layout.unpack_from(data, 4)

@@ -2,27 +2,25 @@
 """Record demonstrations and sessions: any topic of any installed type, bit for bit."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from std_srvs.srv import Trigger
 
 from intent_recognition.errors import BagError, describe
-from intent_recognition.nodes.runtime import parameter, run
+from intent_recognition.nodes.parameters import fixed_parameter, parameter
+from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.topic_recorder import TopicRecorder, answer
 
 
 class BagRecorder(TopicRecorder):
     """Subscribes at once, writes between `~/start` and `~/stop`; starts itself given `output`."""
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("bag_recorder", **kwargs)
         parameter(self, "output", "", "directory of the new bag; recording starts when it is given")
         parameter(self, "task", "", "label of the demonstration; empty records without a label")
-        topics = parameter(
-            self,
-            "topics",
-            [],
-            "topics to record; none means all there are in the namespace",
-            read_only=True,
+        topics: list[str] = fixed_parameter(
+            self, "topics", [], "topics to record; none means all there are in the namespace"
         )
         self.done = False
         self.exit_code = 0

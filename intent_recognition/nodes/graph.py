@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The graphs of nodes as data: what the launch files start, and `intent demo` with them.
+"""The graphs of nodes as data, for the launch files and `intent demo`.
 
-A graph names its nodes; a node names the arguments that its parameters and remappings are taken
-from. `resolve` makes of both, and of values for the arguments, what is to be started. An argument
-without a value sets nothing: the parameter file or the node's own default holds.
+A graph lists its nodes; a node lists the launch arguments that set its parameters and remappings.
+`resolve` turns a graph and values of the arguments into node calls. An argument without a value
+sets nothing: the parameter file or the node's own default applies.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.nodes.arguments import ARGUMENTS, Argument
 from intent_recognition.share import PACKAGE
 
 RECORDED = (
@@ -24,86 +24,12 @@ RECORDED = (
     "coworker/task",
 )
 OWN_TOPICS = ("intent/", "human/", "joint_trajectory", "clock", "diagnostics", "rosout")
-"""What the nodes make themselves: not to be played from a recording beside them."""
+"""Topics that the nodes publish themselves; a recording must not be played onto them."""
 
 TRANSFORMS = (("/tf", "tf"), ("/tf_static", "tf_static"))
 """Relative, so that two robots in two namespaces keep their frames apart."""
 
-_NOTHING: Mapping = MappingProxyType({})
 
-
-@dataclass(frozen=True)
-class Argument:
-    """What can be said about a graph when it is started.
-
-    Attributes:
-        name: of the launch argument.
-        kind: str, bool, int, float, or tuple for a list of texts separated by commas.
-        description: one sentence.
-        needed: whether there is no graph without it.
-    """
-
-    name: str
-    kind: type
-    description: str
-    needed: bool = False
-
-    def read(self, value: object) -> object:
-        """The value of this kind, from text or as it is; None for an empty text or list.
-
-        Raises:
-            ArgumentError: it is no such value.
-        """
-        if not isinstance(value, str) or self.kind is str:
-            return None if value == "" else value
-        text = value.strip()
-        try:
-            read = _READ[self.kind](text) if text else None
-        except (ValueError, KeyError) as error:
-            kind = "a list" if self.kind is tuple else self.kind.__name__
-            raise ArgumentError(describe(self.name, kind, text, self.description)) from error
-        return None if read == () else read
-
-
-_READ = {
-    bool: lambda text: {"true": True, "false": False}[text.lower()],
-    int: int,
-    float: float,
-    tuple: lambda text: tuple(word.strip() for word in text.split(",") if word.strip()),
-}
-
-ARGUMENTS = {
-    argument.name: argument
-    for argument in (
-        Argument("model", str, "Model file written by `intent train`.", needed=True),
-        Argument("bag", str, "Recording to replay.", needed=True),
-        Argument("dofs", str, "DOF file to check the model against; empty: the model's own."),
-        Argument("params_file", str, "Parameters of all nodes; the other arguments win."),
-        Argument("namespace", str, "Namespace of the nodes."),
-        Argument("use_sim_time", bool, "Take the time from /clock."),
-        Argument("bodies", tuple, "Tracked bodies, separated by commas."),
-        Argument("command_topic", str, "Where the arm takes a JointTrajectory."),
-        Argument("joint_states_topic", str, "Where the arm publishes its joint states."),
-        Argument("activate", bool, "Let the arm be moved at once; false: after `ros2 lifecycle`."),
-        Argument("transition_prior", bool, "Expect the task that usually follows the last one."),
-        Argument("pretrigger_threshold", float, "Go ahead for a next task so probable; 0: never."),
-        Argument("publish_clock", bool, "The arm publishes /clock."),
-        Argument("rate", float, "Simulated, or recorded, seconds in a real one."),
-        Argument("headless", bool, "No PyBullet window."),
-        Argument("sensor_noise", bool, "Noise on the simulated arm's joint states."),
-        Argument("coworker", bool, "Start the simulated coworker."),
-        Argument("task_list", str, "What the coworker does: labels, a file, random or habit."),
-        Argument("seed", int, "Seed of the coworker's movements and of the noise."),
-        Argument("loop", bool, "Play the recording again and again."),
-        Argument("start_paused", bool, "Wait for bag_player/resume."),
-        Argument("record", str, "Folder of a new bag with the session; empty: none."),
-        Argument("dashboard", bool, "Serve the web page, and teach tasks from it."),
-        Argument("port", int, "Port of the web page."),
-        Argument("library", str, "Folder of the tasks taught from the page."),
-        Argument("models", str, "Folder of the models the page compares."),
-        Argument("rviz", bool, "Open RViz with config/intent.rviz."),
-    )
-}
 COMMON = ("params_file", "namespace", "use_sim_time")
 
 
@@ -112,84 +38,77 @@ class NodeSpec:
     """A node of a graph.
 
     Attributes:
-        module: whose `main` runs it; empty for a node of another package.
-        parameters: name of a parameter to the argument it is taken from.
-        fixed: parameters that are always the same.
-        remappings: name of a topic to the argument that says where it is.
-        frames: whether it hears or tells of frames.
-        clock: parameter by which it publishes /clock, which it does not follow then.
-        when: argument without which it is not started; empty: always.
-        package: it is installed from.
+        module: module whose `main` runs it; empty for a node of another package.
+        parameters: parameter name to the argument that sets it.
+        fixed: parameters with a value of their own.
+        remappings: topic name to the argument that sets it.
+        frames: whether the node uses /tf.
+        clock: parameter that makes the node publish /clock; it then does not follow it.
+        when: argument that must be set for the node to start; empty: always started.
+        package: package that the node is installed from.
     """
 
     module: str
-    parameters: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
-    fixed: Mapping[str, object] = field(default_factory=lambda: _NOTHING)
-    remappings: Mapping[str, str] = field(default_factory=lambda: _NOTHING)
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    fixed: Mapping[str, object] = field(default_factory=dict)
+    remappings: Mapping[str, str] = field(default_factory=dict)
     frames: bool = False
     clock: str = ""
     when: str = ""
     package: str = PACKAGE
 
     def arguments(self) -> set[str]:
-        """Names of the arguments it depends on."""
+        """Names of the arguments that the node depends on."""
         named = {*self.parameters.values(), *self.remappings.values()}
         return named | ({self.when} if self.when else set())
+
+
+def _from(*same: str, **other: str) -> dict[str, str]:
+    """Parameters set by arguments: those of the same name, and `parameter="argument"`."""
+    return {name: name for name in same} | other
 
 
 _ARM = {"joint_states": "joint_states_topic"}
 NODES = {
     "lwr_sim": NodeSpec(
         "sim_bridge.nodes.lwr_sim",
-        {
-            "publish_clock": "publish_clock",
-            "real_time_factor": "rate",
-            "headless": "headless",
-            "sensor_noise": "sensor_noise",
-            "seed": "seed",
-        },
+        _from("publish_clock", "headless", "sensor_noise", "seed", real_time_factor="rate"),
         clock="publish_clock",
     ),
-    "mocap_ingest": NodeSpec("intent_recognition.nodes.mocap_ingest", {"bodies": "bodies"}),
+    "mocap_ingest": NodeSpec("intent_recognition.nodes.mocap_ingest", _from("bodies")),
     "intent_estimator": NodeSpec(
         "intent_recognition.nodes.intent_estimator",
-        {"model": "model", "dofs": "dofs", "transition_prior": "transition_prior"},
+        _from("model", "dofs", "transition_prior"),
         remappings=_ARM,
     ),
     "primitive_activation": NodeSpec(
         "intent_recognition.nodes.primitive_activation",
-        {
-            "model": "model",
-            "autostart": "activate",
-            "pretrigger_threshold": "pretrigger_threshold",
-        },
+        _from("model", "pretrigger_threshold", autostart="activate"),
         remappings=_ARM | {"joint_trajectory": "command_topic"},
     ),
     "coworker_sim": NodeSpec(
-        "sim_bridge.nodes.coworker_sim",
-        {"seed": "seed", "task_list": "task_list"},
-        when="coworker",
+        "sim_bridge.nodes.coworker_sim", _from("seed", "task_list"), when="coworker"
     ),
     "bag_player": NodeSpec(
         "intent_recognition.nodes.bag_player",
-        {"bag": "bag", "rate": "rate", "loop": "loop", "start_paused": "start_paused"},
+        _from("bag", "rate", "loop", "start_paused"),
         fixed={"clock": True, "without": list(OWN_TOPICS)},
         clock="clock",
     ),
     "bag_recorder": NodeSpec(
         "intent_recognition.nodes.bag_recorder",
-        {"output": "record"},
+        _from(output="record"),
         fixed={"topics": list(RECORDED)},
         when="record",
     ),
     "task_teacher": NodeSpec(
         "intent_recognition.nodes.task_teacher",
-        {"model": "model", "library": "library", "dofs": "dofs"},
+        _from("model", "library", "dofs"),
         when="dashboard",
     ),
     "dashboard": NodeSpec(
         "intent_recognition.dashboard.start",
-        {"port": "port", "models": "models"},
+        _from("port", "models"),
         remappings=_ARM,
         when="dashboard",
     ),
@@ -204,10 +123,10 @@ PAGE = ("task_teacher", "dashboard")
 
 @dataclass(frozen=True)
 class GraphSpec:
-    """Nodes that are started together, in this order.
+    """Nodes that start together, in this order.
 
     Attributes:
-        nodes: their names.
+        nodes: names of the nodes.
         defaults: values of arguments that are not given.
     """
 
@@ -215,14 +134,14 @@ class GraphSpec:
     defaults: Mapping[str, object]
 
     def arguments(self) -> list[Argument]:
-        """What can be said about it, in the order of `ARGUMENTS`."""
+        """Arguments of the graph, in the order of `ARGUMENTS`."""
         used = set(COMMON).union(*(NODES[name].arguments() for name in self.nodes))
         return [argument for name, argument in ARGUMENTS.items() if name in used]
 
 
-_PARAMS = {"params_file": "config/params.yaml"}
-_TASKS = {"library": "tasks"}
-_SIM = {"use_sim_time": True, "publish_clock": True, "coworker": True}
+_PARAMS: dict[str, object] = {"params_file": "config/params.yaml"}
+_TASKS: dict[str, object] = {"library": "tasks"}
+_SIM: dict[str, object] = {"use_sim_time": True, "publish_clock": True, "coworker": True}
 GRAPHS = {
     "demo": GraphSpec(
         ("lwr_sim", *RECOGNITION, "coworker_sim", "bag_recorder", *PAGE)
@@ -253,15 +172,15 @@ GRAPHS = {
 
 @dataclass(frozen=True)
 class NodeCall:
-    """A node as it is to be started.
+    """A node with all values that it starts with.
 
     Attributes:
-        name: of the node; that of its executable too.
-        package: it is installed from.
-        module: whose `main` runs it; empty for a node of another package.
-        namespace: of its topics; empty: none.
-        parameters: those that are set.
-        remappings: from and to.
+        name: name of the node and of its executable.
+        package: package that it is installed from.
+        module: module whose `main` runs it; empty for a node of another package.
+        namespace: namespace of its topics; empty: none.
+        parameters: parameters that are set.
+        remappings: pairs of names, from and to.
     """
 
     name: str
@@ -273,14 +192,15 @@ class NodeCall:
 
 
 def resolve(graph: str, given: Mapping[str, object]) -> list[NodeCall]:
-    """What to start.
+    """Make the calls that start the nodes of a graph.
 
     Args:
         graph: one of `GRAPHS`.
         given: values of its arguments, as they are or as text; None and empty text mean unset.
 
     Raises:
-        ArgumentError: no such argument, a value of another kind, or a needed one is missing.
+        ArgumentError: no such argument, a value of another kind, or a needed one is
+            missing.
     """
     values = arguments_of(graph, given)
     calls = []
@@ -315,7 +235,7 @@ def _call(name: str, spec: NodeSpec, values: Mapping[str, object]) -> NodeCall:
     }
     if "use_sim_time" in values and not (spec.clock and parameters.get(spec.clock)):
         parameters["use_sim_time"] = values["use_sim_time"]
-    topics = [(topic, values[a]) for topic, a in spec.remappings.items() if a in values]
+    topics = [(topic, str(values[a])) for topic, a in spec.remappings.items() if a in values]
     frames = TRANSFORMS if spec.frames else ()
     return NodeCall(
         name,

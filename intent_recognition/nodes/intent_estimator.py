@@ -2,6 +2,7 @@
 """Node: recognises the human's task and predicts both agents from `human/<body>`."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from nav_msgs.msg import Path
@@ -17,8 +18,8 @@ from intent_recognition.filtering import group_dofs
 from intent_recognition.model import Model, check_dofs, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
+from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.lifecycle import ManagedNode
-from intent_recognition.nodes.live_parameters import Changes, keep_live
 from intent_recognition.nodes.markers import (
     MarkerBuilder,
     has_position,
@@ -27,7 +28,8 @@ from intent_recognition.nodes.markers import (
     to_path,
 )
 from intent_recognition.nodes.observation_input import ObservationInput
-from intent_recognition.nodes.runtime import Diagnostics, elapsed_s, parameter, run
+from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
+from intent_recognition.nodes.runtime import elapsed_s, run
 from intent_recognition.nodes.serialized import SerializedNamedVector, SerializedTrajectory
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import FORGET_AFTER_S, Estimate, IntentEstimator, Prediction
@@ -43,19 +45,22 @@ _OK, _WARN = 0, 1
 class IntentEstimatorNode(ManagedNode):
     """Translates messages to `recognition.IntentEstimator` and its estimates to messages."""
 
-    def __init__(self, **kwargs):
+    _model: Model
+    _estimator: IntentEstimator
+    """Both from `configure` on."""
+
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("intent_estimator", **kwargs)
         parameter(self, "model", "", "Model file written by `intent train`.")
-        self._dofs_path = parameter(
+        self._dofs_path = fixed_parameter(
             self,
             "dofs",
             "",
             "DOF file; empty takes the model's own. Other DOFs than the model's are an error;"
             " measured velocities may be added.",
-            read_only=True,
         )
         self._own_dofs: DofSpec | None = None
-        self._estimator: IntentEstimator | None = None
+        self._configured = False
         self._publish_rate = parameter(
             self,
             "publish_rate",
@@ -64,12 +69,11 @@ class IntentEstimatorNode(ManagedNode):
             minimum=0.1,
             maximum=1000.0,
         )
-        self._start_posture = parameter(
+        self._start_posture = fixed_parameter(
             self,
             "start_posture",
             True,
             "Condition trajectories on the controlled agent's posture at onset (joint_states).",
-            read_only=True,
         )
         self._transitions = parameter(
             self,
@@ -110,7 +114,7 @@ class IntentEstimatorNode(ManagedNode):
         self._publish_rate = changes.get("publish_rate", self._publish_rate)
         self._transitions = changes.get("transition_prior", self._transitions)
         self._forget_after_s = changes.get("forget_after", self._forget_after_s)
-        if self._estimator is None or set(changes) == {"publish_rate"}:
+        if not self._configured or set(changes) == {"publish_rate"}:
             return
         self._estimator.expectation.change(self._transitions, self._forget_after_s)
         if self.active:
@@ -136,6 +140,7 @@ class IntentEstimatorNode(ManagedNode):
         self._last_robot: tuple[Prediction, bytes] | None = None
         self._last_arrival_s = 0.0
         self._last_publication_ns = 0
+        self._configured = True
         self.get_logger().info(f"tasks: {', '.join(self._model.labels)}")
 
     def activate(self) -> None:
@@ -215,7 +220,7 @@ class IntentEstimatorNode(ManagedNode):
             self._publish_trajectory(robot)
             self._diagnostics.tick("intent/robot_trajectory")
         if self._path.get_subscription_count() or self._markers.get_subscription_count():
-            self._publish_human(estimate, self._estimator.predict_observed())
+            self._publish_human(estimate)
 
     def _publish_trajectory(self, robot: Prediction) -> None:
         """Publish a prediction; between two that differ, the same bytes again."""
@@ -227,8 +232,9 @@ class IntentEstimatorNode(ManagedNode):
             self._last_robot = robot, data
         self._trajectory.publish(self._last_robot[1])
 
-    def _publish_human(self, estimate: Estimate, human: Prediction) -> None:
-        if self._shown is None:
+    def _publish_human(self, estimate: Estimate) -> None:
+        human = self._estimator.predict_observed()
+        if self._shown is None or human is None:
             return
         entry = self._model.dofs.observed[self._shown]
         columns = group_dofs(self._model.library, self._shown)[position_columns(entry)]
@@ -260,7 +266,8 @@ class IntentEstimatorNode(ManagedNode):
     def _check_types(self) -> None:
         """Report publishers of another type, which are never heard; each one once."""
         for subscription in self._inputs.subscriptions:
-            topic, kind = subscription.topic_name, subscription.msg_type
+            topic = subscription.topic_name
+            kind: Any = subscription.msg_type  # a class with a module, whatever rclpy declares
             expected = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
             for sender in self.get_publishers_info_by_topic(topic):
                 found = (topic, sender.node_name, sender.topic_type)

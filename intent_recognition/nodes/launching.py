@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the launch files say, from the graphs in `graph.py`. Needs ROS 2 launch."""
+"""Launch descriptions of the graphs in `graph.py`. Needs ROS 2 launch."""
 
 from pathlib import Path
 
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
@@ -39,11 +39,11 @@ def describe_graph(
     return LaunchDescription([*entities, start])
 
 
-def _start(context, graph: str, robot_description: str) -> list[Node]:
+def _start(context: LaunchContext, graph: str, robot_description: str) -> list[Node]:
     """The nodes, now that the arguments have values."""
     names = [argument.name for argument in GRAPHS[graph].arguments()]
     given = {name: LaunchConfiguration(name).perform(context) for name in names}
-    params_file = _params_file(arguments_of(graph, given)["params_file"])
+    params_file = _params_file(str(arguments_of(graph, given)["params_file"]))
     return [_node(call, params_file, robot_description) for call in resolve(graph, given)]
 
 
@@ -66,12 +66,12 @@ def _node(call: NodeCall, params_file: str, robot_description: str) -> Node:
 
 
 def _parameter(value: object) -> object:
-    """Texts as texts: launch would read `1` or `true` in them."""
+    """Keep texts as texts: launch would convert `1` or `true`."""
     return ParameterValue(value, value_type=str) if isinstance(value, str) else value
 
 
 def _params_file(name: str) -> str:
-    """A file of one's own, or one of the shipped."""
+    """Path of the user's file, or of a shipped one."""
     return name if Path(name).is_file() else str(share_path(name))
 
 

@@ -4,12 +4,13 @@
 import traceback
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from intent_recognition.errors import IntentError
-from intent_recognition.nodes.runtime import parameter
+from intent_recognition.nodes.parameters import fixed_parameter
 
 
 class ManagedNode(LifecycleNode):
@@ -25,14 +26,14 @@ class ManagedNode(LifecycleNode):
     with its traceback and the transition goes through error processing to unconfigured.
     """
 
-    def __init__(self, name: str, **kwargs):
+    def __init__(self, name: str, **kwargs: Any) -> None:
         super().__init__(name, **kwargs)
         self._failure: Exception | None = None
         self._starting = False
         change = self._service_change_state
         change.callback = partial(self._refuse_impossible, change.callback)
-        self._autostart = parameter(
-            self, "autostart", True, "Configure and activate at start.", read_only=True
+        self._autostart = fixed_parameter(
+            self, "autostart", True, "Configure and activate at start."
         )
 
     def configure(self) -> None:

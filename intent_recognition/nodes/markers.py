@@ -16,7 +16,7 @@ from intent_recognition.recognition import Prediction
 from intent_recognition.report import INK, NONE_COLOUR, readable, task_colours
 from intent_recognition.signals import Observation
 
-TUBE_OPACITY = 0.15
+TUBE_ALPHA = 0.15
 LIFETIME_S = 2
 """After a movement the picture is empty again."""
 
@@ -133,7 +133,7 @@ class MarkerBuilder:
         observed.scale.x, observed.color = LINE_WIDTH_M, colour(INK)
         future.points = [to_point(position) for position in predicted]
         future.scale.x, future.color = LINE_WIDTH_M, colour(own)
-        tube.ns, tube.color = "tube", colour(own, TUBE_OPACITY)
+        tube.ns, tube.color = "tube", colour(own, TUBE_ALPHA)
         corners = tube_rings(predicted, std).reshape(-1, 3)[TUBE_FACES]
         tube.points = [to_point(corner) for corner in corners]
         tube.scale = Vector3(x=1.0, y=1.0, z=1.0)

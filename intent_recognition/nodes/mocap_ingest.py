@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
@@ -13,8 +14,9 @@ from rclpy.node import Node
 
 from intent_recognition.errors import ArgumentError, MessageError, describe
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.live_parameters import Changes, keep_live
-from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
+from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.serialized import SerializedOdometry, read_pose
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
 
@@ -32,12 +34,10 @@ ORIENTATION_STD = "orientation_std_rad"
 class MocapIngest(Node):
     """Translates messages to `tracking.ingest.ingest_pose` and back, one state per body."""
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("mocap_ingest", **kwargs)
         bodies = _check_bodies(
-            parameter(
-                self, "bodies", ["wrist"], "Tracked bodies, one topic pair each.", read_only=True
-            )
+            fixed_parameter(self, "bodies", ["wrist"], "Tracked bodies, one topic pair each.")
         )
         self._settings = self._read_settings()
         variance = self._orientation_variance()
@@ -66,47 +66,52 @@ class MocapIngest(Node):
     def _orientation_variance(self) -> float:
         """Of a measured orientation [rad^2]."""
         description = "Standard deviation of a measured orientation [rad]."
-        return parameter(self, ORIENTATION_STD, 0.02, description, minimum=1e-6, maximum=3.2) ** 2
+        return parameter(self, ORIENTATION_STD, 0.02, description, 1e-6, 3.2) ** 2
 
     def _read_settings(self) -> IngestSettings:
-        def read(name, default, description, minimum=None, maximum=None):
-            return parameter(
-                self,
-                name,
-                default,
-                description,
-                minimum=minimum,
-                maximum=maximum,
-                read_only=name not in LIVE,
-            )
-
+        no_extrinsics: list[str] = []
         return IngestSettings(
-            world_frame=read("world_frame", "world", "Frame of everything published."),
+            world_frame=fixed_parameter(
+                self, "world_frame", "world", "Frame of everything published."
+            ),
             extrinsics=parse_extrinsics(
-                read(
+                fixed_parameter(
+                    self,
                     "extrinsics",
-                    [],
+                    no_extrinsics,
                     "Pose of each tracker frame in the world, one string 'frame x y z qx qy qz qw'"
                     " each [m, unit quaternion].",
                 )
             ),
-            max_speed_m_s=read(
-                "max_speed", 6.0, "A step faster than this is an outlier [m/s].", 0.01, 1000.0
+            max_speed_m_s=parameter(
+                self, "max_speed", 6.0, "A step faster than this is an outlier [m/s].", 0.01, 1000.0
             ),
-            max_gap_s=read(
-                "max_gap", 0.5, "After so long without a sample any is taken [s].", 0.001, 3600.0
+            max_gap_s=parameter(
+                self,
+                "max_gap",
+                0.5,
+                "After so long without a sample any is taken [s].",
+                0.001,
+                3600.0,
             ),
-            position_std_m=read(
-                "position_std", 0.002, "Standard deviation of a position [m].", 1e-6, 1.0
+            position_std_m=parameter(
+                self, "position_std", 0.002, "Standard deviation of a position [m].", 1e-6, 1.0
             ),
-            reanchor_after=read(
-                "reanchor_after", 5, "So many consistent outliers on end are the truth.", 1, 100000
+            reanchor_after=parameter(
+                self,
+                "reanchor_after",
+                5,
+                "After so many consecutive outliers that agree, the track restarts there.",
+                1,
+                100000,
             ),
         )
 
     def _changed(self, changes: Changes) -> IngestSettings:
         """The settings with new values."""
-        fields = {LIVE[name]: value for name, value in changes.items() if name in LIVE}
+        fields: dict[str, Any] = {
+            LIVE[name]: value for name, value in changes.items() if name in LIVE
+        }
         return replace(self._settings, **fields)
 
     def _change(self, changes: Changes) -> None:

@@ -6,15 +6,20 @@
 
 import time
 from collections.abc import Sequence
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import Header
 
-from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.errors import ArgumentError, IntentError, describe, one_line
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.clouds import cloud_arrays, to_labelled_cloud
-from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.runtime import run
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.warping import (
     ObjectCloud,
@@ -31,29 +36,35 @@ PARAMETERS = "object/parameters"
 
 
 class ObjectWarper(Node):
-    """Translates clouds to `warping.warp` and back; keeps nothing from cloud to cloud."""
+    """Translates clouds to `warping.warp` and back; stateless between clouds."""
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_warper", **kwargs)
 
-        def read(name, default, description, **bounds):
-            return parameter(self, name, default, description, read_only=True, **bounds)
-
-        self._source = prepare_source(
-            load_object(
-                find_object(read("source", "mug", "Annotated object: a file, or a shipped one."))
-            )
+        source = fixed_parameter(
+            self, "source", "mug", "Annotated object: a file, or a shipped one."
         )
-        self._mapping = read("mapping", "label", "Label the cloud's points, or move the source's.")
-        if self._mapping not in ("label", "point"):
+        self._source = prepare_source(load_object(find_object(source)))
+        mapping = fixed_parameter(
+            self, "mapping", "label", "Label the cloud's points, or move the source's."
+        )
+        if mapping not in ("label", "point"):
             cure = "Use label unless points must be told apart."
-            raise ArgumentError(describe("mapping", "label or point", self._mapping, cure))
-        self._neighbours = read("neighbours", 1, "How many vote.", minimum=1, maximum=50)
-        self._n_points = read(
-            "n_points", 2000, "Clouds are thinned to so many.", minimum=200, maximum=100000
+            raise ArgumentError(describe("mapping", "label or point", mapping, cure))
+        self._mapping: Literal["label", "point"] = "point" if mapping == "point" else "label"
+        self._neighbours = fixed_parameter(
+            self, "neighbours", 1, "Nearest points that vote on a label.", 1, 50
         )
-        self._viewpoint = _place(
-            read("viewpoint", [0.0, 0.0, 0.0], "Camera in the cloud's frame [m]: turns normals.")
+        self._n_points = fixed_parameter(
+            self, "n_points", 2000, "Points to which larger clouds are thinned.", 200, 100000
+        )
+        self._viewpoint = _position(
+            fixed_parameter(
+                self,
+                "viewpoint",
+                [0.0, 0.0, 0.0],
+                "Camera position in the cloud's frame [m]; normals are turned toward it.",
+            )
         )
         self._diagnostics = Diagnostics(self)
         self._cloud = self.create_publisher(PointCloud2, CLOUD, qos.STATE)
@@ -68,7 +79,7 @@ class ObjectWarper(Node):
             warped = warp(self._source, target, self._mapping, self._neighbours)
             parameters = pouring_parameters(warped)
         except IntentError as error:
-            self._diagnostics.reject(type(error).__name__, " ".join(str(error).split()))
+            self._diagnostics.reject(type(error).__name__, one_line(error))
             return
         self._cloud.publish(
             to_labelled_cloud(message.header, warped.points, warped.normals, warped.labels)
@@ -77,8 +88,10 @@ class ObjectWarper(Node):
         self._diagnostics.tick(PARAMETERS)
         self._diagnostics.latency(time.perf_counter() - start_s)
 
-    def _target(self, points: np.ndarray, normals: np.ndarray | None) -> ObjectCloud:
-        """The object; pixels without depth are left out, and every n-th kept of many."""
+    def _target(
+        self, points: NDArray[np.float64], normals: NDArray[np.float64] | None
+    ) -> ObjectCloud:
+        """The object, without pixels that have no depth, thinned evenly to `n_points`."""
         seen = np.isfinite(points).all(1)
         if normals is not None:
             seen &= np.isfinite(normals).all(1)
@@ -92,7 +105,7 @@ class ObjectWarper(Node):
         return with_estimated_normals(points[kept], self._viewpoint)
 
 
-def to_named_vector(header, parameters: PouringParameters) -> JointState:
+def to_named_vector(header: Header, parameters: PouringParameters) -> JointState:
     """Parameters as a stamped named vector: a point has three entries, `_x`, `_y` and `_z`."""
     message = JointState(header=header)
     for name, value in parameters._asdict().items():
@@ -103,12 +116,12 @@ def to_named_vector(header, parameters: PouringParameters) -> JointState:
     return message
 
 
-def _place(values: Sequence[float]) -> np.ndarray:
-    place = np.array(values, dtype=float)
-    if place.shape != (3,) or not np.isfinite(place).all():
+def _position(values: Sequence[float]) -> NDArray[np.float64]:
+    position = np.array(values, dtype=float)
+    if position.shape != (3,) or not np.isfinite(position).all():
         cure = "Give x, y and z in metres."
         raise ArgumentError(describe("viewpoint", "three numbers", list(values), cure))
-    return place
+    return position
 
 
 def main(args: Sequence[str] | None = None) -> int:

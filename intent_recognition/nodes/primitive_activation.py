@@ -27,9 +27,10 @@ from intent_recognition.nodes.conversions import (
     stamp_ns,
     trajectory_arrays,
 )
+from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.lifecycle import ManagedNode
-from intent_recognition.nodes.live_parameters import Changes, keep_live
-from intent_recognition.nodes.runtime import Diagnostics, run
+from intent_recognition.nodes.parameters import Changes, keep_live
+from intent_recognition.nodes.runtime import run
 
 _OK, _WARN = 0, 1
 

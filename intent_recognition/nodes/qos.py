@@ -9,7 +9,9 @@ from rclpy.qos import (
 )
 
 
-def _profile(reliability, durability, depth: int) -> QoSProfile:
+def _profile(
+    reliability: QoSReliabilityPolicy, durability: QoSDurabilityPolicy, depth: int
+) -> QoSProfile:
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=depth,

@@ -2,6 +2,7 @@
 """Node: listens to a whole session and keeps what was said; it publishes nothing."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
@@ -28,7 +29,7 @@ class SessionObserver(Node):
     """
 
     def __init__(
-        self, on_task: Callable[[str], None], on_active: Callable[[str], None], **kwargs
+        self, on_task: Callable[[str], None], on_active: Callable[[str], None], **kwargs: Any
     ) -> None:
         super().__init__("session_observer", **kwargs)
         self._on_task, self._on_active = on_task, on_active

@@ -4,6 +4,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
@@ -15,7 +16,8 @@ from intent_recognition.demonstrations import DofSpec, load_dofs
 from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
 from intent_recognition.model import WAIT, Change, TaskFolder, load_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.runtime import parameter, run
+from intent_recognition.nodes.parameters import fixed_parameter, parameter
+from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.topic_recorder import TopicRecorder, answer
 
 OK, WARN = 0, 1
@@ -38,7 +40,7 @@ class TaskTeacher(TopicRecorder):
         handing_over: a model is on its way to the estimator.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("task_teacher", **kwargs)
         parameter(self, "task", "", "label of the demonstration")
         parameter(self, "learn_at_stop", True, "learn each recording at once, not at ~/learn")
@@ -131,13 +133,9 @@ class TaskTeacher(TopicRecorder):
         return self._changed(change, f"took {Path(change.bag).name} back")
 
     def _open_folder(self) -> TaskFolder:
-        library = parameter(
-            self, "library", "", "folder of recordings, model and history", read_only=True
-        )
-        dofs = parameter(self, "dofs", "", "DOF file; empty takes the model's", read_only=True)
-        model = parameter(
-            self, "model", "", "model a new library begins with; empty: none", read_only=True
-        )
+        library = fixed_parameter(self, "library", "", "folder of recordings, model and history")
+        dofs = fixed_parameter(self, "dofs", "", "DOF file; empty takes the model's")
+        model = fixed_parameter(self, "model", "", "model a new library begins with; empty: none")
         if not library:
             cure = "Pass library:=DIR."
             raise ArgumentError(describe("parameter library", "a folder", "nothing", cure))

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Base of the nodes that write topics to bags: any topic of any installed type, bit for bit."""
 
+import operator
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -21,26 +23,52 @@ from intent_recognition.bags import BagWriter, DiskFullError, rosbag2_profile
 from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
-from intent_recognition.nodes.runtime import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.runtime import simulated_ns
 
 DISCOVERY_PERIOD_S = 0.1
+"""Time between two looks for new topics [s]. Convention."""
 FLUSH_PERIOD_S = 0.5
+"""Time between two writes to disk [s]; a killed recorder loses at most one second (contract)."""
 QUEUE_DEPTH = 2000
+"""Messages of a topic that wait while the disk is slow. Convention."""
 NOISE_TOPICS = ("/rosout", "/parameter_events")
 ABSOLUTE_TOPICS = ("/clock", "/diagnostics")
-OK, WARN, ERROR = 0, 1, 2
+OK, ERROR = 0, 2
+
+
+class _Guarantees(NamedTuple):
+    """What all publishers of a topic offer, and the subscription therefore asks for."""
+
+    reliable: bool
+    latched: bool
+
+    @classmethod
+    def offered(cls, offers: Sequence[QoSProfile]) -> "_Guarantees":
+        return cls(
+            all(o.reliability == QoSReliabilityPolicy.RELIABLE for o in offers),
+            all(o.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for o in offers),
+        )
+
+    def profile(self) -> QoSProfile:
+        reliability, durability = QoSReliabilityPolicy, QoSDurabilityPolicy
+        return QoSProfile(
+            history=QoSHistoryPolicy.KEEP_LAST,
+            depth=QUEUE_DEPTH,
+            reliability=reliability.RELIABLE if self.reliable else reliability.BEST_EFFORT,
+            durability=durability.TRANSIENT_LOCAL if self.latched else durability.VOLATILE,
+        )
 
 
 @dataclass
 class _Source:
-    """One topic listened to."""
+    """One topic listened to; `latched` is its last message, if it is a latched topic."""
 
     name: str
     type: str
-    reliability: QoSReliabilityPolicy
-    durability: QoSDurabilityPolicy
+    guarantees: _Guarantees
     profiles: list[dict]
-    latched: list[tuple[bytes, int]] = field(default_factory=list)
+    latched: tuple[bytes, int] | None = None
 
 
 class TopicRecorder(Node):
@@ -58,7 +86,7 @@ class TopicRecorder(Node):
         diagnostics: of the node.
     """
 
-    def __init__(self, name: str, **kwargs):
+    def __init__(self, name: str, **kwargs: Any) -> None:
         super().__init__(name, **kwargs)
         self._wanted: tuple[str, ...] = ()
         self._sources: dict[str, _Source] = {}
@@ -112,12 +140,14 @@ class TopicRecorder(Node):
             cure = "Stop it first."
             raise ResourceBusyError(describe("~/start", "no recording", self._writer.path, cure))
         with self._lock:
-            self._writer = BagWriter(path, dict(metadata))
+            self._writer = writer = BagWriter(path, dict(metadata))
             for source in self._sources.values():
-                self._declare(source)
-                for data, sent_ns in source.latched:
-                    now_ns = self._simulated_ns()
-                    self._write(source, data, time.time_ns() if now_ns is None else now_ns, sent_ns)
+                self._declare(writer, source)
+                if source.latched is not None:
+                    data, sent_ns = source.latched
+                    now_ns = simulated_ns(self)
+                    received_ns = time.time_ns() if now_ns is None else now_ns
+                    self._write(writer, source, data, received_ns, sent_ns)
         self.diagnostics.status(OK, f"recording to {path}")
         self.get_logger().info(f"recording to {path}")
 
@@ -169,7 +199,7 @@ class TopicRecorder(Node):
                 found = f"{other} and {topic}"
                 raise BagError(describe("topics", "names that differ in the bag", found, cure))
 
-    def _wanted_topics(self, found: Sequence[str]) -> dict[str, str]:
+    def _wanted_topics(self, found: Iterable[str]) -> dict[str, str]:
         """Stored name of every topic to record, by its resolved name."""
         if self._wanted:
             return {t: self._stored_name(t) for t in self.wanted}
@@ -193,80 +223,56 @@ class TopicRecorder(Node):
         if not publishers:
             return
         offers = [p.qos_profile for p in publishers]
-        reliability = _weakest(
-            [o.reliability for o in offers],
-            QoSReliabilityPolicy.RELIABLE,
-            QoSReliabilityPolicy.BEST_EFFORT,
-        )
-        durability = _weakest(
-            [o.durability for o in offers],
-            QoSDurabilityPolicy.TRANSIENT_LOCAL,
-            QoSDurabilityPolicy.VOLATILE,
-        )
+        guarantees = _Guarantees.offered(offers)
         known = self._sources.get(resolved)
-        if known is not None:
-            weaker = (known.reliability, known.durability) != (reliability, durability)
-            if not weaker or _is_stronger(reliability, durability, known):
-                return
-        self._subscribe(resolved, stored, type_name, reliability, durability, offers)
-
-    def _subscribe(self, resolved, stored, type_name, reliability, durability, offers) -> None:
+        if known is not None and all(map(operator.ge, guarantees, known.guarantees)):
+            return
         try:
             kind = message_class(type_name)
         except BagError as error:
             self.diagnostics.reject("unknown_type", str(error))
             return
-        profile = QoSProfile(
-            history=QoSHistoryPolicy.KEEP_LAST,
-            depth=QUEUE_DEPTH,
-            reliability=reliability,
-            durability=durability,
-        )
         profiles = [
             rosbag2_profile(o.reliability.name.lower(), o.durability.name.lower(), o.depth)
             for o in offers
         ]
         with self._lock:
-            source = _Source(stored, type_name, reliability, durability, profiles)
-            self._sources[resolved] = source
+            self._sources[resolved] = source = _Source(stored, type_name, guarantees, profiles)
             if self._writer is not None:
-                self._declare(source)
-        self._listener.subscribe(resolved, kind, resolved, profile)
+                self._declare(self._writer, source)
+        self._listener.subscribe(resolved, kind, resolved, guarantees.profile())
 
-    def _on_message(self, resolved: str, data: bytes, received_ns: int, sent_ns: int) -> None:
-        simulated_ns = self._simulated_ns()
-        if simulated_ns is not None:
-            received_ns = sent_ns = simulated_ns
+    def _on_message(self, topic: Hashable, data: bytes, received_ns: int, sent_ns: int) -> None:
+        now_ns = simulated_ns(self)
+        if now_ns is not None:
+            received_ns = sent_ns = now_ns
         else:
             received_ns = received_ns or time.time_ns()
         with self._lock:
-            source = self._sources[resolved]
-            if source.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL:
-                source.latched = [(data, sent_ns or received_ns)]
+            source = self._sources[str(topic)]
+            if source.guarantees.latched:
+                source.latched = (data, sent_ns or received_ns)
             if self._writer is None:
                 return
             if received_ns == 0:
-                self.diagnostics.reject("no_clock", f"{resolved}, before /clock")
+                self.diagnostics.reject("no_clock", f"{topic}, before /clock")
                 return
-            self._write(source, data, received_ns, sent_ns or received_ns)
-
-    def _simulated_ns(self) -> int | None:
-        """Now on /clock, 0 before its first message; None without `use_sim_time`."""
-        clock = self.get_clock()
-        return clock.now().nanoseconds if clock.ros_time_is_active else None
+            self._write(self._writer, source, data, received_ns, sent_ns or received_ns)
 
     def _on_error(self, error: Exception) -> None:
         self.diagnostics.reject("unexpected", repr(error))
 
-    def _declare(self, source: _Source) -> None:
+    def _declare(self, writer: BagWriter, source: _Source) -> None:
         try:
-            self._writer.add_topic(source.name, source.type, source.profiles)
+            writer.add_topic(source.name, source.type, source.profiles)
         except IntentError as error:
             self.diagnostics.reject("undeclared_topic", str(error))
 
-    def _write(self, source: _Source, data: bytes, received_ns: int, sent_ns: int) -> None:
+    def _write(
+        self, writer: BagWriter, source: _Source, data: bytes, received_ns: int, sent_ns: int
+    ) -> None:
         try:
-            self._writer.write(source.name, source.type, data, received_ns, sent_ns)
+            writer.write(source.name, source.type, data, received_ns, sent_ns)
         except DiskFullError as error:
             self._give_up(error)
         except IntentError as error:
@@ -291,18 +297,6 @@ class TopicRecorder(Node):
         self.diagnostics.status(ERROR, str(error))
         self.get_logger().error(str(error))
         self.gave_up()
-
-
-def _weakest(offered, strong, weak):
-    return strong if offered and all(policy == strong for policy in offered) else weak
-
-
-def _is_stronger(reliability, durability, known: _Source) -> bool:
-    """Whether every policy asks for at least what the subscription asks for already."""
-    return reliability in (known.reliability, QoSReliabilityPolicy.RELIABLE) and durability in (
-        known.durability,
-        QoSDurabilityPolicy.TRANSIENT_LOCAL,
-    )
 
 
 def answer(response: Trigger.Response, action: Callable[[], str]) -> Trigger.Response:

@@ -2,22 +2,21 @@
 """The node `coworker_sim`: a simulated worker whose wrist a simulated tracker follows."""
 
 from collections.abc import Sequence
-from functools import partial
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
+from rclpy.timer import Timer
 from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.qos import SENSOR, STATE
-from intent_recognition.nodes.runtime import Diagnostics, run
-from intent_recognition.nodes.runtime import parameter as declare
+from intent_recognition.nodes.runtime import run
 from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_session
-
-parameter = partial(declare, read_only=True)
-"""The session is planned at the start; nothing of it changes afterwards."""
 
 SAMPLE_NS = round(1e9 / RATE_HZ)
 EARLY_NS = 500_000  # how much before its time a timer may fire and still count
@@ -36,14 +35,14 @@ class CoworkerSim(Node):
     `exit_at_end` the node ends with the session.
     """
 
-    def __init__(self, **kwargs) -> None:
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("coworker_sim", **kwargs)
         self.plan = self._make_plan()
-        self._wait_for = parameter(
-            self, "wait_for_subscribers", 1, "Begin when so many listen to the poses.", minimum=0
+        self._wait_for = fixed_parameter(
+            self, "wait_for_subscribers", 1, "Begin when so many listen to the poses.", 0
         )
-        self._exit_at_end = parameter(self, "exit_at_end", False, "End with the session.")
-        self._frame = parameter(self, "frame_id", "world", "frame_id of the poses.")
+        self._exit_at_end = fixed_parameter(self, "exit_at_end", False, "End with the session.")
+        self._frame = fixed_parameter(self, "frame_id", "world", "frame_id of the poses.")
         self.done = False
         self.diagnostics = Diagnostics(self)
         self._poses = self.create_publisher(PoseStamped, "mocap/wrist/pose", SENSOR)
@@ -52,7 +51,7 @@ class CoworkerSim(Node):
         self._labels = _label_schedule(self.plan)
         self._next_label = 0
         self._first_ns = 0
-        self._timer = None
+        self._timer: Timer | None = None
         self._message = PoseStamped()
         self._message.header.frame_id = self._frame
         self._start_timer = self.create_timer(
@@ -67,35 +66,35 @@ class CoworkerSim(Node):
 
     def _make_plan(self) -> SessionPlan:
         """Declare the parameters of the session and plan it."""
-        seed = parameter(self, "seed", 1, "Seed of the whole session.", minimum=0)
-        task_list = parameter(
+        seed = fixed_parameter(self, "seed", 1, "Seed of the whole session.", 0)
+        task_list = fixed_parameter(
             self, "task_list", "random", "Labels and commas, a file of them, 'random' or 'habit'."
         )
-        count = parameter(
+        count = fixed_parameter(
             self,
             "interactions",
             0,
             "How many; 0: as listed (random, habit: 40).",
-            minimum=0,
+            0,
         )
         default = SessionTiming()
         timing = SessionTiming(
-            first_idle_s=parameter(
-                self, "first_idle", default.first_idle_s, "Rest at first [s].", minimum=0.5
+            first_idle_s=fixed_parameter(
+                self, "first_idle", default.first_idle_s, "Rest at first [s].", 0.5
             ),
             idle_s=self._range("idle", default.idle_s, "Rest between interactions [s]."),
             hold_s=self._range("hold", default.hold_s, "Wait for the robot [s]."),
-            last_idle_s=parameter(
-                self, "last_idle", default.last_idle_s, "Rest at last [s].", minimum=0.0
+            last_idle_s=fixed_parameter(
+                self, "last_idle", default.last_idle_s, "Rest at last [s].", 0.0
             ),
-            gaps_per_s=parameter(
-                self, "occlusions", default.gaps_per_s, "Occlusions per second.", minimum=0.0
+            gaps_per_s=fixed_parameter(
+                self, "occlusions", default.gaps_per_s, "Occlusions per second.", 0.0
             ),
         )
         return plan_session(seed, parse_task_list(task_list, seed, count), timing)
 
     def _range(self, name: str, default: tuple[float, float], text: str) -> tuple[float, float]:
-        values = parameter(self, name, list(default), f"{text} Shortest and longest.")
+        values = fixed_parameter(self, name, list(default), f"{text} Shortest and longest.")
         if len(values) != 2 or not 0.1 <= values[0] <= values[1]:
             raise ArgumentError(
                 describe(f"parameter {name}", "two times, 0.1 s or more", values, text)
@@ -153,7 +152,8 @@ class CoworkerSim(Node):
 
     def _finish(self) -> None:
         """Say that the session is over."""
-        self._timer.cancel()
+        if self._timer is not None:
+            self._timer.cancel()
         self._tasks.publish(String(data=""))
         self.diagnostics.status(0, "session over")
         self.done = self._exit_at_end

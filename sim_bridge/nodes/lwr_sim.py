@@ -4,6 +4,8 @@
 import os
 import time
 from collections.abc import Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -19,8 +21,10 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError, describe
 from intent_recognition.kinematics import JOINT_NAMES
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
-from intent_recognition.nodes.runtime import Diagnostics, parameter, run
+from intent_recognition.nodes.runtime import run
 from sim_bridge.arm import (
     TIME_STEP_S,
     ControllerGains,
@@ -58,7 +62,7 @@ class LwrSim(Node):
     `use_sim_time` and another node's `/clock` the physics follows that clock.
     """
 
-    def __init__(self, **kwargs) -> None:
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("lwr_sim", **kwargs)
         self._declare()
         self.arm = self._make_arm()
@@ -89,18 +93,15 @@ class LwrSim(Node):
 
     def _declare(self) -> None:
         """Declare all parameters; only the pace can change while the physics runs."""
-
-        def get(name: str, default: object, text: str, low=None, high=None) -> object:
-            return parameter(self, name, default, text, minimum=low, maximum=high, read_only=True)
-
+        get = partial(fixed_parameter, self)
         self._rate_hz = get("joint_state_rate", 200.0, "JointState per simulated second.", 1, 1000)
         self._factor = parameter(
             self,
             "real_time_factor",
             1.0,
             "Simulated per real second; can be changed while running.",
-            minimum=0.01,
-            maximum=50.0,
+            0.01,
+            50.0,
         )
         self._publishes_clock = get("publish_clock", False, "Publish /clock and stamp with it.")
         self._headless = get("headless", True, "False opens PyBullet's window.")
@@ -145,8 +146,11 @@ class LwrSim(Node):
         if self.gripper is not None:
             self.create_subscription(String, "intent/active_task", self._on_task, LATCHED)
         if self.spread is not None:
-            topic = "intent/robot_trajectory"
-            self.create_subscription(JointTrajectory, topic, self._on_prediction, COMMAND)
+            topic, on_prediction = (
+                "intent/robot_trajectory",
+                partial(self._on_prediction, self.spread),
+            )
+            self.create_subscription(JointTrajectory, topic, on_prediction, COMMAND)
         self.create_subscription(WrenchStamped, "~/push", self._on_push, SENSOR)
         self.create_service(SetBool, "~/gravity_compensation", self._on_gravity_compensation)
 
@@ -170,10 +174,11 @@ class LwrSim(Node):
             self.gripper.update()
 
     def _on_task(self, message: String) -> None:
-        self.gripper.set_task(message.data)
+        if self.gripper is not None:
+            self.gripper.set_task(message.data)
 
     def _now_s(self) -> float:
-        """Return the clock that paces the physics [s]."""
+        """The clock that paces the physics [s]."""
         if self._external_clock:
             return self.get_clock().now().nanoseconds * 1e-9
         return time.monotonic()
@@ -190,29 +195,27 @@ class LwrSim(Node):
         n_due = self._pacer.due(now_s, self.arm.n_steps)
         if n_due == 0:
             return
-        end_ns = self._ros_time_ns(now_s) if not self._publishes_clock else 0
+        zero_ns = 0 if self._publishes_clock else self._zero_ns(self._pacer, now_s)
         for _ in range(n_due):
             self.arm.step()
             n = self.arm.n_steps
             if int(n * TIME_STEP_S * self._rate_hz + 1e-9) != int(
                 (n - 1) * TIME_STEP_S * self._rate_hz + 1e-9
             ):
-                self._publish(end_ns)
+                self._publish(zero_ns + self._elapsed_ns(self._pacer))
 
-    def _ros_time_ns(self, now_s: float) -> int:
-        """Return the ROS time at which the physics' time zero was, were it paced without a gap."""
-        lag_s = self._pacer.lag(now_s, self.arm.n_steps)
-        real_s = (lag_s + self.arm.time_s) / self._pacer.factor
+    def _zero_ns(self, pacer: Pacer, now_s: float) -> int:
+        """The ROS time at which the physics' time zero was, were it paced without a gap [ns]."""
+        real_s = (pacer.lag(now_s, self.arm.n_steps) + self.arm.time_s) / pacer.factor
         return self.get_clock().now().nanoseconds - int(real_s * 1e9)
 
-    def _stamp_ns(self, zero_ns: int) -> int:
-        n = self.arm.n_steps
-        if self._publishes_clock:
-            return n * STEP_NS
-        return zero_ns + int(n * STEP_NS / self._pacer.factor)
+    def _elapsed_ns(self, pacer: Pacer) -> int:
+        """Time since the physics' time zero: simulated if it is published, else ROS time [ns]."""
+        factor = 1.0 if self._publishes_clock else pacer.factor
+        return int(self.arm.n_steps * STEP_NS / factor)
 
-    def _publish(self, zero_ns: int) -> None:
-        stamp = Time(nanoseconds=self._stamp_ns(zero_ns)).to_msg()
+    def _publish(self, stamp_ns: int) -> None:
+        stamp = Time(nanoseconds=stamp_ns).to_msg()
         state = self.arm.state()
         message = self._message
         message.header.stamp = stamp
@@ -239,14 +242,14 @@ class LwrSim(Node):
             return
         self.follower.accept(command, self.arm.time_s)
 
-    def _on_prediction(self, message: JointTrajectory) -> None:
+    def _on_prediction(self, spread: SpreadControl, message: JointTrajectory) -> None:
         start_s = self._start_s(Time.from_msg(message.header.stamp).nanoseconds)
         points = message.points
         times = [p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in points]
-        spread = [p.effort for p in points]
+        std = [p.effort for p in points]
         start_s = self.arm.time_s if start_s is None else start_s
         try:
-            self.spread.take(start_s, message.joint_names, times, spread)
+            spread.take(start_s, message.joint_names, times, std)
         except TrajectoryError as error:
             self.diagnostics.reject("bad_prediction", str(error))
 
@@ -264,7 +267,7 @@ class LwrSim(Node):
         )
 
     def _start_s(self, stamp_ns: int) -> float | None:
-        """Return when a stamp is on the physics' clock [s]; None for a zero stamp."""
+        """When a stamp is on the physics' clock [s]; None for a zero stamp."""
         if stamp_ns == 0:
             return None
         if self._publishes_clock:

@@ -8,7 +8,7 @@ import pytest
 from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, write_bag, write_session
 
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.cli.inspect_tables import moment
+from intent_recognition.cli.inspect_bag import moment
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.errors import BagError, ModelError

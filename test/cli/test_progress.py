@@ -8,7 +8,7 @@ from cli.recorded import write_all
 from rich.console import Console
 
 from intent_recognition.cli import evaluate, replay, train
-from intent_recognition.cli.recordings import busy, progress_bar
+from intent_recognition.cli.console import busy, progress_bar
 
 
 def terminal():

@@ -14,7 +14,7 @@ from ros_harness import NodeProcess
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.cli import play, record
-from intent_recognition.cli.node_arguments import node_arguments, yaml_value
+from intent_recognition.cli.options import node_arguments, yaml_value
 from intent_recognition.errors import BagError, ResourceBusyError
 
 INTENT = "intent_recognition.cli.main"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cli.recorded import DOFS, spoil, write_all
 
-from intent_recognition.cli.workers import workers
+from intent_recognition.cli.train_workers import workers
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.errors import ArgumentError, DofError, IntentError, ResourceBusyError
 from intent_recognition.learning.settings import TrainingSettings
@@ -104,7 +104,7 @@ def test_without_dask_the_cure_is_named(train, monkeypatch):
 
 def test_a_scheduler_that_is_not_there_is_one_line(train, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("intent_recognition.cli.workers.CONNECT_S", 0.3)
+    monkeypatch.setattr("intent_recognition.cli.train_workers.CONNECT_S", 0.3)
     with pytest.raises(ResourceBusyError, match=r"--scheduler tcp://127\.0\.0\.1:1: .*--jobs"):
         train("--scheduler", "tcp://127.0.0.1:1")
     with pytest.raises(ResourceBusyError, match=r"--scheduler nonsense://x"):

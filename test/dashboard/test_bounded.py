@@ -5,11 +5,17 @@ import numpy as np
 import pytest
 from dashboard.browser import free_port
 
-from intent_recognition.dashboard.cell import CellState, Drawn, NodeHealth, Posterior, Predicted
+from intent_recognition.dashboard.cell import (
+    CellState,
+    NodeHealth,
+    PathMarkers,
+    Posterior,
+    PredictedMotion,
+)
 from intent_recognition.dashboard.commands import Commands
-from intent_recognition.dashboard.lesson import Lesson
-from intent_recognition.dashboard.page import Page
-from intent_recognition.dashboard.puppet import Puppet
+from intent_recognition.dashboard.page import DashboardPage
+from intent_recognition.dashboard.teaching_session import TeachingSession
+from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.arm.urdf import lwr_urdf
 
@@ -29,15 +35,15 @@ class Watched:
             self.page.tell(ok, text)
 
         commands = Commands(harness.probe, tell)
-        puppet = Puppet(harness.probe, state)
-        lesson = Lesson(puppet, commands, tell, self.rng)
-        self.page = Page(
+        teleoperation = Teleoperation(harness.probe, state)
+        session = TeachingSession(teleoperation, commands, tell, self.rng)
+        self.page = DashboardPage(
             "127.0.0.1",
             free_port(),
             state,
             commands,
-            puppet,
-            lesson,
+            teleoperation,
+            session,
             bags=(),
             models=lambda: (),
             play=None,
@@ -56,8 +62,8 @@ class Watched:
             state.take_wrist(rng.normal(size=3), self.now_s)
             state.take_posterior(Posterior(labels, chances, chances), self.now_s)
             path = rng.normal(size=(2 + k % 30, 3))
-            state.drawn = Drawn(path, path, rng.normal(size=(30 * (1 + k % 7), 3)))
-            state.predicted = Predicted("a", JOINT_NAMES, rng.normal(size=(2 + k % 50, 7)))
+            state.drawn = PathMarkers(path, path, rng.normal(size=(30 * (1 + k % 7), 3)))
+            state.predicted = PredictedMotion("a", JOINT_NAMES, rng.normal(size=(2 + k % 50, 7)))
             state.drawn_at_s = state.predicted_at_s = self.now_s
             state.active, state.teaching = labels[k % 2], f"recorded {k}"
             state.nodes["arm"] = NodeHealth(k // 100 % 3, f"step {k}", {"rate x [Hz]": str(k)}, 0.0)

@@ -4,8 +4,8 @@
 import numpy as np
 
 from intent_recognition.dashboard.cell import (
-    HISTORY_S,
-    HISTORY_STEP_S,
+    PLOTTED_S,
+    PLOTTED_STEP_S,
     WRIST_S,
     CellState,
     NodeHealth,
@@ -36,9 +36,9 @@ def test_the_past_is_that_of_the_last_seconds_and_ends_now():
         state.take_posterior(posterior("a", "none"), k * 0.01)
         state.take_wrist(np.array([k, 0.0, 0.0]), k * 0.01)
     times, columns = state.posterior_past(50.0)
-    assert times[0] >= -HISTORY_S
+    assert times[0] >= -PLOTTED_S
     assert times[-1] <= 0.0
-    assert np.all(np.diff(times) >= HISTORY_STEP_S - 1e-9)
+    assert np.all(np.diff(times) >= PLOTTED_STEP_S - 1e-9)
     assert set(columns) == {"a", "none"}
     path = state.wrist_path(50.0)
     assert path[0, 0] >= 100 * (50.0 - WRIST_S)

@@ -13,8 +13,10 @@ from rclpy.parameter import Parameter
 from ros_harness import NodeProcess
 
 from intent_recognition.errors import ArgumentError, ModelError
+from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.lifecycle import ManagedNode
-from intent_recognition.nodes.runtime import Diagnostics, parameter, run, settle
+from intent_recognition.nodes.parameters import parameter
+from intent_recognition.nodes.runtime import run, settle
 
 
 class Quitter(Node):

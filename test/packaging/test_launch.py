@@ -52,7 +52,7 @@ def recorder(kind):
 
 
 MODULES = {
-    "launch": ["LaunchDescription"],
+    "launch": ["LaunchContext", "LaunchDescription"],
     "launch.actions": ["DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable"],
     "launch.substitutions": ["LaunchConfiguration"],
     "launch_ros": [],

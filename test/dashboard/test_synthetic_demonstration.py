@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from intent_recognition.dashboard.performance import (
-    Performance,
+from intent_recognition.dashboard.synthetic_demonstration import (
+    SyntheticDemonstration,
     arm_motion,
-    draw_performance,
     progress,
+    sample_demonstration,
 )
 
 POINTS = arrays(float, 3, elements=st.floats(-1.0, 1.0))
@@ -18,7 +18,7 @@ POINTS = arrays(float, 3, elements=st.floats(-1.0, 1.0))
 
 @given(POINTS, POINTS, st.floats(0.8, 4.0))
 def test_wrist_rests_at_its_start_and_at_its_goal(start, goal, duration):
-    show = Performance(start, goal, np.array([0.0, 0.0, 0.05]), duration)
+    show = SyntheticDemonstration(start, goal, np.array([0.0, 0.0, 0.05]), duration)
     for at in (0.0, show.rest_s):
         assert np.allclose(show.wrist(at), start)
     for at in (show.rest_s + duration, show.length_s):
@@ -33,7 +33,7 @@ def test_progress_is_minimum_jerk():
 
 @given(POINTS, POINTS, st.integers(0, 1000))
 def test_goals_of_wrist_and_hand_shift_together(start, goal, seed):
-    drawn, shift = draw_performance(np.random.default_rng(seed), start, goal, 2.0, 0.03)
+    drawn, shift = sample_demonstration(np.random.default_rng(seed), start, goal, 2.0, 0.03)
     assert np.allclose(drawn.goal_m, goal + shift)
     assert abs(drawn.bow_m @ (drawn.goal_m - start)) < 1e-9
     assert 1.4 <= drawn.duration_s <= 2.6
@@ -51,6 +51,6 @@ def test_the_arm_moves_from_rest_to_rest_within_its_time():
 
 
 def test_the_arm_follows_the_human():
-    show = Performance(np.zeros(3), np.ones(3), np.zeros(3), 2.0)
+    show = SyntheticDemonstration(np.zeros(3), np.ones(3), np.zeros(3), 2.0)
     assert show.arm_start_s > show.rest_s
     assert show.arm_start_s + show.arm_duration_s > show.rest_s + show.duration_s

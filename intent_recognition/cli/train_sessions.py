@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from intent_recognition.cli.recordings import print_left_out
+from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.errors import BagError, describe
 from intent_recognition.learning import count_transitions, smoothed_transitions

@@ -20,7 +20,7 @@ ARM_STEP_S = 0.05
 
 
 @dataclass(frozen=True)
-class Performance:
+class SyntheticDemonstration:
     """A demonstration to be shown, in seconds since it begins.
 
     Attributes:
@@ -65,13 +65,13 @@ def progress(share: np.ndarray) -> np.ndarray:
     return 1.0 + way.sample(inside)[0][:, 0]
 
 
-def draw_performance(
+def sample_demonstration(
     rng: np.random.Generator,
     start_m: np.ndarray,
     goal_m: np.ndarray,
     duration_s: float,
     variation_m: float,
-) -> tuple[Performance, np.ndarray]:
+) -> tuple[SyntheticDemonstration, np.ndarray]:
     """A demonstration toward about this goal, and the shift (3,) [m] the arm's goal makes with it.
 
     Args:
@@ -87,7 +87,7 @@ def draw_performance(
     along = way / max(np.linalg.norm(way), 1e-9)
     bow -= along * (bow @ along)
     duration = duration_s * float(np.clip(1.0 + 0.1 * rng.standard_normal(), 0.7, 1.3))
-    return Performance(start_m, goal_m + shift, bow, duration), shift
+    return SyntheticDemonstration(start_m, goal_m + shift, bow, duration), shift
 
 
 def arm_motion(

@@ -1,30 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags and models as tables in a terminal."""
+"""Recordings in `intent inspect`: as tables, and as plain values for JSON."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import asdict, replace
 from datetime import datetime, timezone
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from intent_recognition.bags import Damage
+from intent_recognition.cli.console import plain_table, print_facts
 from intent_recognition.demonstrations import BagSummary, TopicSummary
 from intent_recognition.errors import BagError
-from intent_recognition.model import Model
-from intent_recognition.promp import AlignedPrimitives, least_end_std
 
 FIRST_PLAUSIBLE_NS = 1_000_000_000 * 86_400 * 365
 GAPS_SHOWN = 5
-BAGS_SHOWN = 5
+
+
+def bag_json(summary: BagSummary) -> dict:
+    """A bag's summary as plain values."""
+    topics = tuple(replace(t, rejected=dict(t.rejected)) for t in summary.topics)
+    return asdict(replace(summary, topics=topics)) | {
+        "duration_s": summary.duration_s,
+        "message_count": summary.message_count,
+    }
 
 
 def print_bag(console: Console, summary: BagSummary) -> None:
     """Everything about one bag."""
-    _facts(
+    print_facts(
         console,
         {
             "bag": summary.path,
@@ -34,7 +40,9 @@ def print_bag(console: Console, summary: BagSummary) -> None:
             "messages": str(summary.message_count),
         },
     )
-    table = _table("topic", "type", ">messages", ">rate [Hz]", ">gaps", ">longest [s]", "problems")
+    table = plain_table(
+        "topic", "type", ">messages", ">rate [Hz]", ">gaps", ">longest [s]", "problems"
+    )
     for topic in summary.topics:
         table.add_row(
             escape(topic.name),
@@ -59,7 +67,7 @@ def print_folder(
     console: Console, root: Path, found: Sequence[tuple[Path, BagSummary | BagError]]
 ) -> None:
     """One line per bag below `root`, then how many of each task."""
-    table = _table("bag", "task", ">length [s]", ">messages", ">topics", ">gaps", "problems")
+    table = plain_table("bag", "task", ">length [s]", ">messages", ">topics", ">gaps", "problems")
     tasks: Counter[str] = Counter()
     for path, got in found:
         name = escape(str(path.relative_to(root)))
@@ -82,70 +90,6 @@ def print_folder(
     console.print(table)
     counts = ", ".join(f"{task} {count}" for task, count in sorted(tasks.items()))
     console.print(f"{len(found)} bags: {escape(counts)}", highlight=False)
-
-
-def _prediction(primitives: AlignedPrimitives | None) -> str:
-    """What trajectories are predicted from."""
-    if primitives is None:
-        return "at steady progress"
-    deviation_std = primitives.phase_deviation.deviation_std.max()
-    return (
-        f"aligned, {primitives.basis.n_basis} functions, noise scale {primitives.noise_scale:.3g},"
-        f" phase deviations up to {100 * deviation_std:.2g} % of the movement (std)"
-    )
-
-
-def print_model(console: Console, path: Path, model: Model) -> None:
-    """What was learned, with what accuracy, and from what."""
-    library = model.library
-    origin = dict(library.provenance)
-    bags = [str(bag) for bag in _listed(origin.pop("bags", ()))]
-    _facts(
-        console,
-        {
-            "model": str(path),
-            "basis": f"{library.basis.n_basis} functions per degree of freedom",
-            "none": f"prior {library.none_prior:.3g}",
-            "noise": f"scale {library.noise_scale:.3g}, correlated over"
-            f" {library.correlation_time_s:.3g} s; in recognition, scale"
-            f" {library.recognition_noise_scale:.3g}",
-            "prediction": _prediction(library.aligned),
-            **{key: _brief(value) for key, value in origin.items()},
-        },
-    )
-    tasks = _table(
-        "task",
-        ">demonstrations",
-        ">median [s]",
-        ">2.5 % to 97.5 % [s]",
-        ">prior",
-        ">end std, least",
-    )
-    low, high = (
-        np.exp(library.log_duration_mean + factor * library.log_duration_std) for factor in (-2, 2)
-    )
-    for k, label in enumerate(library.labels):
-        tasks.add_row(
-            escape(label),
-            str(int(library.n_demonstrations[k])),
-            f"{library.durations_s[k]:.2f}",
-            f"{low[k]:.2f} to {high[k]:.2f}",
-            f"{library.task_prior[k]:.3f}",
-            f"{least_end_std(library.primitives, k):.3f}",
-        )
-    console.print(tasks)
-    dofs = _table("agent", "degree of freedom", "unit", ">noise std")
-    rows = (
-        *(("observed", n, u) for n, u in zip(library.observed_names, library.observed_units)),
-        *(("controlled", n, u) for n, u in zip(library.controlled_names, library.controlled_units)),
-    )
-    for (agent, name, unit), variance in zip(rows, library.noise_variance, strict=True):
-        dofs.add_row(agent, escape(name), escape(unit), f"{np.sqrt(variance):.4f}")
-    console.print(dofs)
-    if bags:
-        more = f", and {len(bags) - BAGS_SHOWN} more" if len(bags) > BAGS_SHOWN else ""
-        shown = ", ".join(bags[:BAGS_SHOWN])
-        console.print(f"from {len(bags)} bags: {escape(shown)}{more}", highlight=False)
 
 
 def problems(topic: TopicSummary) -> str:
@@ -185,7 +129,7 @@ def _print_gaps(console: Console, topic: TopicSummary, start_ns: int) -> None:
 
 def _print_session(console: Console, summary: BagSummary) -> None:
     if summary.demonstrations:
-        table = _table(">#", "task", ">start [s]", ">length [s]")
+        table = plain_table(">#", "task", ">start [s]", ">length [s]")
         for part in summary.demonstrations:
             table.add_row(
                 str(part.index),
@@ -196,35 +140,3 @@ def _print_session(console: Console, summary: BagSummary) -> None:
         console.print(table)
     for rejection in summary.unfinished:
         console.print(f"unfinished: {escape(rejection.reason)}", style="yellow", highlight=False)
-
-
-def _facts(console: Console, facts: Mapping[str, str]) -> None:
-    width = max(map(len, facts))
-    for name, value in facts.items():
-        line = f"[bold]{escape(name.ljust(width))}[/bold]  {escape(str(value))}"
-        console.print(line, highlight=False, soft_wrap=True)
-
-
-def _table(*titles: str) -> Table:
-    """A table whose titles beginning with `>` head columns of numbers."""
-    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
-    for title in titles:
-        number = title.startswith(">")
-        table.add_column(
-            escape(title.removeprefix(">")), justify="right" if number else "left", overflow="fold"
-        )
-    return table
-
-
-def _listed(value: object) -> Iterable:
-    return value if isinstance(value, (list, tuple)) else [value]
-
-
-def _brief(value: object) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key} {_brief(item)}" for key, item in value.items())
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, (list, tuple)):
-        return "(" + ", ".join(_brief(item) for item in value) + ")"
-    return str(value)

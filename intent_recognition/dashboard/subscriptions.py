@@ -13,14 +13,20 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
-from intent_recognition.dashboard.cell import CellState, Drawn, NodeHealth, Posterior, Predicted
+from intent_recognition.dashboard.cell import (
+    CellState,
+    NodeHealth,
+    PathMarkers,
+    Posterior,
+    PredictedMotion,
+)
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array
 
 DEFAULT_BODY = "wrist"
 
 
-class Listener:
+class CellSubscriptions:
     """Subscribes with a node and fills a `CellState`.
 
     Args:
@@ -68,7 +74,7 @@ class Listener:
 
     def _on_predicted(self, message: JointTrajectory) -> None:
         positions = np.array([point.positions for point in message.points])
-        self._state.predicted = Predicted(
+        self._state.predicted = PredictedMotion(
             message.header.frame_id, tuple(message.joint_names), positions
         )
         self._state.predicted_at_s = self._clock()
@@ -77,7 +83,7 @@ class Listener:
         lines = [_points(m) for m in message.markers if m.type == Marker.LINE_STRIP]
         tubes = [_points(m) for m in message.markers if m.type == Marker.TRIANGLE_LIST]
         if len(lines) == 2 and len(tubes) == 1:
-            self._state.drawn = Drawn(*lines, *tubes)
+            self._state.drawn = PathMarkers(*lines, *tubes)
             self._state.drawn_at_s = self._clock()
 
     def _on_active(self, message: String) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The wrist and the arm moved from the page: poses of a tracker, commands to the arm."""
+"""Moves the wrist and the arm for the page: publishes tracker poses and arm commands."""
 
 import time
 from collections.abc import Callable
@@ -8,10 +8,12 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.timer import Timer
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.dashboard.cell import CellState
-from intent_recognition.dashboard.performance import Performance, arm_motion
+from intent_recognition.dashboard.synthetic_demonstration import SyntheticDemonstration, arm_motion
 from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics import JOINT_NAMES, reach_position
 from intent_recognition.nodes import qos
@@ -27,7 +29,7 @@ RETURN_S = 1.5
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
-class Puppet:
+class Teleoperation:
     """Publishes `mocap/<body>/pose` while it holds the wrist, and `joint_trajectory` when asked.
 
     Args:
@@ -39,14 +41,14 @@ class Puppet:
 
     def __init__(self, node: Node, state: CellState, body: str = "wrist", frame: str = "world"):
         self._node, self._state, self._body, self._frame = node, state, body, frame
-        self._pose = None
+        self._pose: Publisher | None = None
         self._arm = node.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = None
+        self._timer: Timer | None = None
         self._position = np.zeros(3)
         self._velocity = np.zeros(3)
         self._target = np.zeros(3)
-        self._show: Performance | None = None
+        self._playing: SyntheticDemonstration | None = None
         self._began_s = 0.0
         self._arm_goal: np.ndarray | None = None
         self._done: Callable[[], None] = _nothing
@@ -80,12 +82,12 @@ class Puppet:
 
     def release_wrist(self) -> None:
         """Stop publishing the wrist."""
-        if self._timer is not None:
+        if self._timer is not None and self._pose is not None:
             self._node.destroy_timer(self._timer)
             self._node.destroy_publisher(self._pose)
-            self._timer = self._pose = self._show = None
+            self._timer = self._pose = self._playing = None
 
-    def lead_wrist(self, target: np.ndarray) -> None:
+    def drag_wrist(self, target: np.ndarray) -> None:
         """Let the wrist follow a target (3,) [m]."""
         self._target = np.array(target, dtype=float)
 
@@ -94,7 +96,7 @@ class Puppet:
         known = all(name in self._state.joints for name in JOINT_NAMES)
         return known and self._arm.get_subscription_count() > 0
 
-    def lead_hand(self, position: np.ndarray) -> None:
+    def drag_hand(self, position: np.ndarray) -> None:
         """Let the arm bring its hand to a position (3,) [m], soon."""
         self._hand = np.array(position, dtype=float)
         if self._timer is None:
@@ -121,11 +123,14 @@ class Puppet:
         times, positions, velocities = arm_motion(self.measured(), goal, duration_s)
         self._arm.publish(build_joint_trajectory(JOINT_NAMES, times, positions, velocities))
 
-    def show(
-        self, performance: Performance, arm_goal: np.ndarray | None, done: Callable[[], None]
+    def play(
+        self,
+        demonstration: SyntheticDemonstration,
+        arm_goal: np.ndarray | None,
+        done: Callable[[], None],
     ) -> None:
         """Show a demonstration; the arm goes along if it has a goal (7,) [rad]."""
-        self._show, self._arm_goal, self._done = performance, arm_goal, done
+        self._playing, self._arm_goal, self._done = demonstration, arm_goal, done
         self._began_s = time.monotonic()
 
     def step_arm(self) -> None:
@@ -142,14 +147,14 @@ class Puppet:
         self.send_arm(goal, max(SHORTEST_ARM_S, distance / ARM_SPEED_RAD_S))
 
     def _step(self) -> None:
-        if self._show is not None:
-            self._perform(self._show)
+        if self._playing is not None:
+            self._perform(self._playing)
         else:
             self._follow()
         self.step_arm()
         self._publish()
 
-    def _perform(self, show: Performance) -> None:
+    def _perform(self, show: SyntheticDemonstration) -> None:
         elapsed_s = time.monotonic() - self._began_s
         self._position = show.wrist(elapsed_s)
         if self._arm_goal is not None and elapsed_s >= show.arm_start_s:
@@ -157,7 +162,7 @@ class Puppet:
             self._arm_goal = None
         if elapsed_s >= show.length_s:
             self._target, self._velocity = self._position.copy(), np.zeros(3)
-            self._show = None
+            self._playing = None
             self._done()
 
     def _follow(self) -> None:
@@ -171,7 +176,7 @@ class Puppet:
 
     def _publish(self) -> None:
         stamp_ns = self._node.get_clock().now().nanoseconds
-        if stamp_ns <= self._last_ns:
+        if stamp_ns <= self._last_ns or self._pose is None:
             return
         self._last_ns = stamp_ns
         message = PoseStamped(pose=to_pose(self._position, UPRIGHT))

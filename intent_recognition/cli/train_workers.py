@@ -10,13 +10,16 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import get_context
+from typing import Any
 
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
 from intent_recognition.model import Run
 
 AHEAD = 3
-"""Pieces of work per worker that are under way, so that none waits and results do not pile up."""
+"""Pieces of work per worker that are under way, so that none waits and results do not pile up.
+Convention."""
 CONNECT_S = 10.0
+"""Longest wait for a dask scheduler [s]. Convention."""
 
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:
@@ -130,7 +133,7 @@ def _dask(scheduler: str) -> Iterator[Run]:
 
 def _in_order(submit: Callable, ahead: int, function: Callable, items: Iterable) -> Iterator:
     """Results in the order of the items, at most `ahead` of them under way."""
-    pending = deque()
+    pending: deque[Any] = deque()
     for item in items:
         pending.append(submit(function, item))
         if len(pending) >= ahead:

@@ -1,23 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One lesson after the other: what has to happen, in which order, to show, record and learn."""
+"""One session after the other: what has to happen, in which order, to show, record and learn."""
 
 from collections.abc import Callable
 
 import numpy as np
 
 from intent_recognition.dashboard.commands import TEACHER, Commands
-from intent_recognition.dashboard.performance import Performance, draw_performance
-from intent_recognition.dashboard.puppet import RETURN_S, Puppet
+from intent_recognition.dashboard.synthetic_demonstration import (
+    SyntheticDemonstration,
+    sample_demonstration,
+)
+from intent_recognition.dashboard.teleoperation import RETURN_S, Teleoperation
 from intent_recognition.errors import KinematicsError
 
 Say = Callable[[bool, str], None]
 
 
-class Lesson:
+class TeachingSession:
     """Shows demonstrations and has them recorded; everything runs in the graph's thread.
 
     Args:
-        puppet: moves the wrist and the arm.
+        teleoperation: moves the wrist and the arm.
         commands: reaches the other nodes.
         say: told how it goes.
         rng: source of the variation between demonstrations.
@@ -29,8 +32,15 @@ class Lesson:
         learned: whether something was.
     """
 
-    def __init__(self, puppet: Puppet, commands: Commands, say: Say, rng: np.random.Generator):
-        self._puppet, self._commands, self._say, self._rng = puppet, commands, say, rng
+    def __init__(
+        self, teleoperation: Teleoperation, commands: Commands, say: Say, rng: np.random.Generator
+    ):
+        self._teleoperation, self._commands, self._say, self._rng = (
+            teleoperation,
+            commands,
+            say,
+            rng,
+        )
         self.busy = False
         self.recording = False
         self.recorded = 0
@@ -48,11 +58,11 @@ class Lesson:
             length_s: usual duration of the movement.
             vary: standard deviation of the goals between demonstrations [m].
         """
-        start = self._puppet.position
-        performance, shift = draw_performance(self._rng, start, wrist_goal, length_s, vary)
+        start = self._teleoperation.position
+        demonstration, shift = sample_demonstration(self._rng, start, wrist_goal, length_s, vary)
         try:
-            home = self._puppet.measured()
-            posture = self._puppet.posture_at(hand_goal + shift)
+            home = self._teleoperation.measured()
+            posture = self._teleoperation.posture_at(hand_goal + shift)
         except (KinematicsError, KeyError) as error:
             self._say(False, f"the arm cannot go there: {error}")
             return
@@ -60,7 +70,7 @@ class Lesson:
         def shown() -> None:
             self._finish(lambda: self._go_back(start, home))
 
-        self._begin(task, lambda: self._puppet.show(performance, posture, shown))
+        self._begin(task, lambda: self._teleoperation.play(demonstration, posture, shown))
 
     def start_by_hand(self, task: str) -> None:
         """Begin to record what is dragged."""
@@ -82,10 +92,10 @@ class Lesson:
 
     def reach(self, goal: np.ndarray, length_s: float) -> None:
         """Move the wrist alone: what will the robot do?"""
-        start = self._puppet.position
-        performance, _ = draw_performance(self._rng, start, goal, length_s, 0.0)
+        start = self._teleoperation.position
+        demonstration, _ = sample_demonstration(self._rng, start, goal, length_s, 0.0)
         self.busy = True
-        self._puppet.show(performance, None, lambda: self._go_back(start, None))
+        self._teleoperation.play(demonstration, None, lambda: self._go_back(start, None))
 
     def _begin(self, task: str, then: Callable[[], None]) -> None:
         """Switch the help off, name the task, start the recorder: one after the other."""
@@ -125,8 +135,10 @@ class Lesson:
 
     def _go_back(self, start: np.ndarray, home: np.ndarray | None) -> None:
         """Wrist and arm return to where they were; nothing of it is recorded."""
-        way = Performance(self._puppet.position, start, np.zeros(3), RETURN_S, 0.3)
-        self._puppet.show(way, home, self._rest)
+        way = SyntheticDemonstration(
+            self._teleoperation.position, start, np.zeros(3), RETURN_S, 0.3
+        )
+        self._teleoperation.play(way, home, self._rest)
 
     def _rest(self) -> None:
         self.busy = False

@@ -6,13 +6,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.recordings import (
-    DEFAULTS,
-    accumulate_all,
-    all_left_out,
-    busy,
-    print_found,
-)
+from intent_recognition.cli.console import busy
+from intent_recognition.cli.recordings import DEFAULTS, accumulate_all
+from intent_recognition.cli.rejections import all_left_out, print_found
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import ArgumentError, TrainingError, describe
 from intent_recognition.learning import (
@@ -69,7 +65,7 @@ def add_to_model(
         )
     with busy(console, "adding"):
         more = add_statistics(trained, accumulated.tasks, accumulated.used)
-    tried = (more.chosen,)
+    tried: tuple = (more.chosen,)
     if args.choose_again:
         with busy(console, "choosing the regularisation"):
             more, tried = choose_again(more)

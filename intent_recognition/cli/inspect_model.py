@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Models in `intent inspect`: as tables, and as plain values for JSON."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+
+from intent_recognition.cli.console import plain_table, print_facts
+from intent_recognition.model import Model
+from intent_recognition.promp import AlignedPrimitives, least_end_std
+
+BAGS_SHOWN = 5
+
+
+def model_json(model: Model) -> dict:
+    """What a model holds as plain values, its large arrays left out."""
+    library = model.library
+    names = (*library.observed_names, *library.controlled_names)
+    return {
+        "tasks": {
+            label: {
+                "n_demonstrations": int(library.n_demonstrations[k]),
+                "median_duration_s": float(library.durations_s[k]),
+                "log_duration_std": float(library.log_duration_std[k]),
+                "prior": float(library.task_prior[k]),
+                "least_end_std": least_end_std(library.primitives, k),
+            }
+            for k, label in enumerate(library.labels)
+        },
+        "observed": dict(zip(library.observed_names, library.observed_units, strict=True)),
+        "controlled": dict(zip(library.controlled_names, library.controlled_units, strict=True)),
+        "noise_std": dict(zip(names, map(float, library.noise_variance**0.5), strict=True)),
+        "n_basis": library.basis.n_basis,
+        "noise_scale": library.noise_scale,
+        "recognition_noise_scale": library.recognition_noise_scale,
+        "aligned": _aligned_json(library.aligned),
+        "correlation_time_s": library.correlation_time_s,
+        "none_prior": library.none_prior,
+        "dofs": model.dofs.to_dict(),
+        "provenance": dict(library.provenance),
+    }
+
+
+def _aligned_json(primitives: AlignedPrimitives | None) -> dict | None:
+    """The primitives over reference phase as plain values."""
+    if primitives is None:
+        return None
+    return {
+        "n_basis": primitives.basis.n_basis,
+        "noise_scale": primitives.noise_scale,
+        "largest_lead_std": float(primitives.phase_deviation.deviation_std.max()),
+        "lead_correlation": primitives.phase_deviation.correlation,
+    }
+
+
+def _prediction(primitives: AlignedPrimitives | None) -> str:
+    """What trajectories are predicted from."""
+    if primitives is None:
+        return "at steady progress"
+    deviation_std = primitives.phase_deviation.deviation_std.max()
+    return (
+        f"aligned, {primitives.basis.n_basis} functions, noise scale {primitives.noise_scale:.3g},"
+        f" phase deviations up to {100 * deviation_std:.2g} % of the movement (std)"
+    )
+
+
+def print_model(console: Console, path: Path, model: Model) -> None:
+    """What was learned, with what accuracy, and from what."""
+    library = model.library
+    origin = dict(library.provenance)
+    bags = [str(bag) for bag in _listed(origin.pop("bags", ()))]
+    print_facts(
+        console,
+        {
+            "model": str(path),
+            "basis": f"{library.basis.n_basis} functions per degree of freedom",
+            "none": f"prior {library.none_prior:.3g}",
+            "noise": f"scale {library.noise_scale:.3g}, correlated over"
+            f" {library.correlation_time_s:.3g} s; in recognition, scale"
+            f" {library.recognition_noise_scale:.3g}",
+            "prediction": _prediction(library.aligned),
+            **{key: _brief(value) for key, value in origin.items()},
+        },
+    )
+    tasks = plain_table(
+        "task",
+        ">demonstrations",
+        ">median [s]",
+        ">2.5 % to 97.5 % [s]",
+        ">prior",
+        ">end std, least",
+    )
+    low, high = (
+        np.exp(library.log_duration_mean + factor * library.log_duration_std) for factor in (-2, 2)
+    )
+    for k, label in enumerate(library.labels):
+        tasks.add_row(
+            escape(label),
+            str(int(library.n_demonstrations[k])),
+            f"{library.durations_s[k]:.2f}",
+            f"{low[k]:.2f} to {high[k]:.2f}",
+            f"{library.task_prior[k]:.3f}",
+            f"{least_end_std(library.primitives, k):.3f}",
+        )
+    console.print(tasks)
+    dofs = plain_table("agent", "degree of freedom", "unit", ">noise std")
+    rows = (
+        *(("observed", n, u) for n, u in zip(library.observed_names, library.observed_units)),
+        *(("controlled", n, u) for n, u in zip(library.controlled_names, library.controlled_units)),
+    )
+    for (agent, name, unit), variance in zip(rows, library.noise_variance, strict=True):
+        dofs.add_row(agent, escape(name), escape(unit), f"{np.sqrt(variance):.4f}")
+    console.print(dofs)
+    if bags:
+        more = f", and {len(bags) - BAGS_SHOWN} more" if len(bags) > BAGS_SHOWN else ""
+        shown = ", ".join(bags[:BAGS_SHOWN])
+        console.print(f"from {len(bags)} bags: {escape(shown)}{more}", highlight=False)
+
+
+def _listed(value: object) -> Iterable:
+    return value if isinstance(value, (list, tuple)) else [value]
+
+
+def _brief(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {_brief(item)}" for key, item in value.items())
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, (list, tuple)):
+        return "(" + ", ".join(_brief(item) for item in value) + ")"
+    return str(value)

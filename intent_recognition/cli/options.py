@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the options of several commands share: numbers within limits, and those of a node."""
+
+import argparse
+import json
+import math
+from collections.abc import Callable, Mapping
+from typing import TypeAlias, TypeVar
+
+Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+Number = TypeVar("Number", int, float)
+
+
+def number(
+    kind: type[Number], minimum: float, maximum: float = math.inf
+) -> Callable[[str], Number]:
+    """The `type` of an option that takes a finite number within limits, both included."""
+    limits = f"{minimum:g} or more" if maximum == math.inf else f"{minimum:g} to {maximum:g}"
+
+    def read(text: str) -> Number:
+        value = kind(text)
+        if not (math.isfinite(value) and minimum <= value <= maximum):
+            raise argparse.ArgumentTypeError(f"expected {limits}, got {text}")
+        return value
+
+    read.__name__ = kind.__name__  # argparse names it where `text` is no number
+    return read
+
+
+def add_node_options(parser: argparse.ArgumentParser) -> None:
+    """Options of every command that runs a node: namespace and remapping."""
+    group = parser.add_argument_group("topics")
+    group.add_argument("--namespace", default="", metavar="NS", help="namespace of the topics")
+    group.add_argument(
+        "--remap",
+        action="append",
+        default=[],
+        metavar="FROM:=TO",
+        help="use another topic name; may be repeated",
+    )
+
+
+def node_arguments(args: argparse.Namespace, parameters: Mapping[str, object]) -> list[str]:
+    """Command line of a node; the first entry is the program's name."""
+    command = ["intent", "--ros-args"]
+    for name, value in parameters.items():
+        command += ["-p", f"{name}:={yaml_value(value)}"]
+    if args.namespace:
+        command += ["-r", f"__ns:=/{args.namespace.strip('/')}"]
+    for rule in args.remap:
+        command += ["-r", rule]
+    return command
+
+
+def yaml_value(value: object) -> str:
+    """A parameter's value as YAML that keeps its type: texts quoted, floats with a point."""
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of the recordings could not be used, as lines on the console."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from rich.console import Console
+
+from intent_recognition.model import FromBags
+from intent_recognition.signals import Demonstration
+
+
+def print_left_out(
+    console: Console, left_out: Sequence[object], n_left_out: int | None = None
+) -> None:
+    """Print what could not be used and why, a line for each.
+
+    Args:
+        console: console to print to.
+        left_out: rejections, or sentences.
+        n_left_out: number of all, if those listed are only the first of very many.
+    """
+    lines = [f"left out {item}" for item in left_out]
+    if n_left_out is not None and n_left_out > len(lines):
+        lines.append(f"left out {n_left_out - len(lines)} more")
+    for text in lines:
+        console.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
+
+
+def all_left_out(found: FromBags) -> tuple[tuple[str, str], ...]:
+    """(recording, reason) of what could not be read and of what could not be learned from."""
+    unread = [(r.path, f"{r.topic}: {r.reason}" if r.topic else r.reason) for r in found.rejections]
+    return (*unread, *found.accumulated.rejected)
+
+
+def print_found(console: Console, found: FromBags) -> None:
+    """Print what of the bags could not be used and why."""
+    accumulated = found.accumulated
+    print_left_out(console, found.rejections, found.n_rejections)
+    reasons = [f"{name}: {reason}" for name, reason in accumulated.rejected]
+    print_left_out(console, reasons, accumulated.n_rejected)
+    print_dropped_counts(console, found.dropped)
+
+
+def print_dropped(console: Console, demonstrations: Sequence[Demonstration]) -> None:
+    """Print how many messages were dropped in all, by reason."""
+    total: Counter[str] = Counter()
+    for demonstration in demonstrations:
+        total.update(demonstration.rejected)
+    print_dropped_counts(console, total)
+
+
+def print_dropped_counts(console: Console, total: Mapping[str, int]) -> None:
+    """Print counts of dropped messages by reason."""
+    if total:
+        parts = ", ".join(f"{count} {reason}" for reason, count in sorted(total.items()))
+        console.print(f"messages dropped: {parts}", style="yellow", highlight=False)

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The launch arguments: each described once, for the launch files, the demo and the docs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from intent_recognition.errors import ArgumentError, describe
+
+
+@dataclass(frozen=True)
+class Argument:
+    """A value that can be given when a graph is started.
+
+    Attributes:
+        name: name of the launch argument.
+        kind: str, bool, int, float, or tuple for a list of texts separated by commas.
+        description: one sentence.
+        needed: whether the graph cannot start without it.
+    """
+
+    name: str
+    kind: type
+    description: str
+    needed: bool = False
+
+    def read(self, value: object) -> object:
+        """Convert text to a value of this kind; None for an empty text or list.
+
+        Raises:
+            ArgumentError: the text is not such a value.
+        """
+        if not isinstance(value, str) or self.kind is str:
+            return None if value == "" else value
+        text = value.strip()
+        try:
+            read = _READ[self.kind](text) if text else None
+        except (ValueError, KeyError) as error:
+            kind = "a list" if self.kind is tuple else self.kind.__name__
+            raise ArgumentError(describe(self.name, kind, text, self.description)) from error
+        return None if read == () else read
+
+
+_READ: dict[type, Callable[[str], object]] = {
+    bool: lambda text: {"true": True, "false": False}[text.lower()],
+    int: int,
+    float: float,
+    tuple: lambda text: tuple(word.strip() for word in text.split(",") if word.strip()),
+}
+
+ARGUMENTS = {
+    argument.name: argument
+    for argument in (
+        Argument("model", str, "Model file written by `intent train`.", needed=True),
+        Argument("bag", str, "Recording to replay.", needed=True),
+        Argument("dofs", str, "DOF file to check the model against; empty: the model's own."),
+        Argument("params_file", str, "Parameters of all nodes; the other arguments win."),
+        Argument("namespace", str, "Namespace of the nodes."),
+        Argument("use_sim_time", bool, "Take the time from /clock."),
+        Argument("bodies", tuple, "Tracked bodies, separated by commas."),
+        Argument("command_topic", str, "Where the arm takes a JointTrajectory."),
+        Argument("joint_states_topic", str, "Where the arm publishes its joint states."),
+        Argument("activate", bool, "Let the arm be moved at once; false: after `ros2 lifecycle`."),
+        Argument("transition_prior", bool, "Expect the task that usually follows the last one."),
+        Argument("pretrigger_threshold", float, "Go ahead for a next task so probable; 0: never."),
+        Argument("publish_clock", bool, "The arm publishes /clock."),
+        Argument("rate", float, "Simulated, or recorded, seconds in a real one."),
+        Argument("headless", bool, "No PyBullet window."),
+        Argument("sensor_noise", bool, "Noise on the simulated arm's joint states."),
+        Argument("coworker", bool, "Start the simulated coworker."),
+        Argument("task_list", str, "What the coworker does: labels, a file, random or habit."),
+        Argument("seed", int, "Seed of the coworker's movements and of the noise."),
+        Argument("loop", bool, "Play the recording again and again."),
+        Argument("start_paused", bool, "Wait for bag_player/resume."),
+        Argument("record", str, "Folder of a new bag with the session; empty: none."),
+        Argument("dashboard", bool, "Serve the web page, and teach tasks from it."),
+        Argument("port", int, "Port of the web page."),
+        Argument("library", str, "Folder of the tasks taught from the page."),
+        Argument("models", str, "Folder of the models the page compares."),
+        Argument("rviz", bool, "Open RViz with config/intent.rviz."),
+    )
+}
