@@ -12,7 +12,7 @@ from intent_recognition.cli.inspect_bag import moment
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.errors import BagError, ModelError
-from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.learning import TrainingSettings, learn_with_report
 from intent_recognition.model.file import Model, load_model, save_model
 
 
@@ -138,8 +138,8 @@ def model_file(tmp_path, rng):
     dofs = load_dofs()
     demonstrations, _ = read_demonstrations([tmp_path], dofs)
     settings = TrainingSettings(n_basis=6, segmentation="recording")
-    library = learn(demonstrations, settings, {"bags": ["bag0", "bag1"]})
-    save_model(tmp_path / "m.npz", Model(library, dofs))
+    report = learn_with_report(demonstrations, settings, {"bags": ["bag0", "bag1"]})
+    save_model(tmp_path / "m.npz", Model(report.library, dofs))
     return tmp_path / "m.npz"
 
 
