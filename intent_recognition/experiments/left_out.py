@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from intent_recognition.errors import TrainingError
 from intent_recognition.evaluation import sample
 from intent_recognition.gaussian import (
     Components,
@@ -28,6 +29,7 @@ from intent_recognition.learning import (
     RIDGE,
     SAMPLED_PHASES,
     Clustering,
+    Example,
     Features,
     Tried,
     cluster,
@@ -92,7 +94,7 @@ class Predicted(NamedTuple):
         std: of the same, (n, S, Q).
     """
 
-    component: NDArray[np.float64]
+    component: NDArray[np.integer]
     probability: NDArray[np.float64]
     mean: NDArray[np.float64]
     std: NDArray[np.float64]
@@ -106,10 +108,7 @@ def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
     """
     cut = cut_to_movement(demonstrations)
     examples = make_examples(cut, BASIS, RIDGE)
-    for example in examples:
-        if isinstance(example, Exception):
-            raise example
-    weights = np.array([example.weights for example in examples])
+    weights = np.array([_usable(example).weights for example in examples])
     n_observed = sum(len(signal.names) for signal in cut[0].observed)
     features = mixture_features(weights, n_observed, BASIS)
     smooth = np.swapaxes(weights @ BASIS.design_matrix(PHASES).T, 1, 2)  # (n, S, D)
@@ -134,6 +133,12 @@ def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
         *_maps(features, flat),
         (flat[0].mean(axis=0), flat[1].mean(axis=0)),
     )
+
+
+def _usable(example: Example | TrainingError) -> Example:
+    if isinstance(example, TrainingError):
+        raise example
+    return example
 
 
 def _maps(
@@ -207,7 +212,7 @@ def to_predict_with(pairs: Pairs, clustering: Clustering) -> Components:
     )
 
 
-def _order(share: NDArray[np.float64], labels: NDArray[np.float64]) -> NDArray[np.float64]:
+def _order(share: NDArray[np.float64], labels: NDArray[np.integer]) -> NDArray[np.integer]:
     """Which component of the mixtures is label 0, 1 and so on, (K,), from shares (n, n, K)."""
     together = share.sum(axis=0).T @ (labels[:, None] == np.arange(share.shape[2]))
     components, found = linear_sum_assignment(together, maximize=True)
@@ -217,8 +222,8 @@ def _order(share: NDArray[np.float64], labels: NDArray[np.float64]) -> NDArray[n
 def predict(
     pairs: Pairs,
     left_out: Components,
-    seen: NDArray[np.float64],
-    given: NDArray[np.float64] | None = None,
+    seen: NDArray[np.integer],
+    given: NDArray[np.integer] | None = None,
 ) -> Predicted:
     """Predict each robot from what is seen of its human, by the mixture fitted without both.
 
@@ -260,7 +265,7 @@ def rms(errors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.sqrt(np.mean(errors.reshape(len(errors), -1) ** 2, axis=1))
 
 
-def majority_names(names: NDArray[np.float64], labels: NDArray[np.float64]) -> dict[int, str]:
+def majority_names(names: NDArray[np.str_], labels: NDArray[np.integer]) -> dict[int, str]:
     """The name that most members (n,) of each component have."""
     found = {}
     for label in np.unique(labels):

@@ -128,7 +128,7 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
                 f"hand error, {readable(task)}",
                 _hand_error(error),
                 _hand_error(paper) if paper else "",
-                error.mean_cm <= paper.mean_cm if paper and error.mean_cm is not None else None,
+                _meets(error, paper),
                 "apart: its place does not depend on the human" if apart else f"n = {error.n}",
             )
         )
@@ -151,7 +151,11 @@ def _figures_of_records(
     drawn = []
     if errors_m:
         errors_cm = {task: [CM_PER_M * e for e in errors] for task, errors in errors_m.items()}
-        paper = {t: (e.mean_cm, e.two_std_cm) for t, e in PAPER_HAND_ERROR.items()}
+        paper = {
+            t: (e.mean_cm, e.two_std_cm)
+            for t, e in PAPER_HAND_ERROR.items()
+            if e.mean_cm is not None and e.two_std_cm is not None
+        }
         figure = figures.hand_error_figure(
             errors_cm, paper, dict.fromkeys(summary.tasks_apart, "(place is fixed)")
         )
@@ -232,7 +236,9 @@ def _details(records: Sequence[InteractionRecord], by_index: Mapping[int, Trace]
             if r.task == task and r.hand_error_m is not None and r.index in by_index
         ]
         if measured:
-            typical = sorted(measured, key=lambda r: r.hand_error_m)[(len(measured) - 1) // 2]
+            typical = sorted(measured, key=lambda r: r.hand_error_m or 0.0)[
+                (len(measured) - 1) // 2
+            ]
             chosen[typical.index] = (f"Typical: {readable(task)}", typical)
     missed = [r for r in records if not r.right and r.index in by_index]
     for record in missed[:MISSES_SHOWN]:
@@ -323,6 +329,13 @@ def _hand_error(error: HandError) -> str:
 
 def _absent(value: float | None, form: Callable[[float], str]) -> str:
     return "\N{EN DASH}" if value is None else form(value)
+
+
+def _meets(error: HandError, paper: HandError | None) -> bool | None:
+    """Whether an error is no larger than the paper's; None where one of them is unknown."""
+    if paper is None or paper.mean_cm is None or error.mean_cm is None:
+        return None
+    return error.mean_cm <= paper.mean_cm
 
 
 def _who(summary: DemoSummary) -> str:

@@ -75,7 +75,7 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 
         with rc_context():
             rcdefaults()
-            with rc_context(STYLE):
+            with rc_context(STYLE):  # type: ignore[arg-type]  # its keys are literals in the stubs
                 return draw(*args, **kwargs)
 
     return run

@@ -91,7 +91,7 @@ def number(value: object, unit: str) -> float:
     """One number of the JSON: itself, that of the unit where there are several, or NaN."""
     if isinstance(value, Mapping):
         value = value.get(unit)
-    return float("nan") if value is None else float(value)
+    return float("nan") if value is None else float(value)  # type: ignore[arg-type]  # of a JSON
 
 
 def series(table: Mapping, name: str, unit: str = "") -> tuple[list[float], list[float]]:
@@ -141,7 +141,7 @@ def _recognition(recognition: Mapping) -> tuple[Block, ...]:
         ]
     rows = []
     for fraction in sorted(next(iter(phases.values())), key=float):
-        row = [f"{100 * float(fraction):.0f}"]
+        row: list[str | None] = [f"{100 * float(fraction):.0f}"]
         for table in phases.values():
             scores = table.get(fraction, {})
             row += [
@@ -211,7 +211,7 @@ def _mixture(mixture: Mapping) -> tuple[Block, ...]:
         KeyNumbers(
             (
                 KeyNumber("components chosen", str(mixture.get("n_components", "?"))),
-                KeyNumber("purity", _text(purity, ".2f"), note="against the labels"),
+                KeyNumber("purity", _text(purity, ".2f") or "?", note="against the labels"),
             )
         ),
     )

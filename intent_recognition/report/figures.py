@@ -2,7 +2,7 @@
 """Figures of a session of interactions; each function turns arrays into a matplotlib Figure."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from intent_recognition.report.drawing import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 SHARE_GRID = np.linspace(0.0, 1.0, 101)
 
@@ -43,8 +44,8 @@ def hand_error_figure(
     colours, markers = task_colours(errors_cm), task_markers(errors_cm)
     figure = new_figure(5.6, 3.7)
     axes = figure.subplots()
-    for place, (task, values) in enumerate(errors_cm.items()):
-        values = np.asarray(values, dtype=float)
+    for place, (task, listed) in enumerate(errors_cm.items()):
+        values = np.asarray(listed, dtype=float)
         x = place - 0.12 + _spread(values, 0.1)
         axes.scatter(
             x, values, s=22, color=colours[task], marker=markers[task], alpha=0.55, linewidths=0
@@ -79,7 +80,7 @@ def decision_share_figure(
     axes = figure.subplots()
     axes.hist(
         [100 * values for values in arrays],
-        bins=100 * edges,
+        bins=list(100 * edges),
         stacked=True,
         color=[colours[task] for task in shares],
         label=[readable(task) for task in shares],
@@ -104,7 +105,7 @@ def arrival_figure(arrivals_s: Mapping[str, Sequence[float]]) -> "Figure":
     axes = figure.subplots()
     axes.hist(
         arrays,
-        bins=np.histogram_bin_edges(everything, bins=20),
+        bins=list(np.histogram_bin_edges(everything, bins=20)),
         stacked=True,
         color=[colours[task] for task in arrivals_s],
         label=[readable(task) for task in arrivals_s],
@@ -187,7 +188,8 @@ def posterior_figure(
             _bundle(
                 axes, [(shares[i], probabilities[i][:, column]) for i in chosen], colours[label]
             )
-        ticks = [100 * decisions[i] for i in chosen if decisions[i] is not None]
+        decided = [decisions[i] for i in chosen]
+        ticks = [100 * share for share in decided if share is not None]
         axes.plot(ticks, np.full(len(ticks), 1.06), "|", color=INK, markersize=7, alpha=0.6)
         axes.set_title(f"true task: {readable(true)} ({len(chosen)})")
         axes.set_xlabel("share of the movement [%]")
@@ -269,7 +271,15 @@ def _spread(values: NDArray[np.float64], half_width: float) -> NDArray[np.float6
     return half_width * offsets
 
 
-def _whisker(axes: "Axes", x, mean, two_std, colour, label, marker="o") -> None:
+def _whisker(
+    axes: "Axes",
+    x: float,
+    mean: float,
+    two_std: float,
+    colour: str,
+    label: str,
+    marker: str = "o",
+) -> None:
     axes.errorbar(
         [x],
         [mean],
@@ -284,10 +294,10 @@ def _whisker(axes: "Axes", x, mean, two_std, colour, label, marker="o") -> None:
     )
 
 
-def _mean_handles(with_paper: bool) -> list:
+def _mean_handles(with_paper: bool) -> list["Line2D"]:
     from matplotlib.lines import Line2D
 
-    shared = {"linestyle": "-", "markeredgecolor": "white", "markersize": 6.5}
+    shared: dict[str, Any] = {"linestyle": "-", "markeredgecolor": "white", "markersize": 6.5}
     handles = [
         Line2D([], [], color=SOFT, marker="o", linestyle="", alpha=0.55, label="one interaction"),
         Line2D(

@@ -66,7 +66,7 @@ def confusion_figure(
             for column in np.flatnonzero(counts[row]):
                 colour = "white" if share[row, column] > 0.6 else INK
                 text = f"{counts[row, column]:.0f}"
-                axes.text(column, row, text, ha="center", va="center", color=colour)
+                axes.text(float(column), row, text, ha="center", va="center", color=colour)
     axes.set_xticks(range(n_columns), [readable(name) for name in recognised])
     axes.set_xticks(np.arange(n_columns - 1) + 0.5, minor=True)
     axes.set_yticks(range(n_rows), [readable(name) for name in true])

@@ -12,13 +12,14 @@ from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_figure, st
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.typing import LineStyleType
 
 PHASE_NAMES = {"known_phase": "known phase", "unknown_phase": "unknown phase"}
 PHASE_STYLES = {
     "known_phase": ("known phase", PALETTE[0], "o"),
     "unknown_phase": ("unknown phase", PALETTE[1], "s"),
 }
-RMSE_STYLES = {
+RMSE_STYLES: dict[str, tuple[str, str, str, "LineStyleType"]] = {
     "rmse": ("library, true task", PALETTE[0], "o", "-"),
     "rmse_inferred_task": ("library, inferred task", PALETTE[5], "s", "-"),
     "rmse_future": ("library, part not yet seen", PALETTE[2], "^", "-"),
@@ -27,7 +28,8 @@ RMSE_STYLES = {
 }
 TWO_SIGMA = 0.9545
 
-Series = Mapping[str, tuple[Sequence[float], Sequence[float]]]
+Values = Sequence[float] | NDArray[np.float64]
+Series = Mapping[str, tuple[Values, Values]]
 """Per name, fractions observed (F,) and values (F,); NaN is left out."""
 
 
@@ -134,7 +136,15 @@ def _phases(axes: "Axes", series: Series) -> None:
     axes.set_xlim(0, 103)
 
 
-def _line(axes: "Axes", fractions, values, label, colour, marker, line) -> None:
+def _line(
+    axes: "Axes",
+    fractions: Values,
+    values: Values,
+    label: str,
+    colour: str,
+    marker: str,
+    line: "LineStyleType",
+) -> None:
     axes.plot(
         100 * np.asarray(fractions, dtype=float),
         np.asarray(values, dtype=float),

@@ -18,6 +18,7 @@ from intent_recognition.report.drawing import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -159,11 +160,13 @@ def _events(axes: "Axes", trace: Mapping) -> None:
         axes.axvline(trace["end_s"], color=SOFT, linewidth=1.2, linestyle=(0, (1, 1.5)))
 
 
-def _legend(figure: "Figure", grid, count: int, with_band: bool, trace: Mapping) -> None:
+def _legend(
+    figure: "Figure", grid: NDArray[np.object_], count: int, with_band: bool, trace: Mapping
+) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles = [
+    handles: list[Artist] = [
         Line2D([], [], color=OBSERVED, label="measured"),
         Line2D([], [], color=PREDICTED, linestyle=(0, (4, 1.6)), label="predicted at the decision"),
     ]

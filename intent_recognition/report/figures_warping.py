@@ -18,7 +18,7 @@ MM = 1e3
 
 @styled
 def parts_figure(
-    views: tuple[tuple[str, NDArray[np.float64], NDArray[np.float64]], ...],
+    views: tuple[tuple[str, NDArray[np.float64], NDArray[np.integer]], ...],
 ) -> "Figure":
     """Points of several objects, coloured by part, each upright in its own frame.
 

@@ -2,7 +2,7 @@
 """The demo's table, as cells and as lines of a terminal."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from intent_recognition.evaluation import CM_PER_M, InteractionRecord
 
@@ -15,7 +15,7 @@ class Field(NamedTuple):
     title: str
     unit: str
     width: int
-    align: str
+    align: Literal["left", "right"]
     cell: Callable[[InteractionRecord], str | None]
 
 

@@ -47,7 +47,7 @@ class ObjectFrame:
         """Points (n, 3) in the frame's axes, in metres."""
         return (points - self.origin) @ self.axes.T
 
-    def on_handle(self, local: NDArray[np.float64]) -> NDArray[np.float64]:
+    def on_handle(self, local: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which points (n,) stand out of the wall on the handle's side; local (n, 3) [m]."""
         if not self.has_handle:
             return np.zeros(len(local), dtype=bool)
@@ -127,7 +127,7 @@ def outer_wall(
 
 def protruding(
     share: NDArray[np.float64], radius: NDArray[np.float64], wall: NDArray[np.float64]
-) -> NDArray[np.float64]:
+) -> NDArray[np.bool_]:
     """Which points (n,) stand out of the wall (N_LEVELS,) by far."""
     return radius > PROTRUSION * np.maximum(wall[_level(share)], 0.6 * np.median(wall))
 

@@ -82,7 +82,8 @@ def fit_logistic(
 
     def loss(candidate: NDArray[np.float64]) -> float:
         odds = design @ candidate
-        return weights @ (np.logaddexp(0.0, odds) - labels * odds) + 0.5 * penalty @ candidate**2
+        misfit = weights @ (np.logaddexp(0.0, odds) - labels * odds)
+        return float(misfit + 0.5 * penalty @ candidate**2)
 
     current = loss(beta)
     for _ in range(max_iterations):
@@ -125,8 +126,8 @@ def _checked(
         bad = f"{np.count_nonzero(~np.isfinite(features))} others"
         raise ArgumentError(describe("features", "finite values", bad, "Leave those samples out."))
     if not np.isin(labels, (0.0, 1.0)).all():
-        got = np.setdiff1d(labels, (0.0, 1.0))[:3]
-        raise ArgumentError(describe("labels", "0 or 1", got, "Fit one model per label."))
+        others = np.setdiff1d(labels, (0.0, 1.0))[:3]
+        raise ArgumentError(describe("labels", "0 or 1", others, "Fit one model per label."))
     if not (np.isfinite(weights).all() and (weights >= 0.0).all()):
         cure = "Leave samples of no use out or weigh them 0."
         raise ArgumentError(describe("sample_weights", "values >= 0", weights.min(), cure))

@@ -17,7 +17,7 @@ def agreeing_neighbours(
     candidates: NDArray[np.float64],
     candidate_normals: NDArray[np.float64],
     k: int = 1,
-) -> NDArray[np.float64]:
+) -> NDArray[np.integer]:
     """The k nearest candidates of each point with a normal on the same side.
 
     Args:
@@ -53,7 +53,7 @@ def agreeing_neighbours(
     return found
 
 
-def majority(labels: NDArray[np.float64], n_labels: int) -> NDArray[np.float64]:
+def majority(labels: NDArray[np.integer], n_labels: int) -> NDArray[np.integer]:
     """Most frequent of k labels (n, k), that of the nearest neighbour where two are level."""
     if labels.shape[1] == 1:
         return labels[:, 0]
@@ -62,7 +62,7 @@ def majority(labels: NDArray[np.float64], n_labels: int) -> NDArray[np.float64]:
     return votes.argmax(1)
 
 
-def _chunks(rows: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _chunks(rows: NDArray[np.integer]) -> list[NDArray[np.integer]]:
     """Rows in pieces that keep the tables of distances small."""
     return [rows[start : start + CHUNK] for start in range(0, len(rows), CHUNK)]
 
@@ -73,7 +73,7 @@ def _among_all(
     candidates: NDArray[np.float64],
     candidate_normals: NDArray[np.float64],
     k: int,
-) -> NDArray[np.float64]:
+) -> NDArray[np.integer]:
     """The same where the agreeing ones are far away: all candidates are looked at."""
     # Squared distances but for a constant per point, in one product.
     extended = np.column_stack([candidates, (candidates * candidates).sum(1)])

@@ -48,7 +48,7 @@ class AnnotatedObject(ObjectCloud):
         name: what it is.
     """
 
-    labels: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0, dtype=int))
+    labels: NDArray[np.integer] = field(default_factory=lambda: np.zeros(0, dtype=int))
     name: str = "object"
 
     def __post_init__(self) -> None:
@@ -80,9 +80,9 @@ def checked_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(points) < MIN_POINTS:
         cure = "Scan the object closer or from more sides."
         raise ArgumentError(describe("points", f"at least {MIN_POINTS}", len(points), cure))
-    bad = ~np.isfinite(points).all(1)
+    bad = ~np.all(np.isfinite(points), axis=1)
     if bad.any():
         cure = "Leave pixels without depth out."
-        got = f"{bad.sum()} of {len(bad)} with NaN or infinity"
+        got = f"{np.sum(bad)} of {len(points)} with NaN or infinity"
         raise ArgumentError(describe("points", "finite coordinates", got, cure))
     return points

@@ -55,7 +55,7 @@ class WarpedObject:
 
     points: NDArray[np.float64]
     normals: NDArray[np.float64]
-    labels: NDArray[np.float64]
+    labels: NDArray[np.integer]
     frame: ObjectFrame
     mapping: Mapping
 
@@ -165,7 +165,7 @@ def _frame(cloud: ObjectCloud, classifiers: PartClassifiers) -> ObjectFrame:
 
 def _aligned_source(
     source: WarpSource, target: ObjectFrame
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.integer]]:
     """Points, normals and labels of the source, scaled to the target's size in its axes.
 
     Height and radius are scaled apart, the radius level by level as the walls are wide. A handle

@@ -61,7 +61,7 @@ def fit_part_classifiers(source: AnnotatedObject, up: NDArray[np.float64]) -> Pa
 
 def _seen(
     source: AnnotatedObject, up: NDArray[np.float64], n_views: int, rng: np.random.Generator
-) -> NDArray[np.float64]:
+) -> NDArray[np.integer]:
     """Indices of points that cameras above would see, hidden ones behind others included."""
     first = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
     first /= np.linalg.norm(first)

@@ -51,12 +51,13 @@ def check_scan(points: NDArray[np.float64]) -> None:
         raise ArgumentError(describe("points", "one object", got, cure))
 
 
-def _pieces(points: NDArray[np.float64], n_looked_at: int) -> NDArray[np.float64]:
+def _pieces(points: NDArray[np.float64], n_looked_at: int) -> NDArray[np.integer]:
     """Sizes of the pieces of a cloud thinned to about so many points, largest first."""
     looked_at = points[:: max(1, len(points) // n_looked_at)]
     tree = cKDTree(looked_at)
-    nearest, _ = tree.query(looked_at, k=2)
-    pairs = tree.query_pairs(GAP * float(np.median(nearest[:, 1])), output_type="ndarray")
+    nearest = np.asarray(tree.query(looked_at, k=2)[0])
+    reach_m = GAP * float(np.median(nearest[:, 1]))
+    pairs = tree.query_pairs(reach_m, output_type="ndarray")
     n = len(looked_at)
     links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     _, piece = connected_components(links, directed=False)

@@ -212,7 +212,8 @@ class LwrArm:
                 describe("mass_kg, com_m", "finite, mass >= 0", (mass_kg, com_m), "Check them.")
             )
         self._payload_mass_kg = float(mass_kg)
-        self._payload_com_m = tuple(float(value) for value in com_m)
+        x, y, z = com_m
+        self._payload_com_m = float(x), float(y), float(z)
 
     def apply_force(
         self,

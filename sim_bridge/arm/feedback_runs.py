@@ -114,5 +114,5 @@ def execute(
             positions.append(arm.state().q)
             hands.append(arm.hand_pose().position)
         saturated = arm.saturated_steps
-    times = np.arange(len(positions)) * _STEPS_PER_SAMPLE * TIME_STEP_S
+    times = np.arange(len(positions), dtype=np.float64) * _STEPS_PER_SAMPLE * TIME_STEP_S
     return FeedbackRun(times, np.array(positions), np.array(hands), saturated)

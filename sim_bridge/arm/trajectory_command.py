@@ -59,7 +59,7 @@ class TrajectoryCommand:
     def validated(
         cls,
         names: Sequence[str],
-        times_s: Sequence[float],
+        times_s: Sequence[float] | NDArray[np.float64],
         positions: Rows,
         velocities: Rows | None = None,
         accelerations: Rows | None = None,
@@ -114,7 +114,7 @@ def _column_order(names: Sequence[str], joint_names: Sequence[str]) -> list[int]
     return [given.index(name) for name in joint_names]
 
 
-def _checked_times(times_s: Sequence[float]) -> NDArray[np.float64]:
+def _checked_times(times_s: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
     times = np.array(times_s, dtype=np.float64)
     if times.ndim != 1 or times.size == 0:
         _reject("empty", "points", "at least one point", f"{times.size} points")
@@ -202,7 +202,7 @@ def _check_excess(
     names: Sequence[str],
 ) -> None:
     if np.any(excess > 1e-9):
-        k, joint = np.unravel_index(np.argmax(excess), excess.shape)
+        k, joint = divmod(int(np.argmax(excess)), excess.shape[1])
         _reject(
             f"outside_{kind}_limits",
             f"points[{k}] {names[joint]}",

@@ -140,7 +140,7 @@ def _add_inertial(
     ET.SubElement(inertial, "mass", value=repr(float(mass)))
     names = ("ixx", "iyy", "izz")
     values = {name: repr(float(value)) for name, value in zip(names, moments, strict=True)}
-    ET.SubElement(inertial, "inertia", **values, ixy="0", ixz="0", iyz="0")
+    ET.SubElement(inertial, "inertia", {**values, "ixy": "0", "ixz": "0", "iyz": "0"})
 
 
 def _add_shapes(link: ET.Element, shapes: tuple[Shape, ...]) -> None:
@@ -149,7 +149,7 @@ def _add_shapes(link: ET.Element, shapes: tuple[Shape, ...]) -> None:
             element = ET.SubElement(link, kind)
             ET.SubElement(element, "origin", xyz=_text(shape.xyz), rpy=_text(shape.rpy))
             geometry = ET.SubElement(element, "geometry")
-            ET.SubElement(geometry, shape.kind, **shape.size)
+            ET.SubElement(geometry, shape.kind, shape.size)
             if kind == "visual":
                 material = ET.SubElement(element, "material", name=shape.colour_name)
                 ET.SubElement(material, "color", rgba=_text(shape.rgba))

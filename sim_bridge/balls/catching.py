@@ -70,7 +70,7 @@ def catch(
     return Caught(True, guard.count)
 
 
-def _outside(world: BallWorld, positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _outside(world: BallWorld, positions_m: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which balls (N, 3) are below the rim and clear of the wall on its far side (N,)."""
     hollow, radius = world.hollow, world.ball_radius_m
     low = positions_m[:, 2] < hollow.rim_height_m - radius
@@ -81,7 +81,7 @@ def _outside(world: BallWorld, positions_m: NDArray[np.float64]) -> NDArray[np.f
 
 def _misses(
     world: BallWorld, starts_m: NDArray[np.float64], velocities_m_s: NDArray[np.float64]
-) -> NDArray[np.float64]:
+) -> NDArray[np.bool_]:
     """Which balls fly past the rim without touching it: (N,).
 
     A ball that starts below the rim's height and outside never comes in.

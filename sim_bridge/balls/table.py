@@ -41,7 +41,7 @@ def write_trials(
     path.parent.mkdir(parents=True, exist_ok=True)
     half = path.with_name(path.name + ".half.npz")
     with half.open("wb") as stream:
-        np.savez_compressed(stream, origin=np.array(note), **arrays)
+        np.savez_compressed(stream, origin=np.array(note), **arrays)  # type: ignore[arg-type]  # numpy 2.2 stubs: names of arrays meet the name `allow_pickle`
         stream.flush()
         os.fsync(stream.fileno())
     half.replace(path)

@@ -91,7 +91,7 @@ class WallGuard:
         self._below = self._deep(positions_m) & (hollow.clearance_m(positions_m) >= 0.0)
         self.count = 0
 
-    def look(self, positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def look(self, positions_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Take note of centres (N, 3); return which of them are inside, below the rim (N,)."""
         hollow, z = self._hollow, positions_m[:, 2]
         clearance = hollow.clearance_m(positions_m)
@@ -104,7 +104,7 @@ class WallGuard:
         """Watch further balls, which come in from outside."""
         self._below = np.append(self._below, np.zeros(n_balls, dtype=bool))
 
-    def _deep(self, positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _deep(self, positions_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         z = positions_m[:, 2]
         return (z < self._opening_m) & (z >= self._hollow.heights_m[0])
 

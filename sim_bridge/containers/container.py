@@ -98,7 +98,7 @@ class Container:
             outward / np.linalg.norm(outward),
         )
 
-    def labels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def labels(self, points: NDArray[np.float64]) -> NDArray[np.integer]:
         """Part (n,), values of `Part`, of surface points (n, 3) in the object's frame."""
         points = np.asarray(points, dtype=float)
         parts = np.full(len(points), int(Part.CONTAINER))

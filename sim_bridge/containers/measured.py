@@ -160,9 +160,9 @@ def _free_space(
     return np.column_stack([start[:2] + (rows[:, :2] + 0.5) * cube_m, tops[rows[:, 2]]])
 
 
-def _plugged(solid: NDArray[np.float64], cube_m: float) -> NDArray[np.float64]:
+def _plugged(solid: NDArray[np.bool_], cube_m: float) -> NDArray[np.bool_]:
     """Cubes where columns through a pinhole are like their neighbours."""
-    through = ~solid.any(2)
+    through: NDArray[np.bool_] = ~np.any(solid, axis=2)
     pieces, n = ndimage.label(through)
     sizes = ndimage.sum(through, pieces, np.arange(n + 1)) * cube_m**2
     pinhole = through & (sizes[pieces] < PINHOLE_M2) & (pieces != pieces[0, 0])

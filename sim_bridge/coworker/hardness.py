@@ -6,7 +6,7 @@ a share of the movement. The other is a Gaussian per task with a common covarian
 seen up to there: where the wrist started and its displacement from there.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,12 @@ from sim_bridge.coworker.styles import TASKS
 
 TRAINING_COUNTS = {TASKS[0]: 15, TASKS[1]: 20, TASKS[2]: 13}
 TEST_COUNTS = dict.fromkeys(TASKS, 4)
+
+
+Classifier = Callable[
+    [NDArray[np.float64], NDArray[np.integer], NDArray[np.float64]], NDArray[np.integer]
+]
+"""From training features (n, d), their labels (n,) and other features (m, d) to labels (m,)."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +58,8 @@ def wrist_at(demonstration: WristDemonstration, shares: Sequence[float]) -> NDAr
 
 
 def nearest_mean_labels(
-    train: NDArray[np.float64], labels: NDArray[np.float64], test: NDArray[np.float64]
-) -> NDArray[np.float64]:
+    train: NDArray[np.float64], labels: NDArray[np.integer], test: NDArray[np.float64]
+) -> NDArray[np.integer]:
     """Index of the nearest class mean, for each row of `test` (n, d)."""
     means = np.array([train[labels == label].mean(axis=0) for label in np.unique(labels)])
     distances = np.linalg.norm(test[:, None] - means, axis=2)
@@ -61,8 +67,8 @@ def nearest_mean_labels(
 
 
 def gaussian_labels(
-    train: NDArray[np.float64], labels: NDArray[np.float64], test: NDArray[np.float64]
-) -> NDArray[np.float64]:
+    train: NDArray[np.float64], labels: NDArray[np.integer], test: NDArray[np.float64]
+) -> NDArray[np.integer]:
     """Index of the most probable class: Gaussians with a pooled, slightly shrunk covariance."""
     classes = np.unique(labels)
     means = np.array([train[labels == label].mean(axis=0) for label in classes])
@@ -84,7 +90,10 @@ def _history(demonstrations: Sequence[WristDemonstration], share: float) -> NDAr
     return np.array(rows)
 
 
-def _leave_one_out(classify, features: NDArray[np.float64], labels: NDArray[np.float64]) -> float:
+def _leave_one_out(
+    classify: Classifier, features: NDArray[np.float64], labels: NDArray[np.integer]
+) -> float:
+    """Accuracy."""
     hits = 0
     for k in range(len(labels)):
         rest = np.arange(len(labels)) != k

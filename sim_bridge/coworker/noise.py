@@ -18,7 +18,9 @@ MARKER_STD_M = 0.001
 MARKER_ANGLE_STD_RAD = 0.006
 
 
-def smooth_noise(rng: np.random.Generator, count: int, rate_hz: float, cutoff_hz: float):
+def smooth_noise(
+    rng: np.random.Generator, count: int, rate_hz: float, cutoff_hz: float
+) -> NDArray[np.float64]:
     """Gaussian noise (count, 3) of unit variance: two equal first-order low passes in series.
 
     Stationary from the first sample on, since the filter runs before the part that is returned.
@@ -49,7 +51,9 @@ def _recursive(white: NDArray[np.float64], first: float, second: float) -> NDArr
     return out / np.sqrt(variance)
 
 
-def signal_dependent(rng: np.random.Generator, positions: NDArray[np.float64], rate_hz: float):
+def signal_dependent(
+    rng: np.random.Generator, positions: NDArray[np.float64], rate_hz: float
+) -> NDArray[np.float64]:
     """Deviation (T, 3) of one movement whose velocity noise grows with speed (Harris and Wolpert).
 
     The person corrects on the way: the accumulated deviation is taken back smoothly, so that the
@@ -66,7 +70,7 @@ def signal_dependent(rng: np.random.Generator, positions: NDArray[np.float64], r
 
 def occlusions(
     rng: np.random.Generator, count: int, rate_hz: float, gaps_per_s: float, drop_rate: float
-) -> NDArray[np.float64]:
+) -> NDArray[np.bool_]:
     """Which of `count` samples the tracker sees, bool (count,).
 
     Gaps of 0.05 to 0.35 s begin at random, `gaps_per_s` on average; single samples are lost with

@@ -45,8 +45,8 @@ class TaskStyle:
     turn_rad: NDArray[np.float64]
 
 
-def _style(centre, half_width, bow, bow_std, turn) -> TaskStyle:
-    values = (centre, half_width, bow, bow_std, turn)
+def _style(*values: tuple[float, float, float]) -> TaskStyle:
+    """A style from its five vectors, in the order of the attributes."""
     arrays = [np.array(value, dtype=np.float64) for value in values]
     for array in arrays:
         array.setflags(write=False)

@@ -37,7 +37,7 @@ class WristSamples:
     times_s: NDArray[np.float64]
     positions_m: NDArray[np.float64]
     orientations: NDArray[np.float64]
-    visible: NDArray[np.float64]
+    visible: NDArray[np.bool_]
     true_positions_m: NDArray[np.float64]
 
 

@@ -40,9 +40,17 @@ Message = tuple[str, str, int, dict]
 class ArmSamples(Protocol):
     """What the arm's sensors said every 10 ms: positions, velocities, torques, each (T, 7)."""
 
-    positions_rad: NDArray[np.float64]
-    velocities_rad_s: NDArray[np.float64]
-    torques_nm: NDArray[np.float64]
+    @property
+    def positions_rad(self) -> NDArray[np.float64]:
+        """Joint angles [rad]."""
+
+    @property
+    def velocities_rad_s(self) -> NDArray[np.float64]:
+        """Joint velocities [rad/s]."""
+
+    @property
+    def torques_nm(self) -> NDArray[np.float64]:
+        """Joint torques [Nm]."""
 
 
 def pose_and_joint_messages(

@@ -126,7 +126,7 @@ def toolbox(settings: Settings) -> dict[str, tuple[NDArray[np.float64], int]]:
     for recorded in cut_to_movement(found):
         signals = (*recorded.observed, *recorded.controlled)
         values = even_trajectory(signals, recorded.start_ns, recorded.end_ns, N_SAMPLES)
-        per_task.setdefault(recorded.task, []).append(values)
+        per_task.setdefault(str(recorded.task), []).append(values)
     most = 6 if settings.quick else None
     arrays = {task: np.array(values[:most]) for task, values in sorted(per_task.items())}
     return {task: (values, medoid(values)) for task, values in arrays.items()}

@@ -43,7 +43,7 @@ def dtw_available() -> bool:
 def smooth_maps(trajectories: NDArray[np.float64], reference: int) -> NDArray[np.float64]:
     """Recorded phases by `alignment.align`, (n, T); trajectories (n, T, D)."""
     phase = np.linspace(0.0, 1.0, trajectories.shape[1])
-    return np.array([warp.apply(phase) for warp in align(trajectories, reference).warps])
+    return np.array([warp.apply(phase) for warp in align(list(trajectories), reference).warps])
 
 
 def dtw_maps(

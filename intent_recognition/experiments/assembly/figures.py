@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from intent_recognition.report import INK, SOFT, new_figure, readable, styled, task_colours
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -196,7 +197,7 @@ def _tube(paths: NDArray[np.float64]) -> Tube:
 
 
 def _ellipses(
-    axes: "Axes", tube: Tube, plane: tuple[int, int], colour: str, count=N_ELLIPSES
+    axes: "Axes", tube: Tube, plane: tuple[int, int], colour: str, count: int = N_ELLIPSES
 ) -> None:
     """Ellipses of two standard deviations, evenly spaced along the tube's path."""
     from matplotlib.patches import Ellipse
@@ -219,7 +220,13 @@ def _evenly_along(path: NDArray[np.float64], count: int) -> list[int]:
     return sorted({int(k) for k in np.searchsorted(length, wanted).clip(0, len(path) - 1)})
 
 
-def _bands(axes: "Axes", labels, values: NDArray[np.float64], colours, first: int = 0) -> None:
+def _bands(
+    axes: "Axes",
+    labels: Sequence[str],
+    values: NDArray[np.float64],
+    colours: Mapping[str, str],
+    first: int = 0,
+) -> None:
     """Median and central 90 % of each task's probability; values (demonstrations, n, K)."""
     at = first + np.arange(values.shape[1])
     for k, label in enumerate(labels):
@@ -229,11 +236,11 @@ def _bands(axes: "Axes", labels, values: NDArray[np.float64], colours, first: in
     axes.set_xlim(at[0], at[-1])
 
 
-def _task_legend(figure: "Figure", labels, colours) -> None:
+def _task_legend(figure: "Figure", labels: Sequence[str], colours: Mapping[str, str]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles = [
+    handles: list[Artist] = [
         Line2D([], [], color=colours[t], marker="o", markersize=3.5, label=readable(t))
         for t in labels
     ]

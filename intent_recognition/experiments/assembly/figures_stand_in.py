@@ -18,8 +18,11 @@ from intent_recognition.report import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
+    from matplotlib.typing import LineStyleType
 
+DASHED: "LineStyleType" = (0, (4, 1.6))
 MINUS = "\N{MINUS SIGN}"
 
 
@@ -65,8 +68,8 @@ def prediction_error_figure(
     figure = new_figure(5.6, 3.9)
     axes = figure.subplots()
     for task, errors in known_cm.items():
-        at, style = np.arange(len(errors)), {"color": colours[task], "markersize": 4}
-        axes.plot(at, errors, marker=markers[task], **style)
+        at = np.arange(len(errors))
+        axes.plot(at, errors, marker=markers[task], color=colours[task], markersize=4)
         axes.plot(at, unknown_cm[task], linestyle=(0, (4, 2)), lw=1.3, color=colours[task])
         axes.axhline(mean_cm[task], color=colours[task], lw=0.9, linestyle=(0, (1, 2)))
     axes.set_ylim(bottom=0.0)
@@ -96,7 +99,7 @@ def prediction_figure(examples: Mapping[str, Predicted], n_observations: int) ->
             low, high = (shown.mean_m[:, k] + s * 2.0 * shown.std_m[:, k] for s in (-1, 1))
             colour = colours[task]
             axes.fill_between(shown.times_s, low, high, color=colour, alpha=0.18, lw=0)
-            axes.plot(shown.times_s, shown.mean_m[:, k], color=colour, linestyle=(0, (4, 1.6)))
+            axes.plot(shown.times_s, shown.mean_m[:, k], color=colour, linestyle=DASHED)
             axes.plot(shown.times_s, shown.truth_m[:, k], color=INK, lw=1.3)
             axes.set_title(f"{readable(task)}: {'xyz'[k]}")
             axes.set_xlim(shown.times_s[0], shown.times_s[-1])
@@ -155,13 +158,19 @@ def arrival_figure(
 
 
 def _legend(
-    figure: "Figure", truth: str, ours: str, *, band=False, dashed=True, began=False
+    figure: "Figure",
+    truth: str,
+    ours: str,
+    *,
+    band: bool = False,
+    dashed: bool = True,
+    began: bool = False,
 ) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    style = (0, (4, 1.6)) if dashed else "-"
-    handles = [
+    style: LineStyleType = DASHED if dashed else "-"
+    handles: list[Artist] = [
         Line2D([], [], color=INK, lw=1.3, label=truth),
         Line2D([], [], color=SOFT, lw=2.6, linestyle=style, label=f"{ours} (coloured)"),
     ]

@@ -166,12 +166,14 @@ def predicted_after(
     return times_s, truth, mean, np.sqrt(np.maximum(square - mean**2, 1e-12))
 
 
-def _mixture(run: MovementRun, belief: NDArray[np.float64], times_s: NDArray[np.float64]):
+def _mixture(
+    run: MovementRun, belief: NDArray[np.float64], times_s: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
     """Mean and mean square of the assistant's wrist over all tasks that may be, (T, 3) each."""
     likely = np.flatnonzero(belief > 1e-3)
     share = belief[likely] / belief[likely].sum()
     moments = [run.task_filters[int(task)].mixture_at(times_s) for task in likely]
-    return tuple(np.tensordot(share, np.array(part), axes=1) for part in zip(*moments, strict=True))
+    return [np.tensordot(share, np.array(part), axes=1) for part in zip(*moments, strict=True)]
 
 
 def single_evidence(

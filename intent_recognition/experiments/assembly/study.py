@@ -110,17 +110,18 @@ def study(settings: Settings) -> Study:
         demonstrations = _few(demonstrations)
     numbers = fold_numbers(demonstrations, QUICK_PER_TASK if settings.quick else FOLDS)
     turns = [0] if settings.quick else range(FOLDS)
-    first, scored = None, []
+    folds, scored = [], []
     for turn in turns:
         settings.progress(0.6 * turn / len(turns), f"learning without part {turn + 1}")
         fold = leave_out(demonstrations, numbers, turn)
-        first = first or fold
+        folds.append(fold)
         warps = fold.timing.warps(fold.left_out)
         for k, (left_out, warp) in enumerate(zip(fold.left_out, warps, strict=True)):
             done = (turn + 0.4 + 0.6 * k / len(fold.left_out)) / len(turns)
             settings.progress(0.6 * done, left_out.name)
             evidence = aligned_evidence(fold.aligned, warp, left_out, N_OBSERVATIONS)
             scored.append(score(fold.library, fold.training, left_out, evidence))
+    first = folds[0]
     alignments, unaligned = _align(first.training)
     executed, n = [], len(first.as_recorded)
     for k, recording in enumerate(first.as_recorded):
@@ -153,9 +154,10 @@ def fold_numbers(demonstrations: Sequence[Demonstration], n_folds: int) -> list[
     seen: dict[str, int] = {}
     numbers = []
     for demonstration in demonstrations:
-        count = seen.get(demonstration.task, 0)
+        task = str(demonstration.task)
+        count = seen.get(task, 0)
         numbers.append(count % n_folds)
-        seen[demonstration.task] = count + 1
+        seen[task] = count + 1
     return numbers
 
 

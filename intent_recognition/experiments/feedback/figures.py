@@ -147,7 +147,7 @@ def push_figure(
     return figure
 
 
-def _joint_panels(n_joints: int, height_in: float):
+def _joint_panels(n_joints: int, height_in: float) -> tuple["Figure", list["Axes"], "Axes"]:
     """A figure with one panel per joint, and the first free panel for the legend."""
     n_rows = -(-(n_joints + 1) // N_COLUMNS)
     figure = new_figure(9.8, height_in)
@@ -157,8 +157,8 @@ def _joint_panels(n_joints: int, height_in: float):
     for one in axes[max(0, n_joints - N_COLUMNS) : n_joints]:
         one.set_xlabel("time [s]")
         one.tick_params(labelbottom=True)
-    return figure, axes[:n_joints], axes[n_joints]
+    return figure, list(axes[:n_joints]), axes[n_joints]
 
 
-def _legend(panels: Sequence, corner: "Axes") -> None:
+def _legend(panels: Sequence["Axes"], corner: "Axes") -> None:
     corner.legend(*panels[0].get_legend_handles_labels(), loc="center")

@@ -167,7 +167,7 @@ def _on_samples(
 
 def sample_times(one: Reproduced) -> NDArray[np.float64]:
     """Times of the arm's samples (T,) [s]."""
-    return 0.01 * np.arange(one.positions_rad.shape[1])
+    return 0.01 * np.arange(one.positions_rad.shape[1], dtype=np.float64)
 
 
 def mean_deviation(policy: FeedbackPolicy, one: Reproduced) -> NDArray[np.float64]:

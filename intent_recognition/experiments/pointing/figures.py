@@ -124,7 +124,7 @@ def errors_figure(
         100.0 * paper_m, color=PAPER_COLOUR, linestyle=(0, (4, 2)), linewidth=1.3,
         label="largest error in the paper",
     )  # fmt: skip
-    for u, error in zip(at, errors_m, strict=True):
+    for u, error in enumerate(errors_m):
         axes.text(u, 100.0 * error + 0.12, f"{100 * error:.1f}", ha="center", fontsize=8.5)
     axes.set_xticks(at, [f"#{number}" for number in numbers])
     axes.grid(axis="x", visible=False)
@@ -155,7 +155,7 @@ def conditioned_figure(
         done: phases (m,) and joints (m, 7) of the arm as it moved.
     """
     figure = new_figure(9.6, 5.2)
-    top, bottom = figure.subfigures(2, 1)
+    top, bottom = figure.subfigures(2, 1, squeeze=False)[:, 0]
     upper, lower = top.subplots(1, 3), bottom.subplots(1, N_JOINTS_SHOWN)
     for k, axes in enumerate((*upper, *lower)):
         for one, colour, name in ((prior, PRIOR, "prior"), (posterior, POSTERIOR, "conditioned")):

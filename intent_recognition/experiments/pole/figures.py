@@ -37,7 +37,7 @@ class Paths(NamedTuple):
 def paths_figure(
     panels: Sequence[Paths],
     spots_m: NDArray[np.float64],
-    both_ways: NDArray[np.float64],
+    both_ways: NDArray[np.bool_],
     pole_m: NDArray[np.float64],
     pole_radius_m: float,
 ) -> "Figure":
@@ -152,7 +152,7 @@ def components_figure(
 
 @styled
 def clearance_figure(
-    motions: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+    motions: Mapping[str, tuple[NDArray[np.float64], NDArray[np.bool_]]],
 ) -> "Figure":
     """Least distance from the pole of every motion, one row of dots per kind of motion.
 
@@ -168,7 +168,7 @@ def clearance_figure(
     axes.axvline(0.0, color=HIT_COLOUR, linewidth=1.3)
     rng = np.random.default_rng(0)
     for row, (values, touched) in enumerate(motions.values()):
-        values, touched = 100.0 * np.asarray(values), np.asarray(touched, dtype=bool)
+        values = 100.0 * values
         jitter = row + rng.uniform(-0.16, 0.16, len(values))
         for chosen, colour in ((~touched, PALETTE[2]), (touched, HIT_COLOUR)):
             axes.scatter(
@@ -221,7 +221,7 @@ def two_answers_figure(
 
 
 @styled
-def scene_figure(images: Sequence[tuple[str, NDArray[np.float64]]]) -> "Figure":
+def scene_figure(images: Sequence[tuple[str, NDArray[np.uint8]]]) -> "Figure":
     """Pictures side by side, each (title, RGB image (H, W, 3))."""
     figure = new_figure(4.4 * len(images), 3.7)
     for axes, (title, image) in zip(

@@ -225,7 +225,9 @@ def _row(study: Study, tried: Tried) -> tuple[str, ...]:
 
 def _clearance(study: Study) -> Figure:
     shown = np.array([float(d.metadata["clearance_m"]) for d in study.demonstrations])
-    kinds = {"demonstrated": (shown, np.zeros(len(shown), dtype=bool))}
+    kinds: dict[str, tuple[NDArray[np.float64], NDArray[np.bool_]]] = {
+        "demonstrated": (shown, np.zeros(len(shown), dtype=bool))
+    }
     for carried in study.carried:
         kinds[carried.label] = carried.clearance_m, carried.hits
     return Figure(

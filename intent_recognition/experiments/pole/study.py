@@ -54,7 +54,7 @@ class Tried:
 
     number: int
     mixtures: Components
-    labels: NDArray[np.float64]
+    labels: NDArray[np.integer]
     nll: NDArray[np.float64]
     predicted: Predicted
     joint_rms_rad: NDArray[np.float64]
@@ -75,13 +75,13 @@ class Carried:
     """
 
     label: str
-    indices: NDArray[np.float64]
+    indices: NDArray[np.integer]
     runs: tuple["Executed", ...]
     ways: tuple[str, ...]
     final_error_m: NDArray[np.float64]
 
     @property
-    def hits(self) -> NDArray[np.float64]:
+    def hits(self) -> NDArray[np.bool_]:
         """Which of them touched the pole, bool (m,)."""
         return np.array([run.touched for run in self.runs])
 
@@ -110,7 +110,7 @@ class Study:
     demonstrations: tuple[Demonstration, ...]
     pairs: Pairs
     ways: tuple[str, ...]
-    both: NDArray[np.float64]
+    both: NDArray[np.bool_]
     tried: tuple[Tried, ...]
     chosen: int
     single: Carried
@@ -187,7 +187,7 @@ def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[Trie
 
 
 def _carry_out(
-    label: str, pairs: Pairs, predicted: Predicted, indices: NDArray[np.float64]
+    label: str, pairs: Pairs, predicted: Predicted, indices: NDArray[np.integer]
 ) -> Carried:
     """Let the arm execute predictions, each in a fresh world with the pole."""
     from sim_bridge.scenarios.pole import execute

@@ -7,7 +7,7 @@ only the objects' centres.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,9 @@ from sim_bridge.balls import (
 from sim_bridge.containers import CONTAINER_NAMES, scan
 
 LABEL, POINT, STANDARD = METHODS = ("label mapping", "point mapping", "standard features")
+MAPPINGS: dict[str, Literal["label", "point"]] = {LABEL: "label", POINT: "point"}
+"""How the methods that warp bring the parts of the annotated object onto a scan."""
+
 SOURCE = "mug"
 OTHER_AHEAD_M = 0.2
 """Where the other container is, from this one's opening, when the lip is chosen."""
@@ -73,7 +76,7 @@ class Samples(NamedTuple):
 
     features: NDArray[np.float64]
     labels: NDArray[np.float64]
-    objects: NDArray[np.float64]
+    objects: NDArray[np.integer]
     unit_throw: NDArray[np.float64] | None = None
 
 
@@ -91,7 +94,7 @@ def know_all(
         cup = container(index)
         seen = scan(cup.mesh, rng)
         cloud = ObjectCloud(seen.points, seen.normals)
-        for method, mapping in ((LABEL, "label"), (POINT, "point")):
+        for method, mapping in MAPPINGS.items():
             warped = warp(source, cloud, mapping)
             ahead = cup.opening_centre + np.array([OTHER_AHEAD_M, 0.0, 0.0])
             found = pouring_parameters(warped, toward=ahead)

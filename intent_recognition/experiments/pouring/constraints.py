@@ -144,8 +144,8 @@ def score(samples: Samples, n_sets: int, rng: np.random.Generator) -> dict[str, 
 
 
 def _learned(
-    samples: Samples, train: NDArray[np.float64]
-) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    samples: Samples, train: NDArray[np.integer]
+) -> Callable[[NDArray[np.integer]], NDArray[np.float64]]:
     """Log odds of rows (n,), learned from the rows `train`."""
     features, labels, unit = samples.features, samples.labels, samples.unit_throw
     if unit is None:
@@ -156,8 +156,8 @@ def _learned(
 
 
 def _both_labels_first(
-    rows: NDArray[np.float64], labels: NDArray[np.float64], rng: np.random.Generator
-) -> NDArray[np.float64]:
+    rows: NDArray[np.integer], labels: NDArray[np.float64], rng: np.random.Generator
+) -> NDArray[np.integer]:
     """Rows in random order, with both labels in the training part and in the rest."""
     while True:
         shuffled = rng.permutation(rows)

@@ -12,6 +12,7 @@ from intent_recognition.report import NONE_COLOUR, PALETTE, SOFT, new_figure, st
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.typing import LineStyleType
 
 WARPED_TITLES = (
     "along / radius of the second",
@@ -22,7 +23,7 @@ WARPED_TITLES = (
 REAL_TITLES = ("along [cm]", "across [cm]", "up [cm]", "tilt [deg]")
 MEAN_COLOUR, INSIDE_COLOUR = PALETTE[0], PALETTE[1]
 PAIR_COLOURS = (PALETTE[2], PALETTE[3], PALETTE[4])
-DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
+DASHES: tuple["LineStyleType", ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
 
 
 class Band(NamedTuple):
@@ -84,13 +85,15 @@ def paths_figure(
         axes.set_xlabel("time [s]")
     axes = grid[1, 0]
     axes.plot([], [], color=SOFT, lw=0.8, linestyle=(0, (1, 1)), label="the arm")
-    for row, place in zip(grid, ("upper center", "lower center"), strict=True):
-        handles, labels = row[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc=f"outside {place}", ncols=len(labels))
+    upper, lower = (row[0].get_legend_handles_labels() for row in grid)
+    figure.legend(*upper, loc="outside upper center", ncols=len(upper[1]))
+    figure.legend(*lower, loc="outside lower center", ncols=len(lower[1]))
     return figure
 
 
-def _band(axes: "Axes", band: Band, k: int, colour: str, label: str, dashes) -> None:
+def _band(
+    axes: "Axes", band: Band, k: int, colour: str, label: str, dashes: "LineStyleType"
+) -> None:
     low, high = band.mean[:, k] - 2.0 * band.std[:, k], band.mean[:, k] + 2.0 * band.std[:, k]
     axes.fill_between(band.time, low, high, color=colour, alpha=0.2, lw=0)
     axes.plot(band.time, band.mean[:, k], color=colour, linestyle=dashes, label=label)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from intent_recognition.report import INK, NONE_COLOUR, PALETTE, SOFT, new_figure, styled
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -56,7 +57,7 @@ def example_figure(phase: NDArray[np.float64], examples: Sequence[Example]) -> "
     """
     figure = new_figure(4.6 * len(examples), 6.2)
     grid = figure.subplots(2, len(examples), sharex=True, sharey="row", squeeze=False)
-    handles = {}
+    handles: dict[str, Artist] = {}
     for column, example in enumerate(examples):
         for axes, panel in zip(grid[:, column], example, strict=True):
             _draw(axes, phase, panel)
@@ -67,7 +68,7 @@ def example_figure(phase: NDArray[np.float64], examples: Sequence[Example]) -> "
         grid[1, column].set_xlabel("phase")
     grid[0, 0].set_ylabel("observed agent [sketch units]")
     grid[1, 0].set_ylabel("controlled agent [sketch units]")
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
+    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3)
     return figure
 
 

@@ -43,7 +43,7 @@ class SpringDamper:
 
     alpha: float = 25.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not self.alpha > 0:
             raise ArgumentError(describe("alpha", "a positive number", self.alpha, "Try 25."))
 

@@ -116,11 +116,12 @@ def learn_dmp(pairs: NDArray[np.float64], smoother: Smoother = CLEAN) -> Learned
     The observed agent's go through the filter its observations go through, so that what the filter
     takes away is taken from both.
     """
-    observed = fit_demonstrations(DMP, pairs[:, :, :1], smoother)
-    parameters = np.hstack([observed, fit_demonstrations(DMP, pairs[:, :, 1:], CLEAN)])
+    observed = fit_demonstrations(DMP, list(pairs[:, :, :1]), smoother)
+    parameters = np.hstack([observed, fit_demonstrations(DMP, list(pairs[:, :, 1:]), CLEAN)])
     rows = DMP.observation_matrix(PHASE)
-    drives = [DMP.drive(differentiated(smoother, pair[:, :1], STEP)) for pair in pairs]
-    drives = np.array(drives)[..., 0]
+    drives = np.array(
+        [DMP.drive(differentiated(smoother, pair[:, :1], STEP))[:, 0] for pair in pairs]
+    )
     curves = np.stack(np.split(parameters, 2, axis=1), axis=1) @ DMP.rollout_matrix(PHASE).T
     error = curves - np.swapaxes(pairs, 1, 2)
     return Learned(

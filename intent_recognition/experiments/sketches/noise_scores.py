@@ -8,7 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.experiments.sketches.curves import N_SAMPLES, sketch_pairs
-from intent_recognition.experiments.sketches.differentiation import Butterworth, SavitzkyGolay
+from intent_recognition.experiments.sketches.differentiation import (
+    Butterworth,
+    SavitzkyGolay,
+    Smoother,
+)
 from intent_recognition.experiments.sketches.models import (
     SHRINKAGES,
     SMOOTHERS,
@@ -52,7 +56,7 @@ def make_plan(quick: bool) -> Plan:
     variances = VARIANCES[::3] if quick else VARIANCES
     shrinkages = SHRINKAGES[:1] if quick else SHRINKAGES
 
-    def pool(filters: Sequence[object], white: bool = True) -> tuple[Candidate, ...]:
+    def pool(filters: Sequence[Smoother | None], white: bool = True) -> tuple[Candidate, ...]:
         return tuple(
             Candidate(shrinkage, variance, smoother, white)
             for smoother in filters
@@ -97,7 +101,7 @@ def _cross_validate(
     rng: np.random.Generator, train: NDArray[np.float64], pool: Sequence[Candidate], plan: Plan
 ) -> NDArray[np.float64]:
     """Mean squared error of demonstrations left out, (c, L, k)."""
-    total = 0.0
+    total = np.zeros((len(pool), len(plan.levels), len(plan.counts)))
     for kept, left_out in folds(len(train), N_FOLDS):
         held = np.repeat(train[left_out], N_DRAWS, axis=0)
         seen = _disturbed(rng, held[..., 0], plan.levels)

@@ -60,7 +60,7 @@ def one_data_set(
     rmse[NOTHING][:] = _rms(test[..., 1] - mean)
     for k, count in enumerate(counts):
         through, best = choose_splines(rng, train, count, choices)
-        errors = {m: [] for m in METHODS[:3]}
+        errors: dict[str, list[NDArray[np.float64]]] = {m: [] for m in METHODS[:3]}
         hits, differences = [], []
         for pair in test:
             at = sparse_phases(rng, count)

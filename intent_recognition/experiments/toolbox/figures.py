@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from intent_recognition.report import INK, PALETTE, SOFT, new_figure, readable, styled, task_colours
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
 
 PRIOR_COLOUR = "#9aa5b1"
@@ -21,7 +22,7 @@ def components_found_figure(
     phase: NDArray[np.float64],
     observed: NDArray[np.float64],
     controlled: NDArray[np.float64],
-    labels: NDArray[np.float64],
+    labels: NDArray[np.integer],
     names: Sequence[str],
     tasks: Mapping[int, str],
 ) -> "Figure":
@@ -113,10 +114,10 @@ def conditioned_figure(
         axes.set_ylabel(name)
         axes.set_xlim(0.0, 1.0)
         axes.set_xlabel("phase")
-    found = {}
+    found: dict[str, Artist] = {}
     for axes in (flat[0], flat[-1]):
         found |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=6)
+    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=6)
     return figure
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.filtering import fixed_hypotheses, run_bank, start_bank
 from intent_recognition.learning import TrainingSettings, learn
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import task_posterior
 from intent_recognition.signals import Demonstration, merge
 from sim_bridge.coworker import nearest_mean_labels
@@ -71,7 +72,7 @@ def _position(demonstration: Demonstration, share: float) -> NDArray[np.float64]
     return np.array([np.interp(at, times, column) for column in signal.values.T])
 
 
-def _recognise(library, demonstration: Demonstration, share: float) -> int:
+def _recognise(library: TaskLibrary, demonstration: Demonstration, share: float) -> int:
     duration = (demonstration.end_ns - demonstration.start_ns) * 1e-9
     until = demonstration.start_ns + round(share * duration * 1e9)
     seen = [s.between(demonstration.start_ns, until) for s in demonstration.observed]

@@ -66,7 +66,7 @@ def score_interaction(
         decision_s = (decided_ns - onset) * 1e-9
         share = decision_s / movement_s
     error = arrival = None
-    if recognised == interaction.task:
+    if decided_ns is not None and recognised == interaction.task:
         error = _hand_error(log, interaction, end)
         arrival = _arrival(log, decided_ns, end, until_ns)
     record = InteractionRecord(

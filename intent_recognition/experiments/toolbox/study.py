@@ -57,7 +57,7 @@ class Tried:
 
     number: int
     mixtures: Components
-    labels: NDArray[np.float64]
+    labels: NDArray[np.integer]
     nll: NDArray[np.float64]
     joint_rms_rad: NDArray[np.float64]
     end_rms_rad: NDArray[np.float64]
@@ -82,7 +82,7 @@ class Study:
 
     demonstrations: tuple[Demonstration, ...]
     pairs: Pairs
-    tasks: NDArray[np.float64]
+    tasks: NDArray[np.str_]
     tried: tuple[Tried, ...]
     chosen: int
     from_end: Predicted
@@ -100,7 +100,7 @@ class Study:
         ends = predicted.mean[:, -1], self.pairs.controlled[:, -1]
         return np.linalg.norm(hand_position(ends[0]) - hand_position(ends[1]), axis=1)
 
-    def recognised(self, predicted: Predicted) -> NDArray[np.float64]:
+    def recognised(self, predicted: Predicted) -> NDArray[np.bool_]:
         """Whether each was predicted by the component of its own task, bool (n,)."""
         majority = majority_names(self.tasks, self.taken.labels)
         return np.array([majority[k] for k in predicted.component]) == self.tasks

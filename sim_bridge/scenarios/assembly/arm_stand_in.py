@@ -143,7 +143,7 @@ class _Run:
         predicted = self._estimator.predict_controlled(N_POINTS) if due else None
         if predicted is not None:
             self._planned_ns = stamp_ns
-            prediction = self._prediction(predicted)
+            prediction = self._prediction(predicted.task, predicted.onset_ns, predicted.trajectory)
             if prediction is not None:
                 self._activation.take_prediction(stamp_ns, prediction)
         probabilities = estimate.probabilities
@@ -154,16 +154,15 @@ class _Run:
         self._activation.take_tasks(stamp_ns, stamp_ns, self._labels, probabilities)
         self._over |= self._activation.decision.event == "over"
 
-    def _prediction(self, predicted) -> Prediction | None:
+    def _prediction(self, task: str, onset_ns: int, trajectory: Trajectory) -> Prediction | None:
         """The predicted wrist path as a path of joints; None where the arm cannot reach."""
-        trajectory: Trajectory = predicted.trajectory
         try:
             joints = hand_joints(trajectory.positions)
             path = make_path(trajectory.times_s, joints, self._limits)
         except KinematicsError:
             return None
         end_std = float(np.max(trajectory.std[-1]))
-        return Prediction(predicted.task, predicted.onset_ns, path, end_std)
+        return Prediction(task, onset_ns, path, end_std)
 
     def act(self, now_ns: int) -> None:
         """Plan, and move on by one sample."""
@@ -188,7 +187,7 @@ class _Run:
         hand, asked = (np.array(part) for part in zip(*self._rows, strict=True))
         began = [(command.start_ns - self._start_ns) * 1e-9 for command in self._commands]
         return StoodIn(
-            np.arange(len(hand)) * 0.01,
+            np.arange(len(hand), dtype=np.float64) * 0.01,
             hand,
             asked,
             tuple(self._tasks),

@@ -92,7 +92,7 @@ class _Person:
         self,
         goal_m: NDArray[np.float64],
         nominal_s: float,
-        bow_m=(0.0, 0.0, 0.03),
+        bow_m: tuple[float, float, float] | NDArray[np.float64] = (0.0, 0.0, 0.03),
         *,
         hesitant: bool = True,
         not_before_s: float = 0.0,
@@ -163,7 +163,9 @@ def _beside(
     return goal_m + offset_m + PERSONAL_STD_M * rng.standard_normal(3)
 
 
-def _hand_over(rng, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]) -> None:
+def _hand_over(
+    rng: np.random.Generator, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]
+) -> None:
     begun_s = worker.now_s
     worker.move(goal_m, 1.3)
     assistant.wait(begun_s, REACTION_S)
@@ -172,7 +174,9 @@ def _hand_over(rng, worker: _Person, assistant: _Person, goal_m: NDArray[np.floa
     assistant.move(_beside(rng, goal_m, GIVE_M), 1.1)
 
 
-def _fastening(rng, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]) -> None:
+def _fastening(
+    rng: np.random.Generator, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]
+) -> None:
     worker.move(SCREWDRIVER.draw(rng), 1.0)
     taken_s = worker.now_s
     worker.wait(0.0, GRASP_S)
@@ -183,7 +187,9 @@ def _fastening(rng, worker: _Person, assistant: _Person, goal_m: NDArray[np.floa
     worker.move(goal_m + PRESS_M, 0.5, (0.0, 0.0, 0.0), hesitant=False)
 
 
-def _plate_insertion(rng, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]) -> None:
+def _plate_insertion(
+    rng: np.random.Generator, worker: _Person, assistant: _Person, goal_m: NDArray[np.float64]
+) -> None:
     worker.move(PLATE.draw(rng), 1.0)
     taken_s = worker.now_s
     worker.wait(0.0, GRASP_S)

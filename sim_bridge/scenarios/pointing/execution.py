@@ -67,5 +67,5 @@ def execute(
             rows.append(q)
             lag = max(lag, float(np.abs(arm.reference.q - q).max()))
             touched = touched or bodies.touches()
-    times = 0.01 * np.arange(1, n_samples + 1)
+    times = 0.01 * np.arange(1, n_samples + 1, dtype=np.float64)
     return PointingRun(times, np.array(rows), pointed_at(rows[-1]), lag, touched)

@@ -65,7 +65,7 @@ def planned_clearance(q: NDArray[np.float64]) -> NDArray[np.float64]:
 def finger_clearance(hand: NDArray[np.float64], direction: NDArray[np.float64]) -> float:
     """Distance of the finger from the pole's surface, for the hand's origin and z axis (3,)."""
     begin, along = hand[:2], FINGER_M * direction[:2]
-    share = np.clip((POLE_M - begin) @ along / max(along @ along, 1e-12), 0.0, 1.0)
+    share = np.clip((POLE_M - begin) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
     distance = np.linalg.norm(begin + share * along - POLE_M)
     return float(distance - FINGER_RADIUS_M - POLE_RADIUS_M)
 

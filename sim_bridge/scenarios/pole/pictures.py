@@ -12,7 +12,7 @@ from sim_bridge.scenarios.pole.world import Pole
 WIDTH, HEIGHT = 560, 470
 
 
-def picture(q: NDArray[np.float64]) -> NDArray[np.float64]:
+def picture(q: NDArray[np.float64]) -> NDArray[np.uint8]:
     """The arm in a posture (7,) with the pole and its finger's spot, RGB (H, W, 3) uint8."""
     with LwrArm(q) as arm:
         client = arm.client

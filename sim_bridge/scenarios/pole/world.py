@@ -91,7 +91,8 @@ def execute(
     """
     curve = CubicSpline(times_s, positions_rad, bc_type="clamped")
     end_s, touched = float(times_s[-1]), False
-    reached, distance = [], []
+    reached: list[NDArray[np.float64]] = []
+    distance: list[float] = []
     with LwrArm(positions_rad[0]) as arm:
         pole = Pole(arm)
 

@@ -7,7 +7,7 @@ warped parameters rescale a path of the primitive.
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,11 +79,15 @@ def look_at(source: WarpSource, container: Container, rng: np.random.Generator) 
 def read_pour(folder: Path) -> tuple[PourPath, dict[str, str]]:
     """The pour that a bag's joints made, and the bag's labels."""
     reader = BagReader(folder)
-    joints = [(m.stamp_ns, m.message.position) for m in reader.messages([JOINT_TOPIC])]
-    stamps = np.array([stamp for stamp, _ in joints])
+    stamps_ns, postures = [], []
+    for recorded in reader.messages([JOINT_TOPIC]):
+        joint_state: Any = recorded.message
+        stamps_ns.append(recorded.stamp_ns)
+        postures.append(joint_state.position)
+    stamps = np.array(stamps_ns)
     labels = reader.custom_data
     times = (stamps - stamps[0]) * 1e-9
-    return pour_of(times, np.array([q for _, q in joints]), labels), labels
+    return pour_of(times, np.array(postures), labels), labels
 
 
 def read_demonstrated(folder: Path) -> Demonstrated:

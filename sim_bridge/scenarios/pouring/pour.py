@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One pour with the torque-controlled arm: along a planned path, or led by a person's hand."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -188,9 +187,7 @@ class _Led:
         self.strongest_pull_n = max(self.strongest_pull_n, pull(arm, target, STEADY_GRIP))
 
 
-def _run(
-    arm: LwrArm, table: PouringTable, drive: Callable[[LwrArm], None], duration_s: float
-) -> Poured:
+def _run(arm: LwrArm, table: PouringTable, drive: "_Follow | _Led", duration_s: float) -> Poured:
     touches: list[float] = []
     arm.before_step += [drive, lambda _: touches.append(table.touch_n())]
     states, poses, counts = [], [], []
@@ -201,7 +198,7 @@ def _run(
         states.append(arm.state())
         poses.append(table.cup_pose())
         counts.append([int(where.sum()) for where in table.look()])
-    times = np.arange(samples) * SAMPLE_STEPS * 1e-3
+    times = np.arange(samples, dtype=np.float64) * SAMPLE_STEPS * 1e-3
     in_cup, in_second = np.array(counts).T
     return Poured(
         times,

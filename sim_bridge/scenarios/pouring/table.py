@@ -107,7 +107,7 @@ class PouringTable:
         )
         return float(sum(contact[9] for contact in contacts))
 
-    def look(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def look(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which balls are in the cup and which in the second container, (N,) of bool each.
 
         Call it every few milliseconds: it also lets the arm know the weight it carries.

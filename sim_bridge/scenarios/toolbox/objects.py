@@ -5,6 +5,7 @@ An object is fixed to whoever holds it by a constraint: to its stand, to the arm
 worker's hand, which is a body without mass that is put where the worker is.
 """
 
+from collections.abc import Iterable, Sequence
 from enum import Enum
 
 import numpy as np
@@ -31,6 +32,10 @@ _COLOURS = {
 }
 BENCH_PLACE_M = (0.98, 0.32, 0.085)
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
+
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, each 0 to 1."""
 
 
 class Holder(Enum):
@@ -127,7 +132,7 @@ class ToolboxObjects:
             )
         return self.bodies[task]
 
-    def _body(self, mass_kg: float, shape: int, size: tuple[float, ...], colour) -> int:
+    def _body(self, mass_kg: float, shape: int, size: tuple[float, ...], colour: Colour) -> int:
         key = "radius" if shape == pybullet.GEOM_SPHERE else "halfExtents"
         value = size[0] if shape == pybullet.GEOM_SPHERE else list(size)
         collision = self._client.createCollisionShape(shape, **{key: value})
@@ -137,7 +142,7 @@ class ToolboxObjects:
         self._client.changeDynamics(body, -1, linearDamping=0.0, angularDamping=0.0)
         return body
 
-    def _place(self, body: int, position, orientation) -> None:
+    def _place(self, body: int, position: Iterable[float], orientation: Iterable[float]) -> None:
         self._client.resetBasePositionAndOrientation(
             body, [float(value) for value in position], [float(value) for value in orientation]
         )
@@ -164,7 +169,7 @@ class ToolboxObjects:
             childFrameOrientation=frames[3],
         )
 
-    def _link_pose(self, body: int, link: int):
+    def _link_pose(self, body: int, link: int) -> tuple[Sequence[float], Sequence[float]]:
         """Position and orientation of a link's centre of mass, where constraints are anchored."""
         if link < 0:
             return self._client.getBasePositionAndOrientation(body)

@@ -144,7 +144,7 @@ def teach(
     q, qd, torque = (np.array([row[0][i] for row in rows]) for i in range(3))
     noise = rng.standard_normal((3, count, 7))
     return TaughtArm(
-        np.arange(count) * 0.01,
+        np.arange(count, dtype=np.float64) * 0.01,
         q + SENSOR_NOISE.position_std_rad * noise[0],
         qd + SENSOR_NOISE.velocity_std_rad_s * noise[1],
         torque + SENSOR_NOISE.torque_std_nm * noise[2],
