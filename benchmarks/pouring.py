@@ -44,7 +44,7 @@ from sim_bridge.scenarios.pouring import (
     MEAN,
     SAMPLE,
     UNWARPED,
-    Order,
+    PourOrder,
     execute,
     learn_skill,
     planned,
@@ -144,7 +144,7 @@ def _pours(pool: ProcessPoolExecutor) -> Iterator[Result]:
     yield from _spilled(spilled, f"{len(spilled[MEAN])} pairs never demonstrated, as recorded")
     name = "balls through a wall, recorded pours"
     yield Result(name, through, 0, "at most", "", f"{len(recorded)} pours of 40 balls")
-    orders = [Order(POURED_SEED, k, m) for m in (MEAN, UNWARPED) for k in POURED_ANEW]
+    orders = [PourOrder(POURED_SEED, k, m) for m in (MEAN, UNWARPED) for k in POURED_ANEW]
     counts = list(pool.map(partial(_poured, share_path("bags/pouring/train")), orders))
     anew = {
         manner: [n for order, (n, _) in zip(orders, counts, strict=True) if order.manner == manner]
@@ -155,7 +155,7 @@ def _pours(pool: ProcessPoolExecutor) -> Iterator[Result]:
     yield Result("balls through a wall, executed pours", through, 0, "at most", "", "")
 
 
-def _poured(demonstrations: Path, order: Order) -> tuple[int, int]:
+def _poured(demonstrations: Path, order: PourOrder) -> tuple[int, int]:
     """Balls spilled and balls through a wall of one pour."""
     result = execute(order, planned(order, learn_skill(demonstrations, order.seed)))
     return result.spilled, result.through_wall

@@ -15,13 +15,13 @@ from intent_recognition.cli.output import write_json
 from intent_recognition.share import share_path
 
 if TYPE_CHECKING:
-    from sim_bridge.scenarios.pouring import Order, Planned, Poured
+    from sim_bridge.scenarios.pouring import Planned, Poured, PourOrder
 
 DEFAULT_POURS = 2
 MANY_SPILLED = 2.0
 """Balls of forty, in the mean, from which on the demo has failed."""
 
-Done = tuple["Order", "Planned", "Poured"]
+Done = tuple["PourOrder", "Planned", "Poured"]
 
 
 def run_pouring(args: argparse.Namespace, console: Console) -> int:
@@ -43,14 +43,14 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
     return 1 if mean > MANY_SPILLED else 0
 
 
-def _orders(args: argparse.Namespace) -> "list[Order]":
-    from sim_bridge.scenarios.pouring import MEAN, PAIRS, Order
+def _orders(args: argparse.Namespace) -> "list[PourOrder]":
+    from sim_bridge.scenarios.pouring import MEAN, PAIRS, PourOrder
 
     count = min(args.interactions or DEFAULT_POURS, len(PAIRS))
-    return [Order(args.seed, pair, MEAN) for pair in range(count)]
+    return [PourOrder(args.seed, pair, MEAN) for pair in range(count)]
 
 
-def _pour(order: "Order", console: Console) -> Done:
+def _pour(order: "PourOrder", console: Console) -> Done:
     from sim_bridge.scenarios.pouring import PAIRS, execute, learn_skill, planned
 
     names = " into ".join(PAIRS[order.pair]).replace("_", " ")
@@ -60,7 +60,7 @@ def _pour(order: "Order", console: Console) -> Done:
         return order, plan, execute(order, plan)
 
 
-def _numbers(order: "Order", plan: "Planned", poured: "Poured") -> dict[str, object]:
+def _numbers(order: "PourOrder", plan: "Planned", poured: "Poured") -> dict[str, object]:
     from sim_bridge.scenarios.pouring import PAIRS
 
     cup, second = PAIRS[order.pair]

@@ -20,8 +20,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from intent_recognition.errors import IntentError, one_line
-from intent_recognition.experiments.catalogue import Entry
-from intent_recognition.experiments.outcome import Outcome, Settings
+from intent_recognition.experiments.catalogue import Experiment
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.report import ExperimentResult
 
 News = Queue[tuple[str, float, str]]
 """Name of an experiment, share of it that is done, and what it does."""
@@ -36,13 +37,13 @@ LEAST_STEP = 0.05
 class ExperimentRun:
     """What became of one experiment: its outcome, or why it broke off."""
 
-    outcome: Outcome | None
+    outcome: ExperimentResult | None
     failure: str
     seconds: float
 
 
 def run_all(
-    entries: Sequence[Entry], settings: Settings, jobs: int, console: Console
+    entries: Sequence[Experiment], settings: Settings, jobs: int, console: Console
 ) -> dict[str, ExperimentRun]:
     """Run each in a fresh process, `jobs` at a time, and show how far; results in their order."""
     context = get_context("spawn")
@@ -157,13 +158,15 @@ def _show(news: News, shown: "_ProgressBars | _ProgressLines") -> None:
         shown.tell(name, share, what)
 
 
-def _alone(context: SpawnContext, entry: Entry, settings: Settings, news: News) -> ExperimentRun:
+def _alone(
+    context: SpawnContext, entry: Experiment, settings: Settings, news: News
+) -> ExperimentRun:
     """One experiment in a process of its own; what ends that ends no other."""
     with ProcessPoolExecutor(1, mp_context=context) as process:
         return process.submit(_run, entry, settings, news).result()
 
 
-def _run(entry: Entry, settings: Settings, news: News) -> ExperimentRun:
+def _run(entry: Experiment, settings: Settings, news: News) -> ExperimentRun:
     """One experiment, in its process."""
     started = time.monotonic()
     news.put((entry.name, 0.0, "starting"))

@@ -20,7 +20,8 @@ from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.output import write_json
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.experiments.catalogue import EXPERIMENTS, chosen
-from intent_recognition.experiments.outcome import Outcome, Settings
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.report import ExperimentResult
 
 MARKS = {True: "[green]yes[/]", False: "[red]no[/]", None: "other conditions"}
 
@@ -100,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     return 1 if failures else 0
 
 
-def summary_line(outcomes: Iterable[Outcome]) -> str:
+def summary_line(outcomes: Iterable[ExperimentResult]) -> str:
     """How many of the papers' figures are met."""
     findings = [finding.holds for outcome in outcomes for finding in outcome.findings]
     return (
@@ -123,7 +124,7 @@ def numbers_json(runs: Mapping[str, ExperimentRun], seed: int, quick: bool) -> d
 
 def _write(
     folder: Path,
-    outcomes: Mapping[str, Outcome],
+    outcomes: Mapping[str, ExperimentResult],
     failures: Mapping[str, str],
     numbers: dict,
     extra: Path | None,
@@ -150,7 +151,7 @@ def _print_list(console: Console) -> None:
     console.print(table)
 
 
-def _print_outcome(console: Console, name: str, outcome: Outcome, seconds: float) -> None:
+def _print_outcome(console: Console, name: str, outcome: ExperimentResult, seconds: float) -> None:
     console.print(f"\n[bold]{outcome.title}[/] ({name}; {outcome.source}; {seconds:.0f} s)")
     table = Table(box=None, header_style="dim", pad_edge=False)
     for title in ("", "paper", "ours", "met", ""):

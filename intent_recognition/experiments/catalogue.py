@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.experiments.outcome import Outcome, Settings
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.report import ExperimentResult
 
 
 @dataclass(frozen=True)
-class Entry:
+class Experiment:
     """One experiment: its name, the module that holds `run(settings)`, and what it regenerates."""
 
     name: str
@@ -18,7 +19,7 @@ class Entry:
     source: str
     summary: str
 
-    def run(self, settings: Settings) -> Outcome:
+    def run(self, settings: Settings) -> ExperimentResult:
         """Run it."""
         return importlib.import_module(self.module).run(settings)
 
@@ -27,7 +28,7 @@ IP, MIP, WP = "Maeda et al. 2014", "Ewerton et al. 2015", "Brandl et al. 2014"
 
 
 EXPERIMENTS = tuple(
-    Entry(name, f"intent_recognition.experiments.{module}", source, summary)
+    Experiment(name, f"intent_recognition.experiments.{module}", source, summary)
     for name, module, source, summary in (
         ("sparse", "sketches.sparse", f"{IP}, Fig. 2",
          "conditioning on few, asynchronous, noisy observations"),
@@ -54,7 +55,7 @@ EXPERIMENTS = tuple(
 """All of them."""
 
 
-def chosen(names: Iterable[str]) -> list[Entry]:
+def chosen(names: Iterable[str]) -> list[Experiment]:
     """The experiments of these names, each once, in the order of the papers; all without names.
 
     Raises:

@@ -84,7 +84,7 @@ class Pairs(NamedTuple):
     mean: tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
-class Predicted(NamedTuple):
+class LeftOutPrediction(NamedTuple):
     """Each demonstration predicted by the mixture that was fitted without it.
 
     Attributes:
@@ -224,7 +224,7 @@ def predict(
     left_out: Components,
     seen: NDArray[np.integer],
     given: NDArray[np.integer] | None = None,
-) -> Predicted:
+) -> LeftOutPrediction:
     """Predict each robot from what is seen of its human, by the mixture fitted without both.
 
     Args:
@@ -257,7 +257,7 @@ def predict(
             "rs,rt,ts->s", pairs.to_controlled, best.covariance, pairs.to_controlled, optimize=True
         )
         std[i] = np.sqrt(np.maximum(variance, 0.0)).reshape(shape[1:])
-    return Predicted(component, probability, mean, std)
+    return LeftOutPrediction(component, probability, mean, std)
 
 
 def rms(errors: NDArray[np.float64]) -> NDArray[np.float64]:

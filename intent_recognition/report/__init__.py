@@ -17,7 +17,12 @@ from intent_recognition.report.drawing import (
     to_svg,
 )
 from intent_recognition.report.evaluation_report import write_evaluation_report
-from intent_recognition.report.experiments_report import write_experiments_report, write_figures
+from intent_recognition.report.experiments_report import (
+    ExperimentResult,
+    Finding,
+    write_experiments_report,
+    write_figures,
+)
 from intent_recognition.report.figures import hand_error_figure
 from intent_recognition.report.html import (
     Block,
@@ -40,7 +45,9 @@ __all__ = [
     "SOFT",
     "Block",
     "Column",
+    "ExperimentResult",
     "Figure",
+    "Finding",
     "KeyNumber",
     "KeyNumbers",
     "Row",

@@ -34,7 +34,7 @@ from intent_recognition.report.html import (
     Figure,
     KeyNumber,
     KeyNumbers,
-    Page,
+    ReportPage,
     Row,
     Section,
     Table,
@@ -80,7 +80,7 @@ def demo_page(
     summary: DemoSummary,
     traces: Sequence[Trace],
     settings: Mapping[str, object],
-) -> Page:
+) -> ReportPage:
     """The report's content; arguments as of `write_demo_report`."""
     by_index = {trace["index"]: usable(trace) for trace in traces}
     sections = [
@@ -95,7 +95,7 @@ def demo_page(
         f"{summary.n} interactions, recognised from the motion of the wrist alone; everything is"
         " measured on the ROS 2 topics, and the true task is used for scoring only."
     )
-    return Page(TITLE, subtitle, tuple(sections), summary_line(summary))
+    return ReportPage(TITLE, subtitle, tuple(sections), summary_line(summary))
 
 
 def _key_numbers(summary: DemoSummary) -> KeyNumbers:

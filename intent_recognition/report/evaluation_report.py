@@ -25,7 +25,7 @@ from intent_recognition.report.html import (
     Figure,
     KeyNumber,
     KeyNumbers,
-    Page,
+    ReportPage,
     Row,
     Section,
     Table,
@@ -66,7 +66,7 @@ def write_evaluation_report(path: str | Path, result: Mapping, title: str) -> Pa
     return write_page(path, evaluation_page(result, title))
 
 
-def evaluation_page(result: Mapping, title: str) -> Page:
+def evaluation_page(result: Mapping, title: str) -> ReportPage:
     """The report's content; arguments as of `write_evaluation_report`."""
     tasks = ", ".join(str(task) for task in result.get("tasks", ()))
     sections = [
@@ -84,7 +84,7 @@ def evaluation_page(result: Mapping, title: str) -> Page:
         Section("Without labels", _mixture(result.get("mixture", {}))),
     ]
     subtitle = f"{result.get('n_demonstrations', 0)} recordings of {tasks or 'no task'}"
-    return Page(title, subtitle, tuple(sections))
+    return ReportPage(title, subtitle, tuple(sections))
 
 
 def number(value: object, unit: str) -> float:

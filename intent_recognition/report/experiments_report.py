@@ -2,16 +2,17 @@
 """The report on the papers' experiments: each figure beside the paper's own."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
+from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.report.html import (
     Block,
     Column,
     Figure,
     KeyNumber,
     KeyNumbers,
-    Page,
+    ReportPage,
     Row,
     Section,
     Table,
@@ -28,58 +29,89 @@ VERDICTS = {True: "yes", False: "no", None: "not like for like"}
 SUFFIXES = {"image/svg+xml": "svg", "image/png": "png"}
 
 
-class FindingLike(Protocol):
-    """A figure of the paper and ours."""
+@dataclass(frozen=True)
+class Finding:
+    """One figure of the paper and ours.
+
+    Attributes:
+        quantity: what is compared, with its unit.
+        paper: the paper's figure; empty where it gives none.
+        ours: our figure.
+        holds: True where ours meets or beats the paper's, False where it does not, None where the
+            two are not like for like.
+        remark: one sentence; required unless `holds` is True.
+    """
 
     quantity: str
     paper: str
     ours: str
     holds: bool | None
-    remark: str
+    remark: str = ""
+
+    def __post_init__(self) -> None:
+        """Ask for the reason where the paper's figure is not met."""
+        if self.holds is not True and not self.remark:
+            cure = "Say in one sentence why."
+            raise ArgumentError(describe("remark", "the reason", "nothing", cure))
 
 
-class OutcomeLike(Protocol):
-    """Numbers and figures of one experiment."""
+@dataclass(frozen=True)
+class ExperimentResult:
+    """Numbers and figures of one experiment.
+
+    Attributes:
+        title: what it is about.
+        source: the paper's figure or table, such as "Maeda et al. 2014, Fig. 4-6".
+        question: one or two sentences: what is asked.
+        findings: paper and ours, side by side.
+        blocks: figures, tables and remarks for the report.
+        conditions: what differs from the paper, one sentence each.
+        numbers: everything a script would want, ready for JSON.
+    """
 
     title: str
     source: str
     question: str
-    findings: Sequence[FindingLike]
-    blocks: Sequence[Block]
-    conditions: Sequence[str]
+    findings: tuple[Finding, ...]
+    blocks: tuple[Block, ...]
+    conditions: tuple[str, ...]
+    numbers: Mapping[str, object]
 
 
 def write_experiments_report(
-    path: str | Path, outcomes: Mapping[str, OutcomeLike], failures: Mapping[str, str], footer: str
+    path: str | Path,
+    results: Mapping[str, ExperimentResult],
+    failures: Mapping[str, str],
+    footer: str,
 ) -> Path:
     """Write the report.
 
     Args:
         path: of the HTML file.
-        outcomes: per experiment, in order.
+        results: per experiment, in order.
         failures: per experiment that broke off, why.
         footer: where the numbers came from.
 
     Raises:
         ResourceBusyError: the file cannot be written.
     """
-    sections = [_overview(outcomes, failures)]
-    sections += [_section(outcome) for outcome in outcomes.values()]
-    return write_page(path, Page(TITLE, SUBTITLE, tuple(sections), footer))
+    sections = [_overview(results, failures)]
+    sections += [_section(result) for result in results.values()]
+    return write_page(path, ReportPage(TITLE, SUBTITLE, tuple(sections), footer))
 
 
-def write_figures(folder: Path, name: str, outcome: OutcomeLike) -> list[Path]:
+def write_figures(folder: Path, name: str, result: ExperimentResult) -> list[Path]:
     """Write an experiment's figures as files of their own, named after it and numbered."""
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for number, figure in enumerate(_figures(outcome.blocks), 1):
+    for number, figure in enumerate(_figures(result.blocks), 1):
         path = folder / f"{name}_{number}.{SUFFIXES[figure.media_type]}"
         path.write_bytes(figure.data)
         written.append(path)
     return written
 
 
-def findings_table(outcome: OutcomeLike) -> Table:
+def findings_table(result: ExperimentResult) -> Table:
     """The paper's figures and ours."""
     columns = (
         Column("", align="left"),
@@ -90,20 +122,20 @@ def findings_table(outcome: OutcomeLike) -> Table:
     )
     rows = tuple(
         (f.quantity, f.paper or None, f.ours, VERDICTS[f.holds], f.remark or None)
-        for f in outcome.findings
+        for f in result.findings
     )
-    missed = frozenset(k for k, f in enumerate(outcome.findings) if f.holds is False)
+    missed = frozenset(k for k, f in enumerate(result.findings) if f.holds is False)
     return Table(columns, rows, marked=missed)
 
 
-def _overview(outcomes: Mapping[str, OutcomeLike], failures: Mapping[str, str]) -> Section:
-    findings = [f for outcome in outcomes.values() for f in outcome.findings]
+def _overview(results: Mapping[str, ExperimentResult], failures: Mapping[str, str]) -> Section:
+    findings = [f for result in results.values() for f in result.findings]
     met = sum(f.holds is True for f in findings)
     missed = sum(f.holds is False for f in findings)
     blocks: list[Block] = [
         KeyNumbers(
             (
-                KeyNumber("experiments", str(len(outcomes))),
+                KeyNumber("experiments", str(len(results))),
                 KeyNumber("figures met or beaten", f"{met} of {len(findings)}", good=not missed),
                 KeyNumber("not like for like", str(len(findings) - met - missed)),
             )
@@ -117,25 +149,25 @@ def _overview(outcomes: Mapping[str, OutcomeLike], failures: Mapping[str, str]) 
         Column("not like for like"),
     )
     rows = []
-    for outcome in outcomes.values():
-        verdicts = [f.holds for f in outcome.findings]
+    for result in results.values():
+        verdicts = [f.holds for f in result.findings]
         counts = (str(verdicts.count(v)) for v in (True, False, None))
-        rows.append((outcome.title, outcome.source, *counts))
+        rows.append((result.title, result.source, *counts))
     blocks.append(Table(columns, tuple(rows)))
     blocks += [Text(f"{name} broke off: {reason}") for name, reason in failures.items()]
     return Section("Overview", tuple(blocks))
 
 
-def _section(outcome: OutcomeLike) -> Section:
+def _section(result: ExperimentResult) -> Section:
     blocks: list[Block] = [
-        Text(outcome.question),
-        Text(f"Stands beside: {outcome.source}.", small=True),
-        findings_table(outcome),
-        *outcome.blocks,
+        Text(result.question),
+        Text(f"Stands beside: {result.source}.", small=True),
+        findings_table(result),
+        *result.blocks,
     ]
-    if outcome.conditions:
-        blocks.append(Text("Conditions that differ. " + " ".join(outcome.conditions), small=True))
-    return Section(outcome.title, tuple(blocks))
+    if result.conditions:
+        blocks.append(Text("Conditions that differ. " + " ".join(result.conditions), small=True))
+    return Section(result.title, tuple(blocks))
 
 
 def _figures(blocks: Sequence[Block]) -> list[Figure]:

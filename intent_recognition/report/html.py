@@ -135,7 +135,7 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Page:
+class ReportPage:
     """A whole report; `footer` says where it came from."""
 
     title: str
@@ -144,7 +144,7 @@ class Page:
     footer: str = ""
 
 
-def render(page: Page) -> str:
+def render(page: ReportPage) -> str:
     """The page as one self-contained HTML document."""
     footer = f"<footer>{escape(page.footer)}</footer>" if page.footer else ""
     body = "\n".join(_section(section) for section in page.sections if section.blocks)
@@ -167,7 +167,7 @@ def render(page: Page) -> str:
 """
 
 
-def write_page(path: str | Path, page: Page) -> Path:
+def write_page(path: str | Path, page: ReportPage) -> Path:
     """Write the page; the folder is made if it is missing.
 
     Raises:

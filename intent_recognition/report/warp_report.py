@@ -13,7 +13,7 @@ from intent_recognition.report.html import (
     Figure,
     KeyNumber,
     KeyNumbers,
-    Page,
+    ReportPage,
     Section,
     Table,
     write_page,
@@ -60,7 +60,7 @@ def write_warp_report(
         "Cut along the lip. The line is the fitted cavity; the dashed one is the level of what is"
         " left when the container is tilted about its lip until half of its volume is above it."
     )
-    page = Page(
+    page = ReportPage(
         title="Warped object",
         subtitle=f"{content['source']} onto {content['target']}",
         sections=(

@@ -29,7 +29,7 @@ from sim_bridge.arm.controllers import (
     limit_torque,
 )
 from sim_bridge.arm.state import ArmState, HandPose, SensorNoise
-from sim_bridge.arm.trajectory_follower import Reference
+from sim_bridge.arm.trajectory_follower import ArmReference
 from sim_bridge.arm.urdf import lwr_urdf
 from sim_bridge.arm.urdf_loading import free_joints, load_urdf
 
@@ -118,7 +118,7 @@ class LwrArm:
         return self._n_steps * TIME_STEP_S
 
     @property
-    def reference(self) -> Reference:
+    def reference(self) -> ArmReference:
         """The reference being followed (while in gravity compensation: the last one)."""
         return self._reference
 
@@ -183,7 +183,7 @@ class LwrArm:
         q = np.clip(_joint_array(q, "q"), self.limits.lower, self.limits.upper)
         qd = np.zeros(N_JOINTS) if qd is None else _joint_array(qd, "qd")
         qdd = np.zeros(N_JOINTS) if qdd is None else _joint_array(qdd, "qdd")
-        self._reference = Reference(q, qd, qdd)
+        self._reference = ArmReference(q, qd, qdd)
 
     def set_acceleration_law(self, law: AccelerationLaw | None) -> None:
         """Do the accelerations a law asks for, by inverse dynamics alone; None: low gains again.

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from intent_recognition.motion import FeedbackPolicy
 from sim_bridge.arm.arm import TIME_STEP_S, LwrArm
-from sim_bridge.arm.trajectory_follower import Reference
+from sim_bridge.arm.trajectory_follower import ArmReference
 
 NOISE_STEPS = 5
 """Physics steps for which one draw of the disturbance lasts; far shorter than the arm's motion."""
@@ -49,17 +49,17 @@ class FeedbackRun:
     saturated_steps: int
 
 
-def mean_movement(policy: FeedbackPolicy) -> Callable[[float], Reference]:
+def mean_movement(policy: FeedbackPolicy) -> Callable[[float], ArmReference]:
     """The distribution's mean as a reference over time, held at rest after its end."""
     n = policy.n_joints
     spline = CubicSpline(policy.times_s, policy.mean[:, :n])
     slope, bend = spline.derivative(), spline.derivative(2)
-    end = Reference(policy.mean[-1, :n], np.zeros(n), np.zeros(n))
+    end = ArmReference(policy.mean[-1, :n], np.zeros(n), np.zeros(n))
 
-    def reference(time_s: float) -> Reference:
+    def reference(time_s: float) -> ArmReference:
         if time_s >= policy.times_s[-1]:
             return end
-        return Reference(spline(time_s), slope(time_s), bend(time_s))
+        return ArmReference(spline(time_s), slope(time_s), bend(time_s))
 
     return reference
 

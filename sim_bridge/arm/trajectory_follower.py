@@ -25,7 +25,7 @@ _VELOCITY_ACCELERATION = 3.941
 _OFFSET_VELOCITY = 1.875
 
 
-class Reference(NamedTuple):
+class ArmReference(NamedTuple):
     """A point of the reference curve: q [rad], qd [rad/s], qdd [rad/s^2], all (n_joints,)."""
 
     q: NDArray[np.float64]
@@ -67,7 +67,7 @@ class _Curve:
         self._pieces = pieces
         self.first_s, self.end_s = float(times[0]), float(times[-1])
 
-    def sample(self, time_s: float) -> Reference:
+    def sample(self, time_s: float) -> ArmReference:
         piece = bisect_right(self._knots, time_s)
         return _evaluate(self._pieces[piece], time_s - self._origins[piece])
 
@@ -76,17 +76,17 @@ class _Entry(NamedTuple):
     """A curve in force from start_s on, plus an offset that has faded by start_s + fade_s."""
 
     start_s: float
-    curve: _Curve | Reference
+    curve: _Curve | ArmReference
     offset: NDArray[np.float64] | None
     fade_s: float
 
-    def sample(self, time_s: float) -> Reference:
-        base = self.curve if isinstance(self.curve, Reference) else self.curve.sample(time_s)
+    def sample(self, time_s: float) -> ArmReference:
+        base = self.curve if isinstance(self.curve, ArmReference) else self.curve.sample(time_s)
         elapsed = time_s - self.start_s
         if self.offset is None or elapsed >= self.fade_s:
             return base
         extra = _evaluate(self.offset, max(elapsed, 0.0))
-        return Reference(base.q + extra.q, base.qd + extra.qd, base.qdd + extra.qdd)
+        return ArmReference(base.q + extra.q, base.qd + extra.qd, base.qdd + extra.qdd)
 
 
 class TrajectoryFollower:
@@ -121,7 +121,7 @@ class TrajectoryFollower:
             raise ShapeError(
                 describe("position", f"shape ({self._limits.n_joints},)", q.shape, "One each.")
             )
-        rest = Reference(q, np.zeros_like(q), np.zeros_like(q))
+        rest = ArmReference(q, np.zeros_like(q), np.zeros_like(q))
         self._entries = [_Entry(-np.inf, rest, None, 0.0)]
 
     def accept(self, command: TrajectoryCommand, now_s: float) -> None:
@@ -142,7 +142,7 @@ class TrajectoryFollower:
         fading = _hermite(offset, velocity, fade_s)
         self._entries.append(_Entry(switch_s, curve, fading, fade_s))
 
-    def sample(self, time_s: float) -> Reference:
+    def sample(self, time_s: float) -> ArmReference:
         """Return the reference at a time not before the last accepted command's `now_s`."""
         for entry in reversed(self._entries):
             if entry.start_s <= time_s:
@@ -152,7 +152,7 @@ class TrajectoryFollower:
     def moving_until_s(self) -> float:
         """Return when the last accepted command ends; minus infinity when only holding."""
         entry = self._entries[-1]
-        if isinstance(entry.curve, Reference):
+        if isinstance(entry.curve, ArmReference):
             return -np.inf
         return max(entry.curve.end_s, entry.start_s + entry.fade_s)
 
@@ -222,10 +222,10 @@ def _hermite(
     )
 
 
-def _evaluate(polynomial: NDArray[np.float64], t: float) -> Reference:
+def _evaluate(polynomial: NDArray[np.float64], t: float) -> ArmReference:
     t2 = t * t
     t3, t4 = t2 * t, t2 * t2
     value = np.array([1.0, t, t2, t3, t4, t4 * t])
     first = np.array([0.0, 1.0, 2.0 * t, 3.0 * t2, 4.0 * t3, 5.0 * t4])
     second = np.array([0.0, 0.0, 2.0, 6.0 * t, 12.0 * t2, 20.0 * t3])
-    return Reference(value @ polynomial, first @ polynomial, second @ polynomial)
+    return ArmReference(value @ polynomial, first @ polynomial, second @ polynomial)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.kinematics import DH, JOINT_NAMES, LWR_LIMITS, N_JOINTS
-from sim_bridge.arm.urdf_shapes import BASE_SHAPES, HAND_SHAPES, LINK_SHAPES, Shape
+from sim_bridge.arm.urdf_shapes import BASE_SHAPES, HAND_SHAPES, LINK_SHAPES, LinkShape
 
 WORLD_LINK = "world"
 BASE_LINK = "lwr_base_link"
@@ -143,7 +143,7 @@ def _add_inertial(
     ET.SubElement(inertial, "inertia", {**values, "ixy": "0", "ixz": "0", "iyz": "0"})
 
 
-def _add_shapes(link: ET.Element, shapes: tuple[Shape, ...]) -> None:
+def _add_shapes(link: ET.Element, shapes: tuple[LinkShape, ...]) -> None:
     for shape in shapes:
         for kind in ("visual", "collision") if shape.collides else ("visual",):
             element = ET.SubElement(link, kind)

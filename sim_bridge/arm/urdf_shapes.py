@@ -13,7 +13,7 @@ COLOURS: dict[str, tuple[float, float, float, float]] = {
 
 
 @dataclass(frozen=True)
-class Shape:
+class LinkShape:
     """One primitive: `kind` is box, cylinder or sphere, `size` its URDF attributes."""
 
     kind: str
@@ -31,25 +31,27 @@ class Shape:
 
 def cylinder(
     axis: str, start: float, end: float, radius: float, colour: str, *, collides: bool = True
-) -> Shape:
+) -> LinkShape:
     """Return a cylinder along the link's y or z axis between two heights [m]."""
     middle = 0.5 * (start + end)
     size = {"radius": f"{radius:g}", "length": f"{abs(end - start):g}"}
     if axis == "z":
-        return Shape("cylinder", size, (0.0, 0.0, middle), (0.0, 0.0, 0.0), colour, collides)
+        return LinkShape("cylinder", size, (0.0, 0.0, middle), (0.0, 0.0, 0.0), colour, collides)
     turned = (pi / 2.0, 0.0, 0.0)
-    return Shape("cylinder", size, (0.0, middle, 0.0), turned, colour, collides)
+    return LinkShape("cylinder", size, (0.0, middle, 0.0), turned, colour, collides)
 
 
-def ball(radius: float, colour: str) -> Shape:
+def ball(radius: float, colour: str) -> LinkShape:
     """Return a sphere around the link's origin, radius [m]."""
-    return Shape("sphere", {"radius": f"{radius:g}"}, (0.0,) * 3, (0.0,) * 3, colour)
+    return LinkShape("sphere", {"radius": f"{radius:g}"}, (0.0,) * 3, (0.0,) * 3, colour)
 
 
-def box(size_m: tuple[float, float, float], xyz: tuple[float, float, float], colour: str) -> Shape:
+def box(
+    size_m: tuple[float, float, float], xyz: tuple[float, float, float], colour: str
+) -> LinkShape:
     """Return a box that is only drawn, with its edges along the link's axes [m]."""
     size = {"size": " ".join(f"{edge:g}" for edge in size_m)}
-    return Shape("box", size, xyz, (0.0, 0.0, 0.0), colour, collides=False)
+    return LinkShape("box", size, xyz, (0.0, 0.0, 0.0), colour, collides=False)
 
 
 BASE_SHAPES = (

@@ -13,7 +13,7 @@ from sim_bridge.balls.trials import (
     POURING,
     SECOND,
     TRIALS_PER_OBJECT,
-    Block,
+    TrialBlock,
     container,
     make,
 )
@@ -30,8 +30,8 @@ __all__ = [
     "SECOND",
     "TRIALS_PER_OBJECT",
     "BallWorld",
-    "Block",
     "Hollow",
+    "TrialBlock",
     "Trials",
     "WallGuard",
     "ball_radius_m",

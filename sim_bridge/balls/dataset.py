@@ -21,7 +21,14 @@ from numpy.typing import NDArray
 from intent_recognition import __version__
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
 from sim_bridge.balls.table import write_trials
-from sim_bridge.balls.trials import COLUMNS, CONTAINER_SEED, TRIALS_PER_OBJECT, Block, blocks, make
+from sim_bridge.balls.trials import (
+    COLUMNS,
+    CONTAINER_SEED,
+    TRIALS_PER_OBJECT,
+    TrialBlock,
+    blocks,
+    make,
+)
 
 
 def generate(
@@ -106,7 +113,7 @@ def _origin(seed: int, trials: int) -> dict[str, int]:
 
 
 def _write(
-    output: Path, parts: Path, finished: list[Block], origin: Mapping[str, int]
+    output: Path, parts: Path, finished: list[TrialBlock], origin: Mapping[str, int]
 ) -> dict[str, NDArray[np.float64]]:
     rows = {
         name: np.concatenate(
@@ -119,7 +126,7 @@ def _write(
 
 
 def _make_all(
-    missing: list[Block], parts: Path, jobs: int, made: Callable[[str, int], None]
+    missing: list[TrialBlock], parts: Path, jobs: int, made: Callable[[str, int], None]
 ) -> None:
     # Ctrl-C is for this process, which then ends the others.
     pool = ProcessPoolExecutor(
@@ -134,7 +141,7 @@ def _make_all(
         pool.shutdown(cancel_futures=True)
 
 
-def _make_part(block: Block, parts: Path) -> None:
+def _make_part(block: TrialBlock, parts: Path) -> None:
     path = _part(parts, block)
     half = path.with_suffix(".half")
     with half.open("wb") as stream:
@@ -142,7 +149,7 @@ def _make_part(block: Block, parts: Path) -> None:
     half.replace(path)
 
 
-def _part(parts: Path, block: Block) -> Path:
+def _part(parts: Path, block: TrialBlock) -> Path:
     return parts / f"{block.name}.npy"
 
 

@@ -49,7 +49,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Block:
+class TrialBlock:
     """Trials that are made together: one object, from one seed."""
 
     seed: int
@@ -69,11 +69,11 @@ class Block:
         return np.random.default_rng([self.seed, experiment, self.object_index, self.index])
 
 
-def blocks(seed: int, trials_per_object: int = TRIALS_PER_OBJECT) -> list[Block]:
+def blocks(seed: int, trials_per_object: int = TRIALS_PER_OBJECT) -> list[TrialBlock]:
     """All blocks, in turn over experiments and objects: what is there early is balanced."""
     numbers = range(-(-trials_per_object // TRIALS_PER_BLOCK))
     return [
-        Block(
+        TrialBlock(
             seed, experiment, k, index,
             min(TRIALS_PER_BLOCK, trials_per_object - index * TRIALS_PER_BLOCK),
         )
@@ -83,7 +83,7 @@ def blocks(seed: int, trials_per_object: int = TRIALS_PER_OBJECT) -> list[Block]
     ]  # fmt: skip
 
 
-def make(block: Block) -> NDArray[np.float64]:
+def make(block: TrialBlock) -> NDArray[np.float64]:
     """Run a block: (n_trials, len(COLUMNS[experiment])) float64."""
     return (pouring_block if block.experiment == POURING else filling_block)(block)
 
@@ -93,7 +93,7 @@ def container(index: int) -> Container:
     return make_container(CONTAINER_NAMES[index], CONTAINER_SEED)
 
 
-def pouring_block(block: Block) -> NDArray[np.float64]:
+def pouring_block(block: TrialBlock) -> NDArray[np.float64]:
     """Tilt one container by random angles with random amounts in it.
 
     The balls settle once, full; every trial takes the lowest of them.
@@ -114,7 +114,7 @@ def pouring_block(block: Block) -> NDArray[np.float64]:
     return np.array(rows, dtype=np.float64)
 
 
-def filling_block(block: Block) -> NDArray[np.float64]:
+def filling_block(block: TrialBlock) -> NDArray[np.float64]:
     """Pour ten balls from one container at random places over the second one."""
     rng, cup = block.rng(), container(block.object_index)
     second = make_container(SECOND, CONTAINER_SEED)

@@ -17,7 +17,7 @@ SIZE_SPREAD = 0.08
 
 
 @dataclass(frozen=True)
-class Shape:
+class ContainerShape:
     """What a kind of container looks like; lengths in metres.
 
     Attributes:
@@ -44,16 +44,16 @@ class Shape:
 
 
 SHAPES = {
-    "mug": Shape(0.095, 0.038, 0.0415, 0.0035, 0.006, 0.35, 2.0, 0.030, 0.0045),
-    "tall_mug": Shape(0.120, 0.036, 0.0400, 0.0040, 0.007, 0.80, 2.0, 0.033, 0.0050),
-    "espresso_cup": Shape(0.060, 0.022, 0.0310, 0.0030, 0.005, 0.60, 2.0, 0.020, 0.0035),
-    "tea_cup": Shape(0.064, 0.024, 0.0480, 0.0028, 0.005, 0.50, 2.0, 0.024, 0.0035),
-    "tall_glass": Shape(0.140, 0.029, 0.0345, 0.0024, 0.008),
-    "tumbler": Shape(0.090, 0.034, 0.0410, 0.0030, 0.009, 0.70),
-    "paper_cup": Shape(0.108, 0.029, 0.0430, 0.0020, 0.004),
-    "round_bowl": Shape(0.068, 0.032, 0.0700, 0.0040, 0.006, 0.50),
-    "shallow_bowl": Shape(0.046, 0.042, 0.0850, 0.0040, 0.006, 0.60),
-    "square_bowl": Shape(0.060, 0.050, 0.0640, 0.0040, 0.006, 0.60, 5.0),
+    "mug": ContainerShape(0.095, 0.038, 0.0415, 0.0035, 0.006, 0.35, 2.0, 0.030, 0.0045),
+    "tall_mug": ContainerShape(0.120, 0.036, 0.0400, 0.0040, 0.007, 0.80, 2.0, 0.033, 0.0050),
+    "espresso_cup": ContainerShape(0.060, 0.022, 0.0310, 0.0030, 0.005, 0.60, 2.0, 0.020, 0.0035),
+    "tea_cup": ContainerShape(0.064, 0.024, 0.0480, 0.0028, 0.005, 0.50, 2.0, 0.024, 0.0035),
+    "tall_glass": ContainerShape(0.140, 0.029, 0.0345, 0.0024, 0.008),
+    "tumbler": ContainerShape(0.090, 0.034, 0.0410, 0.0030, 0.009, 0.70),
+    "paper_cup": ContainerShape(0.108, 0.029, 0.0430, 0.0020, 0.004),
+    "round_bowl": ContainerShape(0.068, 0.032, 0.0700, 0.0040, 0.006, 0.50),
+    "shallow_bowl": ContainerShape(0.046, 0.042, 0.0850, 0.0040, 0.006, 0.60),
+    "square_bowl": ContainerShape(0.060, 0.050, 0.0640, 0.0040, 0.006, 0.60, 5.0),
 }
 CONTAINER_NAMES = tuple(SHAPES)
 
@@ -78,7 +78,7 @@ def make_container(name: str, seed: int = 0) -> Container:
     return build_container(name, vary(SHAPES[name], rng))
 
 
-def vary(shape: Shape, rng: np.random.Generator) -> Shape:
+def vary(shape: ContainerShape, rng: np.random.Generator) -> ContainerShape:
     """The shape in another size, its height and its width drawn apart."""
     tall, wide = rng.uniform(1.0 - SIZE_SPREAD, 1.0 + SIZE_SPREAD, 2)
     return replace(
@@ -90,7 +90,7 @@ def vary(shape: Shape, rng: np.random.Generator) -> Shape:
     )
 
 
-def build_container(name: str, shape: Shape) -> Container:
+def build_container(name: str, shape: ContainerShape) -> Container:
     """Build the solid, its cavity and its ground truth from a shape."""
     sections = _sections(shape)
     wall, inner = _wall(sections), _cavity(sections)
@@ -111,12 +111,12 @@ def build_container(name: str, shape: Shape) -> Container:
     )
 
 
-def _profile(shape: Shape, share: NDArray[np.float64]) -> NDArray[np.float64]:
+def _profile(shape: ContainerShape, share: NDArray[np.float64]) -> NDArray[np.float64]:
     """Outer radius at shares of the height."""
     return shape.base_m + (shape.top_m - shape.base_m) * share**shape.bulge
 
 
-def _sections(shape: Shape) -> Sections:
+def _sections(shape: ContainerShape) -> Sections:
     """Rings from the floor of the cavity to the crest, closer at the bottom and at the top."""
     shoulder = shape.height_m - 0.5 * shape.wall_m
     share = np.linspace(0.0, 1.0, 15) ** 1.5
@@ -161,7 +161,7 @@ def _cavity(sections: Sections) -> trimesh.Trimesh:
     return close_rings(np.stack(rings))
 
 
-def _handle(shape: Shape, sections: Sections) -> trimesh.Trimesh:
+def _handle(shape: ContainerShape, sections: Sections) -> trimesh.Trimesh:
     """An ear toward -x whose ends lie in the middle of the wall."""
     heights = sections.heights_m
     middle = np.linalg.norm(0.5 * (sections.inner + sections.outer)[:, 0], axis=1)

@@ -30,7 +30,7 @@ class Camera:
 
 
 @dataclass(frozen=True)
-class Scan:
+class SurfaceScan:
     """Points (n, 3) [m] with outward normals (n, 3), and where each was seen from (n, 3) [m]."""
 
     points: NDArray[np.float64]
@@ -44,7 +44,7 @@ def scan(
     n_views: int = 3,
     n_points: int = 2000,
     camera: Camera | None = None,
-) -> Scan:
+) -> SurfaceScan:
     """Look at a mesh from above, from views spread evenly around it.
 
     A ray goes through every pixel; the first surface it meets is what the camera sees.
@@ -84,7 +84,7 @@ def scan(
     points = points + rays * rng.normal(0.0, camera.depth_noise_std_m, (n_points, 1))
     normals = normals + rng.normal(0.0, camera.normal_noise_std_rad, (n_points, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    return Scan(points, normals, eyes)
+    return SurfaceScan(points, normals, eyes)
 
 
 def _view(

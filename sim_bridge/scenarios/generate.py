@@ -31,7 +31,7 @@ SCENARIOS = MappingProxyType(
 """Per scenario the module that offers `orders(seed)` and `make(order, output)`."""
 
 
-class Order(Protocol):
+class RecordingOrder(Protocol):
     """One recording to make; `folder` is where its bag goes, below the folder for all bags."""
 
     @property
@@ -39,7 +39,7 @@ class Order(Protocol):
         """As toolbox/train/plate_handover_03."""
 
 
-def orders(scenario: str, seed: int) -> list[Order]:
+def orders(scenario: str, seed: int) -> list[RecordingOrder]:
     """Every recording of a scenario."""
     return importlib.import_module(SCENARIOS[scenario]).orders(seed)
 
@@ -95,7 +95,7 @@ def _make_room(folder: Path, overwrite: bool) -> None:
         shutil.rmtree(folder)
 
 
-def _make(scenario: str, order: Order, output: Path) -> Path:
+def _make(scenario: str, order: RecordingOrder, output: Path) -> Path:
     return importlib.import_module(SCENARIOS[scenario]).make(order, output)
 
 

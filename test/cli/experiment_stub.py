@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """An experiment for tests of the command."""
 
-from intent_recognition.experiments.outcome import Finding, Outcome
+from intent_recognition.report.experiments_report import ExperimentResult, Finding
 from intent_recognition.report.html import Text
 
 
@@ -12,7 +12,7 @@ def run(settings):
     value = float(settings.rng(0).standard_normal())
     finding = Finding("error [cm]", "3", f"{value:.3f}", True)
     other = Finding("of another kind", "", "7", None, "The paper says nothing of it.")
-    return Outcome(
+    return ExperimentResult(
         "A stub", "Nobody, Fig. 0", "Does it run?", (finding, other), (Text("Here."),), (),
         {"value": value, "quick": settings.quick},
     )  # fmt: skip

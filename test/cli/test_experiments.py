@@ -14,11 +14,12 @@ from intent_recognition.cli.experiment_runs import run_all
 from intent_recognition.cli.main import main
 from intent_recognition.errors import ArgumentError
 from intent_recognition.experiments import catalogue
-from intent_recognition.experiments.catalogue import EXPERIMENTS, Entry, chosen
-from intent_recognition.experiments.outcome import Finding, Settings
+from intent_recognition.experiments.catalogue import EXPERIMENTS, Experiment, chosen
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.report.experiments_report import Finding
 
-GOOD = Entry("stub", "experiment_stub", "Nobody, Fig. 0", "a stub")
-BROKEN = Entry("broken", "experiment_stub_broken", "Nobody, Fig. 1", "a stub that breaks off")
+GOOD = Experiment("stub", "experiment_stub", "Nobody, Fig. 0", "a stub")
+BROKEN = Experiment("broken", "experiment_stub_broken", "Nobody, Fig. 1", "a stub that breaks off")
 
 
 @pytest.fixture

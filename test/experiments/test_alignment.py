@@ -19,7 +19,7 @@ from intent_recognition.experiments.alignment.time_warping import (
     warped,
 )
 from intent_recognition.experiments.alignment.timed import demonstrations
-from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.settings import Settings
 
 PHASE = np.linspace(0.0, 1.0, 101)
 IDENTITY = np.tile(PHASE, (3, 1))

@@ -21,7 +21,7 @@ from intent_recognition.experiments.assembly.scores import (
     watch,
 )
 from intent_recognition.experiments.assembly.study import arrival_s, fold_numbers, study
-from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.filtering.hypotheses import fixed_hypotheses
 from intent_recognition.gaussian.normal import Gaussian, log_density
 from intent_recognition.model.file import Model, load_model, save_model

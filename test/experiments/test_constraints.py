@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.outcome import Settings
 from intent_recognition.experiments.pouring.constraint_features import LABEL, STANDARD, Samples
 from intent_recognition.experiments.pouring.constraints import NOVEL, SAME, run, score
+from intent_recognition.experiments.settings import Settings
 
 
 @pytest.fixture(scope="module")

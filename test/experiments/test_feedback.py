@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from intent_recognition.experiments.feedback.experiment import run
-from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.settings import Settings
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import pytest
 
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.demonstrations.reading import read_demonstrations
-from intent_recognition.experiments.outcome import Settings
 from intent_recognition.experiments.pointing.experiment import condition_on_end, run
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.gaussian.normal import Gaussian, marginal, regression
 from intent_recognition.learning.training import learn
 

@@ -6,9 +6,9 @@ import pytest
 
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.demonstrations.reading import read_demonstrations
-from intent_recognition.experiments.outcome import Settings
 from intent_recognition.experiments.pole import experiment as pole
-from intent_recognition.report.html import Page, Section, render
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.report.html import ReportPage, Section, render
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.pole.geometry import fingertip, way_of
 
@@ -44,7 +44,7 @@ def test_one_gaussian_hits_the_pole_and_the_chosen_mixture_does_not(outcome):
 
 def test_the_outcome_is_a_report(outcome):
     assert all(finding.holds is not False for finding in outcome.findings)
-    page = render(Page(outcome.title, outcome.source, (Section("x", outcome.blocks),)))
+    page = render(ReportPage(outcome.title, outcome.source, (Section("x", outcome.blocks),)))
     assert "http://" not in page.replace("http://www.w3.org", "")
     n = len(outcome.numbers["components"])
     assert np.shape(outcome.numbers["tip_rms_m"]) == (n, 28)

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import BagError
-from intent_recognition.experiments.outcome import Settings
 from intent_recognition.experiments.pouring.experiment import PAIRS, pair_name, read_recorded, run
+from intent_recognition.experiments.settings import Settings
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,12 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.sketches import noise, sparse
 from intent_recognition.experiments.sketches.curves import N_SAMPLES, PHASE, PIXEL, sketch_pairs
 from intent_recognition.experiments.sketches.differentiation import SavitzkyGolay
 from intent_recognition.experiments.sketches.models import (
-    Candidate,
+    ModelChoice,
     folds,
     learn_dmp,
     learn_promp,
@@ -72,8 +72,8 @@ def test_folds_part_the_demonstrations():
 def test_white_noise_keeps_the_variances_of_the_derivatives(pairs):
     smoother = SavitzkyGolay(0.2)
     learned = learn_dmp(pairs, smoother)
-    _, white, _ = observation(learned, Candidate(0.1, 0.01, smoother), 30)
-    _, carried, _ = observation(learned, Candidate(0.1, 0.01, smoother, white=False), 30)
+    _, white, _ = observation(learned, ModelChoice(0.1, 0.01, smoother), 30)
+    _, carried, _ = observation(learned, ModelChoice(0.1, 0.01, smoother, white=False), 30)
     np.testing.assert_allclose(np.diag(white), np.diag(carried))
     assert np.count_nonzero(white - np.diag(np.diag(white))) == 0
     assert np.count_nonzero(carried) > 30 * 30
@@ -83,7 +83,7 @@ def test_noise_carried_through_an_invertible_filter_loses_nothing(pairs, rng):
     """Any invertible linear map of the observations leaves the posterior as it is."""
     learned = learn_promp(pairs)
     distribution = prior(learned.parameters, 0.1)
-    rows, noise_covariance, _ = observation(learned, Candidate(0.1, 0.01), 30)
+    rows, noise_covariance, _ = observation(learned, ModelChoice(0.1, 0.01), 30)
     seen = rows @ distribution.mean + 0.1 * rng.normal(size=30)
     mixed = rng.normal(size=(30, 30)) + 5.0 * np.eye(30)
     from intent_recognition.experiments.sketches.models import predictor
@@ -96,7 +96,7 @@ def test_noise_carried_through_an_invertible_filter_loses_nothing(pairs, rng):
 
 
 def test_errors_are_those_of_single_predictions(pairs):
-    candidate = Candidate(0.03, 0.01)
+    candidate = ModelChoice(0.03, 0.01)
     learned = learn_promp(pairs[:30])
     held = pairs[30:]
     found = squared_errors(pairs[:30], held[..., 1], held[None, ..., 0], [candidate], [40])

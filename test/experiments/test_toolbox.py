@@ -4,10 +4,10 @@
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox import experiment as toolbox
 from intent_recognition.experiments.toolbox import study as toolbox_study
-from intent_recognition.report.html import Page, Section, render
+from intent_recognition.report.html import ReportPage, Section, render
 
 
 @pytest.fixture(scope="module")
@@ -36,4 +36,4 @@ def test_every_execution_of_the_subset_is_recognised(outcome):
 
 def test_the_outcome_is_a_report(outcome):
     assert all(finding.holds is not False for finding in outcome.findings)
-    render(Page(outcome.title, outcome.source, (Section("x", outcome.blocks),)))
+    render(ReportPage(outcome.title, outcome.source, (Section("x", outcome.blocks),)))

@@ -16,7 +16,7 @@ from intent_recognition.report.html import (
     Figure,
     KeyNumber,
     KeyNumbers,
-    Page,
+    ReportPage,
     Row,
     Section,
     Table,
@@ -63,8 +63,8 @@ def read(html: str) -> Reader:
     return reader
 
 
-def page(*blocks) -> Page:
-    return Page("Title", "subtitle", (Section("Heading", blocks),), "footer")
+def page(*blocks) -> ReportPage:
+    return ReportPage("Title", "subtitle", (Section("Heading", blocks),), "footer")
 
 
 def outside_references(html: str) -> list[str]:
@@ -92,9 +92,9 @@ def test_any_text_is_escaped_everywhere(text):
         Figure(SVG, text, text),
         Table((Column(text, text),), ((text,),), text),
     )
-    html = render(Page(text, text, (Section(text, blocks),), text))
+    html = render(ReportPage(text, text, (Section(text, blocks),), text))
     reader = read(html)
-    plain = read(render(Page("t", "t", (Section("t", blocks),), "t")))
+    plain = read(render(ReportPage("t", "t", (Section("t", blocks),), "t")))
     assert len(reader.attributes) == len(plain.attributes)
     assert ("alt", text) in reader.attributes
 
@@ -142,7 +142,7 @@ def test_the_page_refers_to_nothing_outside():
 
 
 def test_empty_sections_are_left_out():
-    html = render(Page("t", "s", (Section("empty", ()), Section("full", (Text("x"),)))))
+    html = render(ReportPage("t", "s", (Section("empty", ()), Section("full", (Text("x"),)))))
     assert "empty" not in html
     assert "full" in html
 

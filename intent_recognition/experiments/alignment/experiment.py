@@ -22,8 +22,8 @@ from intent_recognition.experiments.alignment.study import (
     PHASE,
     SHIFT_STD,
     TRUE,
-    Known,
     Method,
+    MethodScore,
     Recordings,
     known_timing,
     movements,
@@ -33,16 +33,26 @@ from intent_recognition.experiments.alignment.study import (
     velocities,
 )
 from intent_recognition.experiments.alignment.time_warping import Steps, dtw_available, warped
-from intent_recognition.experiments.outcome import Finding, Outcome, Settings
-from intent_recognition.report import Block, Column, Figure, Table, Text, readable, to_svg
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.report import (
+    Block,
+    Column,
+    ExperimentResult,
+    Figure,
+    Finding,
+    Table,
+    Text,
+    readable,
+    to_svg,
+)
 
 
-def run(settings: Settings) -> Outcome:
+def run(settings: Settings) -> ExperimentResult:
     """Align known movements and the toolbox recordings by all methods at hand."""
     there = dtw_available()
     methods = METHODS if there else {LOCAL: METHODS[LOCAL]}
     n_sets = 2 if settings.quick else 20
-    known: dict[str, list[Known]] = {}
+    known: dict[str, list[MethodScore]] = {}
     for number in range(n_sets):
         settings.progress(0.8 * number / n_sets, "movements of known timing")
         for method, result in known_timing(settings, number, methods).items():
@@ -51,7 +61,7 @@ def run(settings: Settings) -> Outcome:
     tasks = toolbox(settings)
     recorded = {task: on_recordings(*values, methods) for task, values in tasks.items()}
     typical = {method: _typical(results) for method, results in known.items()}
-    return Outcome(
+    return ExperimentResult(
         title="Time alignment",
         source="Maeda et al. 2014, Sec. III-E",
         question=(
@@ -71,7 +81,7 @@ def run(settings: Settings) -> Outcome:
     )
 
 
-def _typical(results: list[Known]) -> Known:
+def _typical(results: list[MethodScore]) -> MethodScore:
     """Median over data sets, but the worst of the longest steps."""
     walks = [result.steps for result in results]
     worst = Steps(
@@ -80,16 +90,16 @@ def _typical(results: list[Known]) -> Known:
         max(w.longest_flat for w in walks),
         float(np.median([w.change for w in walks])),
     )
-    return Known(worst, *np.median([result[1:] for result in results], axis=0).tolist())
+    return MethodScore(worst, *np.median([result[1:] for result in results], axis=0).tolist())
 
 
-def _flat(result: Known | Recordings) -> dict[str, float]:
+def _flat(result: MethodScore | Recordings) -> dict[str, float]:
     """All numbers of a result by name."""
     return {**result.steps._asdict(), **dict(zip(result._fields[1:], result[1:], strict=True))}
 
 
 def _findings(
-    known: Mapping[str, Known], recorded: Mapping[str, Mapping[str, Recordings]]
+    known: Mapping[str, MethodScore], recorded: Mapping[str, Mapping[str, Recordings]]
 ) -> tuple[Finding, ...]:
     if DTW not in known:
         remark = "dtaidistance is not installed, so there is nothing to compare with."
@@ -158,7 +168,7 @@ def _findings(
 
 def _blocks(
     settings: Settings,
-    known: Mapping[str, Known],
+    known: Mapping[str, MethodScore],
     recorded: Mapping[str, Mapping[str, Recordings]],
     tasks: Mapping[str, tuple[NDArray[np.float64], int]],
     methods: Mapping[str, Method],
@@ -217,7 +227,7 @@ def _step_cells(walk: Steps) -> tuple[str, ...]:
     )
 
 
-def _known_table(known: Mapping[str, Known]) -> Table:
+def _known_table(known: Mapping[str, MethodScore]) -> Table:
     columns = (
         Column("method", align="left"),
         *_step_columns(),

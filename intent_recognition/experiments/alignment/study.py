@@ -20,7 +20,7 @@ from intent_recognition.experiments.alignment.time_warping import (
     warped,
 )
 from intent_recognition.experiments.alignment.timed import Timed, demonstrations
-from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.learning import cut_to_movement
 
 N_DEMONSTRATIONS = 40
@@ -48,7 +48,7 @@ METHODS: dict[str, Method] = {
 }
 
 
-class Known(NamedTuple):
+class MethodScore(NamedTuple):
     """What a method makes of movements of known timing.
 
     Attributes:
@@ -84,17 +84,17 @@ class Recordings(NamedTuple):
 
 def known_timing(
     settings: Settings, number: int, methods: Mapping[str, Method]
-) -> dict[str, Known]:
+) -> dict[str, MethodScore]:
     """Each method on the same 40 movements, and the truth itself."""
     clean, noisy, truth = movements(settings, number)
     inside = ((truth >= 0.0) & (truth <= 1.0))[1:]
     velocity = velocities(clean, truth)[1:][inside]
-    results = {TRUE: Known(steps(truth[1:]), 0.0, 0.0, 0.0)}
+    results = {TRUE: MethodScore(steps(truth[1:]), 0.0, 0.0, 0.0)}
     for name, method in methods.items():
         maps = method(noisy, 0)
         error = np.abs(maps - truth)[1:][inside]
         wrong = velocities(clean, maps)[1:][inside] - velocity
-        results[name] = Known(
+        results[name] = MethodScore(
             steps(maps[1:]),
             float(np.median(error)),
             float(np.percentile(error, 95)),

@@ -6,17 +6,21 @@ import numpy as np
 from intent_recognition.experiments.assembly.numbers import ALIGNED, NAMES, numbers_of
 from intent_recognition.experiments.assembly.report import blocks_of
 from intent_recognition.experiments.assembly.scores import N_OBSERVATIONS
-from intent_recognition.experiments.assembly.study import Study, study
-from intent_recognition.experiments.outcome import Finding, Outcome, Settings
-from intent_recognition.report import readable
+from intent_recognition.experiments.assembly.study import AssemblyStudy, study
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.report import (
+    ExperimentResult,
+    Finding,
+    readable,
+)
 from sim_bridge.scenarios.assembly import PERSONAL_STD_M
 
 
-def run(settings: Settings) -> Outcome:
+def run(settings: Settings) -> ExperimentResult:
     """Regenerate the experiment."""
     found = study(settings)
     numbers = numbers_of(found)
-    return Outcome(
+    return ExperimentResult(
         title="Two humans assemble a box; then the arm takes one's place",
         source="Maeda et al. 2014, Fig. 7-9",
         question=(
@@ -109,7 +113,7 @@ def _certainty_finding(n: dict, way: str) -> Finding:
     )
 
 
-def _conditions(found: Study) -> tuple[str, ...]:
+def _conditions(found: AssemblyStudy) -> tuple[str, ...]:
     """What differs from the paper."""
     arm = found.executed
     return (

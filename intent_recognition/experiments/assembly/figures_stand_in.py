@@ -26,7 +26,7 @@ DASHED: "LineStyleType" = (0, (4, 1.6))
 MINUS = "\N{MINUS SIGN}"
 
 
-class Predicted(NamedTuple):
+class WristPrediction(NamedTuple):
     """The assistant's wrist over time: as it was, and as predicted; (T,) and (T, 3)."""
 
     times_s: NDArray[np.float64]
@@ -89,7 +89,7 @@ def prediction_error_figure(
 
 
 @styled
-def prediction_figure(examples: Mapping[str, Predicted], n_observations: int) -> "Figure":
+def prediction_figure(examples: Mapping[str, WristPrediction], n_observations: int) -> "Figure":
     """The assistant's wrist as predicted after some observations, with +-2 sigma; a row a task."""
     colours = task_colours(examples)
     figure = new_figure(11.2, 2.1 * len(examples) + 0.5)

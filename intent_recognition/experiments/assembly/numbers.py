@@ -16,7 +16,7 @@ from intent_recognition.experiments.assembly.scores import (
     phases_of,
     spread_observations,
 )
-from intent_recognition.experiments.assembly.study import Executed, Study
+from intent_recognition.experiments.assembly.study import AssemblyStudy, StandInScore
 from sim_bridge.scenarios.assembly import FASTENING, HAND_OVER
 
 PAPER_OBSERVATIONS = 5
@@ -30,7 +30,7 @@ CHI2_3 = 7.815
 """95 % quantile of the chi-square distribution with three degrees of freedom."""
 
 
-def numbers_of(found: Study) -> dict[str, object]:
+def numbers_of(found: AssemblyStudy) -> dict[str, object]:
     """Everything of interest, by name."""
     labels = found.first.library.labels
     counts = {way: _certainty(found.scored, labels, way) for way in NAMES}
@@ -80,7 +80,7 @@ def probabilities(scored: Scored, way: str) -> NDArray[np.float64]:
     return scored.aligned if way == ALIGNED else getattr(scored, way).probabilities
 
 
-def _inside_other(found: Study) -> float:
+def _inside_other(found: AssemblyStudy) -> float:
     """Share of fastening's last observations inside the 95 % region of the hand-over."""
     library, task = found.first.library, found.first.library.labels.index(HAND_OVER)
     inside = []
@@ -113,7 +113,7 @@ def _cm(values_m: Sequence[NDArray[np.float64]]) -> list[float]:
     return (100.0 * np.mean(values_m, axis=0)).tolist()
 
 
-def _arm_numbers(executed: Sequence[Executed], labels: Sequence[str]) -> dict[str, object]:
+def _arm_numbers(executed: Sequence[StandInScore], labels: Sequence[str]) -> dict[str, object]:
     """What the arm did, per task."""
     numbers: dict[str, object] = {
         "interactions": len(executed),
@@ -134,7 +134,7 @@ def _arm_numbers(executed: Sequence[Executed], labels: Sequence[str]) -> dict[st
     return numbers
 
 
-def aligned_paths(found: Study) -> dict[str, NDArray[np.float64]]:
+def aligned_paths(found: AssemblyStudy) -> dict[str, NDArray[np.float64]]:
     """Aligned demonstrations per task, (n, G, 6)."""
     return {task: alignment.aligned for task, alignment in found.alignments.items()}
 

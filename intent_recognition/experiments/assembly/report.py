@@ -15,7 +15,7 @@ from intent_recognition.experiments.assembly.figures import (
 )
 from intent_recognition.experiments.assembly.figures_stand_in import (
     Hand,
-    Predicted,
+    WristPrediction,
     arrival_figure,
     hand_figure,
     prediction_error_figure,
@@ -36,7 +36,7 @@ from intent_recognition.experiments.assembly.scores import (
     predicted_after,
     spread_observations,
 )
-from intent_recognition.experiments.assembly.study import Study
+from intent_recognition.experiments.assembly.study import AssemblyStudy
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.report import Block, Column, Figure, Row, Table, Text, readable, to_svg
 from sim_bridge.scenarios.assembly import FASTENING, HAND_OVER
@@ -46,7 +46,7 @@ ENOUGH = 5
 TUBE_PHASES = np.linspace(0.0, 1.0, 101)
 
 
-def blocks_of(found: Study, numbers: dict) -> tuple[Block, ...]:
+def blocks_of(found: AssemblyStudy, numbers: dict) -> tuple[Block, ...]:
     """Figures and tables."""
     labels = found.first.library.labels
     return (
@@ -68,7 +68,7 @@ def blocks_of(found: Study, numbers: dict) -> tuple[Block, ...]:
     )
 
 
-def _workspace(found: Study) -> Figure:
+def _workspace(found: AssemblyStudy) -> Figure:
     figure = workspace_figure(aligned_paths(found))
     return Figure(
         to_svg(figure),
@@ -77,7 +77,7 @@ def _workspace(found: Study) -> Figure:
     )
 
 
-def _spread(found: Study) -> Figure:
+def _spread(found: AssemblyStudy) -> Figure:
     figure = spread_figure(spread_cm(found.unaligned), spread_cm(aligned_paths(found)))
     return Figure(
         to_svg(figure),
@@ -85,7 +85,7 @@ def _spread(found: Study) -> Figure:
     )
 
 
-def _overlap(found: Study) -> Figure:
+def _overlap(found: AssemblyStudy) -> Figure:
     """The left-out fastening whose end comes nearest to the hand-over's."""
     library = found.first.library
     tubes = {task: _tube(library, task) for task in (HAND_OVER, FASTENING)}
@@ -106,7 +106,7 @@ def _tube(library: TaskLibrary, task: str) -> Tube:
     return Tube(np.array([g.mean for g in along]), np.array([g.covariance for g in along]))
 
 
-def _recognition(found: Study, labels: Sequence[str]) -> Figure:
+def _recognition(found: AssemblyStudy, labels: Sequence[str]) -> Figure:
     rows = {
         name: {
             task: np.array([probabilities(s, way) for s in found.scored if s.task == task])
@@ -122,7 +122,7 @@ def _recognition(found: Study, labels: Sequence[str]) -> Figure:
     )
 
 
-def _ambiguity(found: Study, labels: Sequence[str]) -> Figure:
+def _ambiguity(found: AssemblyStudy, labels: Sequence[str]) -> Figure:
     of = [s for s in found.scored if s.task == FASTENING]
     ways = {
         "each by itself": np.array([s.single for s in of]),
@@ -175,11 +175,11 @@ def _prediction_errors(numbers: dict) -> Row:
     return Row(tuple(figures))
 
 
-def _prediction_examples(found: Study) -> Figure:
+def _prediction_examples(found: AssemblyStudy) -> Figure:
     examples = {}
     for task in found.first.library.labels:
         recorded = next(d for d in found.first.left_out if d.task == task)
-        examples[task] = Predicted(*predicted_after(found.first.library, recorded, ENOUGH))
+        examples[task] = WristPrediction(*predicted_after(found.first.library, recorded, ENOUGH))
     return Figure(
         to_svg(prediction_figure(examples, ENOUGH)),
         f"The assistant's wrist as predicted after {ENOUGH} of {N_OBSERVATIONS} observations of the"
@@ -219,7 +219,7 @@ def _arm_table(numbers: dict) -> Table:
     return Table(columns, tuple(rows), caption)
 
 
-def _arm_figures(found: Study, labels: Sequence[str]) -> tuple[Figure, ...]:
+def _arm_figures(found: AssemblyStudy, labels: Sequence[str]) -> tuple[Figure, ...]:
     examples = {}
     for task in labels:
         shown = next(e for e in found.executed if e.task == task)

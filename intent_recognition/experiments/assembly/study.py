@@ -18,7 +18,7 @@ from intent_recognition.errors import BagError, describe
 from intent_recognition.evaluation import sample
 from intent_recognition.experiments.assembly.aligned import aligned_evidence
 from intent_recognition.experiments.assembly.scores import N_OBSERVATIONS, Scored, score
-from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.learning import (
     Timing,
     TrainingSettings,
@@ -44,7 +44,7 @@ AFTER_ARRIVAL_S = 0.2
 """The end of a movement is its mean over the last so many seconds."""
 
 
-class Executed(NamedTuple):
+class StandInScore(NamedTuple):
     """One left-out interaction with the arm in the assistant's place.
 
     Attributes:
@@ -81,7 +81,7 @@ class Fold(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Study:
+class AssemblyStudy:
     """Everything the experiment shows.
 
     Attributes:
@@ -94,12 +94,12 @@ class Study:
 
     first: Fold
     scored: tuple[Scored, ...]
-    executed: tuple[Executed, ...]
+    executed: tuple[StandInScore, ...]
     alignments: dict[str, Alignment]
     unaligned: dict[str, NDArray[np.float64]]
 
 
-def study(settings: Settings) -> Study:
+def study(settings: Settings) -> AssemblyStudy:
     """Read, learn, score and execute.
 
     Raises:
@@ -128,7 +128,7 @@ def study(settings: Settings) -> Study:
         settings.progress(0.6 + 0.4 * k / n, f"the arm in {recording.name}")
         (cut,) = (d for d in first.left_out if d.name == recording.name)
         executed.append(execute(first.library, recording, cut))
-    return Study(first, tuple(scored), tuple(executed), alignments, unaligned)
+    return AssemblyStudy(first, tuple(scored), tuple(executed), alignments, unaligned)
 
 
 def read(settings: Settings) -> list[Demonstration]:
@@ -176,7 +176,7 @@ def leave_out(demonstrations: Sequence[Demonstration], numbers: Sequence[int], t
     return Fold(library, aligned, reference.timing, cut, left_out, as_recorded)
 
 
-def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) -> Executed:
+def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) -> StandInScore:
     """Let the arm take the assistant's place in one recording, and compare.
 
     Args:
@@ -193,7 +193,7 @@ def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) 
     end_s = (cut.end_ns - recording.start_ns) * 1e-9
     during = (run.times_s >= start_s) & (run.times_s <= end_s)
     asked = np.linalg.norm(run.hand_m - run.asked_m, axis=1)
-    return Executed(
+    return StandInScore(
         str(recording.task),
         run,
         wrist,

@@ -32,12 +32,21 @@ from intent_recognition.experiments.feedback.study import (
     std_ratios,
     stiffer_after_the_human,
 )
-from intent_recognition.experiments.outcome import Finding, Outcome, Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.motion import FeedbackPolicy, feedback_policy
-from intent_recognition.report import Block, Column, Figure, Table, Text, to_svg
+from intent_recognition.report import (
+    Block,
+    Column,
+    ExperimentResult,
+    Figure,
+    Finding,
+    Table,
+    Text,
+    to_svg,
+)
 
 
-def run(settings: Settings) -> Outcome:
+def run(settings: Settings) -> ExperimentResult:
     """Learn a handover, execute it many times under disturbance, push the arm."""
     settings.progress(0.0, "learning")
     library, shown, test = learn_handover(settings)
@@ -59,7 +68,7 @@ def _outcome(
     stiffer: NDArray[np.float64],
     reproduced: Sequence[Reproduced],
     pushes: Sequence[Pushed],
-) -> Outcome:
+) -> ExperimentResult:
     ratios = [std_ratios(policy, one) for one in reproduced]
     deviations = [mean_deviation(policy, one) for one in reproduced]
     identity = linear_errors(policy)
@@ -82,7 +91,7 @@ def _outcome(
         "push_left_m": [one.left_m.tolist() for one in pushes],
         "saturated_steps": [one.saturated_steps for one in reproduced],
     }
-    return Outcome(
+    return ExperimentResult(
         title="The arm moves as its demonstrations vary",
         source="Ewerton et al. 2015, Sec. V (future work); Paraschos et al. 2013",
         question=(

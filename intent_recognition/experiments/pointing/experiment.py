@@ -8,17 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
-from intent_recognition.experiments.outcome import Finding, Outcome, Settings
 from intent_recognition.experiments.pointing.figures import (
     PointedSpot,
     conditioned_figure,
     errors_figure,
     table_figure,
 )
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.learning import learn
 from intent_recognition.promp import TaskLibrary, Trajectory, rollout
-from intent_recognition.report import Block, Column, Figure, Row, Table, Text, to_svg
+from intent_recognition.report import (
+    Block,
+    Column,
+    ExperimentResult,
+    Figure,
+    Finding,
+    Row,
+    Table,
+    Text,
+    to_svg,
+)
 from intent_recognition.signals import Demonstration
 from sim_bridge.scenarios.pointing import CIRCLE_CENTRE_M, CIRCLE_DIAMETER_M, SPOTS_M, pointed_at
 
@@ -70,7 +80,7 @@ class Tested:
         return bool(off @ np.linalg.solve(self.spread_m2, off) <= 4.0)
 
 
-def run(settings: Settings) -> Outcome:
+def run(settings: Settings) -> ExperimentResult:
     """Learn from nine spots, condition on the human at nine others, and execute."""
     settings.progress(0.0, "learning")
     dofs = load_dofs()
@@ -160,7 +170,7 @@ def _outcome(
     train: list[Demonstration],
     tested: list[Tested],
     nearest: NDArray[np.float64],
-) -> Outcome:
+) -> ExperimentResult:
     errors = np.array([one.error_m for one in tested])
     predicted = np.array([np.linalg.norm(one.predicted_m - one.spot_m) for one in tested])
     teaching = np.array([float(one.metadata["teaching_error_m"]) for one in train])
@@ -168,7 +178,7 @@ def _outcome(
         train[0], "marker_placement_m"
     )
     execution = max(np.linalg.norm(t.run.pointed_m[:2] - t.predicted_m) for t in tested)
-    return Outcome(
+    return ExperimentResult(
         title="Pointing where the human points",
         source="Maeda et al. 2014, Fig. 4-6",
         question=(

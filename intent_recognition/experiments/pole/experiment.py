@@ -6,17 +6,18 @@ The demonstrations are unlabelled; on which side of the pole the arm was led is 
 
 from collections.abc import Mapping
 
-from intent_recognition.experiments.outcome import Finding, Outcome, Settings
 from intent_recognition.experiments.pole.report import blocks, findings
-from intent_recognition.experiments.pole.study import Carried, Study, investigate
+from intent_recognition.experiments.pole.study import Carried, PoleStudy, investigate
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.learning import purity
+from intent_recognition.report import ExperimentResult, Finding
 
 
-def run(settings: Settings) -> Outcome:
+def run(settings: Settings) -> ExperimentResult:
     """Mixtures of 1 to 17 components; one, and the number chosen, on the arm beside the pole."""
     study = investigate(settings)
     settings.progress(0.95, "figures")
-    return Outcome(
+    return ExperimentResult(
         title="Two ways around a pole",
         source="Ewerton et al. 2015, Fig. 2-4",
         question=(
@@ -47,7 +48,7 @@ _CONDITIONS = (
 )
 
 
-def _numbers(study: Study) -> Mapping[str, object]:
+def _numbers(study: PoleStudy) -> Mapping[str, object]:
     """Everything, ready for JSON."""
     return {
         "names": list(study.pairs.names),

@@ -13,7 +13,7 @@ from intent_recognition.experiments.pole.figures import (
     scene_figure,
     two_answers_figure,
 )
-from intent_recognition.experiments.pole.study import Carried, Study, Tried
+from intent_recognition.experiments.pole.study import Carried, PoleMixture, PoleStudy
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.learning import purity
 from intent_recognition.report import (
@@ -37,7 +37,7 @@ JOINT_ERROR = "error of the joints [rad]"
 Row = tuple[str, str, str, bool | None, str]
 
 
-def findings(study: Study) -> tuple[Row, ...]:
+def findings(study: PoleStudy) -> tuple[Row, ...]:
     """Fields of `Finding`, paper and ours."""
     one, taken = study.tried[0], study.taken
     error = 100.0 * taken.tip_rms_m.mean()
@@ -98,7 +98,7 @@ def findings(study: Study) -> tuple[Row, ...]:
     )
 
 
-def blocks(study: Study) -> tuple[Block, ...]:
+def blocks(study: PoleStudy) -> tuple[Block, ...]:
     """Figures and tables."""
     return (
         _key_numbers(study),
@@ -115,7 +115,7 @@ def _ways(carried: Carried) -> list[tuple[str, int]]:
     return list(zip(carried.ways, carried.indices.tolist(), strict=True))
 
 
-def _key_numbers(study: Study) -> KeyNumbers:
+def _key_numbers(study: PoleStudy) -> KeyNumbers:
     error = 100.0 * study.taken.tip_rms_m.mean()
     n = len(study.mixture.runs)
     hits = int(study.mixture.hits.sum())
@@ -133,7 +133,7 @@ def _key_numbers(study: Study) -> KeyNumbers:
     )
 
 
-def shown_twice(study: Study) -> dict[str, int]:
+def shown_twice(study: PoleStudy) -> dict[str, int]:
     """The first spot that was shown on both sides: by way, the index of its demonstration."""
     spots = np.array([d.metadata["spot"] for d in study.demonstrations])
     for spot in spots:
@@ -143,7 +143,7 @@ def shown_twice(study: Study) -> dict[str, int]:
     return {}
 
 
-def _scene(study: Study) -> Figure:
+def _scene(study: PoleStudy) -> Figure:
     from sim_bridge.scenarios.pole import picture
 
     images = [
@@ -157,7 +157,7 @@ def _scene(study: Study) -> Figure:
     )
 
 
-def _paths(study: Study) -> Figure:
+def _paths(study: PoleStudy) -> Figure:
     shown = fingertip(study.pairs.controlled)
     by_spot = {d.metadata["spot"]: k for k, d in enumerate(study.demonstrations)}
     first = sorted(by_spot.values())
@@ -178,7 +178,7 @@ def _paths(study: Study) -> Figure:
     )
 
 
-def _components(study: Study) -> Figure:
+def _components(study: PoleStudy) -> Figure:
     numbers = [t.number for t in study.tried]
     errors = {
         TIP_ERROR: 100.0 * np.array([t.tip_rms_m for t in study.tried]),
@@ -193,7 +193,7 @@ def _components(study: Study) -> Figure:
     )
 
 
-def _table(study: Study) -> Table:
+def _table(study: PoleStudy) -> Table:
     columns = (
         Column("components"),
         Column("left-out density", "nats per sample, lower is better"),
@@ -208,7 +208,7 @@ def _table(study: Study) -> Table:
     return Table(columns, rows, caption="Predictions, before execution.", strong=chosen)
 
 
-def _row(study: Study, tried: Tried) -> tuple[str, ...]:
+def _row(study: PoleStudy, tried: PoleMixture) -> tuple[str, ...]:
     predicted = [way_of(path) for path in fingertip(tried.predicted.mean)]
     other = np.array([a != b for a, b in zip(predicted, study.ways, strict=True)])
     tip = 100.0 * tried.tip_rms_m
@@ -223,7 +223,7 @@ def _row(study: Study, tried: Tried) -> tuple[str, ...]:
     )
 
 
-def _clearance(study: Study) -> Figure:
+def _clearance(study: PoleStudy) -> Figure:
     shown = np.array([float(d.metadata["clearance_m"]) for d in study.demonstrations])
     kinds: dict[str, tuple[NDArray[np.float64], NDArray[np.bool_]]] = {
         "demonstrated": (shown, np.zeros(len(shown), dtype=bool))
@@ -239,7 +239,7 @@ def _clearance(study: Study) -> Figure:
     )
 
 
-def _two_answers(study: Study) -> tuple[Block, ...]:
+def _two_answers(study: PoleStudy) -> tuple[Block, ...]:
     """What is predicted at one spot that was shown on both sides, from where the wand ends."""
     if study.chosen < 2:
         return ()

@@ -14,8 +14,8 @@ from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.experiments.left_out import (
     FINAL,
     WHOLE,
+    LeftOutPrediction,
     Pairs,
-    Predicted,
     chosen_number,
     pairs_of,
     predict,
@@ -23,14 +23,14 @@ from intent_recognition.experiments.left_out import (
     to_predict_with,
     try_numbers,
 )
-from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.gaussian import Components
 from intent_recognition.share import share_path
 from intent_recognition.signals import Demonstration
 from sim_bridge.scenarios.pole import fingertip, planned_clearance, way_of
 
 if TYPE_CHECKING:
-    from sim_bridge.scenarios.pole import Executed
+    from sim_bridge.scenarios.pole import PoleRun
 
 LARGEST_NUMBER = 17
 QUICK_LARGEST = 3
@@ -38,7 +38,7 @@ QUICK_EXECUTED = 2
 
 
 @dataclass(frozen=True)
-class Tried:
+class PoleMixture:
     """One number of components, every demonstration left out in turn, its whole path observed.
 
     Attributes:
@@ -56,7 +56,7 @@ class Tried:
     mixtures: Components
     labels: NDArray[np.integer]
     nll: NDArray[np.float64]
-    predicted: Predicted
+    predicted: LeftOutPrediction
     joint_rms_rad: NDArray[np.float64]
     tip_rms_m: NDArray[np.float64]
     n_through: int
@@ -76,7 +76,7 @@ class Carried:
 
     label: str
     indices: NDArray[np.integer]
-    runs: tuple["Executed", ...]
+    runs: tuple["PoleRun", ...]
     ways: tuple[str, ...]
     final_error_m: NDArray[np.float64]
 
@@ -92,7 +92,7 @@ class Carried:
 
 
 @dataclass(frozen=True)
-class Study:
+class PoleStudy:
     """All that came out.
 
     Attributes:
@@ -111,7 +111,7 @@ class Study:
     pairs: Pairs
     ways: tuple[str, ...]
     both: NDArray[np.bool_]
-    tried: tuple[Tried, ...]
+    tried: tuple[PoleMixture, ...]
     chosen: int
     single: Carried
     mixture: Carried
@@ -119,7 +119,7 @@ class Study:
     mixture_end: Carried
 
     @property
-    def taken(self) -> Tried:
+    def taken(self) -> PoleMixture:
         """What was tried with the number taken."""
         return self.tried[self.chosen - 1]
 
@@ -129,7 +129,7 @@ class Study:
         return self.single, self.mixture, self.single_end, self.mixture_end
 
 
-def investigate(settings: Settings) -> Study:
+def investigate(settings: Settings) -> PoleStudy:
     """Fit, predict and execute; the report is made of what this returns."""
     settings.progress(0.0, "reading")
     dofs = load_dofs(share_path("config/dofs_pole.yaml"))
@@ -154,10 +154,10 @@ def investigate(settings: Settings) -> Study:
     ):
         settings.progress(0.3 + 0.16 * step, f"on the arm: {label}")
         carried.append(_carry_out(label, pairs, predicted, indices))
-    return Study(tuple(demonstrations), pairs, ways, both, tried, chosen, *carried)
+    return PoleStudy(tuple(demonstrations), pairs, ways, both, tried, chosen, *carried)
 
 
-def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[Tried, ...], int]:
+def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[PoleMixture, ...], int]:
     """Every number of components up to the largest, and the one taken."""
     fits = try_numbers(
         pairs,
@@ -172,7 +172,7 @@ def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[Trie
         predicted = predict(pairs, mixtures, WHOLE)
         tip = np.linalg.norm(fingertip(predicted.mean) - truth, axis=2)
         tried.append(
-            Tried(
+            PoleMixture(
                 number,
                 mixtures,
                 clustering.labels,
@@ -187,7 +187,7 @@ def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[Trie
 
 
 def _carry_out(
-    label: str, pairs: Pairs, predicted: Predicted, indices: NDArray[np.integer]
+    label: str, pairs: Pairs, predicted: LeftOutPrediction, indices: NDArray[np.integer]
 ) -> Carried:
     """Let the arm execute predictions, each in a fresh world with the pole."""
     from sim_bridge.scenarios.pole import execute

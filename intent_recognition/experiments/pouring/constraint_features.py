@@ -50,7 +50,7 @@ USUAL_HEIGHT_M = 0.1
 """Of any cup, for standard features that are to tell how far is thrown without knowing the cup."""
 
 
-class Known(NamedTuple):
+class KnownContainer(NamedTuple):
     """What a method knows of one container.
 
     Attributes:
@@ -87,9 +87,9 @@ def annotated_source() -> WarpSource:
 
 def know_all(
     source: WarpSource, rng: np.random.Generator, indices: Sequence[int]
-) -> dict[str, dict[int, Known]]:
+) -> dict[str, dict[int, KnownContainer]]:
     """Scan containers and learn of them what each method can, by method and object index."""
-    known: dict[str, dict[int, Known]] = {method: {} for method in METHODS}
+    known: dict[str, dict[int, KnownContainer]] = {method: {} for method in METHODS}
     for index in indices:
         cup = container(index)
         seen = scan(cup.mesh, rng)
@@ -98,14 +98,16 @@ def know_all(
             warped = warp(source, cloud, mapping)
             ahead = cup.opening_centre + np.array([OTHER_AHEAD_M, 0.0, 0.0])
             found = pouring_parameters(warped, toward=ahead)
-            known[method][index] = Known(references(found), found.lip_point, found.opening_centre)
+            known[method][index] = KnownContainer(
+                references(found), found.lip_point, found.opening_centre
+            )
         middle = cup.mesh.bounds.mean(axis=0)
-        known[STANDARD][index] = Known(NO_REFERENCES, middle, middle)
+        known[STANDARD][index] = KnownContainer(NO_REFERENCES, middle, middle)
     return known
 
 
 def pouring_samples(
-    trials: Trials, known: dict[int, Known], *, difference: bool = False
+    trials: Trials, known: dict[int, KnownContainer], *, difference: bool = False
 ) -> Samples:
     """Features of the pouring trials.
 
@@ -127,7 +129,7 @@ def pouring_samples(
 
 
 def filling_samples(
-    trials: Trials, known: dict[int, Known], *, upright: bool = False, throw: bool = False
+    trials: Trials, known: dict[int, KnownContainer], *, upright: bool = False, throw: bool = False
 ) -> Samples:
     """Features of the filling trials.
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import TrainingError
 from intent_recognition.evaluation import on_grid, roc_curve
-from intent_recognition.experiments.outcome import Finding, Outcome, Settings
 from intent_recognition.experiments.pouring.constraint_features import (
     LABEL,
     METHODS,
@@ -27,7 +26,17 @@ from intent_recognition.experiments.pouring.constraint_features import (
     pouring_samples,
 )
 from intent_recognition.experiments.pouring.figures_constraints import RocBand, RocPanel, roc_figure
-from intent_recognition.report import Block, Column, Figure, Table, Text, to_svg
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.report import (
+    Block,
+    Column,
+    ExperimentResult,
+    Figure,
+    Finding,
+    Table,
+    Text,
+    to_svg,
+)
 from intent_recognition.share import share_path
 from intent_recognition.warping import RIDGE, FillingConstraint, fit_logistic, landing
 from sim_bridge.balls import FILLING, POURING, Trials, read_trials
@@ -51,7 +60,7 @@ STANDARDS = (STANDARD, UPRIGHT, THROW_STANDARD, THROW_UPRIGHT)
 SAME, NOVEL = "same object", "novel objects"
 
 
-class Scores(NamedTuple):
+class ConstraintScores(NamedTuple):
     """Of one method on one test set, over M training sets.
 
     Attributes:
@@ -72,11 +81,11 @@ class Scores(NamedTuple):
         return float(self.areas.mean())
 
 
-ScoreTable = Mapping[str, Mapping[str, Scores]]
+ScoreTable = Mapping[str, Mapping[str, ConstraintScores]]
 """Scores by method and test set (`SAME`, `NOVEL`)."""
 
 
-def run(settings: Settings) -> Outcome:
+def run(settings: Settings) -> ExperimentResult:
     """Score three kinds of features in both experiments."""
     path = share_path(TRIALS_FILE) if settings.bags is None else settings.bags / Path(TRIALS_FILE)
     trials = read_trials(path)
@@ -97,7 +106,7 @@ def run(settings: Settings) -> Outcome:
             trials, known[STANDARD], upright=upright, throw=True
         )
     n_sets = 1 if settings.quick else SETS_PER_OBJECT
-    scores: dict[str, dict[str, dict[str, Scores]]] = {POURING: {}, FILLING: {}}
+    scores: dict[str, dict[str, dict[str, ConstraintScores]]] = {POURING: {}, FILLING: {}}
     todo = [(name, method) for name, sheet in sheets.items() for method in sheet]
     for done, (name, method) in enumerate(todo):
         settings.progress(0.2 + 0.8 * done / len(todo), f"{name}, {method}")
@@ -105,7 +114,7 @@ def run(settings: Settings) -> Outcome:
         stream = 2 if name == POURING else 3
         scores[name][method] = score(sheets[name][method], n_sets, settings.rng(stream))
     settings.progress(1.0, "figure")
-    return Outcome(
+    return ExperimentResult(
         title="Task constraints that carry over to other containers",
         source="Brandl et al. 2014, Fig. 3",
         question=(
@@ -119,7 +128,7 @@ def run(settings: Settings) -> Outcome:
     )
 
 
-def score(samples: Samples, n_sets: int, rng: np.random.Generator) -> dict[str, Scores]:
+def score(samples: Samples, n_sets: int, rng: np.random.Generator) -> dict[str, ConstraintScores]:
     """Learn from `n_sets` training sets per object; test on its other trials and on the others.
 
     Raises:
@@ -140,7 +149,9 @@ def score(samples: Samples, n_sets: int, rng: np.random.Generator) -> dict[str, 
                 curve = roc_curve(odds, samples.labels[test])
                 early = on_grid(curve, np.array([FEW_FALSE_POSITIVES]))[0]
                 rows[name].append((on_grid(curve), curve.area, float(early), int(index)))
-    return {name: Scores(*map(np.array, zip(*row, strict=True))) for name, row in rows.items()}
+    return {
+        name: ConstraintScores(*map(np.array, zip(*row, strict=True))) for name, row in rows.items()
+    }
 
 
 def _learned(
@@ -249,7 +260,7 @@ def _blocks(scores: Mapping[str, ScoreTable]) -> tuple[Block, ...]:
     )
 
 
-def _filling_remark(filling: Mapping[str, Mapping[str, Scores]]) -> str:
+def _filling_remark(filling: Mapping[str, Mapping[str, ConstraintScores]]) -> str:
     area = {method: by_test[NOVEL].area for method, by_test in filling.items()}
     return (
         "The paper defines relative positions by the objects' centres. From the centres of the cups"
@@ -266,7 +277,7 @@ def _filling_remark(filling: Mapping[str, Mapping[str, Scores]]) -> str:
     )
 
 
-def _band(scores: Scores) -> RocBand:
+def _band(scores: ConstraintScores) -> RocBand:
     low, high = np.quantile(scores.curves, (0.25, 0.75), axis=0)
     return RocBand(scores.curves.mean(axis=0), low, high, scores.area)
 
@@ -295,7 +306,7 @@ def _area_table(scores: Mapping[str, ScoreTable]) -> Table:
 
 
 def _object_table(scores: Mapping[str, ScoreTable]) -> Table:
-    def cell(by_test: Mapping[str, Scores], index: int) -> str:
+    def cell(by_test: Mapping[str, ConstraintScores], index: int) -> str:
         own = by_test[NOVEL].trained_on == index
         return f"{by_test[NOVEL].areas[own].mean():.3f}"
 

@@ -12,16 +12,25 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.errors import BagError, describe
-from intent_recognition.experiments.outcome import Finding, Outcome, Settings
 from intent_recognition.experiments.pouring.figures import Band, Real, paths_figure, spilled_figure
-from intent_recognition.report import Block, Column, Figure, Table, Text, to_svg
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.report import (
+    Block,
+    Column,
+    ExperimentResult,
+    Figure,
+    Finding,
+    Table,
+    Text,
+    to_svg,
+)
 from intent_recognition.warping import to_warped, warped_scale
 from sim_bridge.scenarios.pouring import (
     MEAN,
     PAIRS,
     SAMPLE,
     UNWARPED,
-    Order,
+    PourOrder,
     PourPath,
     Skill,
     execute,
@@ -44,7 +53,7 @@ NAMES = {MEAN: "warped, mean", SAMPLE: "warped, drawn", UNWARPED: "not warped"}
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedPour:
     """One recorded pour.
 
     Attributes:
@@ -59,7 +68,7 @@ class Recorded:
         strongest_touch_n: how hard at most.
     """
 
-    order: Order
+    order: PourOrder
     path: PourPath
     spilled: int
     kept: int
@@ -70,7 +79,7 @@ class Recorded:
     strongest_touch_n: float
 
 
-def run(settings: Settings) -> Outcome:
+def run(settings: Settings) -> ExperimentResult:
     """Learn from one pair, count what was spilled with others, repeat some pours."""
     settings.progress(0.0, "learning from the demonstrations")
     demonstrations = settings.recordings("pouring/train")
@@ -86,7 +95,7 @@ def run(settings: Settings) -> Outcome:
         repeated.append((one, int(again.spilled), int(again.kept)))
     settings.progress(1.0, "figures")
     numbers = _numbers(pours, skill, repeated)
-    return Outcome(
+    return ExperimentResult(
         title="Pouring with containers never demonstrated",
         source="Brandl et al. 2014, Fig. 4 and 5",
         question=(
@@ -124,7 +133,7 @@ def pair_name(pair: int) -> str:
     return " into ".join(name.replace("_", " ") for name in PAIRS[pair])
 
 
-def read_recorded(folder: Path) -> list[Recorded]:
+def read_recorded(folder: Path) -> list[RecordedPour]:
     """All recorded pours below a folder.
 
     Raises:
@@ -133,17 +142,17 @@ def read_recorded(folder: Path) -> list[Recorded]:
     found = []
     for note in sorted(folder.glob("*/metadata.yaml")):
         path, labels = read_pour(note.parent)
-        order = Order(int(labels["seed"]), int(labels["pair"]), labels["manner"])
+        order = PourOrder(int(labels["seed"]), int(labels["pair"]), labels["manner"])
         counts = (int(labels[n]) for n in ("spilled", "kept", "balls", "through_wall"))
         measured = (float(labels[n]) for n in ("risk", "touched_s", "strongest_touch_n"))
-        found.append(Recorded(order, path, *counts, *measured))
+        found.append(RecordedPour(order, path, *counts, *measured))
     if not found:
         cure = "Make them with `python -m sim_bridge.scenarios.generate --scenario pours`."
         raise BagError(describe(str(folder), "recorded pours", "none", cure))
     return found
 
 
-def of_manner(pours: Sequence[Recorded], manner: str) -> list[Recorded]:
+def of_manner(pours: Sequence[RecordedPour], manner: str) -> list[RecordedPour]:
     """Those along one kind of path, in the order of the pairs."""
     return sorted((p for p in pours if p.order.manner == manner), key=lambda p: p.order.pair)
 
@@ -158,7 +167,7 @@ def carried_tilt(skill: Skill) -> float:
 
 
 def _numbers(
-    pours: Sequence[Recorded], skill: Skill, repeated: Sequence[tuple[Recorded, int, int]]
+    pours: Sequence[RecordedPour], skill: Skill, repeated: Sequence[tuple[RecordedPour, int, int]]
 ) -> dict[str, object]:
     numbers: dict[str, object] = {
         "pairs": [pair_name(k) for k in range(len(PAIRS))],
@@ -249,10 +258,10 @@ def _touches(numbers: dict, manner: str) -> str:
 
 
 def _blocks(
-    pours: Sequence[Recorded],
+    pours: Sequence[RecordedPour],
     skill: Skill,
     demonstrations: Path,
-    repeated: Sequence[tuple[Recorded, int, int]],
+    repeated: Sequence[tuple[RecordedPour, int, int]],
 ) -> tuple[Block, ...]:
     phase = np.linspace(0.0, 1.0, 200)
     primitive = skill.primitive
@@ -295,7 +304,7 @@ def _blocks(
     )
 
 
-def _real(pour: Recorded, warped: Band, duration_s: float) -> Real:
+def _real(pour: RecordedPour, warped: Band, duration_s: float) -> Real:
     cup, second = (seen_as(name, pour.order.seed).references for name in PAIRS[pour.order.pair])
     scale = warped_scale(cup, second) * TO_CM_AND_DEG
     band = Band(warped.time * duration_s, warped.mean * scale, warped.std * scale)
@@ -303,7 +312,7 @@ def _real(pour: Recorded, warped: Band, duration_s: float) -> Real:
     return Real(pair_name(pour.order.pair), band, pour.path.times_s, done)
 
 
-def _table(pours: Sequence[Recorded]) -> Table:
+def _table(pours: Sequence[RecordedPour]) -> Table:
     columns = [Column("pair", align="left")]
     for manner in (MEAN, SAMPLE, UNWARPED):
         name = NAMES[manner]
@@ -320,6 +329,6 @@ def _table(pours: Sequence[Recorded]) -> Table:
     return Table(tuple(columns), tuple(rows), caption)
 
 
-def _cells(pour: Recorded) -> list[str | None]:
+def _cells(pour: RecordedPour) -> list[str | None]:
     caught = pour.n_balls - pour.spilled - pour.kept
     return [str(caught), str(pour.kept), str(pour.spilled), f"{pour.risk:.2f}"]

@@ -40,7 +40,7 @@ class Panel(NamedTuple):
     others: Mapping[str, NDArray[np.float64]] | None = None
 
 
-class Example(NamedTuple):
+class SketchExample(NamedTuple):
     """One situation: the observed agent above, the controlled one below."""
 
     observed: Panel
@@ -48,7 +48,7 @@ class Example(NamedTuple):
 
 
 @styled
-def example_figure(phase: NDArray[np.float64], examples: Sequence[Example]) -> "Figure":
+def example_figure(phase: NDArray[np.float64], examples: Sequence[SketchExample]) -> "Figure":
     """Prior and posterior of both agents, +- two standard deviations; one column per example.
 
     Args:

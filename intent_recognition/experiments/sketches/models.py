@@ -79,7 +79,7 @@ class Learned:
         return np.hstack([rows, np.zeros_like(rows)])
 
 
-class Candidate(NamedTuple):
+class ModelChoice(NamedTuple):
     """One way to learn and to observe.
 
     Attributes:
@@ -167,7 +167,7 @@ def predictor(
 
 
 def observation(
-    learned: Learned, candidate: Candidate, n_seen: int
+    learned: Learned, candidate: ModelChoice, n_seen: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Rows, noise, and operator from positions to what is observed, of the first samples.
 
@@ -198,7 +198,7 @@ def squared_errors(
     train: NDArray[np.float64],
     truth: NDArray[np.float64],
     seen: NDArray[np.float64],
-    candidates: Sequence[Candidate],
+    candidates: Sequence[ModelChoice],
     counts: Sequence[int],
 ) -> NDArray[np.float64]:
     """Mean squared error of the controlled curve, for c candidates, L noise levels, k counts.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.experiments.outcome import Finding, Outcome, Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.sketches.curves import N_SAMPLES
 from intent_recognition.experiments.sketches.figures_noise import growth_figure, noise_figure
 from intent_recognition.experiments.sketches.models import SMOOTHERS
@@ -32,7 +32,16 @@ from intent_recognition.experiments.sketches.noise_scores import (
     make_plan,
     one_data_set,
 )
-from intent_recognition.report import Block, Column, Figure, Table, Text, to_svg
+from intent_recognition.report import (
+    Block,
+    Column,
+    ExperimentResult,
+    Figure,
+    Finding,
+    Table,
+    Text,
+    to_svg,
+)
 
 
 class Growth(NamedTuple):
@@ -45,7 +54,7 @@ class Growth(NamedTuple):
         return f"x {self.factor:.1f} \N{PLUS-MINUS SIGN} {self.error:.1f}"
 
 
-def run(settings: Settings) -> Outcome:
+def run(settings: Settings) -> ExperimentResult:
     """Repeat on independent data sets: draw, choose, predict, score."""
     plan = make_plan(settings.quick)
     rmse = []
@@ -55,7 +64,7 @@ def run(settings: Settings) -> Outcome:
     table = {method: np.array([run[method] for run in rmse]) for method in METHODS}
     growth = {method: _growth(errors) for method, errors in table.items()}
     settings.progress(1.0, "figures")
-    return Outcome(
+    return ExperimentResult(
         title="Noise: ProMP and DMP",
         source="Maeda et al. 2014, Fig. 3",
         question=(

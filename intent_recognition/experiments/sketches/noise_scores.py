@@ -17,7 +17,7 @@ from intent_recognition.experiments.sketches.models import (
     SHRINKAGES,
     SMOOTHERS,
     VARIANCES,
-    Candidate,
+    ModelChoice,
     folds,
     squared_errors,
 )
@@ -47,7 +47,7 @@ class Plan(NamedTuple):
     levels: tuple[float, ...]
     counts: tuple[int, ...]
     repeats: int
-    pools: Mapping[str, tuple[Candidate, ...]]
+    pools: Mapping[str, tuple[ModelChoice, ...]]
 
 
 def make_plan(quick: bool) -> Plan:
@@ -56,9 +56,9 @@ def make_plan(quick: bool) -> Plan:
     variances = VARIANCES[::3] if quick else VARIANCES
     shrinkages = SHRINKAGES[:1] if quick else SHRINKAGES
 
-    def pool(filters: Sequence[Smoother | None], white: bool = True) -> tuple[Candidate, ...]:
+    def pool(filters: Sequence[Smoother | None], white: bool = True) -> tuple[ModelChoice, ...]:
         return tuple(
-            Candidate(shrinkage, variance, smoother, white)
+            ModelChoice(shrinkage, variance, smoother, white)
             for smoother in filters
             for shrinkage in shrinkages
             for variance in variances
@@ -98,7 +98,7 @@ def one_data_set(rng: np.random.Generator, plan: Plan) -> dict[str, NDArray[np.f
 
 
 def _cross_validate(
-    rng: np.random.Generator, train: NDArray[np.float64], pool: Sequence[Candidate], plan: Plan
+    rng: np.random.Generator, train: NDArray[np.float64], pool: Sequence[ModelChoice], plan: Plan
 ) -> NDArray[np.float64]:
     """Mean squared error of demonstrations left out, (c, L, k)."""
     total = np.zeros((len(pool), len(plan.levels), len(plan.counts)))

@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.experiments.outcome import Finding, Outcome, Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.sketches.curves import PHASE, sketch_pairs
 from intent_recognition.experiments.sketches.differentiation import spline_operators
 from intent_recognition.experiments.sketches.figures_sparse import (
-    Example,
     Line,
     Panel,
+    SketchExample,
     example_figure,
     sparse_error_figure,
 )
@@ -42,7 +42,16 @@ from intent_recognition.experiments.sketches.sparse_scores import (
     PROMP,
     one_data_set,
 )
-from intent_recognition.report import Block, Column, Figure, Table, Text, to_svg
+from intent_recognition.report import (
+    Block,
+    Column,
+    ExperimentResult,
+    Figure,
+    Finding,
+    Table,
+    Text,
+    to_svg,
+)
 
 STREAM_VARIANCE = 0.04
 """Of the noisy stream, as in the paper's Fig. 2 (b)."""
@@ -52,7 +61,7 @@ EXAMPLE_COUNT = 4
 EXAMPLE_PHASES = np.array([0.12, 0.3, 0.41, 0.78])
 
 
-def run(settings: Settings) -> Outcome:
+def run(settings: Settings) -> ExperimentResult:
     """Repeat on independent data sets: draw, choose, condition, score."""
     counts = (4, 10) if settings.quick else (3, 4, 6, 10)
     repeats = 2 if settings.quick else 6
@@ -64,7 +73,7 @@ def run(settings: Settings) -> Outcome:
     rmse = {m: np.array([s.rmse[m] for s in scores]) for m in METHODS}
     inside = np.array([s.inside for s in scores])
     acceleration = np.array([s.acceleration for s in scores])
-    return Outcome(
+    return ExperimentResult(
         title="Sparse, asynchronous, noisy observations",
         source="Maeda et al. 2014, Fig. 2",
         question=(
@@ -215,7 +224,7 @@ def _example(
     pair: NDArray[np.float64],
     seen: tuple[NDArray[np.float64], NDArray[np.float64]],
     others: Mapping[str, NDArray[np.float64]] | None,
-) -> Example:
+) -> SketchExample:
     panels = [
         Panel(
             "" if number else title,
@@ -227,7 +236,7 @@ def _example(
         )
         for number in range(2)
     ]
-    return Example(*panels)
+    return SketchExample(*panels)
 
 
 def _table(

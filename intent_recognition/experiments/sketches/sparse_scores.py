@@ -31,7 +31,7 @@ PROMP, DMP_SPLINE, DMP_THROUGH, NOTHING = METHODS = (
 )
 
 
-class Scores(NamedTuple):
+class SparseScores(NamedTuple):
     """Of one data set, k numbers of observations.
 
     Attributes:
@@ -49,7 +49,7 @@ class Scores(NamedTuple):
 
 def one_data_set(
     rng: np.random.Generator, counts: Sequence[int], choices: Sequence[SplineChoice]
-) -> Scores:
+) -> SparseScores:
     """Learn from one set of sketches, and score others."""
     train, test = sketch_pairs(rng, N_TRAIN), sketch_pairs(rng, N_TEST)
     promp, dmp = learn_promp(train), learn_dmp(train)
@@ -78,7 +78,7 @@ def one_data_set(
             rmse[method][k] = _rms(np.array(values))
         inside[k] = np.mean(hits, axis=0)
         acceleration[k] = np.median(differences, axis=0)
-    return Scores(rmse, inside, acceleration)
+    return SparseScores(rmse, inside, acceleration)
 
 
 def _acceleration_error(

@@ -5,17 +5,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from intent_recognition.experiments.outcome import Finding, Outcome, Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox.report import blocks, findings
-from intent_recognition.experiments.toolbox.study import Study, investigate
+from intent_recognition.experiments.toolbox.study import ToolboxStudy, investigate
 from intent_recognition.learning import purity
+from intent_recognition.report import ExperimentResult, Finding
 
 
-def run(settings: Settings) -> Outcome:
+def run(settings: Settings) -> ExperimentResult:
     """Mixtures of 1 to 10 components, predictions from the final wrist, and 40 executions."""
     study = investigate(settings)
     settings.progress(0.97, "figures")
-    return Outcome(
+    return ExperimentResult(
         title="The toolbox without labels",
         source="Ewerton et al. 2015, Fig. 5-8",
         question=(
@@ -44,7 +45,7 @@ _CONDITIONS = (
 )
 
 
-def _numbers(study: Study) -> Mapping[str, object]:
+def _numbers(study: ToolboxStudy) -> Mapping[str, object]:
     """Everything, ready for JSON."""
     right = [e.recognised == e.task and not e.wrong_first for e in study.executions]
     return {
@@ -64,7 +65,7 @@ def _numbers(study: Study) -> Mapping[str, object]:
     }
 
 
-def inside_two_sigma(study: Study) -> float:
+def inside_two_sigma(study: ToolboxStudy) -> float:
     """Share of all true joint angles inside +-2 sigma of the prediction from the end."""
     error = np.abs(study.from_end.mean - study.pairs.controlled)
     return float(np.mean(error <= 2.0 * study.from_end.std))

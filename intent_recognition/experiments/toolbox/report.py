@@ -10,7 +10,7 @@ from intent_recognition.experiments.toolbox.figures import (
     conditioned_figure,
 )
 from intent_recognition.experiments.toolbox.session import HAND_TASKS
-from intent_recognition.experiments.toolbox.study import Study
+from intent_recognition.experiments.toolbox.study import ToolboxStudy
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.learning import purity
 from intent_recognition.report import (
@@ -35,7 +35,7 @@ WRIST = ("wrist x [m]", "wrist y [m]", "wrist z [m]")
 Fields = tuple[str, str, str, bool | None, str]
 
 
-def findings(study: Study) -> tuple[Fields, ...]:
+def findings(study: ToolboxStudy) -> tuple[Fields, ...]:
     """Fields of `Finding`, paper and ours."""
     found = purity(study.tasks.tolist(), study.taken.labels)
     right, n = _right(study), len(study.executions)
@@ -73,7 +73,7 @@ def findings(study: Study) -> tuple[Fields, ...]:
     )
 
 
-def _hand_finding(study: Study, task: str) -> Fields:
+def _hand_finding(study: ToolboxStudy, task: str) -> Fields:
     errors = 100.0 * study.hand_error_m(study.from_end)[study.tasks == task]
     mean, spread = PAPER_CM[task]
     holds = bool(errors.mean() <= mean)
@@ -86,11 +86,11 @@ def _hand_finding(study: Study, task: str) -> Fields:
     )
 
 
-def _right(study: Study) -> int:
+def _right(study: ToolboxStudy) -> int:
     return sum(e.recognised == e.task and not e.wrong_first for e in study.executions)
 
 
-def blocks(study: Study) -> tuple[Block, ...]:
+def blocks(study: ToolboxStudy) -> tuple[Block, ...]:
     """Figures and tables."""
     return (
         _key_numbers(study),
@@ -104,7 +104,7 @@ def blocks(study: Study) -> tuple[Block, ...]:
     )
 
 
-def _key_numbers(study: Study) -> KeyNumbers:
+def _key_numbers(study: ToolboxStudy) -> KeyNumbers:
     error = 100.0 * study.hand_error_m(study.from_end)
     right, n = _right(study), len(study.executions)
     numbers = [KeyNumber("components chosen", str(study.chosen), "3", study.chosen == 3)]
@@ -122,7 +122,7 @@ def _key_numbers(study: Study) -> KeyNumbers:
     return KeyNumbers(tuple(numbers))
 
 
-def _components(study: Study) -> Figure:
+def _components(study: ToolboxStudy) -> Figure:
     figure = components_figure(
         [t.number for t in study.tried],
         {
@@ -138,7 +138,7 @@ def _components(study: Study) -> Figure:
     )
 
 
-def _found(study: Study) -> Figure:
+def _found(study: ToolboxStudy) -> Figure:
     figure = components_found_figure(
         PHASES,
         study.pairs.observed,
@@ -157,7 +157,7 @@ def _joints() -> tuple[str, ...]:
     return tuple(f"{n.removesuffix('_joint')} [rad]" for n in JOINT_NAMES[:N_JOINTS_SHOWN])
 
 
-def _conditioned(study: Study) -> list[Figure]:
+def _conditioned(study: ToolboxStudy) -> list[Figure]:
     """One test of each interaction whose handover follows the wrist."""
     errors = study.hand_error_m(study.from_end)
     figures = []
@@ -185,7 +185,7 @@ def _conditioned(study: Study) -> list[Figure]:
     return figures
 
 
-def _hand(study: Study) -> Row:
+def _hand(study: ToolboxStudy) -> Row:
     errors = 100.0 * study.hand_error_m(study.from_end)
     tasks = (*HAND_TASKS, *sorted(set(study.tasks.tolist()) - set(HAND_TASKS)))
     remarks = {task: "always at one place" for task in tasks if task not in HAND_TASKS}
@@ -216,7 +216,7 @@ def _hand(study: Study) -> Row:
     )
 
 
-def _table(study: Study) -> Table:
+def _table(study: ToolboxStudy) -> Table:
     columns = (
         Column("components"),
         Column("left-out density", "nats per sample, lower is better"),
@@ -239,7 +239,7 @@ def _table(study: Study) -> Table:
     return Table(columns, rows, strong=frozenset({study.chosen - 1}))
 
 
-def _end_alone(study: Study) -> Text:
+def _end_alone(study: ToolboxStudy) -> Text:
     right = study.recognised(study.end_alone)
     errors = 100.0 * study.hand_error_m(study.end_alone)
     parts = ", ".join(
@@ -254,7 +254,7 @@ def _end_alone(study: Study) -> Text:
     )
 
 
-def _executions(study: Study) -> Table:
+def _executions(study: ToolboxStudy) -> Table:
     columns = (
         Column("interaction", align="left"),
         Column("executions"),

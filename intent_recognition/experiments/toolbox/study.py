@@ -11,8 +11,8 @@ from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.experiments.left_out import (
     FINAL,
     WHOLE,
+    LeftOutPrediction,
     Pairs,
-    Predicted,
     chosen_number,
     majority_names,
     pairs_of,
@@ -21,7 +21,7 @@ from intent_recognition.experiments.left_out import (
     to_predict_with,
     try_numbers,
 )
-from intent_recognition.experiments.outcome import Settings
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox.session import Execution, play
 from intent_recognition.gaussian import Components
 from intent_recognition.kinematics import hand_position
@@ -43,7 +43,7 @@ SESSION_SEED = 7000
 
 
 @dataclass(frozen=True)
-class Tried:
+class ToolboxMixture:
     """One number of components, every demonstration left out in turn.
 
     Attributes:
@@ -64,7 +64,7 @@ class Tried:
 
 
 @dataclass(frozen=True)
-class Study:
+class ToolboxStudy:
     """All that came out.
 
     Attributes:
@@ -83,30 +83,30 @@ class Study:
     demonstrations: tuple[Demonstration, ...]
     pairs: Pairs
     tasks: NDArray[np.str_]
-    tried: tuple[Tried, ...]
+    tried: tuple[ToolboxMixture, ...]
     chosen: int
-    from_end: Predicted
-    end_alone: Predicted
+    from_end: LeftOutPrediction
+    end_alone: LeftOutPrediction
     names: Mapping[str, str]
     executions: tuple[Execution, ...]
 
     @property
-    def taken(self) -> Tried:
+    def taken(self) -> ToolboxMixture:
         """What was tried with the number taken."""
         return self.tried[self.chosen - 1]
 
-    def hand_error_m(self, predicted: Predicted) -> NDArray[np.float64]:
+    def hand_error_m(self, predicted: LeftOutPrediction) -> NDArray[np.float64]:
         """Distance of the predicted final hand from the demonstrated one (n,)."""
         ends = predicted.mean[:, -1], self.pairs.controlled[:, -1]
         return np.linalg.norm(hand_position(ends[0]) - hand_position(ends[1]), axis=1)
 
-    def recognised(self, predicted: Predicted) -> NDArray[np.bool_]:
+    def recognised(self, predicted: LeftOutPrediction) -> NDArray[np.bool_]:
         """Whether each was predicted by the component of its own task, bool (n,)."""
         majority = majority_names(self.tasks, self.taken.labels)
         return np.array([majority[k] for k in predicted.component]) == self.tasks
 
 
-def investigate(settings: Settings) -> Study:
+def investigate(settings: Settings) -> ToolboxStudy:
     """Fit, predict and play the session; the report is made of what this returns."""
     settings.progress(0.0, "reading")
     demonstrations, _ = read_demonstrations([settings.recordings("toolbox/train")], load_dofs())
@@ -123,7 +123,7 @@ def investigate(settings: Settings) -> Study:
     executions = play(
         library, names, plan, lambda share: settings.progress(0.35 + 0.6 * share, "executions")
     )
-    return Study(
+    return ToolboxStudy(
         tuple(demonstrations),
         pairs,
         tasks,
@@ -153,7 +153,9 @@ def learn_unlabelled(
     return library, names
 
 
-def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[Tried, ...], int]:
+def _try_all(
+    pairs: Pairs, largest: int, settings: Settings
+) -> tuple[tuple[ToolboxMixture, ...], int]:
     """Every number of components up to the largest, and the one taken."""
     fits = try_numbers(
         pairs,
@@ -167,5 +169,5 @@ def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[Trie
         whole = predict(pairs, mixtures, WHOLE)
         end = predict(pairs, mixtures, FINAL, whole.component)
         errors = (rms(p.mean - pairs.controlled) for p in (whole, end))
-        tried.append(Tried(number, mixtures, clustering.labels, scored.nll, *errors))
+        tried.append(ToolboxMixture(number, mixtures, clustering.labels, scored.nll, *errors))
     return tuple(tried), chosen_number(fits, len(pairs.names))

@@ -40,7 +40,7 @@ HESITANT_SHARE = 0.5
 
 
 @dataclass(frozen=True)
-class Interaction:
+class AssemblyInteraction:
     """What both do, times in seconds on the session's clock.
 
     Attributes:
@@ -126,7 +126,7 @@ def plan_interaction(
     worker_m: NDArray[np.float64],
     assistant_m: NDArray[np.float64],
     onset_s: float,
-) -> Interaction:
+) -> AssemblyInteraction:
     """Draw one interaction.
 
     Args:
@@ -147,7 +147,7 @@ def plan_interaction(
     goal = GOALS[task].draw(rng)
     _ACTS[task](rng, worker, assistant, goal)
     arrival, last = assistant.movements[-1]
-    return Interaction(
+    return AssemblyInteraction(
         task,
         tuple(worker.movements),
         tuple(assistant.movements),

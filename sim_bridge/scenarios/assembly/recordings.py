@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
-from sim_bridge.scenarios.assembly.session import MARGIN_S, SESSIONS, SessionPlan, plan_session
+from sim_bridge.scenarios.assembly.session import MARGIN_S, SESSIONS, AssemblySession, plan_session
 from sim_bridge.scenarios.assembly.styles import ASSISTANT, WORKER
 from sim_bridge.teaching import (
     EPOCH_NS,
@@ -26,7 +26,7 @@ QUATERNION_STEP = 2.0**-9
 
 
 @dataclass(frozen=True)
-class Order:
+class AssemblyOrder:
     """One session to record."""
 
     seed: int
@@ -38,12 +38,12 @@ class Order:
         return PurePosixPath("assembly", f"session_{self.index:02d}")
 
 
-def orders(seed: int) -> list[Order]:
+def orders(seed: int) -> list[AssemblyOrder]:
     """All sessions."""
-    return [Order(seed, index) for index in range(SESSIONS)]
+    return [AssemblyOrder(seed, index) for index in range(SESSIONS)]
 
 
-def make(order: Order, output: Path) -> Path:
+def make(order: AssemblyOrder, output: Path) -> Path:
     """Record one session as a bag below `output`; return its directory.
 
     Raises:
@@ -60,7 +60,7 @@ def make(order: Order, output: Path) -> Path:
     return write_recording(output / order.folder, metadata, said)
 
 
-def messages(plan: SessionPlan, start_ns: int) -> Iterator[tuple[str, str, int, dict]]:
+def messages(plan: AssemblySession, start_ns: int) -> Iterator[tuple[str, str, int, dict]]:
     """Yield (topic, type, stamp in ns, fields), in order of time."""
     marks = [(i.onset_s - MARGIN_S, i.task) for i in plan.interactions]
     marks += [(i.end_s + MARGIN_S, "") for i in plan.interactions]

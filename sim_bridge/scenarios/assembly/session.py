@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.coworker import Reach, WristSamples, sample_wrist
-from sim_bridge.scenarios.assembly.interaction import Interaction, Timed, plan_interaction
+from sim_bridge.scenarios.assembly.interaction import AssemblyInteraction, Timed, plan_interaction
 from sim_bridge.scenarios.assembly.styles import ASSISTANT, RESTS, TASKS, WORKER, Place
 
 SESSIONS, PER_SESSION, PER_TASK = 3, 40, 40
@@ -25,7 +25,7 @@ FACING_WORKER = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
-class SessionPlan:
+class AssemblySession:
     """Everything a session will show.
 
     Attributes:
@@ -33,7 +33,7 @@ class SessionPlan:
         worker, assistant: what the tracker sees of each wrist, 100 Hz, at the same times.
     """
 
-    interactions: tuple[Interaction, ...]
+    interactions: tuple[AssemblyInteraction, ...]
     worker: WristSamples
     assistant: WristSamples
 
@@ -50,7 +50,7 @@ def session_tasks(seed: int, index: int) -> tuple[str, ...]:
     return tuple(str(task) for task in part)
 
 
-def plan_session(seed: int, index: int, tasks: Sequence[str] | None = None) -> SessionPlan:
+def plan_session(seed: int, index: int, tasks: Sequence[str] | None = None) -> AssemblySession:
     """Plan session number `index` of a seed: a pure function of its arguments.
 
     Args:
@@ -80,7 +80,7 @@ def plan_session(seed: int, index: int, tasks: Sequence[str] | None = None) -> S
     assistant = sample_wrist(
         rng, movements[ASSISTANT], length, gaps_per_s=GAPS_PER_S, rest=FACING_WORKER
     )
-    return SessionPlan(tuple(interactions), worker, assistant)
+    return AssemblySession(tuple(interactions), worker, assistant)
 
 
 def _retract(rng: np.random.Generator, start_m: NDArray[np.float64], rest: Place) -> Reach:

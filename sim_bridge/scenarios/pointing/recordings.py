@@ -29,7 +29,7 @@ TEST_HOLD_S = 1.5
 
 
 @dataclass(frozen=True)
-class Order:
+class PointingOrder:
     """One recording to make: of which set ("train" or "test") and spot, from which seed."""
 
     seed: int
@@ -58,10 +58,10 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Pointing:
+class PointingRecording:
     """One recording: the person, the arm, and when the arm moved (None if it stood)."""
 
-    order: Order
+    order: PointingOrder
     spot_m: NDArray[np.float64]
     placement_m: NDArray[np.float64]
     person: PersonPointing
@@ -69,12 +69,12 @@ class Pointing:
     led_s: tuple[float, float] | None
 
 
-def orders(seed: int) -> list[Order]:
+def orders(seed: int) -> list[PointingOrder]:
     """Every recording: nine for training, nine for testing."""
-    return [Order(seed, p, k) for p in PURPOSES for k in range(len(SPOTS_M[p]))]
+    return [PointingOrder(seed, p, k) for p in PURPOSES for k in range(len(SPOTS_M[p]))]
 
 
-def record(order: Order) -> Pointing:
+def record(order: PointingOrder) -> PointingRecording:
     """Simulate one recording.
 
     Raises:
@@ -86,17 +86,17 @@ def record(order: Order) -> Pointing:
     if order.purpose == "test":
         person = point(rng, target, placement, TEST_HOLD_S)
         arm = stand(rng, len(person.samples.times_s))
-        return Pointing(order, target, placement, person, arm, None)
+        return PointingRecording(order, target, placement, person, arm, None)
     pause, led = rng.uniform(0.25, 0.4), rng.uniform(2.2, 2.8)
     person = point(rng, target, placement, pause + led + SETTLE_S)
     start = person.end_s + pause
     length = float(person.samples.times_s[-1])
     path = plan_path(rng, target, start, start + led, length)
     arm = teach(rng, path, len(person.samples.times_s))
-    return Pointing(order, target, placement, person, arm, (start, start + led))
+    return PointingRecording(order, target, placement, person, arm, (start, start + led))
 
 
-def metadata(shown: Pointing) -> dict[str, str]:
+def metadata(shown: PointingRecording) -> dict[str, str]:
     """What metadata.yaml says under custom_data."""
 
     def stamp(seconds: float) -> str:
@@ -124,7 +124,7 @@ def metadata(shown: Pointing) -> dict[str, str]:
     }
 
 
-def make(order: Order, output: Path) -> Path:
+def make(order: PointingOrder, output: Path) -> Path:
     """Simulate one recording and write it as a bag below `output`; return its directory.
 
     Raises:

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 from .geometry import POLE_M, POLE_RADIUS_M, WAYS, fingertip, planned_clearance, way_of
 from .pictures import picture
-from .world import Executed, execute
+from .world import PoleRun, execute
 
 __all__ = [
     "POLE_M",
     "POLE_RADIUS_M",
     "WAYS",
-    "Executed",
+    "PoleRun",
     "execute",
     "fingertip",
     "picture",

@@ -25,7 +25,7 @@ OCCLUSION_PROBABILITY = 0.3
 
 
 @dataclass(frozen=True)
-class Pointing:
+class WandPointing:
     """Rest, one movement of the wand, and hold until the robot points too.
 
     Attributes:
@@ -42,7 +42,7 @@ class Pointing:
     samples: WristSamples
 
 
-def draw_pointing(rng: np.random.Generator, spot_m: NDArray[np.float64], way: str) -> Pointing:
+def draw_pointing(rng: np.random.Generator, spot_m: NDArray[np.float64], way: str) -> WandPointing:
     """Draw a movement of the wand to a spot (2,) while the robot is led by one side of the pole."""
     onset = round(rng.uniform(0.65, 1.0), 3)
     start = REST_M + REST_HALF_WIDTH_M * rng.uniform(-1.0, 1.0, 3)
@@ -59,4 +59,4 @@ def draw_pointing(rng: np.random.Generator, spot_m: NDArray[np.float64], way: st
     samples = sample_wrist(
         rng, [(onset, reach)], length, gaps_per_s=1.5 / length if occluded else 0.0
     )
-    return Pointing(reach, onset, end, arrival, samples)
+    return WandPointing(reach, onset, end, arrival, samples)

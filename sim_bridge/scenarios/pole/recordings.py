@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import KinematicsError, describe
 from sim_bridge.scenarios.pole.geometry import HOME, LEFT, RIGHT, WAYS, fingertip, way_of
 from sim_bridge.scenarios.pole.lesson import PoleLesson, lead_around
-from sim_bridge.scenarios.pole.person import Pointing, draw_pointing
+from sim_bridge.scenarios.pole.person import WandPointing, draw_pointing
 from sim_bridge.scenarios.pole.plan import can_reach, plan_way
 from sim_bridge.teaching import (
     EPOCH_NS,
@@ -40,7 +40,7 @@ _STREAM = 31
 
 
 @dataclass(frozen=True)
-class Order:
+class PoleOrder:
     """One demonstration to make."""
 
     seed: int
@@ -60,11 +60,11 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Shown:
+class PoleDemonstration:
     """One demonstration: the person, the arm, and how often it had to be tried."""
 
-    order: Order
-    pointing: Pointing
+    order: PoleOrder
+    pointing: WandPointing
     lesson: PoleLesson
     reachable: tuple[str, ...]
     attempts: int
@@ -79,15 +79,15 @@ def spot_positions(seed: int) -> NDArray[np.float64]:
     return np.array(middle + left + right) + jitter
 
 
-def orders(seed: int) -> list[Order]:
+def orders(seed: int) -> list[PoleOrder]:
     """Every demonstration; those of one spot by both ways do not follow each other."""
     ways = [(spot, LEFT) for spot in (*range(9), *range(9, 14))]
     ways += [(spot, RIGHT) for spot in (*range(9), *range(14, 19))]
     dealt = np.random.default_rng([seed, _STREAM, 1]).permutation(len(ways))
-    return [Order(seed, index, *ways[k]) for index, k in enumerate(dealt)]
+    return [PoleOrder(seed, index, *ways[k]) for index, k in enumerate(dealt)]
 
 
-def demonstrate(order: Order) -> Shown:
+def demonstrate(order: PoleOrder) -> PoleDemonstration:
     """Simulate one demonstration; one that comes too near the pole is shown again.
 
     Raises:
@@ -109,7 +109,7 @@ def demonstrate(order: Order) -> Shown:
         path = fingertip(lesson.true_positions_rad)
         if lesson.clearance_m.min() > TOUCH_M and way_of(path) == order.way:
             reachable = tuple(way for way in WAYS if can_reach(spot, way))
-            return Shown(order, pointing, lesson, reachable, attempt + 1)
+            return PoleDemonstration(order, pointing, lesson, reachable, attempt + 1)
     raise KinematicsError(
         describe(
             f"spot {np.round(spot, 3).tolist()}",
@@ -120,7 +120,7 @@ def demonstrate(order: Order) -> Shown:
     )
 
 
-def metadata(shown: Shown) -> dict[str, str]:
+def metadata(shown: PoleDemonstration) -> dict[str, str]:
     """What metadata.yaml says under custom_data; no task."""
     order, pointing, lesson = shown.order, shown.pointing, shown.lesson
 
@@ -146,7 +146,7 @@ def metadata(shown: Shown) -> dict[str, str]:
     }
 
 
-def make(order: Order, output: Path) -> Path:
+def make(order: PoleOrder, output: Path) -> Path:
     """Simulate one demonstration and write it as a bag below `output`; return its directory.
 
     Raises:

@@ -60,7 +60,7 @@ class Pole:
 
 
 @dataclass(frozen=True)
-class Executed:
+class PoleRun:
     """A motion that the arm carried out beside the pole.
 
     Attributes:
@@ -76,7 +76,7 @@ class Executed:
 
 def execute(
     positions_rad: NDArray[np.float64], times_s: NDArray[np.float64], rest_s: float = 0.5
-) -> Executed:
+) -> PoleRun:
     """Let the arm follow a trajectory in physics, from rest at its first posture.
 
     The arm is compliant: where the pole stands in the way it is held up, and that is a touch.
@@ -111,4 +111,4 @@ def execute(
             reached.append(q)
             distance.append(pole.clearance(q))
     clearance = np.array(distance)
-    return Executed(np.array(reached), clearance, touched or bool(clearance.min() <= 0.0))
+    return PoleRun(np.array(reached), clearance, touched or bool(clearance.min() <= 0.0))

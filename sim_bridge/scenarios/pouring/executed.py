@@ -70,7 +70,7 @@ _STREAM = 62
 
 
 @dataclass(frozen=True)
-class Order:
+class PourOrder:
     """One pour to make: which pair, along which path."""
 
     seed: int
@@ -132,9 +132,9 @@ class Planned(NamedTuple):
     draws: int
 
 
-def orders(seed: int) -> list[Order]:
+def orders(seed: int) -> list[PourOrder]:
     """Every pour."""
-    return [Order(seed, k, manner) for manner in MANNERS for k in range(len(PAIRS))]
+    return [PourOrder(seed, k, manner) for manner in MANNERS for k in range(len(PAIRS))]
 
 
 def container_named(name: str) -> Container:
@@ -163,7 +163,7 @@ def learn_skill(demonstrations: Path, seed: int) -> Skill:
     return Skill(learn_pouring(shown.pours, cup, second), cup, second, constraints)
 
 
-def planned(order: Order, skill: Skill) -> Planned:
+def planned(order: PourOrder, skill: Skill) -> Planned:
     """The path of an order, checked against the learned constraints.
 
     Raises:
@@ -191,9 +191,9 @@ def planned(order: Order, skill: Skill) -> Planned:
     raise KinematicsError(describe("path", "one expected to spill nothing", got, cure))
 
 
-def execute(order: Order, plan_: Planned) -> "Poured":
+def execute(order: PourOrder, plan_: Planned) -> "Poured":
     """Let the torque-controlled arm pour forty balls that fill half of the cup."""
-    from sim_bridge.scenarios.pouring.pour import Belief, pour
+    from sim_bridge.scenarios.pouring.pour import AssumedGeometry, pour
 
     cup, second = (container_named(name) for name in PAIRS[order.pair])
     return pour(
@@ -203,11 +203,11 @@ def execute(order: Order, plan_: Planned) -> "Poured":
         ball_radius_m=half_full_radius_m(cup),
         n_balls=N_BALLS,
         rng=order.rng(0),
-        belief=Belief(plan_.cup.lip_m, plan_.second.opening_m),
+        belief=AssumedGeometry(plan_.cup.lip_m, plan_.second.opening_m),
     )
 
 
-def metadata(order: Order, plan_: Planned, poured: "Poured") -> dict[str, str]:
+def metadata(order: PourOrder, plan_: Planned, poured: "Poured") -> dict[str, str]:
     """What metadata.yaml says under custom_data."""
     cup, second = PAIRS[order.pair]
     return {
@@ -225,13 +225,13 @@ def metadata(order: Order, plan_: Planned, poured: "Poured") -> dict[str, str]:
     }
 
 
-def messages(order: Order, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
+def messages(order: PourOrder, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
     """What the arm's sensors said."""
     noise = order.rng(2 + MANNERS.index(order.manner))
     return joint_messages(order.start_ns, poured, noise, every=EVERY)
 
 
-def make(order: Order, output: Path) -> Path:
+def make(order: PourOrder, output: Path) -> Path:
     """Plan, pour and write the bag below `output`; return its directory.
 
     Raises:

@@ -54,7 +54,7 @@ class Seen(NamedTuple):
     opening_m: NDArray[np.float64]
 
 
-class Demonstrated(NamedTuple):
+class DemonstratedPours(NamedTuple):
     """The recorded demonstrations: pours (n), and the names of the two containers."""
 
     pours: Sequence[PourPath]
@@ -90,11 +90,11 @@ def read_pour(folder: Path) -> tuple[PourPath, dict[str, str]]:
     return pour_of(times, np.array(postures), labels), labels
 
 
-def read_demonstrated(folder: Path) -> Demonstrated:
+def read_demonstrated(folder: Path) -> DemonstratedPours:
     """All demonstrations below a folder, which are of one pair of containers."""
     found = [read_pour(path.parent) for path in sorted(folder.glob("*/metadata.yaml"))]
     labels = found[0][1]
-    return Demonstrated([pour for pour, _ in found], labels["cup"], labels["second"])
+    return DemonstratedPours([pour for pour, _ in found], labels["cup"], labels["second"])
 
 
 def learn_pouring(pours: Sequence[PourPath], cup: Seen, second: Seen) -> WarpedPrimitive:

@@ -80,7 +80,7 @@ class Poured:
         return self.n_balls - self.caught - self.kept
 
 
-class Belief(NamedTuple):
+class AssumedGeometry(NamedTuple):
     """What is known of the containers' shapes, each in its own frame [m].
 
     Attributes:
@@ -123,7 +123,7 @@ def pour(
     n_balls: int,
     rng: np.random.Generator,
     led: bool = False,
-    belief: Belief | None = None,
+    belief: AssumedGeometry | None = None,
 ) -> Poured:
     """Let the arm pour in a fresh physics world.
 
@@ -140,7 +140,7 @@ def pour(
     Raises:
         KinematicsError: the path is out of reach.
     """
-    belief = belief or Belief(cup.lip_point, second.opening_centre)
+    belief = belief or AssumedGeometry(cup.lip_point, second.opening_centre)
     opening = OPENING_M + belief.opening_m - second.opening_centre
     joints = plan_joints(path, Grasp(belief.lip_m, cup.height_m), opening)
     with LwrArm(joints(0.0)) as arm:

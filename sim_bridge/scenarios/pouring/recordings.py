@@ -46,7 +46,7 @@ _STREAM = 61
 
 
 @dataclass(frozen=True)
-class Order:
+class DemonstrationOrder:
     """One demonstration to make, from which seed."""
 
     seed: int
@@ -72,9 +72,9 @@ class Order:
         return np.random.default_rng([self.seed, _STREAM, self.index])
 
 
-def orders(seed: int) -> list[Order]:
+def orders(seed: int) -> list[DemonstrationOrder]:
     """Every demonstration."""
-    return [Order(seed, k) for k in range(N_DEMONSTRATIONS)]
+    return [DemonstrationOrder(seed, k) for k in range(N_DEMONSTRATIONS)]
 
 
 def true_references(container: Container) -> References:
@@ -92,7 +92,7 @@ def half_full_radius_m(cup: Container) -> float:
     return ball_radius_m(0.5 * cup.inner_volume_m3, N_BALLS)
 
 
-def record(order: Order) -> "Poured":
+def record(order: DemonstrationOrder) -> "Poured":
     """Simulate one demonstration: a person leads the arm, and forty balls are poured."""
     from sim_bridge.scenarios.pouring.pour import pour
 
@@ -110,7 +110,7 @@ def record(order: Order) -> "Poured":
     )
 
 
-def metadata(order: Order, poured: "Poured") -> dict[str, str]:
+def metadata(order: DemonstrationOrder, poured: "Poured") -> dict[str, str]:
     """What metadata.yaml says under custom_data."""
     return {
         "task": TASK,
@@ -153,7 +153,7 @@ def pour_of(
     return seen_path(times_s, cup_poses, grasp.lip_m, vector("opening_m"))
 
 
-def messages(order: Order, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
+def messages(order: DemonstrationOrder, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
     """What the arm's noisy sensors said."""
     noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
     return joint_messages(order.start_ns, poured, noise)
@@ -187,7 +187,7 @@ def joint_messages(
         yield JOINT_TOPIC, JOINT_TYPE, stamp, joint_fields(stamp, *(c[k] for c in columns))
 
 
-def make(order: Order, output: Path) -> Path:
+def make(order: DemonstrationOrder, output: Path) -> Path:
     """Simulate one demonstration and write it as a bag below `output`; return its directory.
 
     Raises:

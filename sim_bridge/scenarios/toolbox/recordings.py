@@ -31,7 +31,7 @@ SETS = {"train": (0, TRAINING_COUNTS), "test": (1, TEST_COUNTS)}
 
 
 @dataclass(frozen=True)
-class Order:
+class ToolboxOrder:
     """One demonstration to make: which set ("train" or "test"), task and index, from which seed."""
 
     seed: int
@@ -57,10 +57,10 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Demonstrated:
+class ToolboxDemonstration:
     """One demonstration: the worker, where the arm was led, and what its sensors said."""
 
-    order: Order
+    order: ToolboxOrder
     wrist: WristDemonstration
     path: TeachingPath
     arm: TaughtArm
@@ -73,17 +73,17 @@ class Demonstrated:
         return float(np.linalg.norm(hand_position(self.arm.positions_rad[arrived]) - point))
 
 
-def orders(seed: int) -> list[Order]:
+def orders(seed: int) -> list[ToolboxOrder]:
     """Every demonstration: 48 for training, 12 for testing."""
     return [
-        Order(seed, purpose, task, index)
+        ToolboxOrder(seed, purpose, task, index)
         for purpose, (_, counts) in SETS.items()
         for task, count in counts.items()
         for index in range(count)
     ]
 
 
-def demonstrate(order: Order) -> Demonstrated:
+def demonstrate(order: ToolboxOrder) -> ToolboxDemonstration:
     """Simulate one demonstration: the worker reaches, a person leads the arm.
 
     Raises:
@@ -99,10 +99,12 @@ def demonstrate(order: Order) -> Demonstrated:
     path = plan_teaching(
         rng, order.task, wrist.reach.goal_m, wrist.onset_s, wrist.arrival_s, length
     )
-    return Demonstrated(order, wrist, path, teach(rng, path, wrist.samples.true_positions_m))
+    return ToolboxDemonstration(
+        order, wrist, path, teach(rng, path, wrist.samples.true_positions_m)
+    )
 
 
-def metadata(shown: Demonstrated) -> dict[str, str]:
+def metadata(shown: ToolboxDemonstration) -> dict[str, str]:
     """What metadata.yaml says under custom_data."""
     wrist, times = shown.wrist, shown.path.times
 
@@ -131,7 +133,7 @@ def metadata(shown: Demonstrated) -> dict[str, str]:
     }
 
 
-def make(order: Order, output: Path) -> Path:
+def make(order: ToolboxOrder, output: Path) -> Path:
     """Simulate one demonstration and write it as a bag below `output`; return its directory.
 
     Raises:
@@ -140,7 +142,7 @@ def make(order: Order, output: Path) -> Path:
     return write_demonstration(demonstrate(order), output)
 
 
-def write_demonstration(shown: Demonstrated, output: Path) -> Path:
+def write_demonstration(shown: ToolboxDemonstration, output: Path) -> Path:
     """Write one demonstration as a bag below `output`/toolbox; return its directory.
 
     Raises:

@@ -12,7 +12,7 @@ from sim_bridge.balls.collision import HULL_MARGIN_M, WALL_M, wall_pieces, write
 from sim_bridge.balls.fluid import ball_radius_m, bulk_m3, hollow_of, settled
 from sim_bridge.balls.hollow import Hollow, offset
 from sim_bridge.balls.tilting import WallGuard, gravity_at, level_axes, tilt
-from sim_bridge.balls.trials import FILLING, POURING, Block, blocks, make
+from sim_bridge.balls.trials import FILLING, POURING, TrialBlock, blocks, make
 from sim_bridge.balls.world import BallWorld
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 
@@ -160,10 +160,10 @@ def test_catching_depends_on_the_place(world):
 
 @pytest.mark.parametrize("experiment", [POURING, FILLING])
 def test_a_block_depends_on_its_seed_alone(experiment):
-    block = Block(5, experiment, 2, 1, n_trials=2)
+    block = TrialBlock(5, experiment, 2, 1, n_trials=2)
     first = make(block)
     np.testing.assert_array_equal(first, make(block))
-    assert not np.array_equal(first, make(Block(6, experiment, 2, 1, n_trials=2)))
+    assert not np.array_equal(first, make(TrialBlock(6, experiment, 2, 1, n_trials=2)))
     assert first[:, -1].sum() == 0.0
 
 

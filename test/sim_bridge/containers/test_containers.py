@@ -7,7 +7,12 @@ import trimesh
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.parts import Part
-from sim_bridge.containers.generate import CONTAINER_NAMES, Shape, build_container, make_container
+from sim_bridge.containers.generate import (
+    CONTAINER_NAMES,
+    ContainerShape,
+    build_container,
+    make_container,
+)
 
 SEEDS = (0, 1, 2)
 HANDLED = ("mug", "tall_mug", "espresso_cup", "tea_cup")
@@ -46,7 +51,7 @@ def test_sections_are_the_wall(name):
 
 def test_a_cylinder_has_the_tilt_of_its_diagonal():
     """Half of a cylinder is left when its diagonal is level: tan(angle) = height / diameter."""
-    cup = build_container("can", Shape(0.1, 0.03, 0.03, 1e-5, 1e-5))
+    cup = build_container("can", ContainerShape(0.1, 0.03, 0.03, 1e-5, 1e-5))
     assert np.tan(cup.tilt_reference_rad) == pytest.approx(0.1 / 0.06, rel=2e-3)
     assert cup.inner_volume_m3 == pytest.approx(np.pi * 0.03**2 * 0.1, rel=3e-3)
     assert cup.opening_radius_m == pytest.approx(0.03, rel=1e-3)

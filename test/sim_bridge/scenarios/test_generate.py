@@ -15,9 +15,14 @@ from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS
 from sim_bridge.scenarios.generate import generate, main
-from sim_bridge.scenarios.toolbox.recordings import Order, demonstrate, orders, write_demonstration
+from sim_bridge.scenarios.toolbox.recordings import (
+    ToolboxOrder,
+    demonstrate,
+    orders,
+    write_demonstration,
+)
 
-FIRST = Order(1, "train", HOLD, 3)
+FIRST = ToolboxOrder(1, "train", HOLD, 3)
 
 
 def content(folder):
@@ -43,7 +48,7 @@ def test_same_seed_same_bytes_and_equal_to_what_is_shipped(tmp_path, repository)
 
 def test_another_seed_gives_other_movements():
     a = demonstrate(FIRST).wrist.samples.positions_m[:50]
-    b = demonstrate(Order(2, "train", HOLD, 3)).wrist.samples.positions_m[:50]
+    b = demonstrate(ToolboxOrder(2, "train", HOLD, 3)).wrist.samples.positions_m[:50]
     assert a.tobytes() != b.tobytes()
 
 
@@ -79,7 +84,7 @@ def test_shipped_bags_read_as_demonstrations_without_a_rejection(repository):
 
 def test_bad_requests_are_named(tmp_path, capsys):
     with pytest.raises(ArgumentError, match="purpose"):
-        demonstrate(Order(1, "holiday", PLATE, 0))
+        demonstrate(ToolboxOrder(1, "holiday", PLATE, 0))
     with pytest.raises(ArgumentError, match="scenario"):
         generate(tmp_path, 1, scenario="kitchen")
     with pytest.raises(ArgumentError, match="jobs"):

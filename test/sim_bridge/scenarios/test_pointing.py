@@ -17,7 +17,7 @@ from sim_bridge.arm.arm import LwrArm
 from sim_bridge.scenarios.pointing.execution import execute
 from sim_bridge.scenarios.pointing.finger import PointingBodies
 from sim_bridge.scenarios.pointing.person import WRIST_TO_TIP_M, wrist_goal
-from sim_bridge.scenarios.pointing.recordings import Order, metadata, orders, record
+from sim_bridge.scenarios.pointing.recordings import PointingOrder, metadata, orders, record
 from sim_bridge.scenarios.pointing.scene import (
     CIRCLE_CENTRE_M,
     CIRCLE_DIAMETER_M,
@@ -71,7 +71,7 @@ def test_the_wrist_is_a_hand_away_from_the_spot_and_above_the_table():
 
 
 def test_the_arm_is_led_to_the_spot_without_touching_the_table():
-    shown = record_once(Order(1, "train", 4))
+    shown = record_once(PointingOrder(1, "train", 4))
     arm = shown.arm
     assert np.abs(arm.positions_rad[0] - HOME).max() < 0.03
     assert np.linalg.norm(arm.pointed_m - shown.spot_m) < 0.03
@@ -83,12 +83,12 @@ def test_the_arm_is_led_to_the_spot_without_touching_the_table():
 
 
 def test_the_marker_is_put_on_once_per_set_and_the_arm_stands_in_a_test():
-    tests = [record_once(Order(1, "test", k)) for k in (0, 1)]
+    tests = [record_once(PointingOrder(1, "test", k)) for k in (0, 1)]
     np.testing.assert_array_equal(tests[0].placement_m, tests[1].placement_m)
-    assert np.any(tests[0].placement_m != record_once(Order(1, "train", 4)).placement_m)
+    assert np.any(tests[0].placement_m != record_once(PointingOrder(1, "train", 4)).placement_m)
     assert np.abs(tests[0].arm.velocities_rad_s).mean() < 0.005
     assert "robot_start_ns" not in metadata(tests[0])
-    again = record(Order(1, "test", 0))
+    again = record(PointingOrder(1, "test", 0))
     np.testing.assert_array_equal(
         again.person.samples.positions_m, tests[0].person.samples.positions_m
     )
@@ -118,7 +118,7 @@ def test_a_finger_that_comes_down_on_the_table_is_noticed():
 def test_what_is_shipped_is_what_the_generator_makes(repository):
     bag = repository / "bags" / "pointing" / "test" / "pointing_00"
     (shipped,), _ = read_demonstrations([bag], load_dofs())
-    samples = record_once(Order(1, "test", 0)).person.samples
+    samples = record_once(PointingOrder(1, "test", 0)).person.samples
     made = to_counts(samples.positions_m[samples.visible], POSITION_STEP_M)
     np.testing.assert_array_equal(shipped.observed[0].values, made)
 

@@ -16,7 +16,7 @@ from sim_bridge.scenarios.pouring.executed import (
     PAIRS,
     SAMPLE,
     UNWARPED,
-    Order,
+    PourOrder,
     container_named,
     learn_skill,
     orders,
@@ -50,13 +50,13 @@ def test_no_two_orders_share_folder_or_stamp():
 
 def test_the_demonstrated_pair_is_poured_with_as_without_warping(skill):
     path = plan(skill.primitive, skill.cup.references, skill.second.references)
-    unwarped = planned(Order(SEED, 1, UNWARPED), skill).path
+    unwarped = planned(PourOrder(SEED, 1, UNWARPED), skill).path
     np.testing.assert_array_equal(path.offset_m, unwarped.offset_m)
     np.testing.assert_array_equal(path.tilt_rad, unwarped.tilt_rad)
 
 
 def test_a_plan_scales_with_what_was_scanned(skill):
-    path = planned(Order(SEED, 2, MEAN), skill).path
+    path = planned(PourOrder(SEED, 2, MEAN), skill).path
     cup, second = (seen_as(name, SEED).references for name in PAIRS[2])
     demonstrated = plan(skill.primitive, skill.cup.references, skill.second.references)
     wide = second.opening_radius_m / skill.second.references.opening_radius_m
@@ -73,10 +73,10 @@ def test_scans_tell_reference_values():
 
 
 def test_drawn_paths_differ_from_order_to_order_but_not_from_time_to_time(skill):
-    first, again = (planned(Order(SEED, 1, SAMPLE), skill) for _ in range(2))
+    first, again = (planned(PourOrder(SEED, 1, SAMPLE), skill) for _ in range(2))
     np.testing.assert_array_equal(first.path.offset_m, again.path.offset_m)
     assert first.draws >= 1
-    other = planned(Order(SEED + 1, 1, SAMPLE), skill)
+    other = planned(PourOrder(SEED + 1, 1, SAMPLE), skill)
     assert np.abs(first.path.tilt_rad - other.path.tilt_rad).max() > 1e-3
 
 
@@ -104,7 +104,7 @@ def test_a_believed_opening_moves_the_hand_along():
 
 @pytest.mark.parametrize("pair", [1, 4])
 def test_the_arm_recorded_what_was_planned(skill, pair):
-    order = Order(SEED, pair, MEAN)
+    order = PourOrder(SEED, pair, MEAN)
     plan_, (path, labels) = (
         planned(order, skill),
         read_pour(share_path(f"bags/{order.folder}")),

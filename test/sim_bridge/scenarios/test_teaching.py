@@ -15,7 +15,7 @@ from sim_bridge.arm.arm import LwrArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.scenarios.toolbox.gripper import Gripper, make_gripper
 from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
-from sim_bridge.scenarios.toolbox.recordings import Order, demonstrate
+from sim_bridge.scenarios.toolbox.recordings import ToolboxOrder, demonstrate
 from sim_bridge.scenarios.toolbox.scene import (
     ARM_BRANCH,
     HOME,
@@ -35,7 +35,7 @@ SHOWN = [(task, k) for task in TASKS for k in range(3)]
 
 
 def shown(task, k):
-    return demonstrate_once(Order(1, "train", task, k))
+    return demonstrate_once(ToolboxOrder(1, "train", task, k))
 
 
 @pytest.mark.parametrize("task", TASKS)
