@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from .activation import Activation, ActivationSettings
 from .alignment import Alignment, AlignmentSettings, Warp, align, align_to
-from .bags import BagReader, BagWriter, recover_bag
+from .bags import BagReader, BagWriter, recover
 from .demonstrations import DofEntry, DofSpec, load_dofs, read_demonstrations
 from .errors import (
     ArgumentError,
@@ -93,7 +93,7 @@ __all__ = [
     "predict_controlled",
     "read_demonstrations",
     "recognize_task",
-    "recover_bag",
+    "recover",
     "reliability_bins",
     "save_model",
 ]

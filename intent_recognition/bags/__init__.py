@@ -17,9 +17,9 @@ from intent_recognition.bags.cdr.template import SerializedTemplate
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import BagMessage
 from intent_recognition.bags.metadata import FILE_NAME, TopicInfo, read_metadata
-from intent_recognition.bags.qos_profiles import policy, rosbag2_profile
+from intent_recognition.bags.qos_profiles import qos_policy, rosbag2_profile
 from intent_recognition.bags.reader import BagReader, RawMessage, decode
-from intent_recognition.bags.recover import RecoveryReport, recover_bag
+from intent_recognition.bags.recovery import RecoveryReport, recover
 from intent_recognition.bags.writer import FLUSH_PERIOD_S, BagWriter, DiskFullError
 
 __all__ = [
@@ -43,8 +43,8 @@ __all__ = [
     "TopicInfo",
     "decode",
     "header_stamp_ns",
-    "policy",
+    "qos_policy",
     "read_metadata",
-    "recover_bag",
+    "recover",
     "rosbag2_profile",
 ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message definitions, type hashes and serialisation without ROS, from the Jazzy type store."""
+"""Message definitions, type hashes and serialization without ROS, from the Jazzy type store."""
 
 import json
 import os
@@ -8,21 +8,33 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
+from intent_recognition.bags.cdr.layout import NANOSECONDS
 from intent_recognition.errors import MessageError, describe
 
 SEPARATOR = "=" * 80 + "\n"
+"""Between the definitions of a type and of those it contains, in the form ros2msg."""
 TIME_TYPES = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
-BASE, NAME, ARRAY = 1, 2, 3  # rosbags' node types of a field description
 NUMPY_TYPES = {"bool": "bool", "byte": "uint8", "octet": "uint8", "char": "uint8"}
+"""Of the types of numbers that numpy knows by another name."""
 
 
 @dataclass(frozen=True)
 class Definition:
-    """What a bag says about a type: its text with all nested types, and its RIHS01 hash."""
+    """What a bag says about a message type.
+
+    Attributes:
+        type: "package/msg/Name".
+        text: its definition and those of all types it contains.
+        type_hash: its RIHS01 hash, "" when unknown.
+        encoding: of `text`, as MCAP names it.
+    """
 
     type: str
     text: str
@@ -31,7 +43,7 @@ class Definition:
 
 
 @lru_cache(maxsize=1)
-def jazzy_types():
+def jazzy_types() -> Typestore:
     """The shared Jazzy type store; types of installed packages are added as they are asked for."""
     return get_typestore(Stores.ROS2_JAZZY)
 
@@ -101,18 +113,18 @@ def serialize(type_name: str, message: object) -> bytes:
 
 def split_stamp(stamp_ns: int) -> tuple[int, int]:
     """Seconds and nanoseconds of a stamp, as builtin_interfaces/Time holds them."""
-    return divmod(int(stamp_ns), 1_000_000_000)
+    return divmod(int(stamp_ns), NANOSECONDS)
 
 
-def _build(type_name: str, fields: object, place: str) -> object:
+def _build(type_name: str, fields: Any, place: str) -> object:
     store = jazzy_types()
     kind = store.types[type_name]
     if isinstance(fields, kind):
         return fields
     if type_name in TIME_TYPES and isinstance(fields, int | np.integer):
-        seconds, nanoseconds = split_stamp(fields)
+        seconds, nanoseconds = split_stamp(int(fields))
         return kind(sec=seconds, nanosec=nanoseconds)
-    declared = store.fielddefs[type_name][1]
+    declared: Any = store.fielddefs[type_name][1]
     if not isinstance(fields, Mapping):
         raise MessageError(
             describe(place, f"a mapping for {type_name}", fields, "Name the fields.")
@@ -122,23 +134,24 @@ def _build(type_name: str, fields: object, place: str) -> object:
         raise MessageError(
             describe(place, f"fields among {has}", ", ".join(unknown), "Correct the name.")
         )
-    return kind(
-        **{name: _value(kind, fields.get(name), f"{place}.{name}") for name, kind in declared}
-    )
+    values: dict[str, Any] = {
+        name: _value(field, fields.get(name), f"{place}.{name}") for name, field in declared
+    }
+    return kind(**values)
 
 
-def _value(kind: tuple, value: object, place: str) -> object:
+def _value(kind: tuple, value: Any, place: str) -> object:
     """One field's value from `value`, or its zero when that is None."""
-    node, detail = int(kind[0]), kind[1]
+    node, detail = kind
     try:
-        if node == NAME:
+        if node == Nodetype.NAME:
             return _build(detail, {} if value is None else value, place)
-        if node == BASE:
+        if node == Nodetype.BASE:
             return _base(detail[0], value)
         (item_node, item), size = detail
         if value is None:
-            value = [None] * (size if node == ARRAY else 0)
-        if int(item_node) == NAME:
+            value = [None] * (size if node == Nodetype.ARRAY else 0)
+        if item_node == Nodetype.NAME:
             return [
                 _build(item, {} if v is None else v, f"{place}[{i}]") for i, v in enumerate(value)
             ]
@@ -146,7 +159,7 @@ def _value(kind: tuple, value: object, place: str) -> object:
             return [_base("string", v) for v in value]
         zeros = [0 if v is None else v for v in value]
         array = np.array(zeros, dtype=NUMPY_TYPES.get(item[0], item[0]))
-        if array.ndim != 1 or (node == ARRAY and array.size != size):
+        if array.ndim != 1 or (node == Nodetype.ARRAY and array.size != size):
             raise ValueError(f"{array.shape} values instead of {size}")
         return array
     except (TypeError, ValueError, OverflowError) as error:
@@ -155,10 +168,10 @@ def _value(kind: tuple, value: object, place: str) -> object:
         ) from error
 
 
-def _base(kind: str, value: object) -> object:
+def _base(kind: str, value: Any) -> object:
     if kind in ("string", "wstring"):
         if value is not None and not isinstance(value, str):
-            raise TypeError(f"{value!r} is no text")
+            raise TypeError(f"{value!r} is not a text")
         return value or ""
     if kind == "bool":
         return bool(value)
@@ -185,10 +198,13 @@ def _collect_installed(type_name: str, texts: dict[str, str]) -> None:
         return
     texts[type_name] = _share_file(type_name, ".msg").read_text(encoding="utf-8").rstrip() + "\n"
     for described in get_types_from_msg(texts[type_name], type_name).values():
-        for _, kind in described[1]:
-            inner = kind if int(kind[0]) in (BASE, NAME) else kind[1][0]
-            if int(inner[0]) == NAME:
-                _collect_installed(inner[1], texts)
+        field: Any
+        for _, field in described[1]:
+            node, detail = field
+            if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+                (node, detail), _ = detail
+            if node == Nodetype.NAME:
+                _collect_installed(detail, texts)
 
 
 def _installed_hash(type_name: str) -> str:

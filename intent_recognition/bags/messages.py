@@ -10,15 +10,26 @@ from rosbags.typesys import get_types_from_msg
 
 from intent_recognition.bags.cdr.columns import COLUMNS
 from intent_recognition.bags.cdr.decoder import Decoder, layout_decoder
+from intent_recognition.bags.cdr.layout import NANOSECONDS
 from intent_recognition.bags.definitions import definition, jazzy_names, jazzy_types
 from intent_recognition.errors import MessageError, describe
 
 RECOVER = "Save what is left with `intent recover`."
+"""Advice in messages about damaged recordings."""
 
 
 @dataclass(frozen=True)
 class RawMessage:
-    """One message as it was recorded; `data` are its CDR bytes."""
+    """One message as it was recorded.
+
+    Attributes:
+        topic: name as recorded.
+        type: "package/msg/Name".
+        log_time_ns: when it was recorded.
+        publish_time_ns: when it was sent.
+        data: CDR bytes with their encapsulation header.
+        sequence: number given by the publisher, 0 when unknown.
+    """
 
     topic: str
     type: str
@@ -30,7 +41,15 @@ class RawMessage:
 
 @dataclass(frozen=True)
 class BagMessage:
-    """One decoded message; `stamp_ns` is its header's stamp, or the log time without a header."""
+    """One decoded message.
+
+    Attributes:
+        topic: name as recorded.
+        type: "package/msg/Name".
+        log_time_ns: when it was recorded.
+        stamp_ns: stamp of its header, or the log time for a type without header.
+        message: an object with the attributes of the type.
+    """
 
     topic: str
     type: str
@@ -83,12 +102,6 @@ def decode(raw: RawMessage, decoder: Decoder) -> BagMessage:
     except Exception as error:  # the decoder raises what struct, numpy and utf-8 raise
         place = f"topic {raw.topic} at {raw.log_time_ns} ns"
         raise MessageError(describe(place, f"a {raw.type}", error, RECOVER)) from error
-    return BagMessage(raw.topic, raw.type, raw.log_time_ns, stamp_of(message, raw), message)
-
-
-def stamp_of(message: object, raw: RawMessage) -> int:
-    """Stamp of the header in nanoseconds; the log time for a type without header."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    if stamp is None:
-        return raw.log_time_ns
-    return stamp.sec * 1_000_000_000 + stamp.nanosec
+    stamp_ns = raw.log_time_ns if stamp is None else stamp.sec * NANOSECONDS + stamp.nanosec
+    return BagMessage(raw.topic, raw.type, raw.log_time_ns, stamp_ns, message)

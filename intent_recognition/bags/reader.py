@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read a rosbag2 directory with MCAP storage: raw or decoded messages in the order of log time."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from intent_recognition.bags.cdr.columns import Columns, ColumnsBuilder
+from intent_recognition.bags.cdr.decoder import Decoder
 from intent_recognition.bags.definitions import Definition
 from intent_recognition.bags.files import find_files, find_metadata
-from intent_recognition.bags.mcap.chunk import Block
+from intent_recognition.bags.mcap.chunk import McapBlock
 from intent_recognition.bags.mcap.file import McapFile
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import (
@@ -21,23 +22,28 @@ from intent_recognition.bags.messages import (
     is_standard,
     schema_decoder,
 )
-from intent_recognition.bags.metadata import TopicInfo, parse_qos
+from intent_recognition.bags.metadata import TopicInfo
+from intent_recognition.bags.qos_profiles import parse_qos
 from intent_recognition.errors import MessageError, describe
 
 
 class BagReader:
-    """A recorded bag; holds no file open between calls.
+    """Reads a rosbag2 recording with MCAP storage, without ROS.
+
+    Messages come in the order of log time, raw (`raw_messages`), decoded (`messages`) or, for
+    PoseStamped and JointState, as arrays (`columns`), which is ten times as fast as one by one.
+    No file is open between calls.
 
     Args:
         path: bag directory, or a single .mcap file.
-        tolerant: go on behind damage instead of raising; `damage` tells what was left out.
+        tolerant: skip damaged parts instead of raising; `damage` lists them.
 
     Attributes:
         path: as given.
         metadata: of metadata.yaml, or None when there is none (see `notes`).
         is_finished: False when the recorder was killed.
-        damage: places that cannot be read; grows while a tolerant reader reads.
-        notes: what is odd but does no harm, as sentences.
+        damage: parts that cannot be read; grows while a tolerant reader reads.
+        notes: oddities that do no harm, as sentences.
 
     Raises:
         BagError: there is no readable MCAP file, or metadata.yaml is not a bag's.
@@ -57,13 +63,8 @@ class BagReader:
 
     @property
     def custom_data(self) -> dict[str, str]:
-        """Labels of the recording."""
+        """The texts that the recorder stored with the bag, by key."""
         return dict(self.metadata.custom_data) if self.metadata else {}
-
-    @property
-    def task(self) -> str | None:
-        """Label of the demonstration, None when it has none."""
-        return self.custom_data.get("task") or None
 
     @property
     def start_ns(self) -> int:
@@ -103,8 +104,8 @@ class BagReader:
         """All messages, or those of `topics`, ordered by log time, then as recorded.
 
         Raises:
-            BagError: damage; names the file, topics and time. Raised when it is reached, so
-                that what stands before it has been given out.
+            BagError: the file is damaged; names the file, topics and time. Raised when the
+                damage is reached, after all messages before it.
         """
         wanted = None if topics is None else {topic.lstrip("/") for topic in topics}
         for file in self._files:
@@ -128,12 +129,12 @@ class BagReader:
             topics: names, with or without leading slash.
 
         Returns:
-            By topic name without leading slash; None where `messages` must do it: another type,
-            a definition of its own, big endian, more than a few different layouts, or bytes
-            that do not fit the type.
+            By topic name without leading slash: `PoseColumns`, `JointColumns`, or None where the
+            topic must be read with `messages`. That is so for other types and definitions, big
+            endian, more than 16 different layouts, and bytes that do not fit the type.
 
         Raises:
-            BagError: damage; nothing is given out then.
+            BagError: the file is damaged.
         """
         names = dict.fromkeys(topic.lstrip("/") for topic in topics)
         builders = {name: self._builder(name) for name in names}
@@ -147,7 +148,7 @@ class BagReader:
                         part = table.rows(np.flatnonzero(np.isin(table.channels, own)))
                     if builder and part.starts.size and not builder.add(number, part):
                         builders[name] = None
-        return {name: builder and builder.columns() for name, builder in builders.items()}
+        return {name: builder.columns() if builder else None for name, builder in builders.items()}
 
     def messages(self, topics: Iterable[str] | None = None) -> Iterator[BagMessage]:
         """Decoded messages in the same order, of any type the bag defines.
@@ -156,14 +157,14 @@ class BagReader:
             BagError: damage, as in `raw_messages`.
             MessageError: a message cannot be decoded with the definition in the bag.
         """
-        decoders: dict[tuple[str, str], Callable[[bytes], object]] = {}
+        decoders: dict[tuple[str, str], Decoder] = {}
         for raw in self.raw_messages(topics):
             key = (raw.topic, raw.type)
             if key not in decoders:
                 decoders[key] = self.decoder(*key)
             yield decode(raw, decoders[key])
 
-    def decoder(self, topic: str, type_name: str) -> Callable[[bytes], object]:
+    def decoder(self, topic: str, type_name: str) -> Decoder:
         """Function from CDR bytes to a message with the attributes of its type.
 
         Raises:
@@ -194,7 +195,7 @@ class BagReader:
         expected = f"a usable definition of {type_name or 'its type'}"
         return MessageError(describe(f"{self.path}: topic {topic}", expected, error, RECOVER))
 
-    def _blocks(self) -> Iterator[Block]:
+    def _blocks(self) -> Iterator[McapBlock]:
         return (block for file in self._files for block in file.scan.blocks)
 
     def _builder(self, name: str) -> ColumnsBuilder | None:

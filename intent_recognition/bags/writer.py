@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write a rosbag2 directory with MCAP storage, so that a killed recorder loses a second at most."""
+"""Write a rosbag2 directory with MCAP storage; a killed recorder loses less than a second."""
 
 import os
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import IO, Protocol, cast
 
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Schema
@@ -16,26 +17,38 @@ from intent_recognition.bags.metadata import BagMetadata, TopicInfo, dump_yaml, 
 from intent_recognition.errors import BagError, ResourceBusyError, describe
 
 FLUSH_PERIOD_S = 0.5
+"""Longest time a message stays in memory [s]. Convention: a killed recorder loses less than 1 s."""
 MIN_FREE_BYTES = 16 * 2**20
+"""Recording stops when less is left on the disk [bytes]. Convention: room for the largest chunk and
+the summary."""
 CHUNK_BYTES = 2**20
+"""Size of a chunk before compression [bytes]. MCAP's default."""
+
+
+class _DiskUsage(Protocol):
+    """What `shutil.disk_usage` returns, in bytes."""
+
+    @property
+    def free(self) -> int: ...
 
 
 class DiskFullError(BagError):
-    """The disk is (nearly) full; what was written until now is a complete bag."""
+    """The disk is full or nearly so; the bag holds all that was written before."""
 
 
 class BagWriter:
-    """Writes raw CDR messages with their stamps into a new bag.
+    """Writes a rosbag2 recording with MCAP storage, without ROS.
 
-    Every `flush_period_s` the chunk in progress is compressed and handed to the operating
-    system; definitions also stand outside the chunks, so that losing one chunk loses no other.
+    Use it as a context manager, or call `close`. Every `flush_period_s` the chunk in progress is
+    compressed and handed to the operating system. Definitions are also written outside of the
+    chunks, so that a damaged chunk makes no other unreadable.
 
     Args:
         path: directory of the new bag; must not exist.
         custom_data: labels, such as {"task": "plate_handover"}.
-        flush_period_s: longest time a message stays in memory; None writes by size alone, which
-            makes equal input give equal files.
-        min_free_bytes: recording stops, in good order, when less is left on the disk.
+        flush_period_s: longest time a message stays in memory [s]. None writes by size alone,
+            so that equal input gives equal files.
+        min_free_bytes: recording stops, and the bag is closed, when less is left on the disk.
         clock: seconds, monotonic.
         disk_usage: gives an object with `free` in bytes for a path.
 
@@ -52,7 +65,7 @@ class BagWriter:
         flush_period_s: float | None = FLUSH_PERIOD_S,
         min_free_bytes: int = MIN_FREE_BYTES,
         clock: Callable[[], float] = time.monotonic,
-        disk_usage: Callable[[Path], object] = shutil.disk_usage,
+        disk_usage: Callable[[Path], _DiskUsage] = shutil.disk_usage,
     ):
         self.path = Path(path)
         self.custom_data = {str(k): str(v) for k, v in (custom_data or {}).items()}
@@ -126,7 +139,7 @@ class BagWriter:
         *,
         sequence: int = 0,
     ) -> None:
-        """Append one serialised message, exactly as it is.
+        """Append one serialized message, exactly as it is.
 
         Args:
             topic: name, stored absolute.
@@ -137,7 +150,7 @@ class BagWriter:
             sequence: number given by the publisher, 0 when unknown.
 
         Raises:
-            DiskFullError: the disk is nearly full; the bag was closed in good order.
+            DiskFullError: the disk is nearly full; the bag has been closed and is complete.
             BagError: the bag is closed, or the topic has another type.
         """
         if self.closed:
@@ -158,13 +171,13 @@ class BagWriter:
         self._flush_when_due()
 
     def write_message(self, topic: str, type_name: str, message: object, log_time_ns: int) -> None:
-        """Serialise and append a message, without ROS.
+        """Serialize and append a message, without ROS.
 
         Args:
             topic: name, stored absolute.
             type_name: "package/msg/Name".
             message: a nested mapping of fields (left out = zero; times as integer nanoseconds),
-                or a message of `definitions.message_class(type_name)`.
+                or a message of rosbags' Jazzy type store.
             log_time_ns: time of recording.
 
         Raises:
@@ -176,7 +189,7 @@ class BagWriter:
         """Hand everything written so far to the operating system.
 
         Raises:
-            DiskFullError: the disk is nearly full; the bag was closed in good order.
+            DiskFullError: the disk is nearly full; the bag has been closed and is complete.
         """
         if self.closed:
             return
@@ -218,7 +231,7 @@ class BagWriter:
         except (OSError, DiskFullError):
             self.path.rmdir()
             raise
-        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES)
+        self._writer = Writer(cast(IO[bytes], self._stream), chunk_size=CHUNK_BYTES)
         self._guard(lambda: self._writer.start("ros2", "intent_recognition"))
         self._flushed_s = self._clock()
         self._write_metadata()
@@ -260,7 +273,7 @@ class BagWriter:
             raise self._disk_full(free)
 
     def _guard(self, action: Callable[[], object]) -> None:
-        """Do what writes to the file; a failing disk leaves a readable file behind."""
+        """Write to the file; when the disk fails, a readable file remains."""
         try:
             action()
         except OSError as error:

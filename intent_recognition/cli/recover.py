@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.bags import RecoveryReport, recover_bag
+from intent_recognition.bags import RecoveryReport, recover
 from intent_recognition.cli.console import busy
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_bag import damage_line
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         ResourceBusyError: the output exists already.
     """
     with busy(Console(stderr=True), "recovering"):
-        report = recover_bag(args.bag, args.output)
+        report = recover(args.bag, args.output)
     if args.json:
         print_json(report_json(report))
     else:

@@ -102,7 +102,7 @@ def inspect_bag(path: str | Path) -> BagSummary:
     parts = list(split_session(markers, {}, str(path))) if markers else []
     return BagSummary(
         path=str(path),
-        task=reader.task,
+        task=reader.custom_data.get("task") or None,
         custom_data=reader.custom_data,
         start_ns=reader.start_ns,
         end_ns=reader.end_ns,

@@ -189,7 +189,7 @@ def _whole_bag(
     return Demonstration(
         name=reader.path.stem if reader.path.is_file() else reader.path.resolve().name,
         source=str(reader.path),
-        task=reader.task,
+        task=reader.custom_data.get("task") or None,
         observed=observed,
         controlled=controlled,
         start_ns=int(min(signal.stamps_ns[0] for signal in observed)),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to do when observations come faster than they can be used: thin them, the newest stays."""
+"""Observations that come faster than they can be used are thinned; the newest is always used."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -13,15 +13,16 @@ from rclpy.subscription import Subscription
 from intent_recognition.bags import header_stamp_ns
 from intent_recognition.nodes.conversions import stamp_ns
 
-LATEST_NS = 2**63 - 1
+MAX_STAMP_NS = 2**63 - 1
+"""Largest stamp: the order of a message without one, which is as of now."""
 MAX_WAITING = 16
-"""More waiting messages than these, twice on end, mean that the node cannot keep up."""
+"""If more messages wait twice in a row, the node cannot keep up. Convention: 0.16 s at 100 Hz."""
 
 Item = TypeVar("Item")
 
 
-class _Source:
-    """One topic: its subscription, and what takes its messages."""
+class _Subscribed:
+    """One topic: its subscription, and the function that takes its messages."""
 
     def __init__(self, use: Callable[[object], None], raw: bool):
         self.use, self.raw = use, raw
@@ -30,22 +31,22 @@ class _Source:
 
 
 class Backlog:
-    """Subscriptions that are looked at together, all messages that wait, not one.
+    """Subscriptions whose waiting messages are taken together, in the order of their stamps.
 
-    The executor hands over one message at a time, the oldest of its topic. Whatever waits behind
-    it, there and on the other topics, is taken at once and used in the order of the stamps. Where
-    more than `MAX_WAITING` wait on a topic although the last ones were only just worked off, the
-    queue would grow: evenly spaced ones are used, the newest always. Observations close in time
-    share one piece of evidence (`TaskLibrary.noise_covariance`), so little is lost. A queue that
-    has grown once, while a model was loaded, say, is worked off whole.
+    The executor hands over one message at a time, the oldest of its topic. All that wait behind
+    it, there and on the other topics, are taken with it. If more than `MAX_WAITING` messages wait
+    on a topic twice in a row, the queue would grow; then only evenly spaced ones are used, the
+    newest among them. Little is lost, since observations close in time are correlated
+    (`TaskLibrary.noise_covariance`). A queue that has grown once, for instance while a model was
+    loaded, is used completely.
 
     Args:
-        dropped: told how many were not used.
+        dropped: called with the number of messages that were not used.
     """
 
     def __init__(self, dropped: Callable[[int], None]):
         self._dropped = dropped
-        self._sources: list[_Source] = []
+        self._sources: list[_Subscribed] = []
 
     def subscribe(
         self,
@@ -67,7 +68,7 @@ class Backlog:
             qos: of the subscription.
             raw: whether it takes bytes, of messages with a header.
         """
-        source = _Source(use, raw)
+        source = _Subscribed(use, raw)
         callback = partial(self._on_message, len(self._sources))
         self._sources.append(source)
         source.subscription = node.create_subscription(kind, topic, callback, qos, raw=raw)
@@ -82,7 +83,8 @@ class Backlog:
         """Unsubscribe from everything."""
         while self._sources:
             source = self._sources.pop()
-            node.destroy_subscription(source.subscription)
+            if source.subscription is not None:
+                node.destroy_subscription(source.subscription)
             source.subscription = None
 
     def _on_message(self, number: int, message: object) -> None:
@@ -98,7 +100,7 @@ class Backlog:
             if source.subscription is not None:  # what came before may have closed it
                 source.use(one)
 
-    def _thinned(self, source: _Source, waiting: list[object]) -> list[object]:
+    def _thinned(self, source: _Subscribed, waiting: list[object]) -> list[object]:
         too_many = len(waiting) > MAX_WAITING
         used = thin(waiting, MAX_WAITING) if too_many and source.behind else waiting
         source.behind = too_many
@@ -106,7 +108,7 @@ class Backlog:
             self._dropped(len(waiting) - len(used))
         return used
 
-    def _take_waiting(self, source: _Source) -> list[object]:
+    def _take_waiting(self, source: _Subscribed) -> list[object]:
         taken: list[object] = []
         if source.subscription is None:
             return taken
@@ -117,13 +119,13 @@ class Backlog:
         return taken
 
 
-def _time_ns(arrival: tuple[_Source, object]) -> int:
+def _time_ns(arrival: tuple[_Subscribed, object]) -> int:
     """Stamp of a message; without one it is of now, so it comes last."""
-    source, message = arrival
-    if source.raw:
+    _, message = arrival
+    if isinstance(message, bytes):
         return header_stamp_ns(message)
     stamped = hasattr(message, "header") or hasattr(message, "stamp")
-    return stamp_ns(message) if stamped else LATEST_NS
+    return stamp_ns(message) if stamped else MAX_STAMP_NS
 
 
 def thin(items: Sequence[Item], most: int) -> list[Item]:

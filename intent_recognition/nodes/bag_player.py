@@ -21,7 +21,7 @@ from rclpy.qos import (
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from intent_recognition.bags import BagReader, RawMessage, TopicInfo, policy
+from intent_recognition.bags import BagReader, RawMessage, TopicInfo, qos_policy
 from intent_recognition.errors import BagError, describe
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -307,8 +307,8 @@ def player_qos(info: TopicInfo) -> QoSProfile:
     depth = DEPTH
     offered = info.offered_qos_profiles
     if offered:
-        latched = all(policy(p, "durability") == "transient_local" for p in offered)
-        sensor = any(policy(p, "reliability") == "best_effort" for p in offered)
+        latched = all(qos_policy(p, "durability") == "transient_local" for p in offered)
+        sensor = any(qos_policy(p, "reliability") == "best_effort" for p in offered)
         depth = max(1, *(int(p.get("depth") or 0) for p in offered)) if latched else DEPTH
     elif latched:
         depth = 1

@@ -19,7 +19,7 @@ from rclpy.qos import (
 )
 from std_srvs.srv import Trigger
 
-from intent_recognition.bags import BagWriter, DiskFullError, rosbag2_profile
+from intent_recognition.bags import FLUSH_PERIOD_S, BagWriter, DiskFullError, rosbag2_profile
 from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
@@ -28,8 +28,6 @@ from intent_recognition.nodes.runtime import simulated_ns
 
 DISCOVERY_PERIOD_S = 0.1
 """Time between two looks for new topics [s]. Convention."""
-FLUSH_PERIOD_S = 0.5
-"""Time between two writes to disk [s]; a killed recorder loses at most one second (contract)."""
 QUEUE_DEPTH = 2000
 """Messages of a topic that wait while the disk is slow. Convention."""
 NOISE_TOPICS = ("/rosout", "/parameter_events")

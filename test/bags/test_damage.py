@@ -9,7 +9,7 @@ from bag_builder import SteppingClock, raw, write_bag
 
 from intent_recognition.bags.mcap.scan import scan_file
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.bags.recover import recover_bag
+from intent_recognition.bags.recovery import recover
 from intent_recognition.errors import BagError, ResourceBusyError
 
 COUNT = 120
@@ -53,7 +53,7 @@ def read_until_error(path) -> tuple[list, BagError | None]:
 
 def recovered(path, tmp_path) -> list:
     shutil.rmtree(tmp_path / "saved", ignore_errors=True)
-    recover_bag(path, tmp_path / "saved")
+    recover(path, tmp_path / "saved")
     return raw(tmp_path / "saved", BagReader)
 
 
@@ -100,12 +100,12 @@ def test_several_damaged_places(whole, damaged, tmp_path):
     for block in (blocks[2], blocks[5]):
         data[block.offset : block.offset + 40] = bytes(40)
     path = damaged(bytes(data))
-    report = recover_bag(path, tmp_path / "saved")
+    report = recover(path, tmp_path / "saved")
     lost = {m for m in whole[1] for b in (blocks[2], blocks[5]) if b.start_ns <= m[2] <= b.end_ns}
     assert set(whole[1]) - set(raw(tmp_path / "saved", BagReader)) == lost
     assert len(report.damage) == 2
     assert report.message_count == len(whole[1]) - len(lost)
-    assert BagReader(tmp_path / "saved").task == "plate"
+    assert BagReader(tmp_path / "saved").custom_data["task"] == "plate"
     assert (path / "bag.mcap").read_bytes() == bytes(data)
 
 
@@ -119,13 +119,13 @@ def test_the_only_chunk_cut_in_half_gives_its_first_part(tmp_path, shared_data):
     file.write_bytes(data[: len(data) // 2])
     with pytest.raises(BagError, match=r"demo_0000\.mcap: topics .*/joint_states.*time 17"):
         list(BagReader(tmp_path / "demo").messages())
-    report = recover_bag(tmp_path / "demo", tmp_path / "saved")
+    report = recover(tmp_path / "demo", tmp_path / "saved")
     assert report.message_count > len(messages) // 4
     assert raw(tmp_path / "saved", BagReader) == messages[: report.message_count]
 
 
 def test_recovering_a_whole_bag_loses_nothing(whole, tmp_path):
-    report = recover_bag(whole[0], tmp_path / "saved")
+    report = recover(whole[0], tmp_path / "saved")
     assert raw(tmp_path / "saved", BagReader) == whole[1]
     assert not report.damage and report.message_count == len(whole[1])
 
@@ -133,17 +133,17 @@ def test_recovering_a_whole_bag_loses_nothing(whole, tmp_path):
 def test_nothing_to_save_and_nothing_overwritten(whole, tmp_path, damaged):
     for data in (b"", b"no mcap at all", bytes(1000)):
         with pytest.raises(BagError, match=r"damaged"):
-            recover_bag(damaged(data), tmp_path / "saved")
+            recover(damaged(data), tmp_path / "saved")
         assert not (tmp_path / "saved").exists()
     with pytest.raises(ResourceBusyError):
-        recover_bag(whole[0], whole[0])
+        recover(whole[0], whole[0])
 
 
 def test_bag_without_metadata_reads_with_a_note(whole, damaged):
     path = damaged(content(whole))
     (path / "metadata.yaml").unlink()
     reader = BagReader(path)
-    assert reader.task is None and "metadata.yaml" in reader.notes[0]
+    assert "task" not in reader.custom_data and "metadata.yaml" in reader.notes[0]
     assert raw(path, BagReader) == whole[1]
     assert raw(path / "bag.mcap", BagReader) == whole[1]
 

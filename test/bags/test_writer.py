@@ -207,7 +207,7 @@ def test_disk_running_full_ends_in_a_whole_bag(tmp_path):
                 free[0] = 2**20
             writer.write_message("mocap/wrist/pose", POSE, pose(written), written)
     reader = BagReader(tmp_path / "bag")
-    assert reader.is_finished and reader.task == "plate"
+    assert reader.is_finished and reader.custom_data["task"] == "plate"
     assert len(list(reader.messages())) == written + 1
     assert reader.metadata.message_count == written + 1
 

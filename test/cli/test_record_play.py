@@ -107,4 +107,4 @@ def test_what_is_played_is_recorded_until_ctrl_c(tmp_path):
     assert "Traceback" not in recorder.errors + player.errors
     by_topic = [sorted((m[0], m[4]) for m in raw(path, BagReader)) for path in (bag, copy)]
     assert by_topic[0] == by_topic[1]
-    assert BagReader(copy).task == "plate: 1"
+    assert BagReader(copy).custom_data["task"] == "plate: 1"

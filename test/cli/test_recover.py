@@ -20,7 +20,7 @@ def test_a_truncated_bag_is_saved_up_to_the_cut(run_command, tmp_path):
     assert code == 0
     assert 0 < len(saved) < len(whole)
     assert saved == whole[: len(saved)]
-    assert BagReader(tmp_path / "saved").task == "plate"
+    assert BagReader(tmp_path / "saved").custom_data["task"] == "plate"
     assert output.startswith(f"saved {len(saved)} messages over ")
     assert "damaged at byte" in output
 

@@ -75,7 +75,7 @@ def test_bytes_and_order_are_those_sent(harness, tmp_path):
             raw = [data for _, _, data in independent.messages([connection])]
             assert [bytes(r) for r in raw] == [wire_bytes(harness, m) for m in sent[topic]]
         assert independent.message_count == sum(map(len, sent.values()))
-    assert BagReader(tmp_path / "bag").task == "handing"
+    assert BagReader(tmp_path / "bag").custom_data["task"] == "handing"
 
 
 def wire_bytes(harness, message) -> bytes:
@@ -128,7 +128,7 @@ def test_services_start_and_stop_with_the_parameters_of_the_moment(harness, tmp_
         )
         assert harness.call(Trigger, "bag_recorder/start", Trigger.Request()).success
         record_between(harness, node, {"p": publisher}, {"p": [pose(0)]})
-        assert BagReader(tmp_path / task).task == task
+        assert BagReader(tmp_path / task).custom_data["task"] == task
     again = harness.call(Trigger, "bag_recorder/start", Trigger.Request())
     assert not again.success and "never overwritten" in again.message
     stopped = harness.call(Trigger, "bag_recorder/stop", Trigger.Request())

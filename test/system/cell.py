@@ -56,10 +56,10 @@ def recorded(bag: Path, hold_s: float = 4.0) -> Wrist:
     return Wrist(
         np.r_[stamps, more] - stamps[0],
         np.vstack([positions, again]),
-        reader.task,
+        data["task"],
         int(data["human_onset_ns"]) - int(stamps[0]),
         int(data["human_end_ns"]) - int(stamps[0]),
-        handover_point(reader.task, goal),
+        handover_point(data["task"], goal),
     )
 
 

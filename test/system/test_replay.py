@@ -82,7 +82,7 @@ def test_replay_equals_the_nodes(harness, repository, toolbox_model, name):
     assert len(rows) > 200
     check_equal(tasks, rows)
     assert name.startswith(max(rows[-80]["probabilities"], key=rows[-80]["probabilities"].get))
-    assert {row["active_task"] for row in rows} == {"", BagReader(bag).task}
+    assert {row["active_task"] for row in rows} == {"", BagReader(bag).custom_data["task"]}
 
 
 def test_replay_equals_the_nodes_on_a_spoiled_recording(

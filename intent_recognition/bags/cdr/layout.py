@@ -46,7 +46,7 @@ FIELDS: Mapping[str, tuple[object, Sequence[tuple[str, tuple[int, Any]]]]] = FIE
 """Of each message type of Jazzy: constants, and its fields as (name, (kind of node, detail))."""
 
 
-class Run(NamedTuple):
+class NumberRun(NamedTuple):
     """Numbers that follow one another without padding.
 
     Attributes:
@@ -87,7 +87,7 @@ class Layout:
     template: bytes
     fields: tuple[str, ...]
     decisive: tuple[tuple[int, int], ...]
-    runs: Mapping[str, Run]
+    runs: Mapping[str, NumberRun]
     texts: Mapping[str, tuple[str, ...]]
     tail: int
 
@@ -224,7 +224,7 @@ class _Cursor:
         self._data = data
         self.at = ORIGIN
         self.decisive = [(0, len(LITTLE_ENDIAN))]
-        self.runs: dict[str, Run] = {}
+        self.runs: dict[str, NumberRun] = {}
         self.fields: list[str] = []
         self.texts: dict[str, tuple[str, ...]] = {}
 
@@ -255,12 +255,12 @@ class _Cursor:
             if count:
                 self._align(size)
             self.fields.append(field)
-            self.runs[field] = Run(self.at, FORMATS[kind], count)
+            self.runs[field] = NumberRun(self.at, FORMATS[kind], count)
             self._advance(count * size)
         else:
             raise ValueError(f"{field} is a {kind}, which cannot be located")
 
-    def _join(self, place: str, runs: list[Run]) -> None:
+    def _join(self, place: str, runs: list[NumberRun]) -> None:
         """Note the numbers of a nested message as one run, where they are one."""
         follows = (a.stop == b.start and a.size == b.size for a, b in pairwise(runs))
         if place and runs and all(follows):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands inside of an MCAP chunk: decompressed, checked, its messages as columns."""
+"""The content of an MCAP chunk: decompressed, checked, its messages as columns."""
 
 import mmap
 import struct
@@ -15,6 +15,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
+from numpy.typing import NDArray
 
 from intent_recognition.bags.mcap.records import (
     LEAST_MESSAGE,
@@ -30,7 +31,7 @@ PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, Runtim
 CHECKSUM = "checksum of the chunk does not match"
 
 
-class Block(NamedTuple):
+class McapBlock(NamedTuple):
     """One chunk, or one message outside of chunks.
 
     Attributes:
@@ -64,12 +65,12 @@ class MessageTable(NamedTuple):
     """
 
     data: bytes | memoryview
-    channels: np.ndarray
-    sequences: np.ndarray
-    log_times_ns: np.ndarray
-    publish_times_ns: np.ndarray
-    starts: np.ndarray
-    lengths: np.ndarray
+    channels: NDArray
+    sequences: NDArray
+    log_times_ns: NDArray
+    publish_times_ns: NDArray
+    starts: NDArray
+    lengths: NDArray
 
     @classmethod
     def empty(cls) -> "MessageTable":
@@ -77,12 +78,12 @@ class MessageTable(NamedTuple):
         kinds = (np.uint16, np.uint32, np.uint64, np.uint64, np.int64, np.int64)
         return cls(b"", *(np.empty(0, kind) for kind in kinds))
 
-    def rows(self, keep: np.ndarray) -> "MessageTable":
+    def rows(self, keep: NDArray) -> "MessageTable":
         """The messages that the mask (n,) or the indices name."""
         return MessageTable(self.data, *(column[keep] for column in self[1:]))
 
 
-def read_messages(view: bytes | mmap.mmap, block: Block) -> MessageTable:
+def read_messages(view: bytes | mmap.mmap, block: McapBlock) -> MessageTable:
     """The messages of one block, its checksum verified.
 
     Of a chunk cut off by the end of the file all that can be decompressed is returned.
@@ -95,12 +96,12 @@ def read_messages(view: bytes | mmap.mmap, block: Block) -> MessageTable:
     return message_table(data, message_positions(data, record_positions(data, block.is_cut)))
 
 
-def message_positions(data: bytes | memoryview, positions: np.ndarray) -> np.ndarray:
+def message_positions(data: bytes | memoryview, positions: NDArray) -> NDArray:
     """Those of the records at `positions` (n,) that are messages."""
     return positions[np.frombuffer(data, np.uint8)[positions] == MESSAGE]
 
 
-def message_table(data: bytes | memoryview, positions: np.ndarray) -> MessageTable:
+def message_table(data: bytes | memoryview, positions: NDArray) -> MessageTable:
     """The messages at `positions` (n,)."""
     heads = gather(data, positions, MESSAGE_HEADER.itemsize).view(MESSAGE_HEADER)
     return MessageTable(
@@ -114,7 +115,7 @@ def message_table(data: bytes | memoryview, positions: np.ndarray) -> MessageTab
     )
 
 
-def payloads(table: MessageTable, length: int) -> np.ndarray:
+def payloads(table: MessageTable, length: int) -> NDArray:
     """Payloads of a table whose messages all have this length, uint8 (n, length).
 
     Where they stand at equal distances they are not copied: only valid as long as `table.data`.
@@ -126,7 +127,7 @@ def payloads(table: MessageTable, length: int) -> np.ndarray:
     return gather(table.data, table.starts, length).view(np.uint8).reshape(-1, length)
 
 
-def read_definitions(view: bytes | mmap.mmap, block: Block) -> Iterator[Schema | Channel]:
+def read_definitions(view: bytes | mmap.mmap, block: McapBlock) -> Iterator[Schema | Channel]:
     """Schemas and channels inside of one block, in file order.
 
     Raises:
@@ -150,7 +151,7 @@ def parse_definition(opcode: int, data: bytes) -> Schema | Channel:
     return Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
 
 
-def chunk_content(view: bytes | mmap.mmap, block: Block) -> tuple[str, bytes, int]:
+def chunk_content(view: bytes | mmap.mmap, block: McapBlock) -> tuple[str, bytes, int]:
     """Compression, compressed records and checksum (0 for none) of a chunk.
 
     Raises:
@@ -163,14 +164,14 @@ def chunk_content(view: bytes | mmap.mmap, block: Block) -> tuple[str, bytes, in
     return compression, view[at + name_length + 8 : start + block.length], crc
 
 
-def block_size(view: bytes | mmap.mmap, block: Block) -> int:
+def block_size(view: bytes | mmap.mmap, block: McapBlock) -> int:
     """Bytes of the records of a block, as a chunk says itself."""
     if not block.is_chunk:
         return RECORD_HEADER.size + block.length
     return CHUNK_HEADER.unpack_from(view, block.offset + RECORD_HEADER.size)[2]
 
 
-def _block_data(view: bytes | mmap.mmap, block: Block) -> bytes:
+def _block_data(view: bytes | mmap.mmap, block: McapBlock) -> bytes:
     """The records of a block; that of a bare message is its own."""
     size = block_size(view, block)
     if not block.is_chunk:

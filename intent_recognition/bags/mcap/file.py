@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One MCAP file of a recording: its messages in the order of log time, up to or past damage."""
+"""One MCAP file of a recording: its messages by log time, up to damage or skipping it."""
 
 from bisect import bisect_left
 from collections import Counter
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from mcap.records import Channel, Schema
 
-from intent_recognition.bags.mcap.chunk import PARSE_ERRORS, Block, MessageTable, read_messages
+from intent_recognition.bags.mcap.chunk import PARSE_ERRORS, McapBlock, MessageTable, read_messages
 from intent_recognition.bags.mcap.group import GroupReader, groups
 from intent_recognition.bags.mcap.scan import Damage, open_view, scan_file
 from intent_recognition.bags.messages import RECOVER
@@ -19,11 +19,11 @@ from intent_recognition.errors import BagError, describe
 
 
 class _Item(NamedTuple):
-    """One message; sorts by log time, then as recorded."""
+    """One message; sorts by log time, then as recorded: by block, then by row."""
 
     log_time_ns: int
     offset: int
-    index: int
+    row: int
     publish_time_ns: int
     sequence: int
     data: bytes
@@ -35,8 +35,8 @@ class McapFile:
 
     Args:
         path: of the file.
-        tolerant: go on behind damage instead of raising.
-        damage: where a tolerant reader notes what it left out; shared with other files.
+        tolerant: skip damaged parts instead of raising.
+        damage: list to which a tolerant reader adds what it skips; shared with other files.
 
     Raises:
         BagError: the file cannot be opened or is empty.
@@ -98,8 +98,8 @@ class McapFile:
         """Messages of all topics, or those of `wanted` (no leading slash), by log time.
 
         Raises:
-            BagError: damage; names the file, topics and time. Raised when it is reached, so
-                that what stands before it has been given out.
+            BagError: the file is damaged; names the file, topics and time. Raised when the
+                damage is reached, after all messages before it.
         """
         waiting: list[_Item] = []
         with open_view(self.path) as view:
@@ -113,7 +113,7 @@ class McapFile:
             yield from waiting
         self._raise_damage()
 
-    def _usable(self) -> list[Block]:
+    def _usable(self) -> list[McapBlock]:
         """All blocks; a reader that is not tolerant stops at the first damage."""
         scan = self.scan
         if self._tolerant or not scan.damage:
@@ -121,7 +121,7 @@ class McapFile:
         return [b for b in scan.blocks if b.offset < scan.damage[0].offset and not b.is_cut]
 
     def _block_items(
-        self, block: Block, table: MessageTable, wanted: set[str] | None
+        self, block: McapBlock, table: MessageTable, wanted: set[str] | None
     ) -> list[_Item]:
         """The wanted messages of a block, sorted."""
         channels = {
@@ -132,7 +132,7 @@ class McapFile:
         rows = np.flatnonzero(np.isin(table.channels, list(channels)))
         rows = rows[np.argsort(table.log_times_ns[rows], kind="stable")]
         _, *columns = table.rows(rows)
-        data = table.data
+        data = bytes(table.data)
         return [
             _Item(log_ns, block.offset, i, publish_ns, sequence, data[at : at + n], channels[c])
             for i, c, sequence, log_ns, publish_ns, at, n in zip(
@@ -140,7 +140,7 @@ class McapFile:
             )
         ]
 
-    def _group(self, reader: GroupReader, blocks: list[Block]) -> MessageTable | None:
+    def _group(self, reader: GroupReader, blocks: list[McapBlock]) -> MessageTable | None:
         """Messages of several blocks; None where each had better be looked at by itself."""
         if blocks[-1].is_cut:
             return None
@@ -149,7 +149,7 @@ class McapFile:
         except PARSE_ERRORS:
             return None
 
-    def _table(self, view: mmap, block: Block) -> MessageTable:
+    def _table(self, view: mmap, block: McapBlock) -> MessageTable:
         """Messages of a block whose topics are known; none of a broken one if tolerant."""
         try:
             table = read_messages(view, block)
@@ -168,7 +168,7 @@ class McapFile:
             return table.rows(~np.isin(table.channels, list(unknown)))
         return table
 
-    def _note(self, block: Block, reason: str, cause: Exception | None = None) -> None:
+    def _note(self, block: McapBlock, reason: str, cause: Exception | None = None) -> None:
         damage = Damage(block.offset, reason, block.start_ns, block.end_ns)
         if not self._tolerant:
             raise self._error(damage) from cause

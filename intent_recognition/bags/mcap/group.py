@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small chunks read as one: a recorder writes two a second, each too small to be worth columns."""
+"""Small chunks read together: a recorder writes two a second, too small to be fast one by one."""
 
 import mmap
 import zlib
@@ -8,10 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 import zstandard
+from numpy.typing import NDArray
 
 from intent_recognition.bags.mcap.chunk import (
     CHECKSUM,
-    Block,
+    McapBlock,
     MessageTable,
     block_size,
     chunk_content,
@@ -22,17 +23,22 @@ from intent_recognition.bags.mcap.chunk import (
 from intent_recognition.bags.mcap.records import MESSAGE_HEADER, gather, record_positions
 
 GROUP_BYTES = 2**20
+"""Records read together [bytes]. Convention: the default size of MCAP's chunks."""
 LARGE_BYTES = 2**18
-"""From this size on, to decompress in place is faster than to copy."""
+"""From this size on [bytes] decompressing in place is faster than copying (measured)."""
 UNKNOWN, KNOWN, WANTED = range(3)
-CHANNEL, LOG_NS = (MESSAGE_HEADER.fields[name][1] for name in ("channel", "log_ns"))
+CHANNEL, LOG_NS = (
+    sum(MESSAGE_HEADER[field].itemsize for field in before)
+    for before in (("opcode", "length"), ("opcode", "length", "channel", "sequence"))
+)
+"""Offsets of the channel and of the log time in a message record [bytes]."""
 LARGEST_RATIO = 2**16
-"""No compression does better; a larger size is damage, not worth the memory."""
+"""Of decompressed to compressed bytes. No compression does better: a larger size is damage."""
 
 
-def groups(view: bytes | mmap.mmap, blocks: Iterable[Block]) -> Iterator[list[Block]]:
+def groups(view: bytes | mmap.mmap, blocks: Iterable[McapBlock]) -> Iterator[list[McapBlock]]:
     """Blocks that follow one another, about `GROUP_BYTES` of records each; a larger one alone."""
-    group: list[Block] = []
+    group: list[McapBlock] = []
     total = 0
     for block in blocks:
         size = block_size(view, block)
@@ -62,7 +68,7 @@ class GroupReader:
         self._buffer = bytearray()
         self._zstd = zstandard.ZstdDecompressor()
 
-    def read(self, blocks: Sequence[Block]) -> MessageTable:
+    def read(self, blocks: Sequence[McapBlock]) -> MessageTable:
         """The wanted messages of whole blocks; the table's `data` is valid until the next call.
 
         Raises:
@@ -90,7 +96,13 @@ class GroupReader:
             raise ValueError("nothing tells the topic of a channel")
         return message_table(data, positions[kinds == WANTED])
 
-    def _check_times(self, blocks, data: memoryview, positions: np.ndarray, edges) -> None:
+    def _check_times(
+        self,
+        blocks: Sequence[McapBlock],
+        data: memoryview,
+        positions: NDArray[np.int64],
+        edges: NDArray[np.int64],
+    ) -> None:
         """The times of the messages at `positions` (n,), in blocks between `edges`."""
         log_ns = gather(data, positions + LOG_NS, 8).view("<u8")
         first = np.searchsorted(positions, edges)
@@ -103,7 +115,7 @@ class GroupReader:
         ):
             raise ValueError("times of a chunk and of its messages disagree")
 
-    def _fill(self, block: Block, target: memoryview) -> None:
+    def _fill(self, block: McapBlock, target: memoryview) -> None:
         """Write the records of a block to its place."""
         if not block.is_chunk:
             target[:] = self._view[block.offset : block.offset + len(target)]

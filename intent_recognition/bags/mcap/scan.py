@@ -17,7 +17,7 @@ from mcap.records import Channel, Schema, Statistics
 from intent_recognition.bags.mcap.chunk import (
     CHUNK_HEADER,
     PARSE_ERRORS,
-    Block,
+    McapBlock,
     parse_definition,
     read_definitions,
 )
@@ -25,19 +25,29 @@ from intent_recognition.bags.mcap.records import RECORD_HEADER
 from intent_recognition.errors import BagError, describe
 
 MAGIC = b"\x89MCAP0\r\n"
+"""First and last bytes of an MCAP file."""
 FOOTER = struct.Struct("<QQI")
 INDEX_HEADER = struct.Struct("<HI")  # channel, bytes of the index that follows
 INDEX_RECORD = struct.Struct("<BQHI")  # the same with opcode and length before
 CHUNK, MESSAGE_INDEX = int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
 LONGEST_COMPRESSION = 16
+"""Bytes of the name of a compression. Convention: longer than any, short enough to tell damage."""
 CHUNK_START = re.compile(
     rb"(?=\x06.{36}(?:\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4|\x00\x00\x00\x00))", re.DOTALL
 )
+"""Bytes that may be the beginning of a chunk: opcode and compression are where they must be."""
 
 
 @dataclass(frozen=True)
 class Damage:
-    """A part of the file that cannot be read; times are 0 when unknown."""
+    """A part of the file that cannot be read.
+
+    Attributes:
+        offset: where it begins [bytes].
+        reason: what is wrong with it.
+        start_ns: log time of the last message before it, or of its first; 0 when unknown.
+        end_ns: log time of its last message, 0 when unknown.
+    """
 
     offset: int
     reason: str
@@ -46,7 +56,7 @@ class Damage:
 
 
 @dataclass
-class Scan:
+class FileScan:
     """What a walk over the file found.
 
     Attributes:
@@ -58,21 +68,29 @@ class Scan:
         statistics: of the summary, None without it.
     """
 
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[McapBlock] = field(default_factory=list)
     damage: list[Damage] = field(default_factory=list)
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     is_finished: bool = False
     statistics: Statistics | None = None
 
+    def define(self, found: Schema | Channel, *, again: bool = True) -> None:
+        """Note a definition; one of the same id is replaced if `again`."""
+        if isinstance(found, Schema):
+            if again or found.id not in self.schemas:
+                self.schemas[found.id] = found
+        elif again or found.id not in self.channels:
+            self.channels[found.id] = found
 
-def scan_file(path: Path) -> Scan:
+
+def scan_file(path: Path) -> FileScan:
     """Find all chunks and definitions of a file; chunks are not decompressed yet.
 
     Raises:
         BagError: the file cannot be opened or is empty.
     """
-    scan = Scan()
+    scan = FileScan()
     try:
         with path.open("rb") as stream:
             size = stream.seek(0, 2)
@@ -94,7 +112,7 @@ def open_view(path: Path) -> mmap.mmap:
         return mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
 
 
-def _walk(view: mmap.mmap, scan: Scan) -> None:
+def _walk(view: mmap.mmap, scan: FileScan) -> None:
     position = previous = len(MAGIC)
     if view[: len(MAGIC)] != MAGIC:
         scan.damage.append(Damage(0, "the file does not begin as an MCAP file"))
@@ -121,7 +139,7 @@ def _walk(view: mmap.mmap, scan: Scan) -> None:
         position = end
 
 
-def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: Scan) -> tuple[int, int]:
+def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: FileScan) -> tuple[int, int]:
     """Take in sound chunks and message indices from `position` on, most of a file, quickly.
 
     Returns:
@@ -147,7 +165,7 @@ def _pass_chunks(view: mmap.mmap, position: int, previous: int, scan: Scan) -> t
     return position, previous
 
 
-def _note_damage(view: mmap.mmap, position: int, found: int | None, scan: Scan) -> None:
+def _note_damage(view: mmap.mmap, position: int, found: int | None, scan: FileScan) -> None:
     last_ns = scan.blocks[-1].end_ns if scan.blocks else 0
     if found is not None:
         scan.damage.append(Damage(position, f"unreadable up to byte {found}", last_ns))
@@ -160,7 +178,7 @@ def _note_damage(view: mmap.mmap, position: int, found: int | None, scan: Scan) 
     scan.damage.append(Damage(position, reason, last_ns))
 
 
-def _read_record(view: mmap.mmap, position: int, scan: Scan) -> int | None:
+def _read_record(view: mmap.mmap, position: int, scan: FileScan) -> int | None:
     """Take in the record at `position`; its end, or None when there is no sound record."""
     start = position + RECORD_HEADER.size
     if start > len(view):
@@ -175,7 +193,7 @@ def _read_record(view: mmap.mmap, position: int, scan: Scan) -> int | None:
     return start + length if sound else None
 
 
-def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan: Scan) -> bool:
+def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan: FileScan) -> bool:
     start = position + RECORD_HEADER.size
     if opcode == Opcode.CHUNK:
         block = _chunk_block(view, position, length)
@@ -186,11 +204,11 @@ def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan:
         if length < 22:
             return False
         (log_ns,) = struct.unpack_from("<Q", view, start + 6)
-        scan.blocks.append(Block(position, length, log_ns, log_ns, is_chunk=False))
+        scan.blocks.append(McapBlock(position, length, log_ns, log_ns, is_chunk=False))
     elif opcode == Opcode.MESSAGE_INDEX:
         return length >= 6 and struct.unpack_from("<I", view, start + 2)[0] == length - 6
     elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-        _take_definition(parse_definition(opcode, bytes(view[start : start + length])), scan)
+        scan.define(parse_definition(opcode, bytes(view[start : start + length])), again=False)
     elif opcode == Opcode.FOOTER:
         return length == FOOTER.size
     elif opcode == Opcode.DATA_END:
@@ -202,7 +220,7 @@ def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan:
     return True
 
 
-def _chunk_block(view: mmap.mmap, position: int, length: int) -> Block | None:
+def _chunk_block(view: mmap.mmap, position: int, length: int) -> McapBlock | None:
     """The chunk at `position` when its own lengths agree with `length`."""
     start = position + RECORD_HEADER.size
     head = CHUNK_HEADER.size
@@ -214,10 +232,10 @@ def _chunk_block(view: mmap.mmap, position: int, length: int) -> Block | None:
     (data_length,) = struct.unpack_from("<Q", view, start + head + name_length)
     if head + name_length + 8 + data_length != length:
         return None
-    return Block(position, length, first, last)
+    return McapBlock(position, length, first, last)
 
 
-def _cut_chunk(view: mmap.mmap, position: int) -> Block | None:
+def _cut_chunk(view: mmap.mmap, position: int) -> McapBlock | None:
     """The chunk at `position` that the end of the file cuts off."""
     start = position + RECORD_HEADER.size
     if len(view) < start + CHUNK_HEADER.size + LONGEST_COMPRESSION + 8:
@@ -230,7 +248,7 @@ def _cut_chunk(view: mmap.mmap, position: int) -> Block | None:
     ):
         return None
     block = _chunk_block(view, position, length)
-    return block and Block(position, len(view) - start, block.start_ns, block.end_ns, is_cut=True)
+    return block and block._replace(length=len(view) - start, is_cut=True)
 
 
 def _resynchronise(view: mmap.mmap, position: int, failed: int) -> int | None:
@@ -246,12 +264,7 @@ def _resynchronise(view: mmap.mmap, position: int, failed: int) -> int | None:
     return None
 
 
-def _take_definition(found: Schema | Channel, scan: Scan) -> None:
-    known = scan.schemas if isinstance(found, Schema) else scan.channels
-    known.setdefault(found.id, found)
-
-
-def _read_summary(view: mmap.mmap, scan: Scan) -> None:
+def _read_summary(view: mmap.mmap, scan: FileScan) -> None:
     """Trust the summary's definitions when its checksum holds, else those inside the chunks."""
     summary = _checked_summary(view) if scan.is_finished else None
     if summary is None:
@@ -262,8 +275,7 @@ def _read_summary(view: mmap.mmap, scan: Scan) -> None:
         return
     records = list(_summary_definitions(summary))
     for found in records:
-        known = scan.schemas if isinstance(found, Schema) else scan.channels
-        known[found.id] = found
+        scan.define(found)
     found_chunks = sum(block.is_chunk for block in scan.blocks)
     if scan.statistics and not scan.damage and scan.statistics.chunk_count != found_chunks:
         said = f"{scan.statistics.chunk_count} chunks were written, not all of them are found"
@@ -292,7 +304,7 @@ def _summary_definitions(summary: bytes) -> Iterator[Schema | Channel]:
             yield parse_definition(opcode, summary[start:position])
 
 
-def _definitions_of_chunks(view: mmap.mmap, scan: Scan) -> None:
+def _definitions_of_chunks(view: mmap.mmap, scan: FileScan) -> None:
     for block in scan.blocks:
         if not block.is_chunk:
             continue
@@ -301,5 +313,4 @@ def _definitions_of_chunks(view: mmap.mmap, scan: Scan) -> None:
         except PARSE_ERRORS:
             continue
         for found in records:
-            known = scan.schemas if isinstance(found, Schema) else scan.channels
-            known[found.id] = found
+            scan.define(found)

@@ -23,8 +23,8 @@ class RecoveryReport:
         message_counts: messages saved, by topic.
         start_ns: log time of the first message saved, 0 for none.
         end_ns: log time of the last message saved.
-        damage: what was left out: byte offset, reason, log times.
-        notes: what else was odd, as sentences.
+        damage: what was left out.
+        notes: other oddities, as sentences.
     """
 
     source: str
@@ -41,15 +41,18 @@ class RecoveryReport:
         return sum(self.message_counts.values())
 
 
-def recover_bag(source: str | Path, output: str | Path) -> RecoveryReport:
-    """Write a whole bag with every message of `source` whose checksum holds.
+def recover(source: str | Path, output: str | Path) -> RecoveryReport:
+    """Write a new bag with every message of `source` whose checksum is right.
 
-    Damaged stretches are skipped up to the next whole chunk; of a chunk that the end of the file
-    cuts off, what can be decompressed is kept. Labels come from metadata.yaml when it is readable.
+    Damaged parts are skipped up to the next whole chunk. Of a chunk cut off by the end of the file,
+    whatever can be decompressed is kept. Labels come from metadata.yaml where it is readable.
 
     Args:
         source: bag directory or .mcap file; it is not changed.
         output: directory of the new bag; must not exist.
+
+    Returns:
+        What was saved and what was not.
 
     Raises:
         BagError: there is no MCAP file, or not one message in it can be read.
