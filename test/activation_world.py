@@ -3,8 +3,9 @@
 
 import numpy as np
 
-from intent_recognition.activation.settings import ActivationSettings, Mode, Prediction
+from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.state_machine import Activation
+from intent_recognition.activation.states import Mode, PredictedInteraction
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.motion.path import make_path
 from intent_recognition.motion.planning import scaled_limits
@@ -27,7 +28,7 @@ def trajectory(label, goal_shift=0.0, duration_s=DURATION_S):
 
 def prediction(label, onset_ns, goal_shift=0.0, duration_s=DURATION_S, end_std=0.1):
     times, q = trajectory(label, goal_shift, duration_s)
-    return Prediction(label, onset_ns, make_path(times, q, LIMITS), end_std)
+    return PredictedInteraction(label, onset_ns, make_path(times, q, LIMITS), end_std)
 
 
 class World:

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From task probabilities to the robot's motion: the state machine and what it keeps."""
+"""From task probabilities and predictions to the robot's motion: a state machine without ROS."""
 
 from intent_recognition.activation.pretrigger import PretriggerSettings
-from intent_recognition.activation.settings import ActivationSettings, Command, Mode, Prediction
+from intent_recognition.activation.settings import ActivationSettings, Command
 from intent_recognition.activation.state_machine import Activation
+from intent_recognition.activation.states import Mode, PredictedInteraction
 
 __all__ = [
     "Activation",
     "ActivationSettings",
     "Command",
     "Mode",
-    "Prediction",
+    "PredictedInteraction",
     "PretriggerSettings",
 ]

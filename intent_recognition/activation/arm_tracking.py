@@ -5,19 +5,20 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.activation.settings import ActivationSettings, Command
-from intent_recognition.motion import Reference
+from intent_recognition.motion import JointReference
 
 
 class _Measured(NamedTuple):
     stamp_ns: int
-    position: np.ndarray
-    velocity: np.ndarray
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
 
 
 class ArmTracking:
-    """Minds the commands sent and compares the measured arm with them.
+    """Keeps the commands sent and compares the measured arm with them.
 
     Args:
         settings: tolerances and lead.
@@ -45,7 +46,9 @@ class ArmTracking:
         """Nothing has been measured yet."""
         self._measured = None
 
-    def take_joint_state(self, stamp_ns: int, position: np.ndarray, velocity: np.ndarray) -> None:
+    def take_joint_state(
+        self, stamp_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+    ) -> None:
         """Take what the arm measured, (n,) each [rad, rad/s]."""
         if self._measured is None or stamp_ns > self._measured.stamp_ns:
             self._measured = _Measured(stamp_ns, position, velocity)
@@ -67,57 +70,74 @@ class ArmTracking:
         ahead = now_ns + round(self.settings.lead_s * 1e9)
         return ahead if self.current is None else max(ahead, self.current.start_ns)
 
+    def phase(self, now_ns: int) -> float:
+        """Share of the predicted interaction that the command in force has done, 1 without one."""
+        return 1.0 if self.current is None else self.current.phase_at(now_ns)[0]
+
+    def in_force(self) -> Command:
+        """The newest command, where one must have been sent."""
+        if self.current is None:
+            raise RuntimeError("no command is in force")
+        return self.current
+
     def fresh(self, now_ns: int) -> bool:
         """Whether the measured arm is recent; reported once for each joint state that is not."""
-        stamp_ns = None if self._measured is None else self._measured.stamp_ns
-        age_ns = self.settings.max_joint_state_age_s * 1e9
-        if stamp_ns is not None and abs(now_ns - stamp_ns) <= age_ns:
-            return True
-        self._report_once("stale_joint_states", stamp_ns, "no recent joint_states")
-        return False
+        return self._recent(now_ns) is not None
 
     def follows(self, now_ns: int) -> bool:
         """Whether the arm is where it was told to be; reported once a command."""
-        if not self.fresh(now_ns):
+        measured = self._recent(now_ns)
+        if measured is None:
             return False
-        error = self._error()
+        error = self._error(measured)
         if error <= self.settings.max_tracking_error_rad:
             return True
         text = f"arm is {error:.2f} rad off its reference"
         self._report_once("arm_off_reference", self.last_command_ns, text)
         return False
 
-    def start_reference(self, now_ns: int, start_ns: int) -> Reference | None:
-        """Where a new motion starts from: the reference, or the arm if it was moved.
+    def start_reference(self, now_ns: int, start_ns: int) -> JointReference | None:
+        """Where a new motion starts from: the reference, or the arm if others moved it.
 
-        None where the arm is not known, off its path under way, or moved by others.
+        None if the arm's state is not known, the arm is off its path under way, or others are
+        moving it. Where the arm was moved, no command is in force any more.
         """
-        if not self.fresh(now_ns):
+        measured, current = self._recent(now_ns), self.current
+        if measured is None:
             return None
-        current = self.current
-        if current is not None and self._error() <= self.settings.max_tracking_error_rad:
+        if current is not None and self._error(measured) <= self.settings.max_tracking_error_rad:
             return current.at(start_ns)
         if current is not None and now_ns < current.end_ns:
             self._report_once("arm_off_reference", self.last_command_ns, "arm is off its path")
             return None
-        if np.abs(self._measured.velocity).max() > self.settings.rest_speed_rad_s:
-            self._report_once("arm_moving", self._measured.stamp_ns, "arm is moved by others")
+        if np.abs(measured.velocity).max() > self.settings.rest_speed_rad_s:
+            self._report_once("arm_moving", measured.stamp_ns, "arm is moved by others")
             return None
         self._previous = self.current = None
-        return Reference.at_rest(self._measured.position)
+        return JointReference.at_rest(measured.position)
 
-    def _reference(self, time_ns: int) -> Reference | None:
+    def _recent(self, now_ns: int) -> _Measured | None:
+        """The measured arm, None where it is stale."""
+        measured = self._measured
+        age_ns = self.settings.max_joint_state_age_s * 1e9
+        if measured is not None and abs(now_ns - measured.stamp_ns) <= age_ns:
+            return measured
+        stamp_ns = None if measured is None else measured.stamp_ns
+        self._report_once("stale_joint_states", stamp_ns, "no recent joint_states")
+        return None
+
+    def _reference(self, time_ns: int) -> JointReference | None:
         """What the arm is asked for at a time, by the command in force then."""
         late = self.current is None or time_ns >= self.current.start_ns
         command = self.current if late else self._previous
         return None if command is None else command.at(time_ns)
 
-    def _error(self) -> float:
+    def _error(self, measured: _Measured) -> float:
         """Largest difference between the measured arm and its reference then [rad]."""
-        reference = self._reference(self._measured.stamp_ns)
+        reference = self._reference(measured.stamp_ns)
         if reference is None:
             return 0.0
-        return float(np.abs(self._measured.position - reference.position).max())
+        return float(np.abs(measured.position - reference.position).max())
 
     def _report_once(self, reason: str, key: object, text: str) -> None:
         """Reject, once as long as reason and key stay the same."""

@@ -1,18 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the estimator has told the activation: probabilities, decided upon, and predictions."""
+"""The estimator inbox: task probabilities, what they decide, and the newest prediction."""
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from intent_recognition.activation.settings import ActivationSettings, Prediction
+from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.states import ActiveInteraction, PredictedInteraction
 from intent_recognition.recognition import DecisionState, decide, uncertain_end
 
 _LARGEST_AHEAD_NS = 1_000_000_000
+"""A stamp may be ahead of the clock by this [ns]. Convention: clocks of a graph differ by less."""
+
+
+class _Estimate(NamedTuple):
+    """One message of task probabilities."""
+
+    labels: Sequence[str]
+    probabilities: NDArray[np.float64]
+    log_evidence: NDArray[np.float64] | None
+
+    def repeats(self, other: "_Estimate | None") -> bool:
+        """Whether it says the same as another."""
+        return other is not None and (
+            list(self.labels) == list(other.labels)
+            and np.array_equal(self.probabilities, other.probabilities)
+            and _same(self.log_evidence, other.log_evidence)
+        )
+
+
+def _same(a: NDArray[np.float64] | None, b: NDArray[np.float64] | None) -> bool:
+    return a is b if a is None or b is None else np.array_equal(a, b)
 
 
 class EstimatorInbox:
-    """Takes what comes in time, decides, and keeps the newest prediction.
+    """Checks stamps, decides on a task, and keeps the newest prediction.
 
     Args:
         settings: how to act.
@@ -21,7 +45,7 @@ class EstimatorInbox:
     Attributes:
         decision: the state of the decision.
         held_back: why a recognised task is not executed (its end is uncertain), or empty.
-        prediction: the newest, None at rest.
+        prediction: the newest, None while the human rests.
         unused: whether it has not been planned with yet.
         idle_since_ns: stamp of the first observation that found the human at rest again.
     """
@@ -36,35 +60,49 @@ class EstimatorInbox:
         self.unused = False
         self.idle_since_ns = 0
         self._stamp_ns: int | None = None
-        self._said: tuple = ()
-        self._heard_ns = 0
+        self._estimate: _Estimate | None = None
+        self._received_ns = 0
 
     def forget_interaction(self) -> None:
-        """Nothing is recognised or predicted; what was heard is not heard again."""
+        """Nothing is recognised or predicted; the stamps taken stay taken."""
         self.decision, self.held_back = DecisionState(), ""
-        self.prediction: Prediction | None = None
+        self.prediction: PredictedInteraction | None = None
+        self._served_ns: int | None = None
 
     def silent(self, now_ns: int) -> bool:
         """Whether no observation has come for too long."""
-        return now_ns - self._heard_ns > self.settings.timeout_s * 1e9
+        return now_ns - self._received_ns > self.settings.timeout_s * 1e9
+
+    def mark_served(self, interaction: ActiveInteraction | None) -> None:
+        """Start nothing that began before this interaction's end, until the human has rested."""
+        self._served_ns = None if interaction is None else interaction.prediction.end_ns
+
+    def startable(self, now_ns: int) -> PredictedInteraction | None:
+        """The prediction of the active task, if it is new and its movement is not yet served."""
+        prediction, active = self.prediction, self.decision.active
+        if prediction is None or not self.unused or not active or prediction.label != active:
+            return None
+        served = self._served_ns is not None and prediction.onset_ns < self._served_ns
+        return None if served or self.silent(now_ns) else prediction
 
     def take_tasks(
         self,
         now_ns: int,
         stamp_ns: int,
         labels: Sequence[str],
-        probabilities: np.ndarray,
-        log_evidence: np.ndarray | None = None,
+        probabilities: NDArray[np.float64],
+        log_evidence: NDArray[np.float64] | None = None,
     ) -> bool:
-        """Take the probabilities of one observation; False where they are out of time.
+        """Take the probabilities of one observation; False if their stamp rules them out.
 
-        Several bodies measured at one time give several estimates with one stamp: each differs
-        from the one before, but at rest, where they say the same and nothing. The same once more
-        during a movement is a sender that is stuck. Only a later stamp ends a silence.
+        Several bodies measured at one time give several estimates with one stamp, which differ
+        during a movement and agree at rest. A repeated estimate during a movement means that the
+        sender is stuck. Only a later stamp ends a silence.
 
         Raises:
-            IntentError: they are no probabilities; nothing has changed.
+            IntentError: they are not probabilities; nothing has changed.
         """
+        estimate = _Estimate(labels, probabilities, log_evidence)
         if stamp_ns <= 0:
             self._reject("zero_stamp", "intent/tasks without a stamp")
         elif stamp_ns > now_ns + _LARGEST_AHEAD_NS:
@@ -72,19 +110,16 @@ class EstimatorInbox:
             self._reject("stamp_in_future", f"intent/tasks {ahead_s:.1f} s ahead")
         elif self._stamp_ns is not None and stamp_ns < self._stamp_ns:
             self._reject("stamp_not_increasing", f"intent/tasks at {stamp_ns} ns came late")
-        elif stamp_ns == self._stamp_ns and self._repeats(labels, probabilities, log_evidence):
+        elif stamp_ns == self._stamp_ns and estimate.repeats(self._estimate):
             if not self.decision.idle:
                 self._reject("stamp_not_increasing", f"intent/tasks at {stamp_ns} ns came twice")
         else:
-            self._decide(now_ns, stamp_ns, labels, probabilities, log_evidence)
+            self._decide(now_ns, stamp_ns, estimate)
             return True
         return False
 
-    def _repeats(self, *said: Sequence | np.ndarray | None) -> bool:
-        """Whether labels, probabilities and evidence are those taken last."""
-        return all(np.array_equal(a, b) for a, b in zip(said, self._said, strict=True))
-
-    def _decide(self, now_ns, stamp_ns, labels, probabilities, log_evidence) -> None:
+    def _decide(self, now_ns: int, stamp_ns: int, estimate: _Estimate) -> None:
+        labels, probabilities, log_evidence = estimate
         end_std = None
         if self.prediction is not None and 0 < len(labels) == len(probabilities):
             best = labels[int(np.argmax(probabilities))]
@@ -94,12 +129,12 @@ class EstimatorInbox:
         if state.idle and not self.decision.idle:
             self.idle_since_ns = stamp_ns
         if stamp_ns != self._stamp_ns:
-            self._heard_ns = now_ns
-        self._stamp_ns, self._said = stamp_ns, (labels, probabilities, log_evidence)
+            self._received_ns = now_ns
+        self._stamp_ns, self._estimate = stamp_ns, estimate
         self.decision = state
         self._note_held_back(uncertain_end(settings, state, end_std))
         if state.idle:
-            self.prediction = None
+            self.prediction = self._served_ns = None
 
     def _note_held_back(self, reason: str) -> None:
         """Keep why nothing is executed; rejected once, if the movement ends without."""
@@ -111,8 +146,8 @@ class EstimatorInbox:
             self._reject("uncertain_end", self.held_back)
             self.held_back = ""
 
-    def take_prediction(self, now_ns: int, prediction: Prediction) -> None:
-        """Take the newest prediction, unless it is of another time."""
+    def take_prediction(self, now_ns: int, prediction: PredictedInteraction) -> None:
+        """Take the newest prediction, unless its stamp rules it out."""
         if prediction.onset_ns <= 0:
             self._reject("zero_stamp", "intent/robot_trajectory without a stamp")
         elif prediction.onset_ns > now_ns + _LARGEST_AHEAD_NS:

@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The motions of the activation as commands: planned from the reference in force, then in force."""
+"""Commands of the activation, planned from the motion under way."""
 
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_tracking import ArmTracking
-from intent_recognition.activation.settings import ActivationSettings, Command, Prediction
+from intent_recognition.activation.settings import ActivationSettings, Command
+from intent_recognition.activation.states import PredictedInteraction
 from intent_recognition.motion import (
     JointPlan,
+    JointReference,
     NominalTiming,
-    Reference,
     brake_plan,
     home_plan,
     plan_interaction,
@@ -43,9 +45,9 @@ class Motions:
     def interact(
         self,
         now_ns: int,
-        prediction: Prediction,
+        prediction: PredictedInteraction,
         start_ns: int,
-        start: Reference,
+        start: JointReference,
         progress: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Command | None:
         """Follow a prediction from a reference on; None where no plan keeps the limits.
@@ -76,29 +78,30 @@ class Motions:
         self._counts["clamped"] += bool(plan.clamped)
         return self._arm.send(now_ns, Command(start_ns, plan))
 
-    def stop(self, now_ns: int, executed: Prediction | None) -> Command:
+    def stop(self, now_ns: int, executed: PredictedInteraction | None) -> Command:
         """Stop along the path of what is executed, or straight on where that is nothing."""
         start_ns = self._arm.switch_ns(now_ns)
         return self._arm.send(now_ns, Command(start_ns, self._stop_plan(start_ns, executed)))
 
     def go_home(
-        self, now_ns: int, target: np.ndarray, executed: Prediction | None
+        self, now_ns: int, target: NDArray[np.float64], executed: PredictedInteraction | None
     ) -> Command | None:
         """Go to a posture, braking first where no plan starts from this motion.
 
         None where the command under way goes home already.
         """
-        if self._arm.current.plan.kind == "home" and self._arm.under_way(now_ns):
+        current, settings = self._arm.in_force(), self.settings
+        if current.plan.kind == "home" and self._arm.under_way(now_ns):
             return None
         start_ns = self._arm.switch_ns(now_ns)
-        start, settings = self._arm.current.at(start_ns), self.settings
+        start = current.at(start_ns)
         plan = home_plan(start, target, settings.limits, settings.plan)
         if plan is None:
             plan = self._stop_plan(start_ns, executed)
         return self._arm.send(now_ns, Command(start_ns, plan))
 
     def go_ahead(
-        self, now_ns: int, start_ns: int, start: Reference, target: np.ndarray
+        self, now_ns: int, start_ns: int, start: JointReference, target: NDArray[np.float64]
     ) -> Command | None:
         """Go to where a task begins; None where no plan keeps the limits."""
         settings = self.settings
@@ -108,8 +111,8 @@ class Motions:
             return None
         return self._arm.send(now_ns, Command(start_ns, replace(plan, kind="pretrigger")))
 
-    def _stop_plan(self, start_ns: int, executed: Prediction | None) -> JointPlan:
-        current = self._arm.current
+    def _stop_plan(self, start_ns: int, executed: PredictedInteraction | None) -> JointPlan:
+        current = self._arm.in_force()
         start = current.at(start_ns)
         phase, rate, acceleration = current.phase_at(start_ns)
         limits, settings = self.settings.limits, self.settings.plan

@@ -7,7 +7,7 @@ activation. It ends when a task is activated (whichever: the interaction starts 
 is withdrawn when
 
 - the movement under way is not the expected task: less probable than `release_below` for
-  `n_observations` observations on end ("another_task", or "none" where that leads);
+  `n_observations` consecutive observations ("another_task", or "none" where that leads);
 - a movement ends without an activation ("not_recognised");
 - nobody has moved for `timeout_s` ("timeout").
 """

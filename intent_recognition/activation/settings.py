@@ -2,25 +2,15 @@
 """What goes into and comes out of the activation's state machine."""
 
 from dataclasses import dataclass, field
-from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion import JointPath, JointPlan, PlanSettings, Reference
+from intent_recognition.motion import JointPlan, JointReference, PlanSettings
 from intent_recognition.recognition import DecisionSettings
-
-
-class Mode(Enum):
-    """What the arm is being told to do."""
-
-    IDLE = "idle"
-    EXECUTING = "executing"
-    STOPPED = "stopped"
-    HOMING = "homing"
-    PRETRIGGERED = "pretriggered"
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,21 +24,26 @@ class ActivationSettings:
         pretrigger: when to go ahead to where the next task begins.
         home: posture to return to, (n,) [rad]; None for the one the arm had at first.
         return_home: whether to return at all.
-        timeout_s: silence of the task stream after which a motion is stopped.
-        hold_s: how long to stay at the end of an interaction, or at a stop, before going home.
-        command_period_s: least time between two updates of a running plan.
-        lead_s: how far ahead a command takes over.
-        max_joint_state_age_s: an older joint state is stale.
-        max_tracking_error_rad: largest difference between the arm and its reference.
-        rest_speed_rad_s: an arm slower than this stands.
-        max_lateness_s: a prediction whose end is longer ago than this is outdated.
+        timeout_s: silence of the task stream after which a motion is stopped [s]. Convention: many
+            observations of a 100 Hz stream, and shorter than a reach.
+        hold_s: how long to stay at the end of an interaction, or at a stop, before going home [s].
+            Convention.
+        command_period_s: least time between two updates of a running plan [s]. Convention: 25 Hz,
+            the rate of predictions.
+        lead_s: how far ahead a command takes over [s]. Convention: more than planning and delivery
+            take (see the page on speed).
+        max_joint_state_age_s: an older joint state is stale [s]. Convention.
+        max_tracking_error_rad: largest difference between the arm and its reference [rad].
+            Convention: several times what a torque-controlled arm lags behind in fast motions.
+        rest_speed_rad_s: an arm slower than this is at rest [rad/s]. Convention.
+        max_lateness_s: a prediction whose end is longer ago than this is outdated [s]. Convention.
     """
 
     limits: JointLimits
     decision: DecisionSettings = field(default_factory=DecisionSettings)
     plan: PlanSettings = field(default_factory=PlanSettings)
     pretrigger: PretriggerSettings = field(default_factory=PretriggerSettings)
-    home: np.ndarray | None = None
+    home: NDArray[np.float64] | None = None
     return_home: bool = True
     timeout_s: float = 0.5
     hold_s: float = 1.0
@@ -58,20 +53,6 @@ class ActivationSettings:
     max_tracking_error_rad: float = 0.4
     rest_speed_rad_s: float = 0.2
     max_lateness_s: float = 3.0
-
-
-class Prediction(NamedTuple):
-    """A predicted interaction: its task, when it began, its path, and how sure its end is."""
-
-    label: str
-    onset_ns: int
-    path: JointPath
-    end_std: float | None
-
-    @property
-    def end_ns(self) -> int:
-        """When it is expected to be over."""
-        return self.onset_ns + round(self.path.duration_s * 1e9)
 
 
 class Command(NamedTuple):
@@ -85,7 +66,7 @@ class Command(NamedTuple):
         """When it comes to rest."""
         return self.start_ns + round(self.plan.duration_s * 1e9)
 
-    def at(self, time_ns: int) -> Reference:
+    def at(self, time_ns: int) -> JointReference:
         """What it asks of the arm at a time."""
         return self.plan.at((time_ns - self.start_ns) * 1e-9)
 

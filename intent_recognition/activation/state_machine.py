@@ -3,9 +3,12 @@
 
 A state machine without ROS: times are integer nanoseconds of one clock, handed in.
 
-    idle -> executing -> (arrived, held) -> homing -> idle
-    executing -> stopped (stream silent, task withdrawn, arm pushed away) -> executing or homing
-    idle, homing -> pretriggered (at the start of the expected task) -> executing or homing
+    Idle, Homing -> Executing: a task is active and its prediction can be followed
+    Executing -> Arrived -> Homing: held at the end for a while
+    Executing -> Stopped: stream silent, task withdrawn, arm pushed away
+    Stopped -> Executing (resumed) or Homing
+    Idle, Homing, Arrived -> Pretriggered: gone ahead to the start of the expected task
+    Pretriggered -> Executing, Stopped or Homing
 
 A command is a plan and the time at which it takes over from the plan before, a little ahead of
 now, so that position and velocity are continuous where it does. The plan in force always ends at
@@ -14,18 +17,47 @@ rest within the limits: when nothing better can be planned, it stays in force.
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.motions import Motions
 from intent_recognition.activation.pretrigger import Pretrigger
-from intent_recognition.activation.settings import ActivationSettings, Command, Mode, Prediction
+from intent_recognition.activation.settings import ActivationSettings, Command
+from intent_recognition.activation.states import (
+    ActiveInteraction,
+    Arrived,
+    Executing,
+    Homing,
+    Idle,
+    Mode,
+    PredictedInteraction,
+    Pretriggered,
+    State,
+    Stopped,
+    interaction_of,
+)
 from intent_recognition.recognition import DecisionState
 
-_ARRIVED = 1.0 - 1e-6
+_ARRIVED_PHASE = 1.0 - 1e-6
+"""Phase from which an interaction counts as arrived. Convention: 1 up to rounding."""
 _LARGEST_BACK_NS = 100_000_000
+"""A clock may go back by this [ns]. Convention: more than the jitter of threads, less than any
+restart of a simulation or recording."""
+_SAME_POSTURE_RAD = 1e-3
+"""Postures nearer than this in every joint [rad] are the same. Convention: about 1 mm at the
+hand."""
+
+
+class Transition(NamedTuple):
+    """The state to go on in, and the command to send on the way there."""
+
+    state: State
+    command: Command | None = None
 
 
 class Activation:
@@ -36,9 +68,7 @@ class Activation:
         reject: called with (reason, text) for everything not acted on.
 
     Attributes:
-        mode: see `Mode`.
-        active_task: task being executed, empty when idle.
-        stop_reason: why the last stop happened, empty when none is in force.
+        state: see `states`.
         counts: how often plans were made, slowed, clamped, stopped and so on.
         pretrigger: which task the arm has gone ahead for.
     """
@@ -48,45 +78,54 @@ class Activation:
         self._reject = reject
         self.counts: Counter[str] = Counter()
         self.pretrigger = Pretrigger(settings.pretrigger, settings.decision)
-        self._heard = EstimatorInbox(settings, reject)
+        self._inbox = EstimatorInbox(settings, reject)
         self._arm = ArmTracking(settings, reject)
         self._motions = Motions(settings, self._arm, reject, self.counts)
-        self._home = None if settings.home is None else np.array(settings.home, dtype=float)
+        self._home = _posture(settings.home)
         self._now_ns = 0
-        self._forget()
+        self.state: State = Idle()
 
-    def _forget(self) -> None:
+    def _start_over(self) -> None:
         """Back to the beginning, but for the measured arm."""
-        self.mode = Mode.IDLE
-        self.active_task = self.stop_reason = ""
-        self._heard.forget()
+        self.state = Idle()
+        self._inbox.forget()
         self._arm.forget_commands()
         self.pretrigger.forget()
-        self._executed: Prediction | None = None
-        self._arrived_ns: int | None = None
-        self._stopped_ns = 0
-        self._over = False
-        self._served_end_ns: int | None = None
-        self._came_from: np.ndarray | None = None
 
     def change(self, settings: ActivationSettings) -> None:
         """Act by other settings from now on, for the same joints; what is under way goes on."""
         self._settings = settings
-        for part in (self._heard, self._arm, self._motions):
+        for part in (self._inbox, self._arm, self._motions):
             part.settings = settings
         self.pretrigger.settings, self.pretrigger.decision = settings.pretrigger, settings.decision
         if settings.home is not None:
-            self._home = np.array(settings.home, dtype=float)
+            self._home = _posture(settings.home)
+
+    @property
+    def mode(self) -> Mode:
+        """The state's name."""
+        return self.state.mode
+
+    @property
+    def active_task(self) -> str:
+        """Task being executed, until the arm is home again; empty when there is none."""
+        interaction = interaction_of(self.state)
+        return "" if interaction is None else interaction.prediction.label
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the arm is stopped, empty when it is not."""
+        return self.state.reason if isinstance(self.state, Stopped) else ""
 
     @property
     def decision(self) -> DecisionState:
         """The state of the decision."""
-        return self._heard.decision
+        return self._inbox.decision
 
     @property
     def held_back(self) -> str:
         """Why a recognised task is not executed (its end is uncertain), or empty."""
-        return self._heard.held_back
+        return self._inbox.held_back
 
     # Inputs
 
@@ -95,47 +134,47 @@ class Activation:
         now_ns: int,
         stamp_ns: int,
         labels: Sequence[str],
-        probabilities: np.ndarray,
-        log_evidence: np.ndarray | None = None,
+        probabilities: NDArray[np.float64],
+        log_evidence: NDArray[np.float64] | None = None,
     ) -> None:
         """Take the probabilities of one observation; raises what `decide` raises."""
-        if not self._heard.take_tasks(now_ns, stamp_ns, labels, probabilities, log_evidence):
+        if not self._inbox.take_tasks(now_ns, stamp_ns, labels, probabilities, log_evidence):
             return
-        state = self.decision
-        if state.event:
-            self.counts[state.event] += 1
-        if state.event == "over":
-            self._over = True
-        if state.idle:
-            self._served_end_ns = None
-        self.pretrigger.observe(state, labels, probabilities)
+        decision = self.decision
+        if decision.event:
+            self.counts[decision.event] += 1
+        if decision.event == "over" and isinstance(self.state, (Executing, Arrived, Stopped)):
+            self.state = _finished(self.state)
+        self.pretrigger.observe(decision, labels, probabilities)
 
-    def take_prediction(self, now_ns: int, prediction: Prediction) -> None:
+    def take_prediction(self, now_ns: int, prediction: PredictedInteraction) -> None:
         """Take the newest prediction; it is used if its task is the active one."""
-        self._heard.take_prediction(now_ns, prediction)
+        self._inbox.take_prediction(now_ns, prediction)
 
-    def take_joint_state(self, stamp_ns: int, position: np.ndarray, velocity: np.ndarray) -> None:
+    def take_joint_state(
+        self, stamp_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+    ) -> None:
         """Take what the arm measured, (n,) each [rad, rad/s]."""
         self._arm.take_joint_state(stamp_ns, position, velocity)
 
     def reset(self, now_ns: int) -> Command | None:
         """Forget the interaction; an arm under way goes home."""
-        self._heard.forget_interaction()
-        self._served_end_ns = None
-        was_ahead = bool(self.pretrigger.label)
+        self._inbox.forget_interaction()
         self.pretrigger.forget()
-        if was_ahead:
-            return self._leave(now_ns)
-        if self.mode in (Mode.EXECUTING, Mode.STOPPED):
-            self._served_end_ns = None if self._executed is None else self._executed.end_ns
-            return self._go_home(now_ns)
+        state = self.state
+        if isinstance(state, Pretriggered):
+            return self._enter(self._withdraw(now_ns))
+        if isinstance(state, (Executing, Arrived, Stopped)):
+            self._inbox.mark_served(state.interaction)
+            return self._enter(self._go_home(now_ns, state.interaction))
         return None
 
     def halt(self, now_ns: int) -> Command | None:
         """Brake where the arm is, and forget everything; for a node being deactivated."""
         under_way = self._arm.under_way(now_ns)
-        command = self._motions.stop(now_ns, self._executed) if under_way else None
-        self._forget()
+        interaction = interaction_of(self.state)
+        command = self._motions.stop(now_ns, _prediction(interaction)) if under_way else None
+        self._start_over()
         return command
 
     # Time
@@ -146,154 +185,160 @@ class Activation:
             self._now_ns = now_ns
             self._reject("clock_jumped_back", "the node's clock went back; starting over")
             self._arm.forget_joints()
-            self._forget()
+            self._start_over()
             return None
         self._now_ns = max(now_ns, self._now_ns)
-        act = {
-            Mode.IDLE: self._idle,
-            Mode.EXECUTING: self._executing,
-            Mode.STOPPED: self._stopped,
-            Mode.HOMING: self._homing,
-            Mode.PRETRIGGERED: self._pretriggered,
-        }
-        return act[self.mode](now_ns)
+        return self._enter(self._next(self.state, now_ns))
 
-    def _idle(self, now_ns: int) -> Command | None:
-        return self._activate(now_ns) or self._go_ahead(now_ns)
+    def _enter(self, transition: Transition) -> Command | None:
+        self.state = transition.state
+        return transition.command
 
-    def _executing(self, now_ns: int) -> Command | None:
-        if not self._finished(now_ns):
-            reason = self._reason_to_stop(now_ns)
-            if reason:
-                return self._stop(now_ns, reason)
-            other = self.decision.active not in ("", self.active_task)
-            if other and not self._over and now_ns < self._executed.end_ns:
-                return self._activate(now_ns)
-            return self._update(now_ns)
-        if self._arrived_ns is None:
-            self._arrived_ns = now_ns
-            self._served_end_ns = None if self._over else self._executed.end_ns
-        if self._over and self.decision.active:
-            return self._activate(now_ns)
-        if now_ns - self._arrived_ns >= self._settings.hold_s * 1e9:
-            command = self._go_ahead(now_ns)
-            return command if self.mode is Mode.PRETRIGGERED else self._go_home(now_ns)
-        return self._update(now_ns)
+    def _next(self, state: State, now_ns: int) -> Transition:
+        match state:
+            case Idle():
+                return self._activate(now_ns) or self._go_ahead(now_ns) or Transition(state)
+            case Executing():
+                return self._from_executing(state, now_ns)
+            case Arrived():
+                return self._from_arrived(state, now_ns)
+            case Stopped():
+                return self._from_stopped(state, now_ns)
+            case Homing():
+                return self._from_homing(state, now_ns)
+            case Pretriggered():
+                return self._from_pretriggered(state, now_ns)
 
-    def _stopped(self, now_ns: int) -> Command | None:
+    def _from_executing(self, state: Executing, now_ns: int) -> Transition:
+        interaction = state.interaction
+        if self._arm.phase(now_ns) >= _ARRIVED_PHASE:
+            if not interaction.over:
+                self._inbox.mark_served(interaction)
+            return self._from_arrived(Arrived(interaction, now_ns), now_ns)
+        expected = now_ns < interaction.prediction.end_ns and not interaction.over
+        withdrawn = expected and not self.decision.active
+        reason = self._reason_to_halt(now_ns) or ("withdrawn" if withdrawn else "")
+        if reason:
+            return self._stop(now_ns, reason, interaction)
+        if expected and self.decision.active != interaction.prediction.label:
+            return self._activate(now_ns) or Transition(state)
+        return self._follow(state, now_ns)
+
+    def _from_arrived(self, state: Arrived, now_ns: int) -> Transition:
+        if state.interaction.over and self.decision.active:
+            return self._activate(now_ns) or Transition(state)
+        if now_ns - state.since_ns >= self._settings.hold_s * 1e9:
+            return self._go_ahead(now_ns) or self._go_home(now_ns, state.interaction)
+        return self._follow(state, now_ns)
+
+    def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
         if self._arm.under_way(now_ns):
-            return None
-        silent = self._heard.silent(now_ns)
-        resumes = self.decision.active and not silent and not self._over
-        if resumes and self.decision.active == self.active_task:
-            command = self._update(now_ns)
-            if command is not None:
-                self.mode, self.stop_reason = Mode.EXECUTING, ""
-                return command
-        elif resumes:
-            return self._activate(now_ns)
-        back_without_task = not silent and not self.decision.active
-        held = now_ns - self._stopped_ns >= self._settings.hold_s * 1e9
-        if held or (back_without_task and self.decision.idle):
-            if self._executed is None:
-                return self._leave(now_ns)
-            if self.stop_reason != "withdrawn":
-                self._served_end_ns = None if self._over else self._executed.end_ns
-            return self._go_home(now_ns)
-        return None
+            return Transition(state)
+        interaction, decision = state.interaction, self.decision
+        silent = self._inbox.silent(now_ns)
+        over = interaction is not None and interaction.over
+        if decision.active and not silent and not over:
+            if interaction is None or decision.active != interaction.prediction.label:
+                return self._activate(now_ns) or Transition(state)
+            resumed = self._follow(Executing(interaction), now_ns)
+            if resumed.command is not None:
+                return resumed
+        at_rest = decision.idle and not decision.active and not silent
+        if not at_rest and now_ns - state.rest_ns < self._settings.hold_s * 1e9:
+            return Transition(state)
+        if interaction is None:
+            return self._withdraw(now_ns)
+        if state.reason != "withdrawn" and not over:
+            self._inbox.mark_served(interaction)
+        return self._go_home(now_ns, interaction)
 
-    def _homing(self, now_ns: int) -> Command | None:
-        command = self._activate(now_ns) or self._go_ahead(now_ns)
-        if command is not None or self._arm.under_way(now_ns) or self.mode is not Mode.HOMING:
-            return command
-        if self._arm.current is not None and self._arm.current.plan.kind != "home":
-            return self._leave(now_ns) if self._came_from is not None else self._go_home(now_ns)
-        self._rest()
-        return None
+    def _from_homing(self, state: Homing, now_ns: int) -> Transition:
+        other = self._activate(now_ns) or self._go_ahead(now_ns)
+        if other is not None:
+            return other
+        if self._arm.under_way(now_ns):
+            return Transition(state)
+        if self._arm.current is not None and self._arm.current.plan.kind != "home":  # braked
+            if state.interaction is None:
+                return self._withdraw(now_ns)
+            return self._go_home(now_ns, state.interaction)
+        return Transition(Idle())
 
-    def _pretriggered(self, now_ns: int) -> Command | None:
-        command = self._activate(now_ns)
-        if command is not None:
-            return command
+    def _from_pretriggered(self, state: Pretriggered, now_ns: int) -> Transition:
+        activated = self._activate(now_ns)
+        if activated is not None:
+            return activated
         if self._arm.under_way(now_ns):
             reason = self._reason_to_halt(now_ns)
             if reason:
                 self.pretrigger.end()
-                return self._stop(now_ns, reason)
+                return self._stop(now_ns, reason, None)
         reason = self.pretrigger.reason_to_withdraw(now_ns, self.decision)
         if not reason:
-            return None
+            return Transition(state)
         self.counts[f"pretrigger withdrawn: {reason}"] += 1
-        return self._leave(now_ns)
+        return self._withdraw(now_ns)
 
     # Motions
 
-    def _activate(self, now_ns: int) -> Command | None:
+    def _activate(self, now_ns: int) -> Transition | None:
         """Start the active task, if there is one to start and it can be started."""
-        prediction = self._heard.prediction
-        if not self.decision.active or prediction is None or not self._heard.unused:
-            return None
-        if prediction.label != self.decision.active or self._heard.silent(now_ns):
-            return None
-        if self._served_end_ns is not None and prediction.onset_ns < self._served_end_ns:
+        prediction = self._inbox.startable(now_ns)
+        if prediction is None:
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = self._arm.start_reference(now_ns, start_ns)
+        self._inbox.unused = False
         if start is None:
-            self._heard.unused = False
             return None
         if self._home is None:
             self._home = start.position
-        self._heard.unused = False
         command = self._motions.interact(now_ns, prediction, start_ns, start)
-        if command is not None:
-            self._executed = prediction
-            if self.pretrigger.label:
-                right = self.pretrigger.label == prediction.label
-                self.counts["pretrigger right" if right else "pretrigger wrong"] += 1
-            self.pretrigger.interaction_began()
-            self.mode, self.active_task, self.stop_reason = Mode.EXECUTING, prediction.label, ""
-            self._arrived_ns, self._over, self._served_end_ns = None, False, None
-            self._came_from = None
-            self.counts["started"] += 1
-        return command
+        if command is None:
+            return None
+        if self.pretrigger.label:
+            right = self.pretrigger.label == prediction.label
+            self.counts["pretrigger right" if right else "pretrigger wrong"] += 1
+        self.pretrigger.interaction_began()
+        self._inbox.mark_served(None)
+        self.counts["started"] += 1
+        return Transition(Executing(ActiveInteraction(prediction)), command)
 
-    def _update(self, now_ns: int) -> Command | None:
-        """Follow the newest prediction of the running task."""
-        inbox, arm = self._heard, self._arm
-        mine = inbox.prediction is not None and inbox.prediction.label == self.active_task
+    def _follow(self, state: Executing | Arrived, now_ns: int) -> Transition:
+        """Follow the newest prediction of the running task, if it is time for an update."""
+        inbox, arm, current = self._inbox, self._arm, self._arm.current
+        label, prediction = state.interaction.prediction.label, inbox.prediction
         due = now_ns - arm.last_command_ns >= 0.9 * self._settings.command_period_s * 1e9
-        if not (mine and due and inbox.unused) or self._over:
-            return None
-        if self.decision.active != self.active_task or not arm.follows(now_ns):
-            return None
+        if not (due and inbox.unused) or state.interaction.over:
+            return Transition(state)
+        if prediction is None or current is None or prediction.label != label:
+            return Transition(state)
+        if self.decision.active != label or not arm.follows(now_ns):
+            return Transition(state)
         start_ns = arm.switch_ns(now_ns)
-        start, progress = arm.current.at(start_ns), arm.current.phase_at(start_ns)
+        start, progress = current.at(start_ns), current.phase_at(start_ns)
         inbox.unused = False
-        command = self._motions.interact(now_ns, inbox.prediction, start_ns, start, progress)
-        if command is not None:
-            self._executed = inbox.prediction
-        return command
+        command = self._motions.interact(now_ns, prediction, start_ns, start, progress)
+        if command is None:
+            return Transition(state)
+        return Transition(replace(state, interaction=ActiveInteraction(prediction)), command)
 
-    def _stop(self, now_ns: int, reason: str) -> Command:
-        self.mode, self.stop_reason = Mode.STOPPED, reason
+    def _stop(self, now_ns: int, reason: str, interaction: ActiveInteraction | None) -> Transition:
         self.counts[f"stopped: {reason}"] += 1
-        command = self._motions.stop(now_ns, self._executed)
-        self._stopped_ns = command.end_ns
-        return command
+        command = self._motions.stop(now_ns, _prediction(interaction))
+        return Transition(Stopped(interaction, reason, command.end_ns), command)
 
-    def _go_home(self, now_ns: int) -> Command | None:
+    def _go_home(self, now_ns: int, interaction: ActiveInteraction | None) -> Transition:
         """Return home, braking first where no plan home starts from this motion."""
-        if not self._settings.return_home:
-            self._rest()
-            return None
-        self.mode = Mode.HOMING
-        return self._motions.go_home(now_ns, self._home, self._executed)
+        if not self._settings.return_home or self._home is None or self._arm.current is None:
+            return Transition(Idle())
+        command = self._motions.go_home(now_ns, self._home, _prediction(interaction))
+        return Transition(Homing(interaction), command)
 
-    def _go_ahead(self, now_ns: int) -> Command | None:
+    def _go_ahead(self, now_ns: int) -> Transition | None:
         """Go to where the expected next task begins, if it is time for that; see `pretrigger`."""
-        label = self.pretrigger.wanted(self._heard.idle_since_ns)
-        if not label or not self.decision.idle or self._heard.silent(now_ns):
+        label = self.pretrigger.wanted(self._inbox.idle_since_ns)
+        if not label or not self.decision.idle or self._inbox.silent(now_ns):
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = self._arm.start_reference(now_ns, start_ns)
@@ -302,52 +347,47 @@ class Activation:
         current, command = self._arm.current, None
         destination = start.position if current is None else current.plan.end
         if not self.pretrigger.is_near(destination, label):
-            at_home = self._home is not None and self.pretrigger.is_near(self._home, label)
-            target = self._home if at_home else self.pretrigger.start(label)
+            target = self.pretrigger.start(label)
+            if self._home is not None and self.pretrigger.is_near(self._home, label):
+                target = self._home
             command = self._motions.go_ahead(now_ns, start_ns, start, target)
             if command is None:
                 self.pretrigger.forget()
                 return None
-        self._came_from = destination if self._home is None else self._home
         arrival_ns = now_ns if self._arm.current is None else self._arm.current.end_ns
         self.pretrigger.begin(label, max(now_ns, arrival_ns))
-        self._rest()
-        self.mode = Mode.PRETRIGGERED
         self.counts["pretriggered"] += 1
-        return command
+        return Transition(Pretriggered(), command)
 
-    def _leave(self, now_ns: int) -> Command | None:
-        """Withdraw from where the arm had gone ahead to: home, or where it came from."""
+    def _withdraw(self, now_ns: int) -> Transition:
+        """Go home from where the arm had gone ahead to, unless it is there or on its way."""
         self.pretrigger.end()
-        target, current = self._came_from, self._arm.current
-        if current is None or np.abs(current.plan.end - target).max() <= 1e-3:
-            self._rest()
-            self.mode = Mode.HOMING if self._arm.under_way(now_ns) else Mode.IDLE
-            return None
-        self.mode = Mode.HOMING
-        return self._motions.go_home(now_ns, target, None)
-
-    def _rest(self) -> None:
-        self.mode, self.active_task, self.stop_reason = Mode.IDLE, "", ""
-        self._executed, self._over = None, False
-
-    # Questions
-
-    def _finished(self, now_ns: int) -> bool:
-        if self._arrived_ns is not None:
-            return True
-        return self._arm.current.phase_at(now_ns)[0] >= _ARRIVED
+        target, current = self._home, self._arm.current
+        if target is None or current is None:
+            return Transition(Idle())
+        if np.abs(current.plan.end - target).max() <= _SAME_POSTURE_RAD:
+            return Transition(Homing(None) if self._arm.under_way(now_ns) else Idle())
+        return Transition(Homing(None), self._motions.go_home(now_ns, target, None))
 
     def _reason_to_halt(self, now_ns: int) -> str:
         """Why no motion may go on, or an empty text."""
-        if self._heard.silent(now_ns):
+        if self._inbox.silent(now_ns):
             return "stream_stopped"
         if not self._arm.fresh(now_ns):
             return "stale_joint_states"
         return "" if self._arm.follows(now_ns) else "arm_off_reference"
 
-    def _reason_to_stop(self, now_ns: int) -> str:
-        """Why an interaction under way must stop, or an empty text."""
-        withdrawn = not self.decision.active and not self._over
-        reason = self._reason_to_halt(now_ns)
-        return reason or ("withdrawn" if withdrawn and now_ns < self._executed.end_ns else "")
+
+def _posture(position: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+    return None if position is None else np.array(position, dtype=np.float64)
+
+
+def _prediction(interaction: ActiveInteraction | None) -> PredictedInteraction | None:
+    return None if interaction is None else interaction.prediction
+
+
+def _finished(state: Executing | Arrived | Stopped) -> State:
+    """The same after the human has finished."""
+    if state.interaction is None:
+        return state
+    return replace(state, interaction=replace(state.interaction, over=True))

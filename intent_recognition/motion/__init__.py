@@ -11,7 +11,7 @@ from intent_recognition.motion.feedback_controller import (
     resting_gains,
 )
 from intent_recognition.motion.path import JointPath, make_path
-from intent_recognition.motion.plan import JointPlan, Reference
+from intent_recognition.motion.plan import JointPlan, JointReference
 from intent_recognition.motion.planning import (
     PlanSettings,
     brake_plan,
@@ -27,10 +27,10 @@ __all__ = [
     "FeedbackSettings",
     "JointPath",
     "JointPlan",
+    "JointReference",
     "NominalTiming",
     "Offset",
     "PlanSettings",
-    "Reference",
     "brake_plan",
     "feedback_policy",
     "home_plan",

@@ -9,7 +9,7 @@ import numpy as np
 from intent_recognition.kinematics import JointLimits
 
 
-class Reference(NamedTuple):
+class JointReference(NamedTuple):
     """What a plan asks of the arm at one time, each array (n_joints,)."""
 
     position: np.ndarray
@@ -17,7 +17,7 @@ class Reference(NamedTuple):
     acceleration: np.ndarray
 
     @classmethod
-    def at_rest(cls, position: np.ndarray) -> "Reference":
+    def at_rest(cls, position: np.ndarray) -> "JointReference":
         """Standing still at `position` [rad]."""
         q = np.array(position, dtype=np.float64)
         return cls(q, np.zeros_like(q), np.zeros_like(q))
@@ -87,12 +87,12 @@ class JointPlan:
         """Where it comes to rest, (n,) [rad]."""
         return self.positions[-1]
 
-    def at(self, time_s: float) -> Reference:
+    def at(self, time_s: float) -> JointReference:
         """The reference `time_s` after the start; at rest at the end afterwards."""
         if time_s >= self.duration_s:
-            return Reference.at_rest(self.positions[-1])
+            return JointReference.at_rest(self.positions[-1])
         i, h, tau = self._locate(time_s)
-        return Reference(
+        return JointReference(
             *_hermite(
                 h,
                 tau,

@@ -19,7 +19,7 @@ import numpy as np
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion.blending import Offset, decay
 from intent_recognition.motion.path import JointPath
-from intent_recognition.motion.plan import JointPlan, Reference, excess, interval_use
+from intent_recognition.motion.plan import JointPlan, JointReference, excess, interval_use
 from intent_recognition.motion.retiming import (
     N_GRID,
     NominalTiming,
@@ -72,7 +72,7 @@ def scaled_limits(
 def plan_interaction(
     path: JointPath,
     nominal: NominalTiming,
-    start: Reference,
+    start: JointReference,
     phase: float,
     phase_rate: float,
     limits: JointLimits,
@@ -102,7 +102,7 @@ def plan_interaction(
 
 def stop_plan(
     path: JointPath,
-    start: Reference,
+    start: JointReference,
     phase: float,
     phase_rate: float,
     limits: JointLimits,
@@ -116,7 +116,7 @@ def stop_plan(
 
 
 def brake_plan(
-    start: Reference,
+    start: JointReference,
     phase: float,
     limits: JointLimits,
     settings: PlanSettings = PlanSettings(),
@@ -140,7 +140,7 @@ def brake_plan(
 
 
 def home_plan(
-    start: Reference,
+    start: JointReference,
     home: np.ndarray,
     limits: JointLimits,
     settings: PlanSettings = PlanSettings(),
@@ -279,7 +279,7 @@ def _compose(path, progress: PathProgress, offset: Offset, step_s: float, kind: 
     return JointPlan(times, q + e, velocities, phase, rate, kind, path.clamped)
 
 
-def _keeps(plan: JointPlan, start: Reference, limits: JointLimits) -> bool:
+def _keeps(plan: JointPlan, start: JointReference, limits: JointLimits) -> bool:
     """Whether a plan keeps the limits; a start outside the positions may come back in."""
     room = np.maximum(np.maximum(limits.lower - start.position, start.position - limits.upper), 0.0)
     if room.any():

@@ -74,7 +74,7 @@ AT_REST = {
 
 ANY_TIME = {
     "threshold": ParameterSpec(0.9, "Probability a task must reach.", 0.501, 1.0),
-    "n_observations": ParameterSpec(5, "Observations on end it must hold.", 1, 10000),
+    "n_observations": ParameterSpec(5, "Consecutive observations it must hold for.", 1, 10000),
     "max_end_std": ParameterSpec(0.35, "Largest predicted end-point std [rad].", 1e-6, 1e6),
     "release_below": ParameterSpec(0.5, "Let go of a task less probable than this.", 0.0, 0.5),
     "min_evidence": ParameterSpec(

@@ -10,7 +10,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.activation import Activation, Command, Mode, Prediction
+from intent_recognition.activation import Activation, Command, Mode, PredictedInteraction
 from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.motion import make_path
 from intent_recognition.nodes import qos
@@ -125,7 +125,7 @@ class PrimitiveActivation(ManagedNode):
         if self._step():
             self.diagnostics.latency(time.perf_counter() - start_s)
 
-    def _read_prediction(self, message: JointTrajectory) -> Prediction | None:
+    def _read_prediction(self, message: JointTrajectory) -> PredictedInteraction | None:
         """The prediction, or None if it is rejected; fixes the joints if they are not yet."""
         names = tuple(message.joint_names)
         label = message.header.frame_id
@@ -149,7 +149,7 @@ class PrimitiveActivation(ManagedNode):
             return None
         end_std = float(np.max(rest["effort"][-1])) if "effort" in rest else None
         onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(times_s[0]) * 1e9)
-        return Prediction(label, onset_ns, path, end_std)
+        return PredictedInteraction(label, onset_ns, path, end_std)
 
     def _on_joint_states(self, message: JointState) -> None:
         self.diagnostics.tick("joint_states")

@@ -14,7 +14,7 @@ from activation_world import (
     trajectory,
 )
 
-from intent_recognition.activation.settings import Mode
+from intent_recognition.activation.states import Mode
 
 
 def test_an_interaction_from_recognition_to_home():

@@ -12,7 +12,7 @@ from activation_world import (
     prediction,
 )
 
-from intent_recognition.activation.settings import Mode
+from intent_recognition.activation.states import Mode
 from intent_recognition.errors import IntentError
 
 

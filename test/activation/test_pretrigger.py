@@ -6,7 +6,7 @@ import pytest
 from activation_world import HOME, LABELS, STEP_NS, World
 
 from intent_recognition.activation.pretrigger import Pretrigger, PretriggerSettings
-from intent_recognition.activation.settings import Mode
+from intent_recognition.activation.states import Mode
 from intent_recognition.errors import IntentError
 from intent_recognition.recognition.decision import DecisionSettings, DecisionState
 

@@ -11,7 +11,7 @@ from intent_recognition.errors import TrajectoryError
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.motion.blending import decay
 from intent_recognition.motion.path import make_path
-from intent_recognition.motion.plan import JointPlan, Reference, excess
+from intent_recognition.motion.plan import JointPlan, JointReference, excess
 from intent_recognition.motion.planning import (
     PlanSettings,
     brake_plan,
@@ -79,7 +79,7 @@ def test_a_late_start_from_rest_keeps_the_limits_and_ends_at_the_end(
     times, q, v = samples(seed, duration_s, n_via=n_via)
     path = path_of(times, q, v)
     rng = np.random.default_rng(seed)
-    start = Reference.at_rest(HOME + rng.uniform(-away, away, 7))
+    start = JointReference.at_rest(HOME + rng.uniform(-away, away, 7))
     plan = plan_interaction(
         path, NominalTiming(-late * duration_s, duration_s), start, 0.0, 0.0, LIMITS
     )
@@ -100,7 +100,7 @@ def test_updates_of_path_and_timing_never_jump(seed, duration_s, late, gaps):
     rng = np.random.default_rng(seed)
     times, q, _ = samples(seed, duration_s)
     onset = -late * duration_s
-    now, start, phase, rate, change = 0.0, Reference.at_rest(HOME + 0.02), 0.0, 0.0, 0.0
+    now, start, phase, rate, change = 0.0, JointReference.at_rest(HOME + 0.02), 0.0, 0.0, 0.0
     n_refused = 0
     plan, since = None, 0.0
     for gap in [0, *gaps]:
@@ -131,7 +131,12 @@ def test_updates_of_path_and_timing_never_jump(seed, duration_s, late, gaps):
 def test_catches_up_with_the_nominal_timing_and_then_follows_it():
     times, q, v = samples(3, 4.0)
     plan = plan_interaction(
-        path_of(times, q, v), NominalTiming(-1.6, 4.0), Reference.at_rest(HOME), 0.0, 0.0, LIMITS
+        path_of(times, q, v),
+        NominalTiming(-1.6, 4.0),
+        JointReference.at_rest(HOME),
+        0.0,
+        0.0,
+        LIMITS,
     )
     nominal = (plan.times_s + 1.6) / 4.0
     lag = nominal - plan.phase
@@ -145,7 +150,12 @@ def test_catches_up_with_the_nominal_timing_and_then_follows_it():
 def test_is_not_early_when_it_starts_in_time():
     times, q, v = samples(4, 3.0)
     plan = plan_interaction(
-        path_of(times, q, v), NominalTiming(0.0, 3.0), Reference.at_rest(HOME), 0.0, 0.0, LIMITS
+        path_of(times, q, v),
+        NominalTiming(0.0, 3.0),
+        JointReference.at_rest(HOME),
+        0.0,
+        0.0,
+        LIMITS,
     )
     assert np.all(plan.phase <= plan.times_s / 3.0 + 0.01)
     assert plan.times_s[plan.phase >= 1.0 - 1e-9][0] == pytest.approx(3.0, abs=0.1)
@@ -154,7 +164,12 @@ def test_is_not_early_when_it_starts_in_time():
 def test_waits_for_an_onset_in_the_future():
     times, q, v = samples(4, 3.0)
     plan = plan_interaction(
-        path_of(times, q, v), NominalTiming(0.5, 3.0), Reference.at_rest(HOME), 0.0, 0.0, LIMITS
+        path_of(times, q, v),
+        NominalTiming(0.5, 3.0),
+        JointReference.at_rest(HOME),
+        0.0,
+        0.0,
+        LIMITS,
     )
     assert np.all(plan.phase[plan.times_s < 0.45] == 0.0)
     assert plan.phase[-1] == 1.0
@@ -163,7 +178,7 @@ def test_waits_for_an_onset_in_the_future():
 def test_follows_the_path_and_does_not_cut_it():
     times, q, v = samples(5, 2.0, n_via=1)
     path = path_of(times, q, v)
-    start = Reference.at_rest(HOME)
+    start = JointReference.at_rest(HOME)
     plan = plan_interaction(path, NominalTiming(-1.2, 2.0), start, 0.0, 0.0, LIMITS)
     fine = path.spline(np.linspace(0.0, 1.0, 2000))
     for t in np.linspace(0.0, plan.duration_s, 200):
@@ -172,7 +187,7 @@ def test_follows_the_path_and_does_not_cut_it():
 
 def test_goes_to_the_start_of_the_path_before_it_follows_it():
     times, q, v = samples(6, 2.0)
-    away = Reference.at_rest(HOME - 0.8)
+    away = JointReference.at_rest(HOME - 0.8)
     settings_ = PlanSettings(join_within_rad=0.1)
     plan = plan_interaction(
         path_of(times, q, v), NominalTiming(-1.0, 2.0), away, 0.0, 0.0, LIMITS, settings_
@@ -185,7 +200,9 @@ def test_goes_to_the_start_of_the_path_before_it_follows_it():
 def test_a_prediction_too_fast_is_slowed_and_said_to_be():
     times, q, v = samples(7, 0.5, size=1.0)
     path = path_of(times, q, v)
-    plan = plan_interaction(path, NominalTiming(0.0, 0.5), Reference.at_rest(HOME), 0, 0.0, LIMITS)
+    plan = plan_interaction(
+        path, NominalTiming(0.0, 0.5), JointReference.at_rest(HOME), 0, 0.0, LIMITS
+    )
     assert plan.slowed and plan.duration_s > 0.6
     check_by_differences(plan)
 
@@ -196,7 +213,7 @@ def test_a_prediction_outside_the_position_limits_is_clamped_and_said_to_be():
     v = np.gradient(q, times, axis=0)
     path = path_of(times, q, v)
     plan = plan_interaction(
-        path, NominalTiming(-1.0, 3.0), Reference.at_rest(HOME), 0.0, 0.0, LIMITS
+        path, NominalTiming(-1.0, 3.0), JointReference.at_rest(HOME), 0.0, 0.0, LIMITS
     )
     assert set(plan.clamped) == {3, 6}
     check_by_differences(plan)
@@ -210,7 +227,12 @@ def test_a_stop_stays_on_the_path_within_the_limits(seed, duration_s, late, shar
     times, q, v = samples(seed, duration_s)
     path = path_of(times, q, v)
     running = plan_interaction(
-        path, NominalTiming(-late * duration_s, duration_s), Reference.at_rest(HOME), 0, 0, LIMITS
+        path,
+        NominalTiming(-late * duration_s, duration_s),
+        JointReference.at_rest(HOME),
+        0,
+        0,
+        LIMITS,
     )
     t = share * running.duration_s
     phase, rate, change = running.phase_at(t)
@@ -229,14 +251,14 @@ def test_goes_on_from_a_stop_without_starting_over():
     times, q, v = samples(9, 3.0)
     path = path_of(times, q, v)
     running = plan_interaction(
-        path, NominalTiming(-1.0, 3.0), Reference.at_rest(HOME), 0.0, 0.0, LIMITS
+        path, NominalTiming(-1.0, 3.0), JointReference.at_rest(HOME), 0.0, 0.0, LIMITS
     )
     phase, rate, _ = running.phase_at(1.0)
     stopped = stop_plan(path, running.at(1.0), phase, rate, LIMITS)
     phase, rate, _ = stopped.phase_at(stopped.duration_s + 1.0)
     assert phase > 0.2 and rate == 0.0
     again = plan_interaction(
-        path, NominalTiming(-3.5, 3.0), Reference.at_rest(stopped.end), phase, rate, LIMITS
+        path, NominalTiming(-3.5, 3.0), JointReference.at_rest(stopped.end), phase, rate, LIMITS
     )
     assert again.phase[0] == phase and again.phase[-1] == 1.0
     check_by_differences(again)
@@ -247,12 +269,14 @@ def test_goes_on_from_a_stop_without_starting_over():
 def test_home_is_reached_at_rest_also_from_a_moving_start(seed, share):
     times, q, v = samples(seed, 2.0)
     path = path_of(times, q, v)
-    running = plan_interaction(path, NominalTiming(0.0, 2.0), Reference.at_rest(HOME), 0, 0, LIMITS)
+    running = plan_interaction(
+        path, NominalTiming(0.0, 2.0), JointReference.at_rest(HOME), 0, 0, LIMITS
+    )
     start, progress = (f(share * running.duration_s) for f in (running.at, running.phase_at))
     plan = home_plan(start, HOME, LIMITS)
     if plan is None:  # in rare fast motions away from home: brake first
         assert np.abs(start.velocity).max() > 0.1
-        start = Reference.at_rest(stop_plan(path, start, *progress[:2], LIMITS).end)
+        start = JointReference.at_rest(stop_plan(path, start, *progress[:2], LIMITS).end)
         plan = home_plan(start, HOME, LIMITS)
     assert plan is not None and plan.kind == "home"
     np.testing.assert_allclose(plan.positions[0], start.position, atol=1e-9)
@@ -267,7 +291,7 @@ def test_home_is_reached_at_rest_also_from_a_moving_start(seed, share):
 def test_the_brake_of_last_resort_keeps_velocity_and_acceleration(seed):
     rng = np.random.default_rng(seed)
     velocity = rng.uniform(-1.0, 1.0, 7) * LIMITS.velocity
-    plan = brake_plan(Reference(HOME, velocity, np.zeros(7)), 0.3, LIMITS)
+    plan = brake_plan(JointReference(HOME, velocity, np.zeros(7)), 0.3, LIMITS)
     np.testing.assert_allclose(plan.velocities[0], velocity)
     use = excess(plan.times_s, plan.positions, plan.velocities, LIMITS)
     assert use.velocity <= 1.0 + 1e-9 and use.acceleration <= 1.0 + 1e-6
@@ -335,13 +359,17 @@ def test_what_is_no_trajectory_is_refused(fault):
 
 def test_two_samples_without_velocities_are_enough():
     path = make_path(np.array([0.0, 2.0]), np.stack([HOME, HOME - 0.3]), LIMITS)
-    plan = plan_interaction(path, NominalTiming(0.0, 2.0), Reference.at_rest(HOME), 0, 0, LIMITS)
+    plan = plan_interaction(
+        path, NominalTiming(0.0, 2.0), JointReference.at_rest(HOME), 0, 0, LIMITS
+    )
     np.testing.assert_allclose(plan.end, HOME - 0.3)
     check_by_differences(plan)
 
 
 def test_a_plan_of_no_motion_is_a_plan():
     path = make_path(np.linspace(0, 1, 10), np.tile(HOME, (10, 1)), LIMITS)
-    plan = plan_interaction(path, NominalTiming(-0.4, 1.0), Reference.at_rest(HOME), 0, 0, LIMITS)
+    plan = plan_interaction(
+        path, NominalTiming(-0.4, 1.0), JointReference.at_rest(HOME), 0, 0, LIMITS
+    )
     np.testing.assert_allclose(plan.positions, np.tile(HOME, (len(plan.positions), 1)))
     assert plan.phase[-1] == 1.0

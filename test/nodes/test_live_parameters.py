@@ -8,7 +8,7 @@ from model_builder import learned_model, make_dofs
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from intent_recognition.activation.settings import Mode
+from intent_recognition.activation.states import Mode
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes.activation_parameters import ANY_TIME, AT_REST
 from intent_recognition.nodes.bag_player import BagPlayer

@@ -11,7 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.activation import Activation, ActivationSettings, Command, Prediction
+from intent_recognition.activation import (
+    Activation,
+    ActivationSettings,
+    Command,
+    PredictedInteraction,
+)
 from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.motion import make_path, scaled_limits
@@ -154,7 +159,9 @@ class _Run:
         self._activation.take_tasks(stamp_ns, stamp_ns, self._labels, probabilities)
         self._over |= self._activation.decision.event == "over"
 
-    def _prediction(self, task: str, onset_ns: int, trajectory: Trajectory) -> Prediction | None:
+    def _prediction(
+        self, task: str, onset_ns: int, trajectory: Trajectory
+    ) -> PredictedInteraction | None:
         """The predicted wrist path as a path of joints; None where the arm cannot reach."""
         try:
             joints = hand_joints(trajectory.positions)
@@ -162,7 +169,7 @@ class _Run:
         except KinematicsError:
             return None
         end_std = float(np.max(trajectory.std[-1]))
-        return Prediction(task, onset_ns, path, end_std)
+        return PredictedInteraction(task, onset_ns, path, end_std)
 
     def act(self, now_ns: int) -> None:
         """Plan, and move on by one sample."""
