@@ -13,12 +13,11 @@ from intent_recognition.objects import find_object, load_object, load_target
 from intent_recognition.warping import (
     Mapping,
     ObjectCloud,
+    ObjectModel,
     PouringParameters,
-    WarpSource,
     check_wall,
     pouring_parameters,
-    prepare_source,
-    warp,
+    warp_object,
 )
 from sim_bridge.containers import (
     CONTAINER_NAMES,
@@ -43,7 +42,7 @@ REQUIRED_OF_SCANS = {"radius": (3.0, "%"), "volume": (8.0, "%"), "tilt": (2.0, "
 
 def warping() -> Iterator[Result]:
     """Errors of the warped parameters against the truth, and the time of a warp."""
-    source = prepare_source(load_object(find_object("mug")))
+    source = ObjectModel.learn(load_object(find_object("mug")))
     yield from _made(source, "label", "warping", SEEDS)
     yield from _made(source, "point", "warping by point mapping", SEEDS)
     yield from _made(source, "label", "warping, new seeds", HELD_OUT_SEEDS)
@@ -54,7 +53,7 @@ def warping() -> Iterator[Result]:
 
 
 def errors_of_made(
-    source: WarpSource, mapping: Mapping, seeds: Sequence[int] = SEEDS
+    source: ObjectModel, mapping: Mapping, seeds: Sequence[int] = SEEDS
 ) -> dict[str, np.ndarray]:
     """Errors by parameter over containers, seeds and one to three views."""
     rows = []
@@ -63,13 +62,13 @@ def errors_of_made(
             container = make_container(name, seed)
             for n_views in VIEWS if name != source.annotated.name else ():
                 cloud = _cloud(container, seed, n_views)
-                found = pouring_parameters(warp(source, cloud, mapping), BESIDE)
+                found = pouring_parameters(warp_object(source, cloud, mapping), BESIDE)
                 rows.append(_errors(found, container, container.inner_volume_m3, BESIDE))
     return dict(zip(REQUIRED, np.abs(rows).T, strict=True))
 
 
 def _made(
-    source: WarpSource, mapping: Mapping, name: str, seeds: Sequence[int]
+    source: ObjectModel, mapping: Mapping, name: str, seeds: Sequence[int]
 ) -> Iterator[Result]:
     found = errors_of_made(source, mapping, seeds)
     n = len(next(iter(found.values())))
@@ -82,15 +81,15 @@ def _made(
         yield Result(f"{name}, worst {key} error", worst, required, "at most", unit, remark)
 
 
-def _time(source: WarpSource) -> Iterator[Result]:
+def _time(source: ObjectModel) -> Iterator[Result]:
     cloud = _cloud(make_container("tall_mug", 1), 1, 2)
     for mapping in ("label", "point"):
-        taken_s = seconds(lambda by=mapping: pouring_parameters(warp(source, cloud, by)), 21)
+        taken_s = seconds(lambda by=mapping: pouring_parameters(warp_object(source, cloud, by)), 21)
         name = f"one warp of 2000 points, {mapping} mapping"
         yield Result(name, 1e3 * taken_s, 25.0, "at most", "ms", "parameters included")
 
 
-def _scanned(source: WarpSource) -> Iterator[Result]:
+def _scanned(source: ObjectModel) -> Iterator[Result]:
     """Real cups, whose truth is measured from their meshes."""
     found, refused, unusable = [], [], []
     for path in sorted(SCANS.glob("*.obj")):
@@ -121,13 +120,13 @@ def _scanned(source: WarpSource) -> Iterator[Result]:
 
 
 def _warp_scan(
-    source: WarpSource, path: Path, seed: int, measured: Measured | None
+    source: ObjectModel, path: Path, seed: int, measured: Measured | None
 ) -> tuple[PouringParameters, np.ndarray]:
     """Parameters of a scanned mesh, and where the other container was said to be."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         target = load_target(path, n_points=2000, seed=seed)
-    warped = warp(source, target.cloud)
+    warped = warp_object(source, target.cloud)
     check_wall(warped, target.surface)
     toward = BESIDE + (warped.rim.centre if measured is None else measured.opening_centre)
     return pouring_parameters(warped, toward), toward

@@ -23,7 +23,7 @@ from .learning import (
     learn_with_report,
 )
 from .model import Model, load_model, save_model
-from .objects import load_object
+from .objects import find_object, load_object
 from .promp import InteractionProMP, NormalizedRBFBasis, TaskLibrary, Trajectory
 from .recognition import (
     DecisionSettings,
@@ -36,7 +36,17 @@ from .recognition import (
     recognize_task,
 )
 from .signals import Demonstration, Observation, Signal
-from .warping import WarpedPrimitive
+from .warping import (
+    AnnotatedObject,
+    ObjectCloud,
+    ObjectModel,
+    Part,
+    PouringParameters,
+    WarpedObject,
+    WarpedPrimitive,
+    pouring_parameters,
+    warp_object,
+)
 
 __version__: str
 
@@ -45,6 +55,7 @@ __all__ = [
     "ActivationSettings",
     "Alignment",
     "AlignmentSettings",
+    "AnnotatedObject",
     "ArgumentError",
     "BagError",
     "BagReader",
@@ -64,7 +75,11 @@ __all__ = [
     "Model",
     "ModelError",
     "NormalizedRBFBasis",
+    "ObjectCloud",
+    "ObjectModel",
     "Observation",
+    "Part",
+    "PouringParameters",
     "ShapeError",
     "Signal",
     "TaskLibrary",
@@ -73,6 +88,7 @@ __all__ = [
     "TrainingSettings",
     "Trajectory",
     "Warp",
+    "WarpedObject",
     "WarpedPrimitive",
     "align",
     "align_to",
@@ -80,6 +96,7 @@ __all__ = [
     "cut_to_movement",
     "decide",
     "evaluate",
+    "find_object",
     "fit_gaussian_mixture",
     "fit_interaction_promp",
     "learn",
@@ -90,10 +107,12 @@ __all__ = [
     "load_object",
     "make_folds",
     "marginal",
+    "pouring_parameters",
     "predict_controlled",
     "read_demonstrations",
     "recognize_task",
     "recover",
     "reliability_bins",
     "save_model",
+    "warp_object",
 ]

@@ -17,13 +17,13 @@ from intent_recognition.cli.output import print_json
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
 from intent_recognition.warping import (
+    ObjectModel,
     Part,
     PouringParameters,
     WarpedObject,
     check_wall,
     pouring_parameters,
-    prepare_source,
-    warp,
+    warp_object,
 )
 
 ROWS = (
@@ -103,12 +103,12 @@ def run(args: argparse.Namespace) -> int:
     if not (np.isfinite(args.scale) and args.scale > 0.0):
         cure = "Use 0.001 for millimetres."
         raise ArgumentError(describe("--scale", "a factor above 0", args.scale, cure))
-    source = prepare_source(load_object(find_object(args.source)))
+    source = ObjectModel.learn(load_object(find_object(args.source)))
     viewpoint = None if args.viewpoint is None else np.array(args.viewpoint)
     target = load_target(args.target, args.points, args.scale, viewpoint, args.seed)
     start_s = time.perf_counter()
     try:
-        warped = warp(source, target.cloud, args.mapping, args.neighbours)
+        warped = warp_object(source, target.cloud, args.mapping, args.neighbours)
         if target.surface is not None:
             check_wall(warped, target.surface)
         toward = None if args.toward is None else np.array(args.toward)

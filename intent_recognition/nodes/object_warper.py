@@ -23,10 +23,10 @@ from intent_recognition.nodes.runtime import run
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.warping import (
     ObjectCloud,
+    ObjectModel,
     PouringParameters,
     pouring_parameters,
-    prepare_source,
-    warp,
+    warp_object,
     with_estimated_normals,
 )
 
@@ -36,7 +36,7 @@ PARAMETERS = "object/parameters"
 
 
 class ObjectWarper(Node):
-    """Translates clouds to `warping.warp` and back; stateless between clouds."""
+    """Translates clouds to `warping.warp_object` and back; stateless between clouds."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_warper", **kwargs)
@@ -44,7 +44,7 @@ class ObjectWarper(Node):
         source = fixed_parameter(
             self, "source", "mug", "Annotated object: a file, or a shipped one."
         )
-        self._source = prepare_source(load_object(find_object(source)))
+        self._source = ObjectModel.learn(load_object(find_object(source)))
         mapping = fixed_parameter(
             self, "mapping", "label", "Label the cloud's points, or move the source's."
         )
@@ -76,7 +76,7 @@ class ObjectWarper(Node):
         self._diagnostics.tick(INPUT)
         try:
             target = self._target(*cloud_arrays(message))
-            warped = warp(self._source, target, self._mapping, self._neighbours)
+            warped = warp_object(self._source, target, self._mapping, self._neighbours)
             parameters = pouring_parameters(warped)
         except IntentError as error:
             self._diagnostics.reject(type(error).__name__, one_line(error))

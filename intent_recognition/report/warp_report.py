@@ -18,12 +18,12 @@ from intent_recognition.report.html import (
     Table,
     write_page,
 )
-from intent_recognition.warping import PouringParameters, WarpedObject, WarpSource
+from intent_recognition.warping import ObjectModel, PouringParameters, WarpedObject
 
 
 def write_warp_report(
     path: str | Path,
-    source: WarpSource,
+    source: ObjectModel,
     warped: WarpedObject,
     parameters: PouringParameters,
     content: Mapping[str, object],

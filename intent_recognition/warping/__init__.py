@@ -19,10 +19,9 @@ from intent_recognition.warping.normals import with_estimated_normals
 from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
 from intent_recognition.warping.object_warp import (
     Mapping,
+    ObjectModel,
     WarpedObject,
-    WarpSource,
-    prepare_source,
-    warp,
+    warp_object,
 )
 from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
 from intent_recognition.warping.parts import Part
@@ -43,13 +42,13 @@ __all__ = [
     "FillingState",
     "Mapping",
     "ObjectCloud",
+    "ObjectModel",
     "Part",
     "PouringConstraint",
     "PouringParameters",
     "PouringState",
     "References",
     "Rim",
-    "WarpSource",
     "WarpedObject",
     "WarpedPrimitive",
     "check_wall",
@@ -58,12 +57,11 @@ __all__ = [
     "half_volume_angle",
     "landing",
     "pouring_parameters",
-    "prepare_source",
     "references",
     "spill_risk",
     "surface_volume",
     "to_warped",
-    "warp",
+    "warp_object",
     "warped_scale",
     "with_estimated_normals",
 ]

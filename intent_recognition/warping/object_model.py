@@ -14,7 +14,16 @@ MIN_POINTS = 100
 
 @dataclass(frozen=True, eq=False)
 class ObjectCloud:
-    """Points (n, 3) of an object's surface in metres and outward unit normals (n, 3)."""
+    """The surface of an object.
+
+    Attributes:
+        points: (n, 3) [m], n at least 100.
+        normals: outward unit normals, (n, 3); other lengths are brought to one.
+
+    Raises:
+        ShapeError: the arrays do not fit each other.
+        ArgumentError: too few points, or a value is not finite.
+    """
 
     points: NDArray[np.float64]
     normals: NDArray[np.float64]
@@ -44,8 +53,14 @@ class AnnotatedObject(ObjectCloud):
     """An object whose parts are known.
 
     Attributes:
+        points: (n, 3) [m], n at least 100.
+        normals: outward unit normals, (n, 3).
         labels: part (n,) of each point, values of `Part`.
         name: what it is.
+
+    Raises:
+        ShapeError: the arrays do not fit each other.
+        ArgumentError: as for `ObjectCloud`, or a label is not a value of `Part`.
     """
 
     labels: NDArray[np.integer] = field(default_factory=lambda: np.zeros(0, dtype=int))

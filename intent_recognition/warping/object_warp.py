@@ -27,18 +27,37 @@ MAX_ASIDE = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class WarpSource:
-    """The annotated object with what is learned from it, once.
+class ObjectModel:
+    """An annotated object with the part classifiers learned from it (Brandl et al. 2014, II-A).
 
     Attributes:
         annotated: the object.
-        classifiers: of the first guess of the parts.
+        classifiers: of the parts, from the local shape of the surface.
         frame: of the object, found in the same way as that of a target.
     """
 
     annotated: AnnotatedObject
     classifiers: PartClassifiers
     frame: ObjectFrame
+
+    @classmethod
+    def learn(cls, annotated: AnnotatedObject) -> "ObjectModel":
+        """Learn the part classifiers and the frame of the annotated object.
+
+        Raises:
+            TrainingError: no rim is annotated.
+            ArgumentError: the object has no opening.
+        """
+        parts = (Part.CONTAINER, Part.RIM)
+        if missing := [part.name for part in parts if not (annotated.labels == part).any()]:
+            cure = "Annotate the rim around the opening as RIM and the wall as CONTAINER."
+            got = f"no {' and no '.join(missing)}"
+            raise TrainingError(describe("labels", "points of CONTAINER and RIM", got, cure))
+        container, rim = (annotated.points[annotated.labels == part].mean(0) for part in parts)
+        up = (rim - container) / np.linalg.norm(rim - container)
+        classifiers = fit_part_classifiers(annotated, up)
+        frame = _frame(annotated, classifiers)
+        return cls(annotated, classifiers, frame)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,42 +102,20 @@ class WarpedObject:
         return fit_cavity(self.points[kept], self.normals[kept], self.rim)
 
 
-def prepare_source(annotated: AnnotatedObject) -> WarpSource:
-    """Learn the part classifiers and the frame of the annotated object.
-
-    Raises:
-        TrainingError: no rim is annotated.
-        ArgumentError: the object has no opening.
-    """
-    parts = (Part.CONTAINER, Part.RIM)
-    if missing := [part.name for part in parts if not (annotated.labels == part).any()]:
-        cure = "Annotate the rim around the opening as RIM and the wall as CONTAINER."
-        got = f"no {' and no '.join(missing)}"
-        raise TrainingError(describe("labels", "points of CONTAINER and RIM", got, cure))
-    container, rim = (annotated.points[annotated.labels == part].mean(0) for part in parts)
-    up = (rim - container) / np.linalg.norm(rim - container)
-    classifiers = fit_part_classifiers(annotated, up)
-    frame = _frame(annotated, classifiers)
-    return WarpSource(annotated, classifiers, frame)
-
-
-def warp(
-    source: WarpSource, target: ObjectCloud, mapping: Mapping = "label", k: int = 1
+def warp_object(
+    source: ObjectModel, target: ObjectCloud, mapping: Mapping = "label", k: int = 1
 ) -> WarpedObject:
-    """Warp the source onto a target.
+    """Warp the annotated object onto another one (Brandl et al. 2014, II-B and II-C).
 
     Args:
-        source: from `prepare_source`.
+        source: the annotated object, of `ObjectModel.learn`.
         target: an object in any place, direction and size.
         mapping: "label" gives each target point the part of its nearest source points; "point"
             moves each source point to its nearest target points.
         k: how many neighbours vote on a label, or are averaged.
 
-    Returns:
-        The warped object.
-
     Raises:
-        ArgumentError: the target has no opening, or mapping or k is none.
+        ArgumentError: the target has no opening, the mapping is unknown, or k is less than one.
     """
     if mapping not in ("label", "point"):
         cure = "See docs/warping.md."
@@ -164,7 +161,7 @@ def _frame(cloud: ObjectCloud, classifiers: PartClassifiers) -> ObjectFrame:
 
 
 def _aligned_source(
-    source: WarpSource, target: ObjectFrame
+    source: ObjectModel, target: ObjectFrame
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.integer]]:
     """Points, normals and labels of the source, scaled to the target's size in its axes.
 

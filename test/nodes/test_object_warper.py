@@ -16,7 +16,7 @@ from intent_recognition.nodes.conversions import stamp_ns, to_stamp
 from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.objects.file import find_object, load_object
 from intent_recognition.warping.object_model import ObjectCloud
-from intent_recognition.warping.object_warp import prepare_source, warp
+from intent_recognition.warping.object_warp import ObjectModel, warp_object
 from intent_recognition.warping.parameters import pouring_parameters
 
 T0 = 1_700_000_000_123_456_789
@@ -85,9 +85,9 @@ def test_parameters_and_labels_are_those_of_the_library(harness):
     harness.connect(publisher)
     publisher.publish(message_of(cloud))
     harness.spin_until(lambda: clouds and vectors, what="parameters")
-    source = prepare_source(load_object(find_object("mug")))
+    source = ObjectModel.learn(load_object(find_object("mug")))
     sent = ObjectCloud(*cloud_arrays(message_of(cloud)))
-    warped = warp(source, sent)
+    warped = warp_object(source, sent)
     expected = pouring_parameters(warped)
     found = dict(zip(vectors[0].name, vectors[0].position, strict=True))
     assert found["opening_radius_m"] == pytest.approx(expected.opening_radius_m)

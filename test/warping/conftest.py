@@ -4,10 +4,10 @@
 import pytest
 
 from intent_recognition.objects.file import find_object, load_object
-from intent_recognition.warping.object_warp import WarpSource, prepare_source
+from intent_recognition.warping.object_warp import ObjectModel
 
 
 @pytest.fixture(scope="session")
-def mug() -> WarpSource:
+def mug() -> ObjectModel:
     """The shipped mug, learned from."""
-    return prepare_source(load_object(find_object("mug")))
+    return ObjectModel.learn(load_object(find_object("mug")))

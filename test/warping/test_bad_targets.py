@@ -10,7 +10,7 @@ from intent_recognition.errors import ArgumentError, ShapeError, TrainingError
 from intent_recognition.objects.targets import load_target, mesh_target
 from intent_recognition.warping.normals import with_estimated_normals
 from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
-from intent_recognition.warping.object_warp import prepare_source, warp
+from intent_recognition.warping.object_warp import ObjectModel, warp_object
 from intent_recognition.warping.parameters import pouring_parameters
 from intent_recognition.warping.wall_checks import check_wall
 from sim_bridge.containers.generate import make_container
@@ -55,14 +55,14 @@ def test_clouds_that_are_no_container(mug):
         (ObjectCloud(0.05 * ball, ball), "open rim"),
     ):
         with pytest.raises(ArgumentError, match=reason):
-            warp(mug, bad)
+            warp_object(mug, bad)
 
 
 def test_walls_that_only_a_thin_rim_joins_are_one_object(mug):
     """In one view of a paper cup the near outside and the far inside touch at the rim alone."""
     cup = make_container("paper_cup", 204)
     seen = scan(cup.mesh, np.random.default_rng(204), 1)
-    found = pouring_parameters(warp(mug, ObjectCloud(seen.points, seen.normals)))
+    found = pouring_parameters(warp_object(mug, ObjectCloud(seen.points, seen.normals)))
     assert found.volume_m3 == pytest.approx(cup.inner_volume_m3, rel=0.05)
 
 
@@ -92,15 +92,15 @@ def test_meshes_that_hold_nothing(mug):
     ):
         with pytest.raises(ArgumentError, match=reason):
             target = mesh_target(bad)
-            check_wall(warp(mug, target.cloud), target.surface)
+            check_wall(warp_object(mug, target.cloud), target.surface)
 
 
 def test_a_mesh_turned_inside_out_is_turned_back(mug):
     """Winding of a closed mesh can be told from its volume."""
     mesh = make_container("tumbler", 3).mesh.copy()
-    straight = pouring_parameters(warp(mug, mesh_target(mesh).cloud))
+    straight = pouring_parameters(warp_object(mug, mesh_target(mesh).cloud))
     mesh.invert()
-    turned = pouring_parameters(warp(mug, mesh_target(mesh).cloud))
+    turned = pouring_parameters(warp_object(mug, mesh_target(mesh).cloud))
     assert turned.volume_m3 == pytest.approx(straight.volume_m3, rel=0.02)
 
 
@@ -111,8 +111,8 @@ def test_files(mug, tmp_path):
         path = tmp_path / f"cup.{ending}"
         mesh.mesh.export(path)
         target = load_target(path)
-        check_wall(warp(mug, target.cloud), target.surface)
-        found = pouring_parameters(warp(mug, target.cloud))
+        check_wall(warp_object(mug, target.cloud), target.surface)
+        found = pouring_parameters(warp_object(mug, target.cloud))
         assert found.volume_m3 == pytest.approx(mesh.inner_volume_m3, rel=0.03)
     (tmp_path / "bad.stl").write_bytes(b"solid nonsense")
     (tmp_path / "bad.xyzzy").write_bytes(b"?")
@@ -129,7 +129,9 @@ def test_a_cloud_without_normals_needs_the_camera(mug, tmp_path):
     trimesh.PointCloud(seen.points).export(path)
     with pytest.raises(ArgumentError, match="where the camera was"):
         load_target(path)
-    found = pouring_parameters(warp(mug, load_target(path, viewpoint=seen.viewpoints[0]).cloud))
+    found = pouring_parameters(
+        warp_object(mug, load_target(path, viewpoint=seen.viewpoints[0]).cloud)
+    )
     assert found.opening_radius_m == pytest.approx(container.opening_radius_m, rel=0.04)
     assert found.volume_m3 == pytest.approx(container.inner_volume_m3, rel=0.15)
 
@@ -153,4 +155,4 @@ def test_annotations_are_checked(mug):
     with pytest.raises(ShapeError, match="labels"):
         AnnotatedObject(own.points, own.normals, own.labels[:-1])
     with pytest.raises(TrainingError, match="RIM"):
-        prepare_source(AnnotatedObject(own.points, own.normals, np.zeros(len(own.points))))
+        ObjectModel.learn(AnnotatedObject(own.points, own.normals, np.zeros(len(own.points))))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.object_model import ObjectCloud
-from intent_recognition.warping.object_warp import warp
+from intent_recognition.warping.object_warp import warp_object
 from intent_recognition.warping.parameters import lip_point, pouring_parameters, tilt_reference
 from intent_recognition.warping.parts import Part
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
@@ -39,7 +39,7 @@ def numbers(parameters) -> np.ndarray:
 def test_warping_an_object_onto_itself_changes_nothing(mug, mapping, k):
     """With one neighbour neither points nor labels change; with more hardly a label does."""
     own = mug.annotated
-    warped = warp(mug, ObjectCloud(own.points, own.normals), mapping, k)
+    warped = warp_object(mug, ObjectCloud(own.points, own.normals), mapping, k)
     if k == 1:
         np.testing.assert_array_equal(warped.points, own.points)
         np.testing.assert_allclose(warped.normals, own.normals, atol=1e-14)
@@ -53,7 +53,7 @@ def test_mappings_agree_on_identical_sampling(mug):
     own = mug.annotated
     turn = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()
     moved = ObjectCloud(2.0 * own.points @ turn.T + 0.4, own.normals @ turn.T)
-    by_label, by_point = (warp(mug, moved, mapping) for mapping in ("label", "point"))
+    by_label, by_point = (warp_object(mug, moved, mapping) for mapping in ("label", "point"))
     np.testing.assert_array_equal(by_label.points, by_point.points)
     np.testing.assert_array_equal(by_label.labels, by_point.labels)
     np.testing.assert_array_equal(by_label.labels, own.labels)
@@ -65,7 +65,7 @@ def test_lengths_scale_and_angles_do_not(mug, name, seed, scale):
     """Length x s, volume x s^3, angle x 1."""
     cloud = scanned(name, seed)
     larger = ObjectCloud(scale * cloud.points, cloud.normals)
-    first, second = (pouring_parameters(warp(mug, one)) for one in (cloud, larger))
+    first, second = (pouring_parameters(warp_object(mug, one)) for one in (cloud, larger))
     expected = numbers(first) * [scale, scale, scale, 1.0]
     np.testing.assert_allclose(numbers(second), expected, rtol=1e-6)
     np.testing.assert_allclose(second.opening_centre, scale * first.opening_centre, atol=1e-7)
@@ -85,7 +85,7 @@ def test_rigid_motion_changes_no_parameter(mug, name, seed, turn, shift, mapping
     cloud = scanned(name, seed)
     rotation = Rotation.from_rotvec(turn).as_matrix()
     moved = ObjectCloud(cloud.points @ rotation.T + shift, cloud.normals @ rotation.T)
-    first, second = (pouring_parameters(warp(mug, one, mapping)) for one in (cloud, moved))
+    first, second = (pouring_parameters(warp_object(mug, one, mapping)) for one in (cloud, moved))
     np.testing.assert_allclose(numbers(second), numbers(first), rtol=1e-6)
     for before, after in (
         (first.opening_centre, second.opening_centre),
@@ -105,7 +105,7 @@ def test_parameters_are_near_the_truth(mug, name, seed, n_views, mapping):
     """Random containers, one to three views: the bounds that hold for every one."""
     container = make_container(name, seed)
     other = np.array([0.4, 0.1, 0.0])
-    found = pouring_parameters(warp(mug, scanned(name, seed, n_views), mapping), other)
+    found = pouring_parameters(warp_object(mug, scanned(name, seed, n_views), mapping), other)
     assert found.opening_radius_m == pytest.approx(container.opening_radius_m, rel=0.03)
     assert found.volume_m3 == pytest.approx(container.inner_volume_m3, rel=0.10)
     assert found.height_m == pytest.approx(container.height_m, rel=0.10)
@@ -118,7 +118,7 @@ def test_labels_are_those_of_the_parts(mug):
     """Mapped labels agree with the truth, and a handle is only where there is one."""
     for name in ("tall_mug", "tea_cup", "tumbler", "square_bowl"):
         container, cloud = make_container(name, 1), scanned(name)
-        warped = warp(mug, cloud)
+        warped = warp_object(mug, cloud)
         truth = container.labels(cloud.points)
         assert (warped.labels == truth).mean() > 0.88
         assert (len(warped.part(Part.HANDLE)) > 0) == (container.handle is not None)
@@ -128,7 +128,7 @@ def test_labels_are_those_of_the_parts(mug):
 def test_no_point_of_the_wall_is_drawn_to_the_handle(mug, name, seed):
     """In one view half of the wall has no counterpart; the handle's inside faces the same way."""
     container, cloud = make_container(name, seed), scanned(name, seed, 1)
-    warped = warp(mug, cloud, "point")
+    warped = warp_object(mug, cloud, "point")
     body = warped.points[warped.labels != Part.HANDLE]
     outside = -body[:, 0] > 1.3 * container.opening_radius_m
     assert (cloud.points[:, 0] < -1.3 * container.opening_radius_m).any()
@@ -139,7 +139,7 @@ def test_no_point_of_the_wall_is_drawn_to_the_handle(mug, name, seed):
 
 def test_lip_follows_the_other_container_the_slope_or_the_handle(mug):
     """Closest to the other one; else the lowest; else opposite to the handle."""
-    warped = warp(mug, scanned("tall_mug"))
+    warped = warp_object(mug, scanned("tall_mug"))
     centre, radius = warped.rim.centre, warped.rim.radius_m
     near = lip_point(warped, toward=centre + [0.0, 0.5, -0.1])
     assert near == pytest.approx(centre + [0.0, radius, 0.0], abs=0.004)
@@ -154,6 +154,6 @@ def test_lip_follows_the_other_container_the_slope_or_the_handle(mug):
 def test_unknown_mapping_and_k_are_refused(mug):
     """Arguments are checked."""
     with pytest.raises(ArgumentError, match="mapping"):
-        warp(mug, scanned("tumbler"), "both")
+        warp_object(mug, scanned("tumbler"), "both")
     with pytest.raises(ArgumentError, match="k"):
-        warp(mug, scanned("tumbler"), k=0)
+        warp_object(mug, scanned("tumbler"), k=0)

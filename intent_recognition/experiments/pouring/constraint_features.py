@@ -18,14 +18,13 @@ from intent_recognition.warping import (
     FillingConstraint,
     FillingState,
     ObjectCloud,
+    ObjectModel,
     PouringConstraint,
     PouringState,
     References,
-    WarpSource,
     pouring_parameters,
-    prepare_source,
     references,
-    warp,
+    warp_object,
 )
 from sim_bridge.balls import (
     FILLING,
@@ -80,13 +79,13 @@ class Samples(NamedTuple):
     unit_throw: NDArray[np.float64] | None = None
 
 
-def annotated_source() -> WarpSource:
+def annotated_source() -> ObjectModel:
     """The one object whose parts are annotated: the shipped mug, of another size than ours."""
-    return prepare_source(load_object(find_object(SOURCE)))
+    return ObjectModel.learn(load_object(find_object(SOURCE)))
 
 
 def know_all(
-    source: WarpSource, rng: np.random.Generator, indices: Sequence[int]
+    source: ObjectModel, rng: np.random.Generator, indices: Sequence[int]
 ) -> dict[str, dict[int, KnownContainer]]:
     """Scan containers and learn of them what each method can, by method and object index."""
     known: dict[str, dict[int, KnownContainer]] = {method: {} for method in METHODS}
@@ -95,7 +94,7 @@ def know_all(
         seen = scan(cup.mesh, rng)
         cloud = ObjectCloud(seen.points, seen.normals)
         for method, mapping in MAPPINGS.items():
-            warped = warp(source, cloud, mapping)
+            warped = warp_object(source, cloud, mapping)
             ahead = cup.opening_centre + np.array([OTHER_AHEAD_M, 0.0, 0.0])
             found = pouring_parameters(warped, toward=ahead)
             known[method][index] = KnownContainer(

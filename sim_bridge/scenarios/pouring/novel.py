@@ -17,15 +17,14 @@ from intent_recognition.objects import find_object, load_object
 from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.warping import (
     ObjectCloud,
+    ObjectModel,
     References,
     WarpedPrimitive,
-    WarpSource,
     from_warped,
     pouring_parameters,
-    prepare_source,
     references,
     to_warped,
-    warp,
+    warp_object,
 )
 from sim_bridge.containers import Container, scan
 from sim_bridge.scenarios.pouring.recordings import pour_of
@@ -62,15 +61,15 @@ class DemonstratedPours(NamedTuple):
     second: str
 
 
-def annotated_source() -> WarpSource:
+def annotated_source() -> ObjectModel:
     """The one object whose parts are annotated, ready to be warped onto others."""
-    return prepare_source(load_object(find_object(ANNOTATED)))
+    return ObjectModel.learn(load_object(find_object(ANNOTATED)))
 
 
-def look_at(source: WarpSource, container: Container, rng: np.random.Generator) -> Seen:
+def look_at(source: ObjectModel, container: Container, rng: np.random.Generator) -> Seen:
     """Scan a container from three sides and warp the annotated object onto it."""
     seen = scan(container.mesh, rng)
-    warped = warp(source, ObjectCloud(seen.points, seen.normals))
+    warped = warp_object(source, ObjectCloud(seen.points, seen.normals))
     ahead = container.opening_centre + np.array([AHEAD_M, 0.0, 0.0])
     found = pouring_parameters(warped, toward=ahead)
     return Seen(references(found), found.lip_point, found.opening_centre)
