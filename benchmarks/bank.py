@@ -4,7 +4,7 @@
 Times are of this thread on the processor, and the shortest of many where each does the same work,
 on both sides of a ratio: other programs disturb them least so. What a peer is
 given, the bank is given: filterpy and simdkalman take a ready observation matrix, so the bank
-takes ready rows; movement_primitives evaluates its basis functions, so all of `BankRun.observe`
+takes ready rows; movement_primitives evaluates its basis functions, so `MovementFilter.observe`
 is timed: phase, basis functions, noise, and the update. Every update is of means, covariances and
 evidence, with its share of what is subtracted once in several observations.
 """
@@ -20,8 +20,8 @@ from benchmarks import bank_peers as peers
 from benchmarks.measure import Result
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
 from intent_recognition.filtering import (
-    BankRun,
     Hypotheses,
+    MovementFilter,
     fixed_hypotheses,
     make_hypotheses,
     make_memory,
@@ -62,10 +62,9 @@ class Stream:
     def _restart(self) -> None:
         self._rest = movement(self._library, 0, self._rng)
         self._start_ns = self._rest[0].stamp_ns
-        self.run = BankRun(
+        self.run = MovementFilter(
             self._library,
             self._hypotheses,
-            None,
             self._start_ns,
             memory=self._memory,
             prune=self._prune,
@@ -199,7 +198,7 @@ def _many_tasks(rng: np.random.Generator) -> Iterator[Result]:
 def _pruned(library: TaskLibrary, hypotheses: Hypotheses, full_s: float) -> Result:
     """A movement whose negligible tasks are set aside, its second half against no pruning."""
     stream = movement(library, 0, np.random.default_rng(5))
-    run = BankRun(library, hypotheses, None, stream[0].stamp_ns, prune=True)
+    run = MovementFilter(library, hypotheses, stream[0].stamp_ns, prune=True)
     times = []
     for observation in stream:
         start = time.thread_time()

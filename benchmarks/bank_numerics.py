@@ -8,7 +8,7 @@ from scipy.stats import multivariate_normal
 
 from benchmarks.measure import Result
 from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synthetic_library
-from intent_recognition.filtering import BankRun, fixed_hypotheses
+from intent_recognition.filtering import MovementFilter, fixed_hypotheses
 from intent_recognition.gaussian import GaussianBatch, make_state
 from intent_recognition.recognition import task_posterior
 
@@ -67,11 +67,11 @@ def one_movement(n_tasks: int = 30) -> Iterator[Result]:
     hypotheses = fixed_hypotheses(library, DURATION_S)
     observations = movement(library, 0, rng)[:100]
     start_ns = observations[0].stamp_ns
-    run = BankRun(library, hypotheses, None, start_ns)
+    run = MovementFilter(library, hypotheses, start_ns)
     sum_error = 0.0
     for observation in observations:
         run.observe(observation)
-        total = task_posterior(run, hypotheses, 0.0).probabilities.sum()
+        total = task_posterior(run.log_evidence, hypotheses, 0.0).probabilities.sum()
         sum_error = max(sum_error, abs(total - 1.0))
     elapsed_s = np.array([o.stamp_ns - start_ns for o in observations]) * 1e-9
     dofs = np.arange(N_OBSERVED)

@@ -17,7 +17,7 @@ from matplotlib import pyplot as plt
 
 from intent_recognition.bags import BagReader
 from intent_recognition.demonstrations import iter_observations, load_dofs, read_demonstrations
-from intent_recognition.filtering import TaskFilters, make_hypotheses
+from intent_recognition.filtering import MovementFilter, make_hypotheses
 from intent_recognition.kinematics import hand_position
 from intent_recognition.learning import learn
 from intent_recognition.promp import NONE, TaskLibrary, controlled_weights
@@ -96,10 +96,10 @@ def watch(library: TaskLibrary, bag: Path) -> Moment:
 def rest_of_both(library: TaskLibrary, task: str, seen, estimate) -> tuple[np.ndarray, np.ndarray]:
     """Sampled rest of the human's movement (n, T, 3) and of the robot's (n, T, 7)."""
     index, rng = library.labels.index(task), np.random.default_rng(1)
-    task_filters = TaskFilters(library, make_hypotheses(library), estimate.onset_ns)
+    run = MovementFilter(library, make_hypotheses(library), estimate.onset_ns)
     for observation in seen:
-        task_filters.observe(observation)
-    basis, observed = library.primitives.basis, task_filters[index].observed_weights()
+        run.observe(observation)
+    basis, observed = library.primitives.basis, run.task_filters[index].observed_weights()
     controlled = controlled_weights(library.primitives, index, observed)
     design = basis.design_matrix(np.linspace(estimate.phase[index], 1.0, N_POINTS))
     paths = []

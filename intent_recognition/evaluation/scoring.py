@@ -11,7 +11,12 @@ from intent_recognition.errors import IntentError, describe
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import Recognitions, Spreads
 from intent_recognition.evaluation.unknown_movements import Outcome, Watch
-from intent_recognition.filtering import Hypotheses, MovementRun, fixed_hypotheses, make_hypotheses
+from intent_recognition.filtering import (
+    Hypotheses,
+    MovementFilter,
+    fixed_hypotheses,
+    make_hypotheses,
+)
 from intent_recognition.promp import StartPosture, TaskLibrary
 from intent_recognition.recognition import TaskPosterior, task_posterior
 from intent_recognition.signals import Demonstration, merge
@@ -115,7 +120,7 @@ def score_demonstration(
         hypotheses = fixed_hypotheses(library, duration) if known else make_hypotheses(library)
         watch = None if known else Watch(library)
         for fraction, run in _snapshots(library, hypotheses, test, duration, watch):
-            posterior = task_posterior(run, hypotheses, fraction * duration)
+            posterior = task_posterior(run.log_evidence, hypotheses, fraction * duration)
             probabilities = _without_none(posterior, hypotheses)
             if fraction in RECOGNITION_FRACTIONS:
                 collected.scores.add(
@@ -149,7 +154,7 @@ class _Case(NamedTuple):
     """One recording at one share observed: what is believed, and what was true."""
 
     library: TaskLibrary
-    run: MovementRun
+    run: MovementFilter
     posterior: TaskPosterior
     label: int
     times: np.ndarray
@@ -182,10 +187,10 @@ def _snapshots(
     test: Demonstration,
     duration_s: float,
     watch: Watch | None,
-) -> Iterator[tuple[float, MovementRun]]:
+) -> Iterator[tuple[float, MovementFilter]]:
     """The bank after each share of the movement's time, in order."""
     fractions = sorted({*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS})
-    run = MovementRun(library, hypotheses, test.start_ns)
+    run = MovementFilter(library, hypotheses, test.start_ns)
     for observation in merge(test.observed):
         elapsed = (observation.stamp_ns - test.start_ns) * 1e-9
         if observation.stamp_ns > test.end_ns:

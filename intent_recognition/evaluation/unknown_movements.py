@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from intent_recognition.filtering import MovementRun, make_hypotheses
+from intent_recognition.filtering import MovementFilter, make_hypotheses
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import (
@@ -70,9 +70,9 @@ class Watch:
         self._highest, self._activated, self._recognised = -np.inf, "", ""
         self._end_std: Callable[[], float] = lambda: np.nan
 
-    def observe(self, run: MovementRun, elapsed_s: float) -> None:
+    def observe(self, run: MovementFilter, elapsed_s: float) -> None:
         """Look at the bank after one more observation."""
-        posterior = task_posterior(run, run.hypotheses, elapsed_s)
+        posterior = task_posterior(run.log_evidence, run.hypotheses, elapsed_s)
         log_joint = run.hypotheses.log_task_prior + posterior.log_evidence
         best = int(np.argmax(log_joint[:-1]))
         rest = np.logaddexp.reduce(np.delete(log_joint, best))
@@ -107,7 +107,7 @@ class Watch:
 
 def follow(library: TaskLibrary, recorded: Demonstration) -> Outcome:
     """What a library makes of a whole recording, its progress unknown."""
-    run = MovementRun(library, make_hypotheses(library), recorded.start_ns)
+    run = MovementFilter(library, make_hypotheses(library), recorded.start_ns)
     watch = Watch(library)
     for observation in merge(recorded.observed):
         if recorded.start_ns <= observation.stamp_ns <= recorded.end_ns:

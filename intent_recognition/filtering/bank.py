@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recursive conditioning of every (task, phase) hypothesis at once (Maeda et al. 2014, Eq. 6-11).
 
-Only the observed block of the weights is filtered: observations do not touch the rest, which is
-recovered by regression when asked for (`prediction.py`). No loop runs over hypotheses. These are
-values; what filters a movement under way is `running_bank.py`.
+Only the observed block of the weights is filtered: observations do not touch the rest, which
+follows by regression when asked for (`promp.controlled_weights`). No loop runs over hypotheses.
+These are values and pure functions; `RunningBank` filters a movement under way in place.
 """
 
-from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.filtering.hypotheses import Hypotheses
+from intent_recognition.filtering.observation_model import check_observation
 from intent_recognition.gaussian import GaussianBatch, make_state
 from intent_recognition.promp import TaskLibrary
 
@@ -26,9 +26,9 @@ class FilterBank(NamedTuple):
         log_evidence: log density of all observations so far under each hypothesis, (B,).
     """
 
-    mean: np.ndarray
-    covariance: np.ndarray
-    log_evidence: np.ndarray
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    log_evidence: NDArray[np.float64]
 
 
 def start_bank(library: TaskLibrary, hypotheses: Hypotheses) -> FilterBank:
@@ -43,10 +43,10 @@ def start_bank(library: TaskLibrary, hypotheses: Hypotheses) -> FilterBank:
 
 def condition_bank(
     bank: FilterBank,
-    dofs: np.ndarray,
-    rows: np.ndarray,
-    values: np.ndarray,
-    noise_covariance: np.ndarray,
+    dofs: NDArray[np.int64],
+    rows: NDArray[np.float64],
+    values: NDArray[np.float64],
+    noise_covariance: NDArray[np.float64],
 ) -> FilterBank:
     """Condition every hypothesis on one observation of some DOFs; the argument is not changed.
 
@@ -70,26 +70,3 @@ def condition_bank(
     log_density = block.condition(dofs, rows, values, noise_covariance)
     block.apply_downdates()
     return FilterBank(block.mean, block.covariance, bank.log_evidence + log_density)
-
-
-def check_observation(dofs: np.ndarray, values: np.ndarray, noise_covariance: np.ndarray) -> None:
-    """Whether values and noise go with the DOFs.
-
-    Raises:
-        ShapeError: they do not.
-        ArgumentError: a value is not finite.
-    """
-    m = len(dofs)
-    if np.shape(values) != (m,) or np.shape(noise_covariance)[-2:] != (m, m):
-        raise ShapeError(
-            describe(
-                "values, noise_covariance",
-                f"shapes ({m},) and ({m}, {m}) for {m} observed values",
-                f"{np.shape(values)} and {np.shape(noise_covariance)}",
-                "Pass one value and one row and column of noise per entry of dofs.",
-            )
-        )
-    if not isfinite(np.add.reduce(values)):
-        raise ArgumentError(
-            describe("values", "finite numbers", f"{values}", "Leave out what was not measured.")
-        )

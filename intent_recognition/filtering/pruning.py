@@ -1,128 +1,122 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tasks that cannot matter any more are not filtered, and the posterior stays what it is.
+"""Tasks of negligible posterior are not filtered, and the posterior stays what it is.
 
-A task whose posterior is negligible is set aside; the observations since are kept. The last task,
-`none`, never is, and tasks are measured by each other, because the evidence of none is not taken
-as it is (`recognition.calibrated_none`). None of the kept observations can have been likelier
-under a task than at the peak of its own noise, because an innovation covariance H S H^T + R is
-never smaller than R. So
+A task of negligible posterior is pruned: it keeps its state, and the measurements since are kept
+for it. The task `none` is never pruned, and tasks are compared with each other only, because the
+evidence of none is calibrated (`recognition.calibrated_none`). A kept measurement cannot be more
+probable under any task than at the peak of its own noise, because an innovation covariance
+H S H^T + R is never smaller than R. So
 
-    log p(all so far | task)  <=  log p(until set aside | task) + sum of -1/2 log det(2 pi R),
+    log p(all so far | task)  <=  log p(until pruned | task) + sum of -1/2 log det(2 pi R),
 
-and while even this bound is negligible, nothing is lost. When it is not negligible any more, some
-of the kept observations are tried: with their exact joint density the bound is lower. If that is
-not enough, all of them are replayed, and the task is where it would be had it never been set aside.
+and while this bound is negligible, so is the task. When it is not any more, the exact joint density
+of some kept measurements lowers the bound. If that is not enough, all of them are replayed: the
+task is restored to the state it would have had.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
+from numpy.typing import NDArray
 
+from intent_recognition.filtering.observation_model import Measurement, ObservationModel
 from intent_recognition.filtering.running_bank import RunningBank
 from intent_recognition.gaussian import GaussianBatch, cholesky, log_normalizer
 
 PRUNE_BELOW = 60.0
-"""A task is set aside when its log posterior is so far below the likeliest task's."""
-NEGLIGIBLE = 40.0
-"""The bound on a task set aside stays so far below; e^-40 is 4e-18."""
-SOON = 2.0
-"""Bounds so close to that limit are looked at together with those that have reached it."""
-CHECK_EVERY = 8
-"""Observations between two looks for tasks to set aside."""
-N_TRIED = 3
+"""A task is pruned when its log posterior is this far below the most probable task's.
+
+Convention: above `NEGLIGIBLE_BELOW` by enough that few tasks are restored soon after.
+"""
+NEGLIGIBLE_BELOW = 40.0
+"""The bound on a pruned task's log posterior stays this far below the most probable task's.
+
+Convention: e^-40 = 4e-18 is less than the rounding of a probability.
+"""
+RESTORE_MARGIN = 2.0
+"""Pruned tasks this close to `NEGLIGIBLE_BELOW` are examined with those that reached it.
+
+Convention: tasks restored together are replayed in one batch.
+"""
+PRUNE_EVERY = 8
+"""Observations between two searches for tasks to prune. Convention."""
+N_EXACT = 3
+"""Kept measurements whose exact joint density lowers the bound of a pruned task. Convention."""
 MAX_KEPT = 4096
-"""So many kept observations are replayed at the latest: memory is bounded."""
-
-
-class Step(NamedTuple):
-    """One observation as the filter takes it.
-
-    Attributes:
-        elapsed_s: time since onset.
-        dofs: (m,).
-        derivative: whether velocities were observed.
-        values: (m,).
-        noise_covariance: (m, m), or one per hypothesis, (B, m, m).
-    """
-
-    elapsed_s: float
-    dofs: np.ndarray
-    derivative: bool
-    values: np.ndarray
-    noise_covariance: np.ndarray
-
-
-Rows = Callable[[Step, np.ndarray | slice], np.ndarray]
-"""Rows of the observation matrix, (n, m, N) or (n, 1, N), of a step under some hypotheses."""
+"""Kept measurements after which all pruned tasks are restored: it bounds the memory. Convention."""
 
 
 class PrunedBank:
-    """A bank whose negligible tasks are set aside.
+    """A bank whose negligible tasks are pruned.
 
     Args:
         bank: the filtered hypotheses, all active.
-        log_prior: of each hypothesis, (B,).
-        rows: makes the rows of a step.
+        model: makes the rows of measurements.
         task_weight: factors that the posterior of the known tasks may be multiplied by (another
             p(s)), (T - 1,): what is negligible is so with and without them.
+        prune: False filters all tasks always.
     """
 
     def __init__(
         self,
         bank: RunningBank,
-        log_prior: np.ndarray,
-        rows: Rows,
-        task_weight: np.ndarray | None = None,
+        model: ObservationModel,
+        task_weight: NDArray[np.float64] | None = None,
+        *,
+        prune: bool = True,
     ):
-        self._bank, self._log_prior, self._rows = bank, log_prior, rows
+        self._bank, self._model, self._prunes = bank, model, prune
+        self._log_prior = log_prior = model.hypotheses.log_prior
         n_tasks, n_scales = bank.shape[:2]
         self._log_weight = np.zeros(n_tasks)
         if task_weight is not None:
             with np.errstate(divide="ignore"):
                 self._log_weight[:-1] = np.log(task_weight)
         self._weighed_prior = log_prior + np.repeat(self._log_weight, n_scales)
-        self._is_known = np.arange(len(log_prior)) < (n_tasks - 1) * bank.shape[1]
-        self._aside = np.zeros(n_tasks, dtype=bool)
+        self._is_known = np.arange(len(log_prior)) < (n_tasks - 1) * n_scales
+        self._is_pruned = np.zeros(n_tasks, dtype=bool)
         self._since = np.zeros(n_tasks, dtype=int)
-        self._kept: list[Step] = []
-        self._peaks: list[float] = []  # log density of each kept step at most
+        self._kept: list[Measurement] = []
+        self._peaks: list[float] = []  # highest log density of each kept measurement
         self._bound = np.full(n_tasks, -np.inf)  # on the log joint, less the peaks so far
         self._peak = 0.0
-        self._until_check = CHECK_EVERY
+        self._until_check = PRUNE_EVERY
 
     @property
-    def pruned_tasks(self) -> np.ndarray:
-        """Numbers of the tasks that are set aside."""
-        return np.flatnonzero(self._aside)
+    def pruned_tasks(self) -> NDArray[np.int64]:
+        """Numbers of the tasks that are pruned."""
+        return np.flatnonzero(self._is_pruned)
 
     @property
-    def log_evidence(self) -> np.ndarray:
-        """Of all hypotheses, (B,); of those set aside, a bound it does not exceed."""
+    def log_evidence(self) -> NDArray[np.float64]:
+        """Of all hypotheses, (B,); of those pruned, an upper bound."""
         evidence = self._bank.log_evidence
         if self._kept:
             n_scales = self._bank.shape[1]
             joint = self._log_joint(evidence)
-            aside = self._aside & np.isfinite(joint)
-            lift = self._bound[aside] + self._peak - joint[aside]
-            evidence.reshape(-1, n_scales)[aside] += lift[:, None]
+            pruned = self._is_pruned & np.isfinite(joint)
+            lift = self._bound[pruned] + self._peak - joint[pruned]
+            evidence.reshape(-1, n_scales)[pruned] += lift[:, None]
         return evidence
 
-    def condition(self, step: Step) -> None:
-        """Condition the active tasks on one observation, and see to the others."""
-        _condition(self._bank, self._rows, step)
-        if self._aside.any():
-            peak = _peak(step.noise_covariance)
-            self._kept.append(step)
+    def condition(self, measurement: Measurement) -> None:
+        """Condition the active tasks on a measurement; restore and prune tasks as needed."""
+        rows = self._model.rows(measurement, self._bank.active)
+        self._bank.condition(
+            measurement.dofs, rows, measurement.values, measurement.noise_covariance
+        )
+        if not self._prunes:
+            return
+        if self._is_pruned.any():
+            peak = _peak(measurement.noise_covariance)
+            self._kept.append(measurement)
             self._peaks.append(peak)
             self._peak += peak
-            self._take_back_what_may_matter()
+            self._restore_what_may_matter()
         self._until_check -= 1
         if self._until_check <= 0:
-            self._until_check = CHECK_EVERY
-            self._set_aside_what_is_negligible()
+            self._until_check = PRUNE_EVERY
+            self._prune_what_is_negligible()
 
-    def restore(self, tasks: np.ndarray | None = None) -> None:
+    def restore(self, tasks: NDArray[np.int64] | None = None) -> None:
         """Bring tasks (all of them when None) to where they would be had they been filtered."""
         tasks = self.pruned_tasks if tasks is None else tasks
         for since in np.unique(self._since[tasks]):
@@ -132,31 +126,33 @@ class PrunedBank:
             for block in blocks:
                 block.apply_downdates()
             self._bank.activate(group, density)
-        self._aside[tasks] = False
+        self._is_pruned[tasks] = False
         self._bound[tasks] = -np.inf
-        if not self._aside.any():
+        if not self._is_pruned.any():
             self._kept, self._peaks, self._peak = [], [], 0.0
 
     def _log_density(
-        self, blocks: list[GaussianBatch], tasks: np.ndarray, steps: list[Step]
-    ) -> np.ndarray:
-        """Condition the blocks of some tasks on steps: their joint log density, (n S,)."""
+        self,
+        blocks: list[GaussianBatch],
+        tasks: NDArray[np.int64],
+        measurements: list[Measurement],
+    ) -> NDArray[np.float64]:
+        """Condition the blocks of some tasks on measurements: joint log density, (n S,)."""
         n_scales = self._bank.shape[1]
         index = (tasks[:, None] * n_scales + np.arange(n_scales)).ravel()
         density, first = np.zeros(len(index)), 0
         for block in blocks:
             some = slice(first, first + len(block.mean))
-            for step in steps:
-                rows = self._rows(step, index[some])
-                noise = _of(step.noise_covariance, index[some])
-                density[some] += block.condition(step.dofs, rows, step.values, noise)
+            for one in measurements:
+                rows = self._model.rows(one, index[some])
+                density[some] += block.condition(one.dofs, rows, one.values, one.noise_covariance)
             first = some.stop
         return density
 
-    def _limits(self) -> np.ndarray:
-        """What a task's log joint is to be compared with: that of the likeliest active task, (T,).
+    def _limits(self) -> NDArray[np.float64]:
+        """Log joint of the most probable active task, which each task is compared with, (T,).
 
-        Under the weighed posterior, too: the lower of the two.
+        The lower of two: under the posterior as it is, and multiplied by the task weights.
         """
         active, evidence = self._bank.active, self._bank.active_evidence
         plain, weighed = (
@@ -165,58 +161,52 @@ class PrunedBank:
         )
         return np.minimum(plain, weighed - self._log_weight)
 
-    def _take_back_what_may_matter(self) -> None:
+    def _restore_what_may_matter(self) -> None:
         if len(self._kept) >= MAX_KEPT:
             self.restore()
             return
         excess = self._bound + self._peak - self._limits()
-        if np.max(excess, where=self._aside, initial=-np.inf) > -NEGLIGIBLE:
-            self._lower_bounds(np.flatnonzero(self._aside & (excess > -NEGLIGIBLE - SOON)))
+        if np.max(excess, where=self._is_pruned, initial=-np.inf) > -NEGLIGIBLE_BELOW:
+            self._lower_bounds(
+                np.flatnonzero(self._is_pruned & (excess > -NEGLIGIBLE_BELOW - RESTORE_MARGIN))
+            )
             excess = self._bound + self._peak - self._limits()
-            self.restore(np.flatnonzero(self._aside & (excess > -NEGLIGIBLE - SOON)))
+            self.restore(
+                np.flatnonzero(self._is_pruned & (excess > -NEGLIGIBLE_BELOW - RESTORE_MARGIN))
+            )
 
-    def _lower_bounds(self, tasks: np.ndarray) -> None:
-        """Replace the peaks of a few kept steps by what these have in truth."""
+    def _lower_bounds(self, tasks: NDArray[np.int64]) -> None:
+        """Replace the peaks of a few kept measurements by their exact joint density."""
         n_scales = self._bank.shape[1]
         first, last = int(np.max(self._since[tasks])), len(self._kept) - 1
-        chosen = np.unique(np.linspace(first, last, N_TRIED).round().astype(int))
+        chosen = np.unique(np.linspace(first, last, N_EXACT).round().astype(int))
         density = self._log_density(
             self._bank.copies(tasks), tasks, [self._kept[k] for k in chosen]
         )
         evidence = self._bank.log_evidence.reshape(-1, n_scales)[tasks]
-        tried = self._log_prior.reshape(-1, n_scales)[tasks] + evidence
-        tried += density.reshape(-1, n_scales)
-        peaks = np.append(np.cumsum(self._peaks[::-1])[::-1], 0.0)  # from each step on
+        joint = self._log_prior.reshape(-1, n_scales)[tasks] + evidence
+        joint += density.reshape(-1, n_scales)
+        peaks = np.append(np.cumsum(self._peaks[::-1])[::-1], 0.0)  # from each measurement on
         others = peaks[self._since[tasks]] - sum(self._peaks[k] for k in chosen)
-        bound = np.logaddexp.reduce(tried, axis=1) + others - self._peak
+        bound = np.logaddexp.reduce(joint, axis=1) + others - self._peak
         self._bound[tasks] = np.minimum(self._bound[tasks], bound)
 
-    def _set_aside_what_is_negligible(self) -> None:
+    def _prune_what_is_negligible(self) -> None:
         joint = self._log_joint(self._bank.log_evidence)
-        negligible = ~self._aside & (joint < self._limits() - PRUNE_BELOW)
+        negligible = ~self._is_pruned & (joint < self._limits() - PRUNE_BELOW)
         tasks = np.flatnonzero(negligible[:-1])
         if len(tasks):
             self._bank.prune(tasks)
-            self._aside[tasks] = True
+            self._is_pruned[tasks] = True
             self._since[tasks] = len(self._kept)
             self._bound[tasks] = joint[tasks] - self._peak
 
-    def _log_joint(self, log_evidence: np.ndarray) -> np.ndarray:
+    def _log_joint(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log prior and evidence of each task, durations summed out, (T,)."""
         joint = (self._log_prior + log_evidence).reshape(-1, self._bank.shape[1])
         return np.logaddexp.reduce(joint, axis=1)
 
 
-def _condition(bank: RunningBank, rows: Rows, step: Step) -> None:
-    active = bank.active
-    noise = _of(step.noise_covariance, active)
-    bank.condition(step.dofs, rows(step, active), step.values, noise)
-
-
-def _of(noise_covariance: np.ndarray, hypotheses: np.ndarray | slice) -> np.ndarray:
-    return noise_covariance if noise_covariance.ndim == 2 else noise_covariance[hypotheses]
-
-
-def _peak(noise_covariance: np.ndarray) -> float:
-    """Log density of an observation at most, whatever the hypothesis."""
+def _peak(noise_covariance: NDArray[np.float64]) -> float:
+    """Highest log density that a measurement can have under any hypothesis."""
     return float(np.max(-log_normalizer(cholesky(noise_covariance, name="noise covariance"))))

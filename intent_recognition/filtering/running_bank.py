@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The filtered hypotheses of a movement under way, in memory that is used again and again.
 
-Hypotheses are filtered in blocks that fit the processor's cache. Whole tasks can be set aside:
-they keep the state they have, and cost nothing until they are taken back.
+Hypotheses are filtered in blocks that fit the processor's cache. Whole tasks can be pruned: they
+keep the state they have, and cost nothing until they are restored.
 """
 
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, describe
 from intent_recognition.gaussian import GaussianBatch, pending_shape, state_width
 
 BLOCK_SIZE = 512
+"""Hypotheses in one block. Measured: the working set of a block stays in the cache."""
 
 
 class RunningBank:
@@ -50,7 +52,7 @@ class RunningBank:
         n = self.n_active * self.shape[1]
         n_blocks = -(-n // BLOCK_SIZE)
         edges = [n * k // n_blocks for k in range(n_blocks + 1)] if n_blocks else [0]
-        self._blocks = []
+        self._blocks: list[tuple[int, int, GaussianBatch]] = []
         for k, (start, stop) in enumerate(pairwise(edges)):
             block = self._block(start, stop)
             # Blocks subtract what is pending one after the other, not all at one observation.
@@ -61,12 +63,18 @@ class RunningBank:
         some = slice(start, stop)
         return GaussianBatch(self._state[some], self.shape[3], self._pending[some])
 
-    def start(self, mean: np.ndarray, covariance: np.ndarray) -> None:
+    def start(
+        self,
+        mean: NDArray[np.float64],
+        covariance: NDArray[np.float64],
+        log_evidence: NDArray[np.float64] | float = 0.0,
+    ) -> None:
         """Begin with these distributions, all active.
 
         Args:
             mean: (T, P N), shared by the hypotheses of a task, or (T S, P N).
             covariance: alike, with one dimension more.
+            log_evidence: of what they were conditioned on before, (T S,).
 
         Raises:
             ShapeError: the arrays do not fit the bank.
@@ -88,7 +96,7 @@ class RunningBank:
         state = self._state.reshape(-1, repeats, *self._state.shape[1:])
         state[..., :size] = covariance[:, None]
         state[..., size] = mean[:, None]
-        self._evidence[:] = 0.0
+        self._evidence[:] = log_evidence
         self._activate_all()
 
     @property
@@ -97,19 +105,19 @@ class RunningBank:
         return self._state.nbytes + self._pending.nbytes + self._evidence.nbytes
 
     @property
-    def active(self) -> np.ndarray | slice:
+    def active(self) -> NDArray[np.int64] | slice:
         """The hypotheses that are filtered, in the order in which `condition` wants their rows."""
         if not self._moved:
             return slice(None)
         return self._hypothesis_at[: self.n_active * self.shape[1]]
 
     @property
-    def active_evidence(self) -> np.ndarray:
+    def active_evidence(self) -> NDArray[np.float64]:
         """`log_evidence` of the active hypotheses, in the order of `active`."""
         return self._evidence[: self.n_active * self.shape[1]]
 
     @property
-    def log_evidence(self) -> np.ndarray:
+    def log_evidence(self) -> NDArray[np.float64]:
         """Log density of what each hypothesis was conditioned on, (T S,)."""
         if not self._moved:
             return self._evidence.copy()
@@ -118,7 +126,11 @@ class RunningBank:
         return evidence
 
     def condition(
-        self, dofs: np.ndarray, rows: np.ndarray, values: np.ndarray, noise_covariance: np.ndarray
+        self,
+        dofs: NDArray[np.int64],
+        rows: NDArray[np.float64],
+        values: NDArray[np.float64],
+        noise_covariance: NDArray[np.float64],
     ) -> None:
         """Condition the active hypotheses on one observation; see `GaussianBatch.condition`.
 
@@ -126,19 +138,21 @@ class RunningBank:
             dofs: (m,).
             rows: (n, m, N) or (n, 1, N), of the `active` hypotheses.
             values: (m,).
-            noise_covariance: (m, m) or (n, m, m).
+            noise_covariance: (m, m).
         """
-        evidence = self._evidence
         for start, stop, block in self._blocks:
-            noise = noise_covariance if noise_covariance.ndim == 2 else noise_covariance[start:stop]
-            evidence[start:stop] += block.condition(dofs, rows[start:stop], values, noise)
+            self._evidence[start:stop] += block.condition(
+                dofs, rows[start:stop], values, noise_covariance
+            )
 
     def apply_downdates(self) -> None:
         """Bring all means and covariances up to date with what was observed."""
         for _, _, block in self._blocks:
             block.apply_downdates()
 
-    def distributions(self, hypotheses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def distributions(
+        self, hypotheses: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Copies of means (n, P N) and covariances (n, P N, P N) of some hypotheses, up to date."""
         n_scales = self.shape[1]
         at = self._place_of[hypotheses // n_scales] * n_scales + hypotheses % n_scales
@@ -150,7 +164,9 @@ class RunningBank:
                 mean[inside], covariance[inside] = block.current(at[inside] - start)
         return mean, covariance
 
-    def moments(self, task: int, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def moments(
+        self, task: int, weights: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean (P N,) and covariance (P N, P N) of the mixture of an active task's hypotheses.
 
         Args:
@@ -170,7 +186,7 @@ class RunningBank:
         deviation = (means - mean) * np.sqrt(weights)[:, None]
         return mean, covariance + deviation.T @ deviation
 
-    def prune(self, tasks: np.ndarray) -> None:
+    def prune(self, tasks: NDArray[np.int64]) -> None:
         """Stop filtering some active tasks; their state stays as it is."""
         self.apply_downdates()
         self.n_active -= len(tasks)
@@ -180,15 +196,15 @@ class RunningBank:
             self._swap(self._place_of[task], self._place_of[other])
         self._make_blocks()
 
-    def copies(self, tasks: np.ndarray) -> list[GaussianBatch]:
-        """Blocks over copies of the hypotheses of tasks that were set aside, in their order."""
+    def copies(self, tasks: NDArray[np.int64]) -> list[GaussianBatch]:
+        """Blocks over copies of the hypotheses of pruned tasks, in their order."""
         n_scales = self.shape[1]
         at = (self._place_of[tasks][:, None] * n_scales + np.arange(n_scales)).ravel()
         edges = range(0, len(at), BLOCK_SIZE)
         return [GaussianBatch(self._state[at[k : k + BLOCK_SIZE]], self.shape[3]) for k in edges]
 
-    def gather(self, tasks: np.ndarray) -> list[GaussianBatch]:
-        """Move tasks that were set aside next to the active ones, still to be caught up.
+    def gather(self, tasks: NDArray[np.int64]) -> list[GaussianBatch]:
+        """Move pruned tasks next to the active ones, to be conditioned on what they missed.
 
         Returns:
             Blocks over their hypotheses, in the order of the tasks. `activate` ends this.
@@ -202,8 +218,8 @@ class RunningBank:
             for start in range(first, last, BLOCK_SIZE)
         ]
 
-    def activate(self, tasks: np.ndarray, log_density: np.ndarray) -> None:
-        """Filter the tasks of the last `gather` again, now that they are caught up.
+    def activate(self, tasks: NDArray[np.int64], log_density: NDArray[np.float64]) -> None:
+        """Filter the tasks of the last `gather` again, conditioned on what they missed.
 
         Args:
             tasks: as they were given to `gather`.

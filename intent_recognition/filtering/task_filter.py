@@ -2,9 +2,10 @@
 """One task's trajectories, from a movement under way."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from intent_recognition.filtering.bank_run import group_dofs
 from intent_recognition.filtering.hypotheses import Hypotheses
+from intent_recognition.filtering.observation_model import Measurement, ObservationModel
 from intent_recognition.filtering.phase_deviation_filter import PhaseDeviationFilter
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.promp import (
@@ -21,35 +22,33 @@ from intent_recognition.promp import (
 from intent_recognition.signals import Observation
 
 N_PHASES = 201
-"""Reference phases that a mixture's trajectories are tabulated at."""
+"""Reference phases at which a mixture's trajectories are tabulated. Convention."""
 N_TABULATED = 101
-"""Those that the controlled agent's trajectory is interpolated between."""
-LONGEST = 1.5
-"""Observations are kept for so many times the longest duration."""
-NEGLIGIBLE = 1e-4
-"""Posterior probability of a duration below which it is left out of a mixture."""
+"""Reference phases between which the controlled agent's trajectory is interpolated. Convention."""
+KEEP_DURATIONS = 1.5
+"""Observations are kept until this many times the longest duration after onset. Convention."""
+NEGLIGIBLE_DURATION = 1e-4
+"""Posterior probability below which a duration is left out of a mixture. Convention."""
 
 
 class TaskFilter:
-    """Durations, leads and weights of one task, taking one observation after the other.
+    """Duration, phase deviation and weights of one task, filtered one measurement after the other.
 
     Args:
-        library: the learned tasks; it has a forecast.
+        library: the learned tasks.
         task: number of the task.
         hypotheses: the grid of durations.
-        onset_ns: stamp from which times count.
     """
 
-    def __init__(self, library: TaskLibrary, task: int, hypotheses: Hypotheses, onset_ns: int):
+    def __init__(self, library: TaskLibrary, task: int, hypotheses: Hypotheses):
         primitives, size = library.primitives, library.primitives.n_observed_weights
         grid = slice(task * hypotheses.n_scales, (task + 1) * hypotheses.n_scales)
         log_prior = hypotheses.log_prior[grid]
-        self.library, self.task, self.onset_ns = library, task, onset_ns
+        self.library, self.task = library, task
         if not np.any(np.isfinite(log_prior)):  # an impossible task can still be asked for
             log_prior = np.zeros_like(log_prior)
         self._log_prior = log_prior - np.logaddexp.reduce(log_prior)
         self._power = hypotheses.duration_evidence
-        self._dofs = [group_dofs(library, k) for k in range(len(library.observed_groups))]
         self.filter = PhaseDeviationFilter(
             primitives,
             primitives.weight_mean[task, :size],
@@ -57,20 +56,18 @@ class TaskFilter:
             hypotheses.duration_s[grid],
         )
 
-    def observe(self, observation: Observation) -> None:
-        """Take positions."""
-        primitives, dofs = self.library.primitives, self._dofs[observation.group]
-        if observation.dofs is not None:
-            dofs = dofs[list(observation.dofs)]
-        noise = np.diag(primitives.noise_variance[dofs] * primitives.noise_scale)
-        if observation.covariance is not None:
-            noise = noise + observation.covariance
-        elapsed_s = (observation.stamp_ns - self.onset_ns) * 1e-9
-        self.filter.observe(elapsed_s, dofs, observation.values, noise)
+    def observe(self, measurement: Measurement) -> None:
+        """Condition on positions, as `ObservationModel.for_prediction` gives them."""
+        self.filter.observe(
+            measurement.elapsed_s,
+            measurement.dofs,
+            measurement.values,
+            measurement.noise_covariance,
+        )
 
     @property
-    def duration_weights(self) -> np.ndarray:
-        """p(duration | observations), (S,); the evidence counts as in `recognition.py`."""
+    def duration_weights(self) -> NDArray[np.float64]:
+        """p(duration | observations), (S,), the evidence to the power `duration_evidence`."""
         log_weight = self._log_prior + self._power * self.filter.log_evidence
         weight = np.exp(log_weight - log_weight.max())
         return weight / weight.sum()
@@ -88,7 +85,7 @@ class TaskFilter:
         covariance = np.tensordot(weight, self.filter.covariance, axes=1)
         return Gaussian(mean, symmetrize(covariance + deviation.T @ deviation))
 
-    def phases_at(self, times_s: np.ndarray) -> np.ndarray:
+    def phases_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Probability of each tabulated reference phase at times after onset, (S, T, G)."""
         phase_deviation, durations = self.filter.deviations_at(times_s), self.filter.duration_s
         phase = reference_phase(
@@ -109,18 +106,19 @@ class TaskFilter:
         return table.reshape(len(durations), len(times_s), N_PHASES)
 
     def mixture_at(
-        self, times_s: np.ndarray, start: StartPosture | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+        self, times_s: NDArray[np.float64], start: StartPosture | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and mean square of the controlled agent at true times after onset, (T, Q) each.
 
-        The mean square includes the noise (Ewerton et al. 2015, Eq. 14, over durations and leads).
+        The mean square includes the noise (Ewerton et al. 2015, Eq. 14, over durations and
+        phase deviations).
         """
         primitives, weights = self.library.primitives, self.duration_weights
         design = primitives.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
         phases = self.phases_at(times_s)
         mean = np.zeros((len(times_s), primitives.n_controlled))
         square = np.zeros_like(mean)
-        for index in np.flatnonzero(weights > NEGLIGIBLE):
+        for index in np.flatnonzero(weights > NEGLIGIBLE_DURATION):
             observed = Gaussian(self.filter.mean[index], self.filter.covariance[index])
             controlled = controlled_weights(primitives, self.task, observed, start)
             position = design @ controlled.mean.reshape(primitives.n_controlled, -1).T
@@ -128,7 +126,7 @@ class TaskFilter:
             variance += primitives.control_noise_variance()
             mean += weights[index] * phases[index] @ position
             square += weights[index] * phases[index] @ (variance + position**2)
-        total = weights[weights > NEGLIGIBLE].sum()
+        total = weights[weights > NEGLIGIBLE_DURATION].sum()
         return mean / total, square / total
 
     def controlled(
@@ -169,7 +167,9 @@ class TaskFilter:
         variance += slope**2 * phase_variance[:, None]
         return Trajectory(times_s, design @ per_dof, slope * rate[:, None], np.sqrt(variance))
 
-    def _path(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _path(
+        self, times_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Expected progress: reference phase, its variance, and phase per second, each (T,).
 
         It never goes back, and is at the end at the last of the times.
@@ -185,11 +185,13 @@ class TaskFilter:
         mean += (1.0 - mean[-1]) * times_s / times_s[-1]
         return mean, variance, np.gradient(mean, times_s)
 
-    def _expected_phase(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and variance of the reference phase over durations and leads, each (T,)."""
+    def _expected_phase(
+        self, times_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean and variance of the reference phase, durations and deviations marginalised, (T,)."""
         phase_deviation, durations = self.library.primitives.phase_deviation, self.filter.duration_s
         weights = self.duration_weights
-        likely = np.flatnonzero(weights > NEGLIGIBLE)
+        likely = np.flatnonzero(weights > NEGLIGIBLE_DURATION)
         share = weights[likely, None, None] / weights[likely].sum()
         share = share * self.filter.deviations_at(times_s)[likely]
         phase = reference_phase(phase_deviation, times_s / durations[likely, None])
@@ -202,7 +204,9 @@ def control_grid(primitives: AlignedPrimitives, task: int) -> ControlGrid:
     return ControlGrid(primitives, task, N_TABULATED)
 
 
-def _between(along: Trajectory, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _between(
+    along: Trajectory, phase: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Positions, slopes and standard deviations at phases (T,), each (T, Q).
 
     Cubic Hermite polynomials between evenly spaced phases; the deviation is linear there.
@@ -222,54 +226,46 @@ def _between(along: Trajectory, phase: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 class TaskFilters:
-    """The forecasts of a movement under way, each task's filtered when it is asked for.
+    """The task filters of a movement under way; each is brought up to date when it is asked for.
 
-    Observations closer together than the library's `correlation_time_s` tell nothing new about
-    what a primitive leaves unexplained; of them the first is used. Velocities are not used, nor is
-    what is observed long after the movement must be over.
+    Observations closer together than the library's `correlation_time_s` say nothing new about what
+    a primitive leaves unexplained; of them the first is used. Velocities are not used, nor is what
+    is observed long after the movement must be over.
 
     Args:
-        library: the learned tasks.
-        hypotheses: the grid of durations.
-        onset_ns: stamp from which times count.
+        model: what observations are to the filters.
         grids: the library's `control_grid` of tasks that had one; others are added.
     """
 
-    def __init__(
-        self,
-        library: TaskLibrary,
-        hypotheses: Hypotheses,
-        onset_ns: int,
-        grids: dict[int, ControlGrid] | None = None,
-    ):
-        self._library, self._hypotheses, self._onset_ns = library, hypotheses, onset_ns
-        self._grids = {} if grids is None else grids
-        self._longest_s = LONGEST * float(np.max(hypotheses.duration_s))
-        self._kept: list[Observation] = []
-        self._runs: dict[int, tuple[TaskFilter, int]] = {}
-        self._last_ns: dict[tuple, int] = {}
-        self._last: tuple[tuple, StartPosture | None, Trajectory] | None = None
+    def __init__(self, model: ObservationModel, grids: dict[int, ControlGrid] | None = None):
+        self._model, self._grids = model, {} if grids is None else grids
+        self._spacing_ns = 0.999e9 * model.library.correlation_time_s
+        self._longest_s = KEEP_DURATIONS * float(np.max(model.hypotheses.duration_s))
+        self._kept: list[Measurement] = []
+        self._filters: dict[int, tuple[TaskFilter, int]] = {}
+        self._last_ns: dict[tuple[int, tuple[int, ...] | None], int] = {}
+        self._last: tuple[tuple[int, int, int], StartPosture | None, Trajectory] | None = None
 
     def observe(self, observation: Observation) -> None:
-        """Keep an observation if a run would use it."""
+        """Keep an observation if a filter would use it."""
         kind = (observation.group, observation.dofs)
-        spacing_ns = 0.999e9 * self._library.correlation_time_s
-        early = observation.stamp_ns - self._last_ns.get(kind, -spacing_ns) < spacing_ns
-        late = (observation.stamp_ns - self._onset_ns) * 1e-9 > self._longest_s
+        last_ns = self._last_ns.get(kind, -self._spacing_ns)
+        early = observation.stamp_ns - last_ns < self._spacing_ns
+        late = self._model.elapsed_s(observation) > self._longest_s
         if early or late or observation.derivative:
             return
         self._last_ns[kind] = observation.stamp_ns
-        self._kept.append(observation)
+        self._kept.append(self._model.for_prediction(observation))
 
     def __getitem__(self, task: int) -> TaskFilter:
-        """The run of a task, with all observations so far."""
-        run, seen = self._runs.get(task, (None, 0))
-        if run is None:
-            run = TaskFilter(self._library, task, self._hypotheses, self._onset_ns)
-        for observation in self._kept[seen:]:
-            run.observe(observation)
-        self._runs[task] = run, len(self._kept)
-        return run
+        """The filter of a task, with all observations so far."""
+        found, seen = self._filters.get(task, (None, 0))
+        if found is None:
+            found = TaskFilter(self._model.library, task, self._model.hypotheses)
+        for measurement in self._kept[seen:]:
+            found.observe(measurement)
+        self._filters[task] = found, len(self._kept)
+        return found
 
     def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
         """The controlled agent's whole interaction under a task, as `TaskFilter.controlled`."""
@@ -277,7 +273,7 @@ class TaskFilters:
         if self._last is not None and self._last[0] == asked and self._last[1] is start:
             return self._last[2]
         if task not in self._grids:
-            self._grids[task] = control_grid(self._library.primitives, task)
+            self._grids[task] = control_grid(self._model.library.primitives, task)
         trajectory = self[task].controlled(n_points, start, self._grids[task])
         self._last = asked, start, trajectory
         return trajectory

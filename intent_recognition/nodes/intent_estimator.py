@@ -14,7 +14,6 @@ from visualization_msgs.msg import MarkerArray
 
 from intent_recognition.demonstrations import DofSpec, load_dofs
 from intent_recognition.errors import ArgumentError, IntentError, describe
-from intent_recognition.filtering import group_dofs
 from intent_recognition.model import Model, check_dofs, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
@@ -237,7 +236,7 @@ class IntentEstimatorNode(ManagedNode):
         if self._shown is None or human is None:
             return
         entry = self._model.dofs.observed[self._shown]
-        columns = group_dofs(self._model.library, self._shown)[position_columns(entry)]
+        columns = self._model.library.observed_dofs(self._shown)[position_columns(entry)]
         positions = human.trajectory.positions[:, columns]
         self._path.publish(to_path(estimate.stamp_ns, self._inputs.frame, human, positions))
         if self._markers.get_subscription_count():

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.phase_deviation import PhaseDeviation
@@ -34,9 +35,9 @@ class AlignedPrimitives:
 
     basis: NormalizedRBFBasis
     n_observed: int
-    weight_mean: np.ndarray
-    weight_covariance: np.ndarray
-    noise_variance: np.ndarray
+    weight_mean: NDArray[np.float64]
+    weight_covariance: NDArray[np.float64]
+    noise_variance: NDArray[np.float64]
     noise_scale: float
     phase_deviation: PhaseDeviation
 
@@ -59,6 +60,10 @@ class AlignedPrimitives:
         """
         return Recovery(self.weight_mean, self.weight_covariance, self.n_observed_weights)
 
-    def control_noise_variance(self) -> np.ndarray:
+    def noise_covariance(self, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Noise of one observation of the observed DOFs `dofs`, (m, m)."""
+        return np.diag(self.noise_variance[dofs] * self.noise_scale)
+
+    def control_noise_variance(self) -> NDArray[np.float64]:
         """Residual variance of the controlled DOFs, (Q,)."""
         return self.noise_variance[self.n_observed :]

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was learned: one interaction primitive per task, with timing, noise and the none model."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp.aligned import AlignedPrimitives
@@ -60,25 +61,27 @@ class TaskLibrary:
     controlled_names: tuple[str, ...]
     observed_units: tuple[str, ...]
     controlled_units: tuple[str, ...]
-    weight_mean: np.ndarray
-    weight_covariance: np.ndarray
-    noise_variance: np.ndarray
+    weight_mean: NDArray[np.float64]
+    weight_covariance: NDArray[np.float64]
+    noise_variance: NDArray[np.float64]
     noise_scale: float
     correlation_time_s: float
-    log_duration_mean: np.ndarray
-    log_duration_std: np.ndarray
-    task_prior: np.ndarray
-    transition_prior: np.ndarray
-    none_mean: np.ndarray
-    none_covariance: np.ndarray
-    none_log_duration: np.ndarray
+    log_duration_mean: NDArray[np.float64]
+    log_duration_std: NDArray[np.float64]
+    task_prior: NDArray[np.float64]
+    transition_prior: NDArray[np.float64]
+    none_mean: NDArray[np.float64]
+    none_covariance: NDArray[np.float64]
+    none_log_duration: NDArray[np.float64]
     none_prior: float
-    n_demonstrations: np.ndarray
+    n_demonstrations: NDArray[np.int64]
     observed_groups: tuple[int, ...]
     onset: tuple[OnsetSettings, ...]
     duration_evidence: float = 1.0
-    none_calibration: np.ndarray = field(default_factory=lambda: np.array(IDENTITY_CALIBRATION))
-    recognition_covariance: np.ndarray | None = None
+    none_calibration: NDArray[np.float64] = field(
+        default_factory=lambda: np.array(IDENTITY_CALIBRATION)
+    )
+    recognition_covariance: NDArray[np.float64] | None = None
     recognition_noise_scale: float | None = None
     aligned: AlignedPrimitives | None = None
     provenance: Mapping[str, object] = field(default_factory=dict)
@@ -104,7 +107,7 @@ class TaskLibrary:
         return self.n_observed * self.basis.n_basis
 
     @property
-    def durations_s(self) -> np.ndarray:
+    def durations_s(self) -> NDArray[np.float64]:
         """Median duration of each task in seconds, (K,)."""
         return np.exp(self.log_duration_mean)
 
@@ -119,12 +122,12 @@ class TaskLibrary:
         )
 
     @cached_property
-    def observed_mean(self) -> np.ndarray:
+    def observed_mean(self) -> NDArray[np.float64]:
         """Prior means of the observed weights, tasks then none, (K + 1, P N)."""
         return np.vstack([self.weight_mean[:, : self.n_observed_weights], self.none_mean])
 
     @cached_property
-    def observed_covariance(self) -> np.ndarray:
+    def observed_covariance(self) -> NDArray[np.float64]:
         """Prior covariances of the observed weights, tasks then none, (K + 1, P N, P N)."""
         size, known = self.n_observed_weights, self.recognition_covariance
         if known is None:
@@ -144,7 +147,21 @@ class TaskLibrary:
             STEADY,
         )
 
-    def noise_covariance(self, dofs: np.ndarray, interval_s: float) -> np.ndarray:
+    def observed_dofs(self, group: int, dofs: Sequence[int] | None = None) -> NDArray[np.int64]:
+        """Indices of the observed DOFs of a signal, (m,).
+
+        Args:
+            group: which observed signal.
+            dofs: which of its DOFs, counted from its first; None means all.
+        """
+        all_dofs = self._dofs_of_groups[group]
+        return all_dofs if dofs is None else all_dofs[list(dofs)]
+
+    @cached_property
+    def _dofs_of_groups(self) -> list[NDArray[np.int64]]:
+        return np.split(np.arange(self.n_observed), np.cumsum(self.observed_groups)[:-1])
+
+    def noise_covariance(self, dofs: NDArray[np.int64], interval_s: float) -> NDArray[np.float64]:
         """Noise of one observation of the observed DOFs `dofs`, (m, m).
 
         What a primitive leaves unexplained is correlated in time. Samples closer together than
@@ -158,6 +175,6 @@ class TaskLibrary:
         scale = self.recognition_noise_scale or self.noise_scale
         return np.diag(self.noise_variance[dofs] * (scale * crowding))
 
-    def control_noise_variance(self) -> np.ndarray:
+    def control_noise_variance(self) -> NDArray[np.float64]:
         """Residual variance of the controlled DOFs, (Q,)."""
         return self.noise_variance[self.n_observed :]

@@ -8,7 +8,8 @@ from intent_recognition.recognition.decision import (
     decide,
     uncertain_end,
 )
-from intent_recognition.recognition.estimator import Estimate, IntentEstimator, Prediction
+from intent_recognition.recognition.estimate import Estimate, Prediction
+from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.offline import predict_controlled, recognize_task
 from intent_recognition.recognition.posterior import TaskPosterior, task_posterior
 from intent_recognition.recognition.start_posture import (

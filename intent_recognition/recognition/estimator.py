@@ -6,116 +6,63 @@ clock: all times are stamps of measurements.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
-from intent_recognition.filtering import N_SCALES, MovementRun, make_hypotheses, make_memory
-from intent_recognition.gaussian import Gaussian
-from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, Trajectory, rollout
+from intent_recognition.filtering import N_SCALES, MovementFilter, make_hypotheses, make_memory
+from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, rollout
+from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.hysteresis import PosteriorHysteresis
+from intent_recognition.recognition.motion_detection import MotionDetector
 from intent_recognition.recognition.posterior import TaskPosterior, task_posterior
 from intent_recognition.recognition.start_posture import POSTURE_UNKNOWN, OnsetPosture
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
-from intent_recognition.signals import (
-    Observation,
-    SignalPast,
-    at_rest,
-    detect_onset,
-    every_second,
-    is_slow,
-)
+from intent_recognition.signals import Observation, every_second
 
-HISTORY_S = 2.0
-"""How much of the past the onset detector sees."""
-FINISHED_PHASE = 0.99
-PAUSE_S = 1.5
-"""Shortest rest in mid-movement that ends it; longer ones are allowed in long tasks."""
-PAUSE_SHARE = 0.3
 CLOCK_RESET_AFTER = 50
-"""So many late observations of a signal on end, in order among themselves: its clock went back."""
-OVERTIME_S = 0.5
-"""How long after its expected end a movement that goes on is still taken for the same one."""
+"""Consecutive late observations of a signal, in order, after which its clock was set back.
+
+Convention: half a second of a motion capture system at 100 Hz.
+"""
 N_COURSE = 50
-"""Points of the course that is predicted where `none` objects to a task that was believed."""
+"""Points of the predicted course that `PosteriorHysteresis` compares positions with. Convention."""
 MAX_OBSERVATIONS = 2**14
-"""Observations of a movement kept for a change of library; of more, every second one is."""
+"""Observations of a movement kept for a change of library; beyond, every second one is dropped.
+
+Convention: it bounds the memory.
+"""
 
 
-class Estimate(NamedTuple):
-    """Task, phase and onset after an observation.
+class _Movement:
+    """The movement under way: its filter, its hysteresis, and what was observed of it."""
 
-    Attributes:
-        stamp_ns: of the observation.
-        moving: whether a movement is under way; when not, `none` is certain and the rest is zero.
-        onset_ns: when it began, 0 when idle.
-        probabilities: of the K tasks and none, (K + 1,), in the order of `labels`.
-        phase: expected phase given each task, (K + 1,).
-        log_evidence: of each task since onset, (K + 1,).
-        posterior: the whole of it, None when idle.
-        labels: of the K tasks, and "none".
-    """
-
-    stamp_ns: int
-    moving: bool
-    onset_ns: int
-    probabilities: NDArray[np.float64]
-    phase: NDArray[np.float64]
-    log_evidence: NDArray[np.float64]
-    posterior: TaskPosterior | None
-    labels: tuple[str, ...]
-
-    @property
-    def task(self) -> str:
-        """Label of the most probable task, or "none"."""
-        return self.labels[int(np.argmax(self.probabilities))]
-
-    @property
-    def task_probabilities(self) -> dict[str, float]:
-        """Probability of each task and of "none", by label."""
-        return dict(zip(self.labels, self.probabilities.tolist(), strict=True))
-
-
-class Prediction(NamedTuple):
-    """Trajectory of one agent under the most probable task.
-
-    Attributes:
-        task: its label.
-        onset_ns: the stamp from which the trajectory's times count.
-        trajectory: means and spread.
-        start: what became of the controlled agent's posture at onset; see `posture`.
-    """
-
-    task: str
-    onset_ns: int
-    trajectory: Trajectory
-    start: str = ""
-
-
-class _Movement(MovementRun):
-    """The movement under way, and its observations in case the library changes."""
-
-    def __init__(self, *args, **options):
-        super().__init__(*args, **options)
-        self.observations: list[Observation] = []
+    def __init__(self, movement_filter: MovementFilter):
+        self.filter, self.observations = movement_filter, list[Observation]()
+        task_filters = movement_filter.task_filters
         self.hysteresis = PosteriorHysteresis(
-            self.hypotheses.log_task_prior,
-            self.library.n_observed,
-            lambda task: self.task_filters[task].observed(N_COURSE),
+            movement_filter.hypotheses.log_task_prior,
+            movement_filter.library.n_observed,
+            lambda task: task_filters[task].observed(N_COURSE),
         )
 
+    @property
+    def onset_ns(self) -> int:
+        return self.filter.onset_ns
+
     def observe(self, observation: Observation) -> None:
-        super().observe(observation)
+        self.filter.observe(observation)
         if not observation.derivative:
-            self.hysteresis.see(self.dofs_of(observation), observation.values)
+            dofs = self.filter.library.observed_dofs(observation.group, observation.dofs)
+            self.hysteresis.see(dofs, observation.values)
         self.observations.append(observation)
         if len(self.observations) > MAX_OBSERVATIONS:
             self.observations = every_second(self.observations)
 
     def posterior(self, stamp_ns: int) -> TaskPosterior:
-        return task_posterior(self, self.hypotheses, (stamp_ns - self.onset_ns) * 1e-9)
+        elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
+        return task_posterior(self.filter.log_evidence, self.filter.hypotheses, elapsed_s)
 
 
 class IntentEstimator:
@@ -149,11 +96,10 @@ class IntentEstimator:
         self._grids: dict[int, ControlGrid] = {}
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._hypotheses = make_hypotheses(library, task_prior, n_scales)
-        self._past = [SignalPast(size, HISTORY_S) for size in library.observed_groups]
+        self._detector = MotionDetector(library.observed_groups, library.onset)
         self._memory = make_memory(library, self._hypotheses)
         self._movement: _Movement | None = None
         self._posterior: TaskPosterior | None = None
-        self._needs_rest = False
 
     def observe(
         self,
@@ -185,7 +131,7 @@ class IntentEstimator:
         observation = self._as_observation(stamp_s, values, signal, dofs, covariance)
         reason = self._defect(observation)
         if reason is not None:
-            raise _error(reason, observation, self._past[signal].n_dofs)
+            raise _error(reason, observation, self._detector.pasts[signal].n_dofs)
         return self.update(observation)
 
     def _as_observation(
@@ -197,16 +143,16 @@ class IntentEstimator:
         covariance: ArrayLike | None,
     ) -> Observation:
         """The observation of some arrays, as far as `_defect` does not look at them."""
-        if not 0 <= signal < len(self._past):
+        if not 0 <= signal < len(self._detector.pasts):
             raise ArgumentError(
                 describe(
                     "signal",
-                    f"0 to {len(self._past) - 1}",
+                    f"0 to {len(self._detector.pasts) - 1}",
                     signal,
                     "The library's observed_groups lists its signals.",
                 )
             )
-        n_dofs = self._past[signal].n_dofs
+        n_dofs = self._detector.pasts[signal].n_dofs
         if dofs is not None and not (
             dofs and len(set(dofs)) == len(dofs) and all(0 <= k < n_dofs for k in dofs)
         ):
@@ -241,7 +187,7 @@ class IntentEstimator:
 
     def _defect(self, observation: Observation) -> str | None:
         """`reason_to_reject` of an observation whose clock may begin anywhere."""
-        dofs, past = observation.dofs, self._past[observation.group]
+        dofs, past = observation.dofs, self._detector.pasts[observation.group]
         expected = past.n_dofs if dofs is None else len(dofs)
         if np.shape(observation.values) != (expected,):
             return "wrong_size"
@@ -261,12 +207,12 @@ class IntentEstimator:
 
     def update(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""
-        self._past[observation.group].add(observation)
-        for past in self._past:  # a signal that fell silent must not speak for ever
-            past.forget_before(observation.stamp_ns)
+        self._detector.add(observation)
         if self._movement is None:
             self.expectation.forget_if_long_ago(observation.stamp_ns)
-            self._begin_if_moving()
+            onset_ns = self._detector.onset_ns()
+            if onset_ns is not None:
+                self._begin(onset_ns, self._detector.since(onset_ns))
         elif observation.stamp_ns >= self._movement.onset_ns:
             self._movement.observe(observation)
         if self._movement is None:
@@ -274,7 +220,8 @@ class IntentEstimator:
         posterior = self._movement.posterior(observation.stamp_ns)
         self._posterior = self.expectation.weigh(self._movement.hysteresis.hold(posterior))
         self._movement.hysteresis.believe(self._posterior.probabilities)
-        if self._finished(observation.stamp_ns, self._posterior):
+        elapsed_s = (observation.stamp_ns - self._movement.onset_ns) * 1e-9
+        if self._detector.is_over(elapsed_s, self._posterior):
             self.expectation.remember(observation.stamp_ns, self._posterior)
             self._movement = self._posterior = None
             return self._idle(observation.stamp_ns)
@@ -346,7 +293,7 @@ class IntentEstimator:
         start, used = None, POSTURE_UNKNOWN
         if self._posture is not None:
             start, used = self._posture.given(self.library, task, self._movement.onset_ns)
-        trajectory = self._movement.task_filters.controlled(task, n_points, start)
+        trajectory = self._movement.filter.task_filters.controlled(task, n_points, start)
         return Prediction(self.library.labels[task], self._movement.onset_ns, trajectory, used)
 
     def predicted_end_std(self) -> float | None:
@@ -363,21 +310,13 @@ class IntentEstimator:
             return None
         task = int(np.argmax(self._posterior.probabilities))
         if task < self.library.n_tasks:
-            trajectory = self._movement.task_filters[task].observed(n_points)
+            trajectory = self._movement.filter.task_filters[task].observed(n_points)
             return Prediction(self.library.labels[task], self._movement.onset_ns, trajectory)
+        weights = self._movement.filter.moments(task, self._posterior.scale_weights[task])
         noise = self.library.noise_variance[: self.library.n_observed]
         phase = np.linspace(self._posterior.phase[task], 1.0, n_points)
-        return self._prediction(task, self._observed(task), noise, phase)
-
-    def _observed(self, task: int) -> Gaussian:
-        return self._movement.moments(task, self._posterior.scale_weights[task])
-
-    def _prediction(
-        self, task: int, weights: Gaussian, noise: np.ndarray, phase: np.ndarray
-    ) -> Prediction:
-        trajectory = rollout(
-            self.library.basis, weights, phase, float(self._posterior.duration_s[task]), noise
-        )
+        duration_s = float(self._posterior.duration_s[task])
+        trajectory = rollout(self.library.basis, weights, phase, duration_s, noise)
         return Prediction(self._labels[task], self._movement.onset_ns, trajectory)
 
     def reset(self) -> None:
@@ -386,9 +325,7 @@ class IntentEstimator:
         self.expectation.reset()
         if self._posture is not None:
             self._posture.clear()
-        self._needs_rest = False
-        for past in self._past:
-            past.clear()
+        self._detector.clear()
 
     def swap(self, library: TaskLibrary, task_prior: np.ndarray | None = None) -> None:
         """Go on with another library; the movement under way is filtered anew from its onset.
@@ -411,6 +348,7 @@ class IntentEstimator:
         self.library = library
         self._labels = (*library.labels, NONE)
         self._grids = {}
+        self._detector.settings = library.onset
         self.expectation.swap(library, task_prior)
         self._hypotheses = make_hypotheses(library, task_prior, self._n_scales)
         if self._posture is not None:
@@ -421,56 +359,20 @@ class IntentEstimator:
             last_ns = before.observations[-1].stamp_ns
             self._posterior = self.expectation.weigh(self._movement.posterior(last_ns))
 
-    def _begin_if_moving(self) -> None:
-        if self._needs_rest:
-            self._needs_rest = not self._at_rest()
-            return
-        onsets = []
-        for settings, past in zip(self.library.onset, self._past, strict=True):
-            for history in past.speaking(settings.rest_s):
-                onset = detect_onset(settings, *history.arrays())
-                if onset is not None:
-                    onsets.append(history.first_ns + round(onset * 1e9))
-        if not onsets:
-            return
-        found = [o for past in self._past for o in past.observations() if o.stamp_ns >= min(onsets)]
-        self._begin(min(onsets), sorted(found, key=lambda o: (o.stamp_ns, o.group, o.derivative)))
-
     def _begin(self, onset_ns: int, past: list[Observation]) -> None:
         """Filter a movement from its onset, in the memory of the one before."""
-        self._movement = _Movement(
+        movement_filter = MovementFilter(
             self.library,
             self._hypotheses,
             onset_ns,
-            self._grids,
             memory=self._memory,
+            grids=self._grids,
             prune=True,
             task_weight=self.expectation.ratio,
         )
-        self._memory = self._movement.memory
+        self._memory, self._movement = movement_filter.memory, _Movement(movement_filter)
         for observation in past:
             self._movement.observe(observation)
-
-    def _at_rest(self, rest_s: float | None = None) -> bool:
-        return all(
-            is_slow(settings, *history.arrays(settings.window_s))
-            and at_rest(settings, *history.arrays(), rest_s)
-            for settings, past in zip(self.library.onset, self._past, strict=True)
-            for history in past.speaking(settings.rest_s)
-        )
-
-    def _finished(self, stamp_ns: int, posterior: TaskPosterior) -> bool:
-        """Whether the movement is over: done and at rest, stopped half-way, or overdue."""
-        elapsed = (stamp_ns - self._movement.onset_ns) * 1e-9
-        duration = float(posterior.probabilities @ posterior.duration_s)
-        phase = float(posterior.probabilities @ posterior.phase)
-        if elapsed > duration + OVERTIME_S and phase >= FINISHED_PHASE:
-            self._needs_rest = not self._at_rest()
-            return True
-        none_leads = int(np.argmax(posterior.probabilities)) == self.library.n_tasks
-        if phase >= FINISHED_PHASE or none_leads:
-            return self._at_rest()
-        return self._at_rest(min(max(PAUSE_S, PAUSE_SHARE * duration), HISTORY_S - 0.1))
 
     def _idle(self, stamp_ns: int) -> Estimate:
         size = self.library.n_tasks + 1

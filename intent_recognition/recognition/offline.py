@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.filtering import (
     Hypotheses,
-    MovementRun,
+    MovementFilter,
     fixed_hypotheses,
     make_hypotheses,
 )
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
-from intent_recognition.recognition.estimator import Estimate
+from intent_recognition.recognition.estimate import Estimate
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals import Observation
 
@@ -48,7 +48,7 @@ def recognize_task(
     """
     hypotheses = _hypotheses(library, duration_s)
     run, last_ns = _filtered(library, hypotheses, times_s, human, onset_s)
-    posterior = task_posterior(run, hypotheses, (last_ns - run.onset_ns) * 1e-9)
+    posterior = task_posterior(run.log_evidence, hypotheses, (last_ns - run.onset_ns) * 1e-9)
     return Estimate(
         last_ns,
         True,
@@ -92,7 +92,7 @@ def predict_controlled(
     hypotheses = _hypotheses(library, duration_s)
     run, last_ns = _filtered(library, hypotheses, times_s, human, onset_s)
     if task is None:
-        posterior = task_posterior(run, hypotheses, (last_ns - run.onset_ns) * 1e-9)
+        posterior = task_posterior(run.log_evidence, hypotheses, (last_ns - run.onset_ns) * 1e-9)
         return run.task_filters.controlled(int(np.argmax(posterior.probabilities[:-1])), n_points)
     if task not in library.labels:
         cure = "Learn it first, or pass None for the most probable task."
@@ -116,11 +116,11 @@ def _filtered(
     times_s: ArrayLike,
     human: ArrayLike,
     onset_s: float | None,
-) -> tuple[MovementRun, int]:
+) -> tuple[MovementFilter, int]:
     """The hypotheses conditioned on the samples from onset on, and the stamp of the last one."""
     stamps_ns, values = _checked(library, times_s, human)
     onset_ns = int(stamps_ns[0]) if onset_s is None else round(onset_s * 1e9)
-    run = MovementRun(library, hypotheses, onset_ns)
+    run = MovementFilter(library, hypotheses, onset_ns)
     last_ns = None
     for observation in _observations(library, stamps_ns, values):
         if observation.stamp_ns >= onset_ns:

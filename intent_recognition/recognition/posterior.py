@@ -18,8 +18,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from intent_recognition.filtering import FilterBank, Hypotheses
+from intent_recognition.filtering import Hypotheses
 from intent_recognition.promp import IDENTITY_CALIBRATION
 
 
@@ -42,22 +43,30 @@ class TaskPosterior(NamedTuple):
     scale_weights: np.ndarray
 
 
-def task_posterior(bank: FilterBank, hypotheses: Hypotheses, elapsed_s: float) -> TaskPosterior:
-    """Posterior of the tasks so long after onset, marginal over the durations."""
+def task_posterior(
+    log_evidence: NDArray[np.float64], hypotheses: Hypotheses, elapsed_s: float
+) -> TaskPosterior:
+    """Posterior of the tasks, marginal over the durations (Maeda et al. 2014, Eq. 9-11).
+
+    Args:
+        log_evidence: log density of the observations under each hypothesis, (B,).
+        hypotheses: the grid of tasks and durations.
+        elapsed_s: time since onset.
+    """
     shape = (-1, hypotheses.n_scales)
     log_prior = hypotheses.log_prior.reshape(shape)
-    log_scale_evidence = bank.log_evidence.reshape(shape)
+    log_scale_evidence = log_evidence.reshape(shape)
     log_joint = log_prior + log_scale_evidence
     log_task_prior = np.logaddexp.reduce(log_prior, axis=1)
     log_task = np.logaddexp.reduce(log_joint, axis=1)
     possible = np.isfinite(log_task)
     with np.errstate(invalid="ignore"):
-        log_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
+        log_task_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
         if tuple(hypotheses.none_calibration) != IDENTITY_CALIBRATION:
-            log_evidence[-1] = calibrated_none(
-                log_evidence, log_task_prior, hypotheses.none_calibration
+            log_task_evidence[-1] = calibrated_none(
+                log_task_evidence, log_task_prior, hypotheses.none_calibration
             )
-            log_task[-1] = log_task_prior[-1] + log_evidence[-1]
+            log_task[-1] = log_task_prior[-1] + log_task_evidence[-1]
         tempered = log_prior + hypotheses.duration_evidence * log_scale_evidence
         scale_weights = np.exp(tempered - np.max(tempered, axis=1, keepdims=True))
     scale_weights[~possible] = 1.0 / hypotheses.n_scales
@@ -68,7 +77,7 @@ def task_posterior(bank: FilterBank, hypotheses: Hypotheses, elapsed_s: float) -
     duration = hypotheses.duration_s.reshape(shape)
     return TaskPosterior(
         probabilities,
-        log_evidence,
+        log_task_evidence,
         np.sum(scale_weights * phase, axis=1),
         np.sum(scale_weights * duration, axis=1),
         scale_weights,

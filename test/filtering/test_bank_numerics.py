@@ -9,8 +9,8 @@ from scipy.stats import multivariate_normal
 from simulation import START_NS, draw_weights, make_library
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.filtering.bank_run import BankRun
 from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
+from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.gaussian import batch as filter_block
 from intent_recognition.gaussian.batch import GaussianBatch, make_state
 from intent_recognition.gaussian.normal import Gaussian, condition
@@ -94,10 +94,10 @@ def test_any_observations_in_any_order_of_signals_equal_one_joint_gaussian(seed)
     library = make_library(rng, groups=(3, 2), n_basis=20, correlation_time_s=0.03)
     hypotheses = make_hypotheses(library, n_scales=3)
     observations = stream(library, rng)
-    run = BankRun(library, hypotheses, None, START_NS)
+    run = MovementFilter(library, hypotheses, START_NS)
     for observation in observations:
         run.observe(observation)
-        total = task_posterior(run, hypotheses, 0.0).probabilities.sum()
+        total = task_posterior(run.log_evidence, hypotheses, 0.0).probabilities.sum()
         assert total == pytest.approx(1.0, abs=1e-12)
     bank = run.bank
     for b in (0, 4, 11):

@@ -6,6 +6,7 @@ import pytest
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.filtering.hypotheses import Hypotheses, fixed_hypotheses, make_hypotheses
+from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.task_filter import TaskFilters
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.promp.library import TaskLibrary
@@ -29,7 +30,7 @@ def standardised_errors(
         for o in merge(recording.observed)
         if (o.stamp_ns - START_NS) * 1e-9 <= fraction * duration
     ]
-    task_filters = TaskFilters(library, hypotheses, START_NS)
+    task_filters = TaskFilters(ObservationModel(library, hypotheses, START_NS))
     for observation in seen:
         task_filters.observe(observation)
     times = np.linspace(0.0, duration, n_times)

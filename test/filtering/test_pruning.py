@@ -10,8 +10,8 @@ from simulation import START_NS, make_library, simulate
 from intent_recognition.errors import ShapeError
 from intent_recognition.filtering import pruning, running_bank
 from intent_recognition.filtering.bank import start_bank
-from intent_recognition.filtering.bank_run import BankRun, make_memory
 from intent_recognition.filtering.hypotheses import make_hypotheses
+from intent_recognition.filtering.movement import MovementFilter, make_memory
 from intent_recognition.filtering.running_bank import RunningBank
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.recognition.transitions import weigh
@@ -32,7 +32,7 @@ def scene(seed: int, n_tasks: int = 40, **made):
 
 def runs(library, hypotheses):
     """The same bank with and without pruning."""
-    return (BankRun(library, hypotheses, None, START_NS, prune=prune) for prune in (True, False))
+    return (MovementFilter(library, hypotheses, START_NS, prune=prune) for prune in (True, False))
 
 
 def task_joint(log_evidence: np.ndarray, hypotheses) -> np.ndarray:
@@ -50,8 +50,8 @@ def test_probabilities_are_those_of_a_bank_never_pruned(seed, correlation_time_s
         pruned.observe(observation)
         whole.observe(observation)
         elapsed_s = (observation.stamp_ns - START_NS) * 1e-9
-        ours = task_posterior(pruned, hypotheses, elapsed_s)
-        expected = task_posterior(whole, hypotheses, elapsed_s)
+        ours = task_posterior(pruned.log_evidence, hypotheses, elapsed_s)
+        expected = task_posterior(whole.log_evidence, hypotheses, elapsed_s)
         np.testing.assert_allclose(ours.probabilities, expected.probabilities, atol=1e-12)
         assert ours.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
         bound = task_joint(pruned.log_evidence, hypotheses)
@@ -98,8 +98,8 @@ def test_when_the_movement_turns_to_a_task_set_aside_it_is_taken_back():
     for observation in (o for o in second if o.stamp_ns > first[49].stamp_ns):
         pruned.observe(observation)
         whole.observe(observation)
-        ours = task_posterior(pruned, hypotheses, 1.0).probabilities
-        expected = task_posterior(whole, hypotheses, 1.0).probabilities
+        ours = task_posterior(pruned.log_evidence, hypotheses, 1.0).probabilities
+        expected = task_posterior(whole.log_evidence, hypotheses, 1.0).probabilities
         np.testing.assert_allclose(ours, expected, atol=1e-12)
     np.testing.assert_allclose(pruned.bank.mean, whole.bank.mean, atol=1e-12)
 
@@ -112,8 +112,8 @@ def test_an_outlier_takes_nobody_s_chance(monkeypatch):
             observation = observation._replace(values=observation.values + 3.0)
         pruned.observe(observation)
         whole.observe(observation)
-        ours = task_posterior(pruned, hypotheses, 1.0).probabilities
-        expected = task_posterior(whole, hypotheses, 1.0).probabilities
+        ours = task_posterior(pruned.log_evidence, hypotheses, 1.0).probabilities
+        expected = task_posterior(whole.log_evidence, hypotheses, 1.0).probabilities
         np.testing.assert_allclose(ours, expected, atol=1e-12)
 
 
@@ -121,18 +121,20 @@ def test_an_outlier_takes_nobody_s_chance(monkeypatch):
 def test_a_posterior_that_is_weighed_anew_is_exact_too(unlikely):
     """The likeliest task is made next to impossible: the others must not have been left behind."""
     library, hypotheses, observations = scene(13)
-    whole = BankRun(library, hypotheses, None, START_NS)
+    whole = MovementFilter(library, hypotheses, START_NS)
     for observation in observations:
         whole.observe(observation)
     ratio = np.ones(library.n_tasks)
-    ratio[np.argmax(task_posterior(whole, hypotheses, 1.0).probabilities[:-1])] = unlikely
-    whole = BankRun(library, hypotheses, None, START_NS)
-    pruned = BankRun(library, hypotheses, None, START_NS, prune=True, task_weight=ratio)
+    ratio[np.argmax(task_posterior(whole.log_evidence, hypotheses, 1.0).probabilities[:-1])] = (
+        unlikely
+    )
+    whole = MovementFilter(library, hypotheses, START_NS)
+    pruned = MovementFilter(library, hypotheses, START_NS, prune=True, task_weight=ratio)
     for observation in observations:
         pruned.observe(observation)
         whole.observe(observation)
         ours, theirs = (
-            weigh(task_posterior(run, hypotheses, 1.0), ratio).probabilities
+            weigh(task_posterior(run.log_evidence, hypotheses, 1.0), ratio).probabilities
             for run in (pruned, whole)
         )
         np.testing.assert_allclose(ours, theirs, atol=1e-12)
@@ -144,10 +146,10 @@ def test_an_excluded_task_is_set_aside_and_stays_impossible():
     prior = np.full(40, 1.0 / 39.0)
     prior[3] = 0.0
     hypotheses = make_hypotheses(library, prior, N_SCALES)
-    run = BankRun(library, hypotheses, None, START_NS, prune=True)
+    run = MovementFilter(library, hypotheses, START_NS, prune=True)
     for observation in observations:
         run.observe(observation)
-        assert task_posterior(run, hypotheses, 1.0).probabilities[3] == 0.0
+        assert task_posterior(run.log_evidence, hypotheses, 1.0).probabilities[3] == 0.0
     assert 3 in run.pruned_tasks
     assert np.all(np.isfinite(run.bank.mean))
 
@@ -159,14 +161,14 @@ def test_kept_observations_are_replayed_before_they_fill_the_memory(monkeypatch)
     for observation in observations:
         pruned.observe(observation)
         whole.observe(observation)
-        assert len(pruned._pruned._kept) <= 10
+        assert len(pruned._bank._kept) <= 10
     for ours, theirs in zip(pruned.bank, whole.bank, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
 
 
 def test_few_hypotheses_are_all_filtered(rng):
     library = make_library(rng, n_basis=4)
-    run = BankRun(library, make_hypotheses(library), None, START_NS, prune=True)
+    run = MovementFilter(library, make_hypotheses(library), START_NS, prune=True)
     for observation in merge(simulate(library, 0, rng).observed):
         run.observe(observation)
     assert not len(run.pruned_tasks)
@@ -174,11 +176,11 @@ def test_few_hypotheses_are_all_filtered(rng):
 
 def test_blocks_make_no_difference(monkeypatch):
     library, hypotheses, observations = scene(10)
-    expected = BankRun(library, hypotheses, None, START_NS)
+    expected = MovementFilter(library, hypotheses, START_NS)
     for observation in observations[:30]:
         expected.observe(observation)
     monkeypatch.setattr(running_bank, "BLOCK_SIZE", 7)
-    cut = BankRun(library, hypotheses, None, START_NS, prune=True)
+    cut = MovementFilter(library, hypotheses, START_NS, prune=True)
     for observation in observations[:30]:
         cut.observe(observation)
     for ours, theirs in zip(cut.bank, expected.bank, strict=True):
@@ -188,12 +190,12 @@ def test_blocks_make_no_difference(monkeypatch):
 def test_memory_used_again_remembers_nothing():
     library, hypotheses, observations = scene(11)
     memory = make_memory(library, hypotheses)
-    first = BankRun(library, hypotheses, None, START_NS, memory=memory, prune=True)
+    first = MovementFilter(library, hypotheses, START_NS, memory=memory, prune=True)
     for observation in observations:
         first.observe(observation)
     assert len(first.pruned_tasks)
-    second = BankRun(library, hypotheses, None, START_NS, memory=memory)
-    fresh = BankRun(library, hypotheses, None, START_NS)
+    second = MovementFilter(library, hypotheses, START_NS, memory=memory)
+    fresh = MovementFilter(library, hypotheses, START_NS)
     assert second.memory is memory
     for observation in observations[:20]:
         second.observe(observation)
@@ -201,18 +203,18 @@ def test_memory_used_again_remembers_nothing():
     for ours, theirs in zip(second.bank, fresh.bank, strict=True):
         assert np.array_equal(ours, theirs)
     small = make_hypotheses(library, n_scales=2)
-    assert BankRun(library, small, None, START_NS, memory=memory).memory is not memory
+    assert MovementFilter(library, small, START_NS, memory=memory).memory is not memory
 
 
 def test_a_run_may_begin_with_a_bank_that_has_seen_something():
     library, hypotheses, observations = scene(12)
-    whole = BankRun(library, hypotheses, start_bank(library, hypotheses), START_NS)
-    half = BankRun(library, hypotheses, None, START_NS)
+    whole = MovementFilter(library, hypotheses, START_NS, initial=start_bank(library, hypotheses))
+    half = MovementFilter(library, hypotheses, START_NS)
     for observation in observations[:20]:
         whole.observe(observation)
         half.observe(observation)
-    rest = BankRun(library, hypotheses, half.bank, START_NS, prune=True)
-    rest._last_ns = list(half._last_ns)
+    rest = MovementFilter(library, hypotheses, START_NS, initial=half.bank, prune=True)
+    rest.observation_model._last_ns = list(half.observation_model._last_ns)
     for observation in observations[20:]:
         whole.observe(observation)
         rest.observe(observation)

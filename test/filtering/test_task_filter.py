@@ -9,8 +9,9 @@ from plain import mixture_at
 from simulation import START_NS, make_library, minimum_jerk, simulate, weights_of
 
 from intent_recognition.filtering.bank import start_bank
-from intent_recognition.filtering.bank_run import run_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
+from intent_recognition.filtering.movement import run_bank
+from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.task_filter import TaskFilter, TaskFilters, control_grid
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.aligned import AlignedPrimitives
@@ -38,9 +39,12 @@ def seen(library: TaskLibrary, rng: np.random.Generator, n: int, task: int = 0) 
 
 
 def run_on(library, task, hypotheses, observations) -> TaskFilter:
-    run = TaskFilter(library, task, hypotheses, START_NS)
+    run, model = (
+        TaskFilter(library, task, hypotheses),
+        ObservationModel(library, hypotheses, START_NS),
+    )
     for observation in observations:
-        run.observe(observation)
+        run.observe(model.for_prediction(observation))
     return run
 
 
@@ -73,7 +77,7 @@ def test_durations_at_steady_progress_are_mixed_as_in_the_bank(rng, n):
     observations = seen(library, rng, n)
     bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
     run = run_on(library, 0, hypotheses, observations)
-    posterior = task_posterior(bank, hypotheses, 1.0)
+    posterior = task_posterior(bank.log_evidence, hypotheses, 1.0)
     np.testing.assert_allclose(run.duration_weights, posterior.scale_weights[0], atol=1e-9)
     np.testing.assert_allclose(run.duration_s, posterior.duration_s[0], atol=1e-9)
     weights = posterior.scale_weights[:2] * np.array([[1.0], [0.0]])
@@ -239,7 +243,7 @@ def test_each_signal_is_used_once_per_correlation_time(rng):
     library = library_with(rng, LEADING, groups=(2, 1), correlation_time_s=0.1)
     hypotheses = make_hypotheses(library, n_scales=3)
     observations = dense_stream(library, rng)
-    task_filters = TaskFilters(library, hypotheses, START_NS)
+    task_filters = TaskFilters(ObservationModel(library, hypotheses, START_NS))
     for observation in observations:
         task_filters.observe(observation)
     kept = [
@@ -256,7 +260,7 @@ def test_each_signal_is_used_once_per_correlation_time(rng):
 def test_asking_late_equals_asking_all_the_time(rng):
     library = library_with(rng, LEADING, groups=(2, 1), correlation_time_s=0.03)
     hypotheses = make_hypotheses(library, n_scales=3)
-    late, always = (TaskFilters(library, hypotheses, START_NS) for _ in range(2))
+    late, always = (TaskFilters(ObservationModel(library, hypotheses, START_NS)) for _ in range(2))
     for observation in dense_stream(library, rng):
         late.observe(observation)
         always.observe(observation)
@@ -301,7 +305,9 @@ def test_who_hesitates_is_predicted_better_with_leads(seed):
         weights = rng.multivariate_normal(
             primitives.weight_mean[0], primitives.weight_covariance[0]
         )
-        run = TaskFilter(library, 0, fixed_hypotheses(library, 2.0), START_NS)
+        hypotheses = fixed_hypotheses(library, 2.0)
+        run = TaskFilter(library, 0, hypotheses)
+        model = ObservationModel(library, hypotheses, START_NS)
 
         def truth(times, weights=weights, basis=primitives.basis):
             row = basis.design_matrix(hesitation(times / 2.0))
@@ -309,7 +315,8 @@ def test_who_hesitates_is_predicted_better_with_leads(seed):
 
         for time in np.arange(1, 18) / 30 * 2.0:
             values = truth(np.array([time]))[0, :2] + 0.01 * rng.normal(size=2)
-            run.observe(Observation(START_NS + round(time * 1e9), 0, values))
+            observation = Observation(START_NS + round(time * 1e9), 0, values)
+            run.observe(model.for_prediction(observation))
         ahead = np.linspace(0.6, 1.3, 15)
         mean, square = run.mixture_at(ahead)
         error = mean[:, 0] - truth(ahead)[:, 2]

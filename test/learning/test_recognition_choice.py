@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from simulation import make_library, simulate
 
-from intent_recognition.filtering.bank_run import BankRun
 from intent_recognition.filtering.hypotheses import make_hypotheses
+from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.learning.examples import sample_phases
 from intent_recognition.learning.recognition_choice import least_noise, recognition_losses
 from intent_recognition.learning.settings import TrainingSettings
@@ -33,12 +33,14 @@ def test_left_out_demonstrations_are_recognised_a_little_less_surely_than_by_the
     expected = []
     for label, task in tasks.items():
         for example in task.examples:
-            run = BankRun(library, hypotheses, None, 0)
+            run = MovementFilter(library, hypotheses, 0)
             losses = []
             for phase, values in zip(sample_phases(), example.observed, strict=True):
                 stamp_ns = round(phase * example.duration_s * 1e9)
                 run.observe(Observation(stamp_ns, 0, values))
-                evidence = task_posterior(run, hypotheses, stamp_ns * 1e-9).log_evidence[:-1]
+                evidence = task_posterior(
+                    run.log_evidence, hypotheses, stamp_ns * 1e-9
+                ).log_evidence[:-1]
                 own = evidence[library.labels.index(label)]
                 losses.append(np.logaddexp.reduce(evidence) - own)
             expected.append(np.mean(losses))

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from simulation import make_library, simulate
 
 from intent_recognition.filtering.bank import start_bank
-from intent_recognition.filtering.bank_run import BankRun
 from intent_recognition.filtering.hypotheses import make_hypotheses
+from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.learning import unknown_task_calibration as none_calibration
 from intent_recognition.learning.held_out import prefix_log_evidence
@@ -108,14 +108,16 @@ def test_prefix_evidence_equals_conditioning_sample_by_sample(recordings):
     library = learn(recordings, WHOLE)
     recorded, task = recordings[1], 1
     hypotheses = make_hypotheses(library)
-    run = BankRun(library, hypotheses, start_bank(library, hypotheses), recorded.start_ns)
+    run = MovementFilter(
+        library, hypotheses, recorded.start_ns, initial=start_bank(library, hypotheses)
+    )
     stepwise, times, values = [], [], []
     for observation in list(merge(recorded.observed))[:25]:
         run.observe(observation)
         times.append((observation.stamp_ns - recorded.start_ns) * 1e-9)
         values.append(observation.values)
         plain = hypotheses._replace(none_calibration=IDENTITY_CALIBRATION)
-        stepwise.append(task_posterior(run.bank, plain, times[-1]).log_evidence)
+        stepwise.append(task_posterior(run.bank.log_evidence, plain, times[-1]).log_evidence)
     stepwise = np.array(stepwise)
     for number, primitive, timing in (
         (
@@ -135,10 +137,12 @@ def test_the_calibration_leaves_the_tasks_among_themselves_alone(recordings):
     posteriors = []
     for one in (library, replace(library, none_calibration=IDENTITY_CALIBRATION)):
         hypotheses = make_hypotheses(one)
-        run = BankRun(one, hypotheses, start_bank(one, hypotheses), recorded.start_ns)
+        run = MovementFilter(
+            one, hypotheses, recorded.start_ns, initial=start_bank(one, hypotheses)
+        )
         for observation in list(merge(recorded.observed))[:6]:
             run.observe(observation)
-        posteriors.append(task_posterior(run.bank, hypotheses, 0.5))
+        posteriors.append(task_posterior(run.bank.log_evidence, hypotheses, 0.5))
     ours, plain = posteriors
     assert np.array_equal(ours.log_evidence[:-1], plain.log_evidence[:-1])
     assert ours.log_evidence[-1] != plain.log_evidence[-1]
@@ -156,12 +160,14 @@ def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
         library = learn([r for r in recordings if r.task != left_out], WHOLE)
         hypotheses = make_hypotheses(library)
         for recorded in recordings:
-            run = BankRun(library, hypotheses, start_bank(library, hypotheses), recorded.start_ns)
+            run = MovementFilter(
+                library, hypotheses, recorded.start_ns, initial=start_bank(library, hypotheses)
+            )
             highest = 0.0
             for observation in merge(recorded.observed):
                 run.observe(observation)
                 elapsed = (observation.stamp_ns - recorded.start_ns) * 1e-9
-                posterior = task_posterior(run.bank, hypotheses, elapsed)
+                posterior = task_posterior(run.bank.log_evidence, hypotheses, elapsed)
                 highest = max(highest, posterior.probabilities[:-1].max())
             (unknown if recorded.task == left_out else known).append(highest)
     assert np.mean(np.array(known) >= 0.9) >= 0.95

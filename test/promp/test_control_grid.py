@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from plain import observed_weights
 from simulation import make_library, simulate
 
-from intent_recognition.filtering.bank_run import BankRun
 from intent_recognition.filtering.hypotheses import make_hypotheses
+from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.prediction import StartPosture, controlled_weights, rollout
 from intent_recognition.recognition.posterior import task_posterior
@@ -23,7 +23,7 @@ from intent_recognition.signals.onset import OnsetSettings, at_rest, is_slow
 def test_a_grid_predicts_what_the_weights_do(rng, with_start, prune, n_points):
     library = make_library(rng, n_tasks=3, groups=(2, 1), n_controlled=3, n_basis=7)
     recorded = simulate(library, 1, rng, n_samples=40)
-    run = BankRun(library, make_hypotheses(library), None, recorded.start_ns, prune=prune)
+    run = MovementFilter(library, make_hypotheses(library), recorded.start_ns, prune=prune)
     start = StartPosture(rng.normal(size=3), np.full(3, 1e-4)) if with_start else None
     phase = np.linspace(1.0, 0.0, n_points)[::-1]
     noise = library.control_noise_variance()
@@ -31,7 +31,7 @@ def test_a_grid_predicts_what_the_weights_do(rng, with_start, prune, n_points):
         run.observe(observation)
         if number % 7:
             continue
-        posterior = task_posterior(run, run.hypotheses, 0.4)
+        posterior = task_posterior(run.log_evidence, run.hypotheses, 0.4)
         for task in range(library.n_tasks):
             moments = run.moments(task, posterior.scale_weights[task])
             plain = observed_weights(run.bank, posterior.scale_weights, task)

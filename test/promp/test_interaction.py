@@ -8,8 +8,8 @@ from simulation import START_NS, make_library
 
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.filtering.bank import start_bank
-from intent_recognition.filtering.bank_run import run_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses
+from intent_recognition.filtering.movement import run_bank
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.prediction import controlled_weights, rollout
 from intent_recognition.signals.observation import Observation

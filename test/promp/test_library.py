@@ -7,8 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from simulation import make_library
 
-from intent_recognition.filtering.bank_run import group_dofs
-
 
 def test_sizes_and_blocks(rng):
     library = make_library(rng, n_tasks=3, groups=(2, 1), n_controlled=2, n_basis=5)
@@ -19,8 +17,8 @@ def test_sizes_and_blocks(rng):
     assert np.array_equal(library.observed_mean[-1], library.none_mean)
     assert np.array_equal(library.observed_mean[1], library.weight_mean[1, :15])
     assert np.array_equal(library.observed_covariance[2], library.weight_covariance[2, :15, :15])
-    assert group_dofs(library, 0).tolist() == [0, 1]
-    assert group_dofs(library, 1).tolist() == [2]
+    assert library.observed_dofs(0).tolist() == [0, 1]
+    assert library.observed_dofs(1).tolist() == [2]
     np.testing.assert_allclose(library.durations_s, 2.0)
 
 

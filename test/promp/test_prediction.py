@@ -9,8 +9,8 @@ from plain import mixture_at, observed_weights
 from simulation import START_NS, draw_weights, make_library, simulate
 
 from intent_recognition.filtering.bank import FilterBank, start_bank
-from intent_recognition.filtering.bank_run import run_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
+from intent_recognition.filtering.movement import run_bank
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.prediction import (
@@ -216,7 +216,7 @@ def test_known_truth_lies_where_the_posterior_says(rng):
             merge(recording.observed),
             START_NS,
         )
-        posterior = task_posterior(bank, hypotheses, 2.0)
+        posterior = task_posterior(bank.log_evidence, hypotheses, 2.0)
         observed = observed_weights(bank, posterior.scale_weights, 0)
         mean, covariance = controlled_weights(library.primitives, 0, observed)
         error = w.ravel()[split:] - mean

@@ -11,8 +11,8 @@ from simulation import START_NS, make_library
 
 from intent_recognition.errors import DofError
 from intent_recognition.filtering.bank import start_bank
-from intent_recognition.filtering.bank_run import run_bank
 from intent_recognition.filtering.hypotheses import make_hypotheses
+from intent_recognition.filtering.movement import run_bank
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.prediction import rollout
@@ -67,7 +67,7 @@ def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
             library, hypotheses, start_bank(library, hypotheses), used, estimate.onset_ns
         )
         elapsed = (estimate.stamp_ns - estimate.onset_ns) * 1e-9
-        expected = task_posterior(bank, hypotheses, elapsed)
+        expected = task_posterior(bank.log_evidence, hypotheses, elapsed)
         np.testing.assert_allclose(estimate.probabilities, expected.probabilities, atol=1e-12)
         seen = expected.probabilities > 1e-15  # the others were set aside
         known = seen[:-1]

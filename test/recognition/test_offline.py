@@ -6,7 +6,7 @@ import pytest
 from online_stream import humans, learned, movement
 
 from intent_recognition.errors import ArgumentError, ShapeError
-from intent_recognition.filtering import MovementRun, fixed_hypotheses, make_hypotheses
+from intent_recognition.filtering import MovementFilter, fixed_hypotheses, make_hypotheses
 from intent_recognition.recognition import predict_controlled, recognize_task, task_posterior
 from intent_recognition.signals import merge
 
@@ -34,10 +34,10 @@ def test_it_is_the_posterior_of_the_bank(library, recording):
     recorded, times_s, human = recording
     half = len(times_s) // 2
     hypotheses = make_hypotheses(library)
-    run = MovementRun(library, hypotheses, recorded.observed[0].stamps_ns[0])
+    run = MovementFilter(library, hypotheses, recorded.observed[0].stamps_ns[0])
     for observation in list(merge(recorded.observed))[:half]:
         run.observe(observation)
-    expected = task_posterior(run, hypotheses, times_s[half - 1] - times_s[0])
+    expected = task_posterior(run.log_evidence, hypotheses, times_s[half - 1] - times_s[0])
     found = recognize_task(library, times_s[:half], human[:half])
     np.testing.assert_allclose(found.probabilities, expected.probabilities, atol=1e-9)
     assert found.task == library.labels[1]

@@ -8,19 +8,13 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, simulate
 
-from intent_recognition.filtering.bank import FilterBank, start_bank
-from intent_recognition.filtering.bank_run import run_bank
+from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
+from intent_recognition.filtering.movement import run_bank
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import merge
 
 seeds = st.integers(0, 2**32 - 1)
-
-
-def bank_with(log_evidence: np.ndarray) -> FilterBank:
-    return FilterBank(
-        np.zeros((len(log_evidence), 1)), np.ones((len(log_evidence), 1, 1)), log_evidence
-    )
 
 
 @settings(max_examples=60)
@@ -30,7 +24,7 @@ def test_probabilities_sum_to_one(seed, n_tasks, n_scales, size):
     b = (n_tasks + 1) * n_scales
     log_prior = np.log(rng.dirichlet(np.ones(b)))
     hypotheses = Hypotheses(n_scales, rng.uniform(0.5, 5.0, size=b), log_prior)
-    posterior = task_posterior(bank_with(-size * rng.uniform(size=b)), hypotheses, 1.0)
+    posterior = task_posterior(-size * rng.uniform(size=b), hypotheses, 1.0)
     assert abs(posterior.probabilities.sum() - 1.0) < 1e-12
     np.testing.assert_allclose(posterior.scale_weights.sum(axis=1), 1.0, atol=1e-12)
     assert np.all(posterior.probabilities >= 0.0)
@@ -46,7 +40,7 @@ def test_equals_bayes_written_out(seed, n_tasks, n_scales):
     evidence = rng.uniform(0.01, 1.0, size=shape)
     duration = rng.uniform(0.5, 5.0, size=shape)
     hypotheses = Hypotheses(n_scales, duration.ravel(), np.log(prior).ravel())
-    posterior = task_posterior(bank_with(np.log(evidence).ravel()), hypotheses, 1.0)
+    posterior = task_posterior(np.log(evidence).ravel(), hypotheses, 1.0)
     joint = prior * evidence
     by_task = joint.sum(axis=1)
     np.testing.assert_allclose(posterior.probabilities, by_task / by_task.sum())
@@ -65,7 +59,7 @@ def test_whole_chain_equals_enumeration_with_joint_gaussians(rng):
     hypotheses = make_hypotheses(library, n_scales=5)
     observations = list(merge(recording.observed))
     bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
-    posterior = task_posterior(bank, hypotheses, 1.7)
+    posterior = task_posterior(bank.log_evidence, hypotheses, 1.7)
     y = np.concatenate([o.values for o in observations])
     log_joint = np.empty((3, 5))
     for task in range(3):
@@ -99,7 +93,7 @@ def test_before_any_observation_the_posterior_is_the_prior(rng):
     library = make_library(rng, n_basis=4)
     prior = np.array([0.2, 0.7, 0.1])
     hypotheses = make_hypotheses(library, prior)
-    posterior = task_posterior(start_bank(library, hypotheses), hypotheses, 0.0)
+    posterior = task_posterior(start_bank(library, hypotheses).log_evidence, hypotheses, 0.0)
     expected = np.r_[prior * (1 - library.none_prior), library.none_prior]
     np.testing.assert_allclose(posterior.probabilities, expected, atol=1e-12)
     np.testing.assert_allclose(posterior.log_evidence, 0.0, atol=1e-12)
@@ -110,7 +104,7 @@ def test_an_impossible_task_stays_impossible_and_nothing_turns_into_nan():
     log_prior[:2] = -np.inf
     hypotheses = Hypotheses(2, np.ones(4), log_prior)
     with np.errstate(invalid="raise"):
-        posterior = task_posterior(bank_with(np.array([5.0, 5.0, -1e5, -2e5])), hypotheses, 0.5)
+        posterior = task_posterior(np.array([5.0, 5.0, -1e5, -2e5]), hypotheses, 0.5)
     assert posterior.probabilities.tolist() == [0.0, 1.0]
     assert np.isneginf(posterior.log_evidence[0])
     assert np.all(np.isfinite(posterior.phase))
@@ -120,8 +114,8 @@ def test_an_impossible_task_stays_impossible_and_nothing_turns_into_nan():
 def test_a_common_factor_of_all_evidences_changes_nothing(shift):
     hypotheses = Hypotheses(2, np.ones(4), np.log(np.full(4, 0.25)))
     evidence = np.array([0.0, -1.0, -2.0, -3.0])
-    base = task_posterior(bank_with(evidence), hypotheses, 0.5)
-    moved = task_posterior(bank_with(evidence + shift), hypotheses, 0.5)
+    base = task_posterior(evidence, hypotheses, 0.5)
+    moved = task_posterior(evidence + shift, hypotheses, 0.5)
     np.testing.assert_allclose(moved.probabilities, base.probabilities, atol=1e-9)
 
 
@@ -137,7 +131,9 @@ def test_recognition_is_calibrated_in_simulation(rng):
         recording = simulate(library, task, rng, n_samples=12)
         seen = list(merge(recording.observed))[: 1 + i % 8]
         bank = run_bank(library, hypotheses, start_bank(library, hypotheses), seen, START_NS)
-        p = task_posterior(bank, hypotheses, (seen[-1].stamp_ns - START_NS) * 1e-9).probabilities
+        p = task_posterior(
+            bank.log_evidence, hypotheses, (seen[-1].stamp_ns - START_NS) * 1e-9
+        ).probabilities
         probabilities.append(p[:3])
         hits.append(np.eye(3)[task])
     p, hit = np.array(probabilities), np.array(hits)
@@ -159,9 +155,9 @@ def test_the_evidence_of_the_duration_can_be_taken_to_a_power(rng):
     library = make_library(rng, n_tasks=2, n_basis=6)
     hypotheses = make_hypotheses(library, n_scales=5)
     bank = start_bank(library, hypotheses)._replace(log_evidence=rng.normal(size=15) * 10.0)
-    exact = task_posterior(bank, hypotheses, 0.5)
+    exact = task_posterior(bank.log_evidence, hypotheses, 0.5)
     for power in (1.0, 0.3, 0.0):
-        found = task_posterior(bank, hypotheses._replace(duration_evidence=power), 0.5)
+        found = task_posterior(bank.log_evidence, hypotheses._replace(duration_evidence=power), 0.5)
         prior = hypotheses.log_prior.reshape(3, 5)
         expected = np.exp(prior + power * bank.log_evidence.reshape(3, 5))
         expected /= expected.sum(axis=1, keepdims=True)

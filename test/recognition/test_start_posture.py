@@ -141,7 +141,7 @@ def test_it_equals_conditioning_by_hand(library, recording):
         estimator.update(observation)
     prediction = estimator.predict_controlled(21)
     task = library.labels.index(prediction.task)
-    run = estimator._movement.task_filters[task]
+    run = estimator._movement.filter.task_filters[task]
     weights = controlled_weights(
         library.primitives,
         task,

@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 
 from intent_recognition.evaluation import mean_of_task, nearest_neighbour, sample
 from intent_recognition.experiments.assembly.aligned import spread_rows
-from intent_recognition.filtering import Hypotheses, MovementRun, fixed_hypotheses, make_hypotheses
+from intent_recognition.filtering import (
+    Hypotheses,
+    MovementFilter,
+    fixed_hypotheses,
+    make_hypotheses,
+)
 from intent_recognition.gaussian import Gaussian, log_density
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import task_posterior
@@ -124,14 +129,14 @@ def watch(
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     times_s = TRUTH_PHASES * duration_s
     truth = sample(left_out.controlled, left_out.start_ns, times_s)
-    run = MovementRun(library, hypotheses, left_out.start_ns)
+    run = MovementFilter(library, hypotheses, left_out.start_ns)
     evidence, probabilities, scores = [], [], []
     for observation in (None, *observations):
         elapsed_s = 0.0
         if observation is not None:
             run.observe(observation)
             elapsed_s = (observation.stamp_ns - left_out.start_ns) * 1e-9
-        posterior = task_posterior(run, hypotheses, elapsed_s)
+        posterior = task_posterior(run.log_evidence, hypotheses, elapsed_s)
         evidence.append(posterior.log_evidence[:-1])
         (belief,) = _normalised(evidence[-1][None])
         probabilities.append(belief)
@@ -156,10 +161,10 @@ def predicted_after(
     duration_s = (left_out.end_ns - left_out.start_ns) * 1e-9
     times_s = TRUTH_PHASES * duration_s
     hypotheses = fixed_hypotheses(library, duration_s)
-    run = MovementRun(library, hypotheses, left_out.start_ns)
+    run = MovementFilter(library, hypotheses, left_out.start_ns)
     for observation in spread_observations(left_out)[:n]:
         run.observe(observation)
-    posterior = task_posterior(run, hypotheses, duration_s)
+    posterior = task_posterior(run.log_evidence, hypotheses, duration_s)
     (belief,) = _normalised(posterior.log_evidence[None, :-1])
     mean, square = _mixture(run, belief, times_s)
     truth = sample(left_out.controlled, left_out.start_ns, times_s)
@@ -167,7 +172,7 @@ def predicted_after(
 
 
 def _mixture(
-    run: MovementRun, belief: NDArray[np.float64], times_s: NDArray[np.float64]
+    run: MovementFilter, belief: NDArray[np.float64], times_s: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
     """Mean and mean square of the assistant's wrist over all tasks that may be, (T, 3) each."""
     likely = np.flatnonzero(belief > 1e-3)

@@ -84,5 +84,5 @@ def _recognise(library: TaskLibrary, demonstration: Demonstration, share: float)
         merge(seen),
         demonstration.start_ns,
     )
-    posterior = task_posterior(bank, hypotheses, share * duration)
+    posterior = task_posterior(bank.log_evidence, hypotheses, share * duration)
     return int(np.argmax(posterior.probabilities[:-1]))

@@ -7,8 +7,8 @@ from simulation import START_NS, make_library, simulate
 
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.filtering.bank import condition_bank, start_bank
-from intent_recognition.filtering.bank_run import BankRun, group_dofs, run_bank
 from intent_recognition.filtering.hypotheses import make_hypotheses
+from intent_recognition.filtering.movement import MovementFilter, run_bank
 from intent_recognition.signals.observation import Observation, every_second, merge
 from intent_recognition.signals.signal import Signal
 
@@ -23,8 +23,8 @@ def observation(elapsed_s: float, group: int, values, **more) -> Observation:
     return Observation(stamp_ns, group, np.asarray(values, float), **more)
 
 
-def start(library, n_scales: int = 3) -> BankRun:
-    return BankRun(library, make_hypotheses(library, n_scales=n_scales), None, START_NS)
+def start(library, n_scales: int = 3) -> MovementFilter:
+    return MovementFilter(library, make_hypotheses(library, n_scales=n_scales), START_NS)
 
 
 def assert_same(ours, theirs):
@@ -42,8 +42,8 @@ def test_samples_come_in_the_order_of_their_stamps_ties_in_that_of_signals():
 
 
 def test_dofs_of_a_signal_follow_those_of_the_signals_before(library):
-    assert group_dofs(library, 0).tolist() == [0, 1]
-    assert group_dofs(library, 1).tolist() == [2, 3, 4]
+    assert library.observed_dofs(0).tolist() == [0, 1]
+    assert library.observed_dofs(1).tolist() == [2, 3, 4]
 
 
 def test_a_run_equals_conditioning_by_hand(library, rng):
@@ -54,7 +54,7 @@ def test_a_run_equals_conditioning_by_hand(library, rng):
         group = int(rng.integers(2))
         seen = observation(elapsed_s, group, rng.normal(size=library.observed_groups[group]))
         run.observe(seen)
-        dofs = group_dofs(library, group)
+        dofs = library.observed_dofs(group)
         interval_s = elapsed_s - last[group] if group in last else np.inf
         last[group] = elapsed_s
         rows = library.basis.design_matrix(run.hypotheses.phase(elapsed_s))[:, None]
@@ -71,7 +71,7 @@ def test_the_sender_s_covariance_comes_on_top_of_the_learned_noise(library):
     run = start(library)
     run.observe(observation(0.2, 1, values, covariance=covariance))
     bank = start_bank(library, run.hypotheses)
-    dofs = group_dofs(library, 1)
+    dofs = library.observed_dofs(1)
     rows = library.basis.design_matrix(run.hypotheses.phase(0.2))[:, None]
     noise = library.noise_covariance(dofs, np.inf) + covariance
     assert_same(run.bank, condition_bank(bank, dofs, rows, values, noise))

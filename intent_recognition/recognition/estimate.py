@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the online estimator gives: the estimate after an observation, and predictions."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.promp import Trajectory
+from intent_recognition.recognition.posterior import TaskPosterior
+
+
+class Estimate(NamedTuple):
+    """Task, phase and onset after an observation.
+
+    Attributes:
+        stamp_ns: of the observation.
+        moving: whether a movement is under way; when not, `none` is certain and the rest is zero.
+        onset_ns: when it began, 0 when idle.
+        probabilities: of the K tasks and none, (K + 1,), in the order of `labels`.
+        phase: expected phase given each task, (K + 1,).
+        log_evidence: of each task since onset, (K + 1,).
+        posterior: the whole of it, None when idle.
+        labels: of the K tasks, and "none".
+    """
+
+    stamp_ns: int
+    moving: bool
+    onset_ns: int
+    probabilities: NDArray[np.float64]
+    phase: NDArray[np.float64]
+    log_evidence: NDArray[np.float64]
+    posterior: TaskPosterior | None
+    labels: tuple[str, ...]
+
+    @property
+    def task(self) -> str:
+        """Label of the most probable task, or "none"."""
+        return self.labels[int(np.argmax(self.probabilities))]
+
+    @property
+    def task_probabilities(self) -> dict[str, float]:
+        """Probability of each task and of "none", by label."""
+        return dict(zip(self.labels, self.probabilities.tolist(), strict=True))
+
+
+class Prediction(NamedTuple):
+    """Trajectory of one agent under the most probable task.
+
+    Attributes:
+        task: its label.
+        onset_ns: the stamp from which the trajectory's times count.
+        trajectory: means and standard deviations.
+        start: what became of the controlled agent's posture at onset: POSTURE_USED,
+            POSTURE_OUTSIDE, POSTURE_UNKNOWN, or empty for the observed agent.
+    """
+
+    task: str
+    onset_ns: int
+    trajectory: Trajectory
+    start: str = ""

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When a movement begins and when it is over, from the last seconds of all observed signals."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from intent_recognition.recognition.posterior import TaskPosterior
+from intent_recognition.signals import (
+    Observation,
+    OnsetSettings,
+    SignalPast,
+    at_rest,
+    detect_onset,
+    is_slow,
+)
+
+HISTORY_S = 2.0
+"""Length of the past in which the onset is looked for [s]. Convention."""
+FINISHED_PHASE = 0.99
+"""Expected phase from which a movement at rest is over. Convention."""
+PAUSE_S = 1.5
+"""Shortest rest in mid-movement that ends it [s]. Convention: a hesitation is shorter."""
+PAUSE_SHARE = 0.3
+"""The same in parts of the expected duration, for long tasks. Convention."""
+OVERTIME_S = 0.5
+"""Time after its expected end for which a movement that goes on is still the same one [s].
+
+Convention.
+"""
+
+
+class MotionDetector:
+    """Keeps the last seconds of each signal.
+
+    Args:
+        groups: number of DOFs of each observed signal.
+        settings: how the onset of each is detected.
+
+    Attributes:
+        settings: the same; another library may bring others.
+        pasts: the last seconds of each signal.
+    """
+
+    def __init__(self, groups: Sequence[int], settings: Sequence[OnsetSettings]):
+        self.settings = settings
+        self.pasts = [SignalPast(size, HISTORY_S) for size in groups]
+        self._needs_rest = False
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._needs_rest = False
+        for past in self.pasts:
+            past.clear()
+
+    def add(self, observation: Observation) -> None:
+        """Take an observation that is not late."""
+        self.pasts[observation.group].add(observation)
+        for past in self.pasts:  # of signals that fell silent, too
+            past.forget_before(observation.stamp_ns)
+
+    def onset_ns(self) -> int | None:
+        """Stamp at which the movement under way began; None at rest.
+
+        After a movement that was overdue, all signals must have rested first.
+        """
+        if self._needs_rest:
+            self._needs_rest = not self._at_rest()
+            return None
+        onsets = []
+        for settings, past in zip(self.settings, self.pasts, strict=True):
+            for history in past.speaking(settings.rest_s):
+                onset = detect_onset(settings, *history.arrays())
+                if onset is not None:
+                    onsets.append(history.first_ns + round(onset * 1e9))
+        return min(onsets, default=None)
+
+    def since(self, stamp_ns: int) -> list[Observation]:
+        """All observations from a stamp on, in order."""
+        found = [o for past in self.pasts for o in past.observations() if o.stamp_ns >= stamp_ns]
+        return sorted(found, key=lambda o: (o.stamp_ns, o.group, o.derivative))
+
+    def is_over(self, elapsed_s: float, posterior: TaskPosterior) -> bool:
+        """Whether the movement is over: done and at rest, stopped half-way, or overdue."""
+        probabilities = posterior.probabilities
+        duration_s = float(probabilities @ posterior.duration_s)
+        phase = float(probabilities @ posterior.phase)
+        if elapsed_s > duration_s + OVERTIME_S and phase >= FINISHED_PHASE:
+            self._needs_rest = not self._at_rest()
+            return True
+        none_leads = int(np.argmax(probabilities)) == len(probabilities) - 1
+        if phase >= FINISHED_PHASE or none_leads:
+            return self._at_rest()
+        return self._at_rest(min(max(PAUSE_S, PAUSE_SHARE * duration_s), HISTORY_S - 0.1))
+
+    def _at_rest(self, rest_s: float | None = None) -> bool:
+        """Whether all signals have rested so long; None for as long as their settings say."""
+        return all(
+            is_slow(settings, *history.arrays(settings.window_s))
+            and at_rest(settings, *history.arrays(), rest_s)
+            for settings, past in zip(self.settings, self.pasts, strict=True)
+            for history in past.speaking(settings.rest_s)
+        )
