@@ -10,7 +10,7 @@ from simulation import make_library, simulate
 
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
-from intent_recognition.demonstrations.stream import POSITION_FIELDS
+from intent_recognition.demonstrations.fields import POSITION_FIELDS
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.model.file import Model
 from intent_recognition.promp.library import TaskLibrary

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
@@ -55,7 +56,7 @@ class BagMessage:
     type: str
     log_time_ns: int
     stamp_ns: int
-    message: object
+    message: Any
 
 
 def schema_decoder(schema: Schema) -> Decoder | None:

@@ -15,6 +15,7 @@ from intent_recognition.errors import BagError, describe
 from intent_recognition.learning import count_transitions, smoothed_transitions
 from intent_recognition.model import Model
 from intent_recognition.promp import TaskLibrary
+from intent_recognition.recognition import FORGET_AFTER_S
 
 
 def add_sessions_option(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +41,7 @@ def with_sessions(model: Model, sessions: Sequence[Path], console: Console) -> M
     if not sessions:
         return model
     library = model.library
-    sequences, rejections = read_task_sequences(sessions)
+    sequences, rejections = read_task_sequences(sessions, FORGET_AFTER_S)
     print_left_out(console, rejections)
     counts = count_transitions([sequence.tasks for sequence in sequences], library.labels)
     if not counts.sum():

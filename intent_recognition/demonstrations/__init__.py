@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Demonstrations from recordings: the DOF file, readers, sessions, inspection."""
 
-from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, extract, load_dofs
+from intent_recognition.demonstrations.cleaning import is_raw_pose
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, load_dofs
+from intent_recognition.demonstrations.fields import POSITION_FIELDS, extract
 from intent_recognition.demonstrations.inspect import BagSummary, TopicSummary, inspect_bag
-from intent_recognition.demonstrations.measuring import ObservationReader, observation_readers
+from intent_recognition.demonstrations.observations import (
+    ObservationReader,
+    iter_observations,
+    iter_samples,
+    observation_readers,
+)
 from intent_recognition.demonstrations.reading import (
     find_bags,
     iter_demonstrations,
     read_demonstrations,
+    read_task_sequences,
 )
 from intent_recognition.demonstrations.sessions import MARKER_TOPIC, MARKER_TYPE
-from intent_recognition.demonstrations.signals import is_raw_pose
-from intent_recognition.demonstrations.stream import (
-    POSITION_FIELDS,
-    iter_observations,
-    iter_samples,
-)
-from intent_recognition.demonstrations.task_sequences import read_task_sequences
 
 __all__ = [
     "MARKER_TOPIC",

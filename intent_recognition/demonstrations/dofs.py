@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from intent_recognition.demonstrations.velocities import check_velocities
-from intent_recognition.errors import DofError, MessageError, describe
+from intent_recognition.bags import JOINT_STATE
+from intent_recognition.errors import DofError, describe
 
-JOINT_STATE = "sensor_msgs/msg/JointState"
 QUANTITIES = ("position", "velocity", "effort")
 KEYS = ("topic", "type", "fields", "joints", "unit", "quantity")
 VELOCITY_KEYS = (*KEYS, "of", "std")
@@ -25,17 +24,18 @@ FIELD_PATH = re.compile(r"[A-Za-z_]\w*(\.\w+)*")
 
 @dataclass(frozen=True)
 class DofEntry:
-    """The degrees of freedom one topic carries.
+    """The degrees of freedom (DOFs) in the messages of one topic.
 
     Attributes:
         topic: relative topic name, without a leading slash.
         type: full message type, "package/msg/Name".
         fields: attribute paths such as "pose.position.x"; a number in a path indexes an array.
-        joints: joint names of a JointState, in the order of the DOFs; excludes `fields`.
-        unit: unit of all DOFs of this entry.
+        joints: joint names of a JointState, in the order of the DOFs. An entry has either `fields`
+            or `joints`.
+        unit: of all DOFs of this entry, such as "m" or "rad".
         quantity: what is read of each joint: "position", "velocity" or "effort".
-        of: names of the observed DOFs whose measured velocities these are; empty for positions.
-        std: standard deviation of each velocity, where a message brings no covariance; or None.
+        of: for measured velocities, the names of the observed DOFs they belong to; else empty.
+        std: standard deviation of each velocity [unit], used where a message has no covariance.
     """
 
     topic: str
@@ -57,22 +57,30 @@ class DofEntry:
 
     def to_dict(self) -> dict[str, object]:
         """The entry as it stands in a DOF file."""
-        chosen = {"joints": list(self.joints)} if self.joints else {"fields": list(self.fields)}
-        quantity = {} if self.quantity == "position" else {"quantity": self.quantity}
-        velocity = {"of": list(self.of)} if self.of else {}
+        content: dict[str, object] = {"topic": f"/{self.topic}", "type": self.type}
+        if self.joints:
+            content["joints"] = list(self.joints)
+        else:
+            content["fields"] = list(self.fields)
+        if self.quantity != "position":
+            content["quantity"] = self.quantity
+        if self.of:
+            content["of"] = list(self.of)
         if self.std is not None:
-            velocity["std"] = self.std
-        return {"topic": f"/{self.topic}", "type": self.type, **chosen, **quantity, **velocity} | {
-            "unit": self.unit
-        }
+            content["std"] = self.std
+        content["unit"] = self.unit
+        return content
 
 
 @dataclass(frozen=True)
 class DofSpec:
     """Observed (human) and controlled (robot) degrees of freedom, in the order of the model.
 
-    `velocities` are of observed DOFs and measured independently of their positions. They are
-    evidence online; training does not need them.
+    Attributes:
+        observed: entries of the human, at least one.
+        controlled: entries of the robot; may be empty.
+        velocities: of observed DOFs, measured independently of their positions. They are
+            observed online; training does not need them.
     """
 
     observed: tuple[DofEntry, ...]
@@ -88,6 +96,13 @@ class DofSpec:
     def controlled_names(self) -> tuple[str, ...]:
         """Names of all controlled DOFs, entry by entry."""
         return tuple(name for entry in self.controlled for name in entry.names)
+
+    def signal_of(self, velocity: DofEntry) -> tuple[int, tuple[int, ...]] | None:
+        """Which observed entry has the DOFs of a velocity entry, and where; None for none."""
+        for group, entry in enumerate(self.observed):
+            if set(velocity.of) <= set(entry.names):
+                return group, tuple(entry.names.index(name) for name in velocity.of)
+        return None
 
     @property
     def topics(self) -> dict[str, str]:
@@ -122,12 +137,15 @@ class DofSpec:
             _entries(content, "velocities", source, minimum=0),
         )
         _check_consistent(spec, source)
-        check_velocities(spec.observed, spec.velocities, source)
+        _check_velocities(spec, source)
         return spec
 
 
 def load_dofs(path: str | Path | None = None) -> DofSpec:
-    """Read a DOF file; without a path, the one this package ships.
+    """Read a DOF file.
+
+    Args:
+        path: a YAML file as described in docs/bags.md; by default the shipped config/dofs.yaml.
 
     Raises:
         DofError: the file is missing, no YAML, or malformed; names the file, entry and key.
@@ -158,63 +176,9 @@ def default_dofs_path() -> Path:
     raise _error("config/dofs.yaml", "the shipped file", "none found", "Install the package again.")
 
 
-def extract(entry: DofEntry, msg: object) -> np.ndarray:
-    """Values (d,) of the entry's DOFs in one decoded message (rclpy's or a bag's).
-
-    Raises:
-        MessageError: a joint or a field is missing, or is not a number. A JointState without
-            the quantity asked for (an empty `velocity`, say) counts as a missing joint.
-    """
-    if entry.joints:
-        return _joint_values(entry, msg)
-    return np.array([_field_value(entry, msg, field) for field in entry.fields], dtype=np.float64)
-
-
 def relative_topic(topic: str) -> str:
     """The topic name without leading slash, as all files of this package compare it."""
     return topic.lstrip("/")
-
-
-def _joint_values(entry: DofEntry, msg: object) -> np.ndarray:
-    try:
-        index = {name: i for i, name in enumerate(msg.name)}
-        column = getattr(msg, entry.quantity)
-    except AttributeError as error:
-        raise MessageError(
-            describe(entry.topic, entry.type, error, "Correct the type in the DOF file.")
-        ) from error
-    values = np.empty(len(entry.joints))
-    for row, joint in enumerate(entry.joints):
-        at = index.get(joint)
-        if at is None or at >= len(column):
-            has = ", ".join(index) if at is None else f"{len(column)} values for it"
-            raise MessageError(
-                describe(
-                    f"{entry.topic} {entry.quantity}",
-                    f"joint {joint}",
-                    has or "no joints",
-                    "Name the joints in the DOF file as the robot does.",
-                )
-            )
-        values[row] = column[at]
-    return values
-
-
-def _field_value(entry: DofEntry, msg: object, field: str) -> float:
-    value = msg
-    try:
-        for part in field.split("."):
-            value = value[int(part)] if part.isdigit() else getattr(value, part)
-        return float(value)
-    except (AttributeError, IndexError, TypeError, ValueError) as error:
-        raise MessageError(
-            describe(
-                f"{entry.topic}.{field}",
-                f"a number in {entry.type}",
-                error,
-                "Correct the field path in the DOF file.",
-            )
-        ) from error
 
 
 def _entries(content: Mapping, side: str, source: str, minimum: int) -> tuple[DofEntry, ...]:
@@ -244,16 +208,16 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
     quantity = item.get("quantity", "position")
     if quantity not in QUANTITIES or (quantity != "position" and "joints" not in item):
         raise _error(f"{place}: quantity", f"{', '.join(QUANTITIES)}, with joints", quantity)
-    names = _names(item, "joints" if "joints" in item else "fields", place)
-    chosen = {"joints": names} if "joints" in item else {"fields": names}
-    if "of" in keys:
-        chosen |= {"of": _names(item, "of", place), "std": _std(item, place)}
+    is_velocity = "of" in keys
     return DofEntry(
         relative_topic(texts["topic"]),
         texts["type"],
+        fields=_names(item, "fields", place) if "fields" in item else (),
+        joints=_names(item, "joints", place) if "joints" in item else (),
         unit=texts["unit"],
         quantity=quantity,
-        **chosen,
+        of=_names(item, "of", place) if is_velocity else (),
+        std=_std(item, place) if is_velocity else None,
     )
 
 
@@ -273,7 +237,7 @@ def _std(item: Mapping, place: str) -> float | None:
 
 
 def _names(item: Mapping, key: str, place: str) -> tuple[str, ...]:
-    names: Sequence = item.get(key)
+    names = item.get(key)
     if not isinstance(names, list) or not names:
         raise _error(f"{place}: {key}", "a list of names", names)
     for name in names:
@@ -292,6 +256,22 @@ def _check_consistent(spec: DofSpec, source: str) -> None:
         if spec.topics[entry.topic] != entry.type:
             both = f"{entry.type} and {spec.topics[entry.topic]}"
             raise _error(f"{source}: {entry.topic}", "one type per topic", both)
+
+
+def _check_velocities(spec: DofSpec, source: str) -> None:
+    """Each velocity belongs to one DOF, and none is differentiated from poses used as well."""
+    tracked = {entry.topic for entry in spec.observed}
+    for k, entry in enumerate(spec.velocities):
+        place, cure = f"{source}: velocities[{k}]", "Correct the file; docs/bags.md shows one."
+        if len(entry.of) != len(entry.names) or len(set(entry.of)) != len(entry.of):
+            expected = f"{len(entry.names)} different names, one for each field or joint"
+            raise _error(f"{place}: of", expected, ", ".join(entry.of), cure)
+        if spec.signal_of(entry) is None:
+            raise _error(f"{place}: of", "DOFs of one observed entry", ", ".join(entry.of), cure)
+        *before, kind, body = ["", *entry.topic.split("/")]
+        if kind == "human" and "/".join([*before[1:], "mocap", body, "pose"]) in tracked:
+            got = f"{entry.topic}, differentiated from the same poses"
+            raise _error(f"{place}: topic", "velocities measured independently", got, cure)
 
 
 def _error(argument: str, expected: str, got: object, cure: str = "") -> DofError:

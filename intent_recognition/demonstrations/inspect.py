@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is in a recording, and what is wrong with it, as data."""
+"""Summary of a recording: its topics, rates, gaps, demonstrations and damage."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -9,13 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.bags import BagMessage, BagReader, Damage, TopicInfo, decode
-from intent_recognition.demonstrations.sessions import SessionPart, find_marker_topic, split_session
-from intent_recognition.demonstrations.signals import clean_topic, is_raw_pose
+from intent_recognition.demonstrations.cleaning import clean_topic, is_raw_pose
+from intent_recognition.demonstrations.sessions import (
+    SessionPart,
+    find_marker_topic,
+    split_session,
+    task_of,
+)
 from intent_recognition.errors import BagError, MessageError
 from intent_recognition.signals import Rejection
 
 GAP_FACTOR = 3.0
-"""A step this many times longer than the topic's median step is a gap."""
+"""A step this many times longer than the median step of the topic is a gap. Convention."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +64,8 @@ class BagSummary:
         topics: one summary each, in the order recorded.
         demonstrations: of a session bag, in order; empty for others.
         unfinished: demonstrations of a session whose end is missing.
-        damage: what cannot be read.
-        notes: what else is odd, as sentences.
+        damage: parts that cannot be read.
+        notes: other oddities, as sentences.
     """
 
     path: str
@@ -92,7 +97,8 @@ def inspect_bag(path: str | Path) -> BagSummary:
         BagError: there is no readable MCAP file at all.
     """
     reader = BagReader(path, tolerant=True)
-    topics, markers = [], []
+    topics: list[TopicSummary] = []
+    markers: list[BagMessage] = []
     marker = find_marker_topic(reader)
     for info in reader.topics.values():
         messages, undecodable = _decoded(reader, info)
@@ -102,7 +108,7 @@ def inspect_bag(path: str | Path) -> BagSummary:
     parts = list(split_session(markers, {}, str(path))) if markers else []
     return BagSummary(
         path=str(path),
-        task=reader.custom_data.get("task") or None,
+        task=task_of(reader),
         custom_data=reader.custom_data,
         start_ns=reader.start_ns,
         end_ns=reader.end_ns,
@@ -135,7 +141,7 @@ def _summarise(info: TopicInfo, messages: list[BagMessage], undecodable: int) ->
     stamps = np.sort(np.array([m.stamp_ns for m in messages], dtype=np.int64))
     steps_s = np.diff(stamps) * 1e-9
     median_s = float(np.median(steps_s)) if steps_s.size else 0.0
-    at = np.flatnonzero(steps_s > GAP_FACTOR * median_s) if median_s > 0 else []
+    at = np.flatnonzero((median_s > 0) & (steps_s > GAP_FACTOR * median_s))
     return TopicSummary(
         name=info.name,
         type=info.type,

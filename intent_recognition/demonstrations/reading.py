@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Demonstrations from bags, folders of bags and session bags, and what could not be used."""
+"""Demonstrations and task sequences from bags, folders of bags and session bags."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -8,53 +8,112 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.bags import FILE_NAME, BagMessage, BagReader
-from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
-from intent_recognition.demonstrations.sessions import find_marker_topic, split_session
-from intent_recognition.demonstrations.signals import (
+from intent_recognition.demonstrations.cleaning import (
     TopicSamples,
     clean_columns,
     clean_topic,
     signals_of,
 )
-from intent_recognition.demonstrations.topic_values import ORIENTATION_FIELDS, has_columns
+from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
+from intent_recognition.demonstrations.fields import ORIENTATION_FIELDS, has_columns
+from intent_recognition.demonstrations.sessions import (
+    ACTIVE_TOPIC,
+    MARKER_TOPIC,
+    SessionPart,
+    TaskSequence,
+    find_marker_topic,
+    split_session,
+    task_of,
+    task_sequences,
+)
 from intent_recognition.errors import BagError, MessageError
 from intent_recognition.signals import Demonstration, Rejection, Signal
 
-MIN_SAMPLES = 2
+LEAST_SAMPLES = 2
+"""Samples of each signal, fewer of which are not a movement. Convention: one span of time."""
+UNFINISHED = (
+    "unfinished: the recording was not closed, its end may be missing; "
+    "`intent recover` makes a whole bag of what is there"
+)
+NO_BAG = "there is no bag in this folder"
 Paths = str | Path | Iterable[str | Path]
 
 
 def read_demonstrations(
     paths: Paths, dofs: DofSpec, *, extrinsics: Mapping[str, tuple] | None = None
 ) -> tuple[list[Demonstration], list[Rejection]]:
-    """All demonstrations below `paths`, and why others are left out.
+    """Read all demonstrations below `paths`.
+
+    Raw tracker poses are checked and transformed to the world frame as the node `mocap_ingest`
+    does it; messages with bad stamps, missing joints, NaN or infinity are dropped and counted.
 
     Args:
-        paths: bags, folders of bags (sorted by name, searched to any depth) or session bags, one
-            or many.
-        dofs: topics and fields to read.
-        extrinsics: pose of each tracker frame in the world, as in `tracking.ingest`. Without it
-            the frame of each recording counts as the world.
+        paths: one or more bags, session bags (which hold several demonstrations) or folders of
+            bags, which are searched to any depth and sorted by name.
+        dofs: topics and fields to read, see `load_dofs`.
+        extrinsics: by tracker frame its position (3,) [m] and orientation xyzw (4,) in the world.
+            Without it the frame of each recording counts as the world.
+
+    Returns:
+        The demonstrations, and for each recording or part that is left out the reason.
 
     Raises:
         BagError: a path does not exist.
     """
-    demonstrations, rejections = [], []
+    demonstrations: list[Demonstration] = []
+    rejections: list[Rejection] = []
     for found in iter_demonstrations(paths, dofs, extrinsics=extrinsics):
-        (demonstrations if isinstance(found, Demonstration) else rejections).append(found)
+        if isinstance(found, Demonstration):
+            demonstrations.append(found)
+        else:
+            rejections.append(found)
     return demonstrations, rejections
 
 
 def iter_demonstrations(
     paths: Paths, dofs: DofSpec, *, extrinsics: Mapping[str, tuple] | None = None
 ) -> Iterator[Demonstration | Rejection]:
-    """The same one by one, in order, for progress bars and long lists."""
+    """As `read_demonstrations`, one by one in the same order."""
     for path in [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]:
         bags = find_bags(path)
         if not bags:
-            yield Rejection(str(path), "", 0, "there is no bag in this folder")
+            yield Rejection(str(path), "", 0, NO_BAG)
         for bag in bags:
             yield from _read_bag(bag, dofs, extrinsics)
+
+
+def read_task_sequences(
+    paths: Iterable[str | Path], forget_after_s: float
+) -> tuple[list[TaskSequence], list[Rejection]]:
+    """Which task followed which in all session bags below `paths`.
+
+    Args:
+        paths: session bags and folders of such, searched to any depth.
+        forget_after_s: a longer pause between two tasks ends a sequence [s].
+
+    Returns:
+        The sequences, and why other bags have none.
+
+    Raises:
+        BagError: a path does not exist.
+    """
+    sequences: list[TaskSequence] = []
+    rejections: list[Rejection] = []
+    for path in map(Path, paths):
+        bags = find_bags(path)
+        if not bags:
+            rejections.append(Rejection(str(path), "", 0, NO_BAG))
+        for bag in bags:
+            try:
+                found = list(task_sequences(BagReader(bag), forget_after_s))
+            except BagError as error:
+                rejections.append(Rejection(str(bag), "", 0, str(error)))
+                continue
+            sequences += found
+            if not found:
+                reason = f"no session: nothing on {MARKER_TOPIC} nor on {ACTIVE_TOPIC}"
+                rejections.append(Rejection(str(bag), "", 0, reason))
+    return sequences, rejections
 
 
 def find_bags(path: Path) -> list[Path]:
@@ -83,7 +142,7 @@ def _read_bag(
         marker = find_marker_topic(reader)
         problem = _missing_topic(reader, dofs)
         if problem is None and marker is None and not reader.is_finished and not reader.damage:
-            problem = Rejection(str(path), "", reader.end_ns, _UNFINISHED)
+            problem = Rejection(str(path), "", reader.end_ns, UNFINISHED)
     except BagError as error:
         yield Rejection(str(path), "", 0, str(error))
         return
@@ -95,21 +154,15 @@ def _read_bag(
         yield damage
         return
     if marker is None:
-        yield _whole_bag(reader, dofs, samples)
+        yield _demonstration(reader, dofs, samples)
         return
     for part in split_session(markers, samples, str(path)):
         if isinstance(part, Rejection):
             yield part
         else:
-            yield _part_of_session(reader, dofs, samples, part)
+            yield _demonstration(reader, dofs, samples, part)
     if damage is not None:
         yield damage
-
-
-_UNFINISHED = (
-    "unfinished: the recording was not closed, its end may be missing; "
-    "`intent recover` makes a whole bag of what is there"
-)
 
 
 def _missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:
@@ -131,13 +184,13 @@ def _missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:
 def _collect(
     reader: BagReader, dofs: DofSpec, marker: str | None, extrinsics: Mapping[str, tuple] | None
 ) -> tuple[dict[str, TopicSamples], list[BagMessage], Rejection | None]:
-    """Samples by relative topic and markers up to the first damage, and what that was."""
+    """Samples by relative topic and markers before the first damage, and what is damaged."""
     marker_topics = [marker] if marker else []
     try:
         samples = _columns(reader, dofs, extrinsics)
         if samples is not None:
             return samples, list(reader.messages(marker_topics)) if marker else [], None
-    except BagError:  # message by message it comes out how far the recording is good
+    except BagError:  # read message by message, to know how far the recording can be read
         pass
     messages: dict[str, list[BagMessage]] = {t: [] for t in [*dofs.topics, *marker_topics]}
     last_ns, damage = 0, None
@@ -159,67 +212,52 @@ def _collect(
 def _columns(
     reader: BagReader, dofs: DofSpec, extrinsics: Mapping[str, tuple] | None
 ) -> dict[str, TopicSamples] | None:
-    """Samples of all topics by columns, None if there is a topic that has none."""
+    """Samples of all topics read as columns; None if one of them cannot be."""
     entries = (*dofs.observed, *dofs.controlled)
     if not all(map(has_columns, entries)):
         return None
     columns = reader.columns(dofs.topics)
     if any(found is None for found in columns.values()):
         return None
-    fields = {topic: set() for topic in dofs.topics}
-    for entry in entries:
-        fields[entry.topic].update(entry.fields)
+    oriented = {
+        entry.topic for entry in entries if not set(entry.fields).isdisjoint(ORIENTATION_FIELDS)
+    }
     return {
-        topic: clean_columns(
-            topic, found, extrinsics, oriented=not fields[topic].isdisjoint(ORIENTATION_FIELDS)
-        )
+        topic: clean_columns(topic, found, extrinsics, oriented=topic in oriented)
         for topic, found in columns.items()
+        if found is not None
     }
 
 
-def _whole_bag(
-    reader: BagReader, dofs: DofSpec, samples: Mapping[str, TopicSamples]
+def _demonstration(
+    reader: BagReader,
+    dofs: DofSpec,
+    samples: Mapping[str, TopicSamples],
+    part: SessionPart | None = None,
 ) -> Demonstration | Rejection:
-    observed, controlled, rejected = signals_of(dofs, samples)
-    problem = _too_short(reader, dofs, (*observed, *controlled), rejected, reader.start_ns)
-    if problem:
+    """The demonstration in a whole bag, or in a part of a session."""
+    if part is None:
+        observed, controlled, rejected = signals_of(dofs, samples)
+        start_ns = reader.start_ns
+    else:
+        observed, controlled, rejected = signals_of(
+            dofs, samples, part.start_ns, part.end_ns, count_topics=part.index == 0
+        )
+        start_ns = part.start_ns
+    if problem := _too_short(reader, dofs, (*observed, *controlled), rejected, start_ns):
         return problem
     metadata = reader.custom_data
     metadata.pop("task", None)
+    folder = reader.path.resolve().name
+    if part is None:
+        name = reader.path.stem if reader.path.is_file() else folder
+        task = task_of(reader)
+        start_ns = int(min(signal.stamps_ns[0] for signal in observed))
+        end_ns = int(max(signal.stamps_ns[-1] for signal in observed))
+    else:
+        name, task, end_ns = f"{folder}#{part.index:03d}", part.task, part.end_ns
     return Demonstration(
-        name=reader.path.stem if reader.path.is_file() else reader.path.resolve().name,
-        source=str(reader.path),
-        task=reader.custom_data.get("task") or None,
-        observed=observed,
-        controlled=controlled,
-        start_ns=int(min(signal.stamps_ns[0] for signal in observed)),
-        end_ns=int(max(signal.stamps_ns[-1] for signal in observed)),
-        metadata=metadata,
-        rejected=rejected,
-    )
-
-
-def _part_of_session(
-    reader: BagReader, dofs: DofSpec, samples: Mapping[str, TopicSamples], part
-) -> Demonstration | Rejection:
-    observed, controlled, rejected = signals_of(
-        dofs, samples, part.start_ns, part.end_ns, count_topics=part.index == 0
-    )
-    problem = _too_short(reader, dofs, (*observed, *controlled), rejected, part.start_ns)
-    if problem:
-        return problem
-    metadata = reader.custom_data
-    metadata.pop("task", None)
-    return Demonstration(
-        name=f"{reader.path.resolve().name}#{part.index:03d}",
-        source=str(reader.path),
-        task=part.task,
-        observed=observed,
-        controlled=controlled,
-        start_ns=part.start_ns,
-        end_ns=part.end_ns,
-        metadata=metadata,
-        rejected=rejected,
+        name, str(reader.path), task, observed, controlled, start_ns, end_ns, metadata, rejected
     )
 
 
@@ -231,7 +269,7 @@ def _too_short(
     start_ns: int,
 ) -> Rejection | None:
     for entry, signal in zip((*dofs.observed, *dofs.controlled), signals, strict=True):
-        if signal.stamps_ns.size < MIN_SAMPLES:
+        if signal.stamps_ns.size < LEAST_SAMPLES:
             dropped = ", ".join(f"{n} {reason}" for reason, n in sorted(rejected.items()) if n)
             reason = f"empty: {signal.stamps_ns.size} usable samples ({dropped or 'none dropped'})"
             return Rejection(str(reader.path), f"/{entry.topic}", int(start_ns), reason)

@@ -1,24 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Session bags: many demonstrations on end, told apart by markers on the topic `demonstration`."""
+"""Task labels of recordings: of a whole bag, of the parts of a session, and one after the other.
+
+A session bag holds several demonstrations, separated by markers on the topic `demonstration`. A
+recording of the running graph without markers tells its tasks by `intent/active_task`, what was
+recognized and served. Both topics carry a label when a task begins and an empty text when it ends.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from intent_recognition.bags import BagMessage, BagReader
+from intent_recognition.demonstrations.cleaning import TopicSamples
 from intent_recognition.demonstrations.dofs import relative_topic
-from intent_recognition.demonstrations.signals import TopicSamples
 from intent_recognition.signals import Rejection
 
 MARKER_TOPIC = "demonstration"
 MARKER_TYPE = "std_msgs/msg/String"
+ACTIVE_TOPIC = "intent/active_task"
 SAME_CLOCK_NS = 1_000_000_000
+"""Stamps that differ less from the log times [ns] are of the same clock. Convention: longer than
+any transport takes, much shorter than the difference between simulated and wall time."""
 
 
 @dataclass(frozen=True)
 class SessionPart:
-    """One demonstration of a session, in the time of the messages' stamps."""
+    """One demonstration of a session.
+
+    Attributes:
+        index: its number in the session, from 0.
+        task: its label.
+        start_ns: when it began, on the clock of the messages' stamps.
+        end_ns: when it ended.
+    """
 
     index: int
     task: str
@@ -26,14 +42,26 @@ class SessionPart:
     end_ns: int
 
 
+class TaskSequence(NamedTuple):
+    """Tasks that followed one another without a long pause between them.
+
+    Attributes:
+        source: path of the bag.
+        tasks: their labels, in order.
+    """
+
+    source: str
+    tasks: tuple[str, ...]
+
+
+def task_of(reader: BagReader) -> str | None:
+    """The label of a whole bag, None when it has none."""
+    return reader.custom_data.get("task") or None
+
+
 def find_marker_topic(reader: BagReader) -> str | None:
-    """Relative name of the marker topic, None when the bag is no session."""
-    for name, info in reader.topics.items():
-        relative = relative_topic(name)
-        named = relative == MARKER_TOPIC or relative.endswith(f"/{MARKER_TOPIC}")
-        if named and info.type == MARKER_TYPE and info.message_count:
-            return relative
-    return None
+    """Relative name of the marker topic, None when the bag is not a session."""
+    return _find_label_topic(reader, MARKER_TOPIC)
 
 
 def split_session(
@@ -41,14 +69,14 @@ def split_session(
 ) -> Iterator[SessionPart | Rejection]:
     """Demonstrations between each label and the empty marker after it.
 
-    Markers have no stamp of their own: their time is that of recording. Where the stamps of the
-    data run on another clock (simulated time), it is shifted by the median difference.
+    Markers have no stamp: their time is the log time. If the stamps of the data are of another
+    clock (simulated time), it is shifted by the median difference.
     """
     shift_ns = _clock_shift_ns(samples)
     label, start_ns, index = "", 0, 0
     for marker in markers:
         now_ns = marker.log_time_ns - shift_ns
-        text = marker.message.data.strip()
+        text = _label(marker)
         if text and label:
             yield _unended(source, marker, label, "before the next began")
         elif not text and label:
@@ -57,6 +85,46 @@ def split_session(
         label, start_ns = text, now_ns
     if label:
         yield _unended(source, markers[-1], label, "before the recording ended")
+
+
+def task_sequences(reader: BagReader, forget_after_s: float) -> Iterator[TaskSequence]:
+    """The task sequences in a bag; none where it is not a session. Times are log times.
+
+    Args:
+        reader: the bag.
+        forget_after_s: a longer pause between two tasks ends a sequence [s].
+    """
+    tasks: list[str] = []
+    ended_ns, running = 0, False
+    marker = find_marker_topic(reader)
+    topic = marker or _find_label_topic(reader, ACTIVE_TOPIC)
+    for message in reader.messages([topic]) if topic else ():
+        label, now_ns = _label(message), message.log_time_ns
+        if label:
+            if tasks and not running and now_ns - ended_ns > forget_after_s * 1e9:
+                yield TaskSequence(str(reader.path), tuple(tasks))
+                tasks = []
+            if running and marker is None:
+                tasks[-1] = label  # the decision changed during one movement
+            else:
+                tasks.append(label)
+        ended_ns, running = now_ns, bool(label)
+    if tasks:
+        yield TaskSequence(str(reader.path), tuple(tasks))
+
+
+def _find_label_topic(reader: BagReader, wanted: str) -> str | None:
+    for name, info in reader.topics.items():
+        relative = relative_topic(name)
+        named = f"/{relative}".endswith(f"/{wanted}")
+        if named and info.type == MARKER_TYPE and info.message_count:
+            return relative
+    return None
+
+
+def _label(message: BagMessage) -> str:
+    text: str = message.message.data.strip()
+    return text
 
 
 def _unended(source: str, marker: BagMessage, label: str, when: str) -> Rejection:

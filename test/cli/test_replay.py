@@ -11,7 +11,7 @@ from model_builder import learned_model, perform, write_recording
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations.stream import iter_observations
+from intent_recognition.demonstrations.observations import iter_observations
 from intent_recognition.errors import BagError, ModelError, ResourceBusyError
 from intent_recognition.model.file import save_model
 from intent_recognition.recognition.decision import DecisionSettings

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from intent_recognition.bags.definitions import make_message
-from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, extract, load_dofs
+from intent_recognition.demonstrations import DofEntry, DofSpec, extract, load_dofs
 from intent_recognition.errors import DofError, MessageError
 
 ENTRY = {"topic": "/a", "type": "geometry_msgs/msg/PoseStamped", "fields": ["pose.x"], "unit": "m"}

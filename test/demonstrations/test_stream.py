@@ -14,8 +14,8 @@ from rclpy.serialization import deserialize_message
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.dofs import DofEntry
+from intent_recognition.demonstrations.observations import iter_observations
 from intent_recognition.demonstrations.reading import read_demonstrations
-from intent_recognition.demonstrations.stream import iter_observations
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns
 from intent_recognition.nodes.mocap_ingest import MocapIngest

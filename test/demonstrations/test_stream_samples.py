@@ -9,7 +9,7 @@ from model_builder import make_dofs
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations.stream import iter_observations, iter_samples
+from intent_recognition.demonstrations.observations import iter_observations, iter_samples
 
 DOFS = make_dofs()
 

@@ -5,8 +5,9 @@ import pytest
 from bag_builder import write_bag
 
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations.task_sequences import read_task_sequences
+from intent_recognition.demonstrations.reading import read_task_sequences
 from intent_recognition.errors import BagError
+from intent_recognition.recognition import FORGET_AFTER_S
 
 STRING = "std_msgs/msg/String"
 START_NS = 1_700_000_000_000_000_000
@@ -22,7 +23,9 @@ def session(path, events, topic="demonstration"):
 
 
 def tasks(*paths, **options):
-    sequences, rejections = read_task_sequences(paths, **options)
+    sequences, rejections = read_task_sequences(
+        paths, **{"forget_after_s": FORGET_AFTER_S} | options
+    )
     assert rejections == []
     return [sequence.tasks for sequence in sequences]
 
@@ -56,11 +59,11 @@ def test_a_folder_with_bags_that_are_no_sessions(tmp_path):
     write_bag(tmp_path / "bags" / "single")
     (tmp_path / "bags" / "void").mkdir()
     (tmp_path / "bags" / "void" / "void.mcap").write_bytes(b"")
-    sequences, rejections = read_task_sequences([tmp_path / "bags"])
+    sequences, rejections = read_task_sequences([tmp_path / "bags"], FORGET_AFTER_S)
     assert [s.tasks for s in sequences] == [("plate",)]
     assert "no session" in str(rejections[0]) and len(rejections) == 2
     (tmp_path / "nothing").mkdir()
-    _, rejections = read_task_sequences([tmp_path / "nothing"])
+    _, rejections = read_task_sequences([tmp_path / "nothing"], FORGET_AFTER_S)
     assert "no bag" in str(rejections[0])
     with pytest.raises(BagError):
-        read_task_sequences([tmp_path / "elsewhere"])
+        read_task_sequences([tmp_path / "elsewhere"], FORGET_AFTER_S)

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.demonstrations.task_sequences import read_task_sequences
+from intent_recognition.demonstrations.reading import read_task_sequences
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
 from sim_bridge.coworker.habit import FIRST, FOLLOWS, ORDER, habitual_tasks
 from sim_bridge.coworker.session import parse_task_list
@@ -54,7 +54,7 @@ def test_shipped_sessions_can_be_made_again(repository, tmp_path):
 
 
 def test_shipped_sessions_hold_the_habit(repository):
-    sequences, rejections = read_task_sequences([repository / "bags" / "sessions"])
+    sequences, rejections = read_task_sequences([repository / "bags" / "sessions"], 60.0)
     assert rejections == [] and len(sequences) == SESSIONS
     for number, sequence in enumerate(sequences):
         assert sequence.tasks == habitual_tasks(FIRST_SEED + number, INTERACTIONS)

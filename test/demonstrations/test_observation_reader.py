@@ -11,7 +11,7 @@ from model_builder import GLOVE, TOOL, WRIST, make_dofs
 
 from intent_recognition.bags.definitions import make_message
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
-from intent_recognition.demonstrations.measuring import ObservationReader, observation_readers
+from intent_recognition.demonstrations.observations import ObservationReader, observation_readers
 from intent_recognition.errors import DofError, MessageError
 
 ODOMETRY = "nav_msgs/msg/Odometry"

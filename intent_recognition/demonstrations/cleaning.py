@@ -1,17 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the messages of a bag to signals: stamps checked, poses through the tracker's ingest."""
+"""From the messages of a bag to signals: bad stamps and what the tracker's checks reject go."""
 
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.bags import POSE, BagMessage, Columns, PoseColumns
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, relative_topic
-from intent_recognition.demonstrations.topic_values import Content, values_of
+from intent_recognition.demonstrations.fields import (
+    Content,
+    pose_message,
+    pose_numbers,
+    values_of,
+)
 from intent_recognition.signals import Signal
 from intent_recognition.tracking import (
     NOT_FINITE,
@@ -19,35 +25,35 @@ from intent_recognition.tracking import (
     ZERO_STAMP,
     AcceptedPoses,
     IngestSettings,
-    TrackedPose,
     ingest_poses,
 )
 
 RAW_POSE_TOPIC = re.compile(r"(.*/)?mocap/[^/]+/pose")
 MISSING_DOF = "missing_dof"
+"""Reason for which a message is dropped: a joint or field of an entry is not in it."""
 
 
 @dataclass(frozen=True)
 class TopicSamples:
-    """Accepted messages of one topic: decoded and checked; T of them.
+    """The T accepted messages of one topic.
 
     Attributes:
         stamps_ns: int64 (T,), strictly increasing.
         log_times_ns: int64 (T,).
-        content: of all messages recorded, poses in the world frame.
+        content: all messages recorded; accepted poses are in the world frame.
         rows: which of these were accepted, int64 (T,).
-        rejected: how many were not, by reason.
+        rejected: number of the others, by reason.
     """
 
-    stamps_ns: np.ndarray
-    log_times_ns: np.ndarray
+    stamps_ns: NDArray[np.int64]
+    log_times_ns: NDArray[np.int64]
     content: Content
-    rows: np.ndarray
+    rows: NDArray[np.int64]
     rejected: Mapping[str, int]
 
 
 def is_raw_pose(topic: str, type_name: str) -> bool:
-    """Whether messages of this topic come straight from a tracker and need its checks."""
+    """Whether a topic carries unchecked poses of a tracker: `mocap/<body>/pose`."""
     return type_name == POSE and RAW_POSE_TOPIC.fullmatch(relative_topic(topic)) is not None
 
 
@@ -57,19 +63,20 @@ def clean_topic(
     messages: Sequence[BagMessage],
     extrinsics: Mapping[str, tuple] | None = None,
 ) -> TopicSamples:
-    """Drop what a node would drop: bad stamps, and for raw poses all that ingest rejects.
+    """Drop what a node would drop: bad stamps, and raw poses that `ingest_pose` rejects.
 
-    Poses come out in the world frame. Without `extrinsics` the frame of the recording counts as
-    the world: `world` where any message names it, else the frame most messages name.
+    Raw poses are transformed to the world frame. Without `extrinsics` the frame of the recording
+    counts as the world: `world` if any message names it, else the frame most messages name.
     """
-    decoded = [message.message for message in messages]
+    decoded: list[Any] = [message.message for message in messages]
     stamps_ns = np.array([message.stamp_ns for message in messages], np.int64)
     log_times_ns = np.array([message.log_time_ns for message in messages], np.int64)
     if is_raw_pose(topic, type_name):
         accepted = _ingest(_pose_columns(stamps_ns, log_times_ns, decoded), extrinsics, True)
-        for k, row in enumerate(accepted.rows):
-            position, orientation = accepted.positions[k], accepted.orientations[k]
-            decoded[row] = _message(decoded[row].header, position, orientation)
+        assert accepted.orientations is not None  # they were asked for
+        poses = zip(accepted.rows, accepted.positions, accepted.orientations, strict=True)
+        for row, position, orientation in poses:
+            decoded[row] = pose_message(decoded[row].header, position, orientation)
         rows, rejected = _longest_increasing(stamps_ns, accepted)
     else:
         rows, rejected = _increasing(stamps_ns)
@@ -83,13 +90,13 @@ def clean_columns(
     *,
     oriented: bool = True,
 ) -> TopicSamples:
-    """The same from columns; orientations of raw poses are NaN unless `oriented`."""
+    """As `clean_topic` from columns; orientations of raw poses are NaN unless `oriented`."""
     stamps_ns = columns.stamps_ns
     if isinstance(columns, PoseColumns) and is_raw_pose(topic, POSE):
         accepted = _ingest(columns, extrinsics, oriented)
         positions, orientations = np.full((2, stamps_ns.size, 4), np.nan)
         positions[accepted.rows, :3] = accepted.positions
-        if oriented:
+        if accepted.orientations is not None:
             orientations[accepted.rows] = accepted.orientations
         columns = replace(columns, positions=positions[:, :3], orientations=orientations)
         rows, rejected = _longest_increasing(stamps_ns, accepted)
@@ -101,7 +108,7 @@ def clean_columns(
 def signal_of(
     entry: DofEntry, samples: TopicSamples, start_ns: int | None = None, end_ns: int | None = None
 ) -> tuple[Signal, Counter[str]]:
-    """Values of the entry's DOFs between two stamps, and what was dropped on the way.
+    """Values of the entry's DOFs between two stamps, and counts of dropped messages by reason.
 
     A message that lacks one of the joints, or holds NaN or infinity in one of the DOFs, is
     dropped and counted.
@@ -114,7 +121,7 @@ def signal_of(
     stamps_ns = samples.stamps_ns[inside]
     values, found = values_of(entry, samples.content, samples.rows[inside])
     finite = found & np.all(np.isfinite(values), axis=1)
-    counts = {MISSING_DOF: np.sum(~found), NOT_FINITE: np.sum(found & ~finite)}
+    counts = {MISSING_DOF: int(np.sum(~found)), NOT_FINITE: int(np.sum(found & ~finite))}
     signal = Signal(entry.names, stamps_ns[finite], values[finite], entry.unit)
     return signal, _counter(counts)
 
@@ -127,10 +134,10 @@ def signals_of(
     *,
     count_topics: bool = True,
 ) -> tuple[tuple[Signal, ...], tuple[Signal, ...], Counter[str]]:
-    """Observed and controlled signals of a bag or of a part of it, and all counts by reason.
+    """Observed and controlled signals of a bag or of a part of it, and counts by reason.
 
-    `count_topics` includes what was dropped anywhere in the bag for its stamp or as an outlier;
-    of a session's demonstrations the first reports it, so that it is counted once.
+    With `count_topics` the counts include bad stamps and outliers anywhere in the bag. Only the
+    first demonstration of a session reports them, so that they are counted once.
     """
     rejected: Counter[str] = Counter()
     for topic in spec.topics if count_topics else ():
@@ -146,36 +153,20 @@ def signals_of(
     return sides[0], sides[1], rejected
 
 
-def pose_message(header: object, pose: TrackedPose) -> SimpleNamespace:
-    """The world-frame pose with the attributes of a PoseStamped, for the field paths."""
-    return _message(header, pose.position, pose.orientation)
-
-
-def _message(header: object, position: np.ndarray, orientation: np.ndarray) -> SimpleNamespace:
-    x, y, z = position
-    qx, qy, qz, qw = orientation
-    return SimpleNamespace(
-        header=header,
-        pose=SimpleNamespace(
-            position=SimpleNamespace(x=x, y=y, z=z),
-            orientation=SimpleNamespace(x=qx, y=qy, z=qz, w=qw),
-        ),
-    )
-
-
-def _pose_columns(stamps_ns, log_times_ns, messages: Sequence[object]) -> PoseColumns:
+def _pose_columns(
+    stamps_ns: NDArray[np.int64], log_times_ns: NDArray[np.int64], messages: Sequence[Any]
+) -> PoseColumns:
     """Columns of decoded PoseStamped messages."""
     frames: dict[str, int] = {}
     indices = [frames.setdefault(m.header.frame_id, len(frames)) for m in messages]
-    positions = [(p.x, p.y, p.z) for p in (m.pose.position for m in messages)]
-    orientations = [(q.x, q.y, q.z, q.w) for q in (m.pose.orientation for m in messages)]
+    poses = np.array([pose_numbers(m) for m in messages], np.float64).reshape(-1, 7)
     return PoseColumns(
         log_times_ns,
         stamps_ns,
         tuple(frames),
         np.array(indices, np.int64),
-        np.array(positions, np.float64).reshape(-1, 3),
-        np.array(orientations, np.float64).reshape(-1, 4),
+        poses[:, :3],
+        poses[:, 3:],
     )
 
 
@@ -206,24 +197,24 @@ def _settings(columns: PoseColumns, extrinsics: Mapping[str, tuple] | None) -> I
     return IngestSettings(world_frame=frames.most_common(1)[0][0])
 
 
-def _increasing(stamps_ns: np.ndarray) -> tuple[np.ndarray, Counter[str]]:
+def _increasing(stamps_ns: NDArray[np.int64]) -> tuple[NDArray[np.int64], Counter[str]]:
     """Rows whose stamp is positive and later than all before, and counts of the others."""
     positive = stamps_ns > 0
     latest_ns = np.maximum.accumulate(np.where(positive, stamps_ns, 0))
     before_ns = np.concatenate([[0], latest_ns[:-1]])[: stamps_ns.size]
     accepted = positive & (stamps_ns > before_ns)
-    late = np.sum(positive & ~accepted)
+    late = int(np.sum(positive & ~accepted))
     return np.flatnonzero(accepted), _counter(
-        {ZERO_STAMP: np.sum(~positive), STAMP_NOT_INCREASING: late}
+        {ZERO_STAMP: int(np.sum(~positive)), STAMP_NOT_INCREASING: late}
     )
 
 
 def _longest_increasing(
-    stamps_ns: np.ndarray, accepted: AcceptedPoses
-) -> tuple[np.ndarray, Counter[str]]:
-    """Accepted rows; after a clock was set back the track goes on, but a signal cannot.
+    stamps_ns: NDArray[np.int64], accepted: AcceptedPoses
+) -> tuple[NDArray[np.int64], Counter[str]]:
+    """Accepted rows of the longest part with increasing stamps.
 
-    The longest part is kept.
+    A track continues after its clock was set back, but a signal cannot.
     """
     rows, rejected = accepted.rows, accepted.rejected.copy()
     breaks = np.flatnonzero(np.diff(stamps_ns[rows]) <= 0) + 1
@@ -237,5 +228,5 @@ def _longest_increasing(
 
 
 def _counter(counts: Mapping[str, int]) -> Counter[str]:
-    """Only what did occur."""
-    return Counter({reason: int(count) for reason, count in counts.items() if count})
+    """The counts above zero."""
+    return Counter({reason: count for reason, count in counts.items() if count})

@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Observations of the human in single messages, and in a recording one after the other.
+
+Nodes and `intent replay` both read messages with `ObservationReader`, so that they get the same
+numbers.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from functools import partial
+from math import isnan
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.bags import POSE, BagReader
+from intent_recognition.demonstrations.cleaning import MISSING_DOF, is_raw_pose
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
+from intent_recognition.demonstrations.fields import (
+    POSE_FIELDS,
+    extract,
+    joint_column,
+    pose_message,
+    pose_numbers,
+)
+from intent_recognition.errors import MessageError, describe
+from intent_recognition.signals import Observation
+from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
+
+POSES = (
+    POSE,
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "nav_msgs/msg/Odometry",
+)
+"""A position is measured as a whole or not at all: one with NaN in it is refused."""
+AXES = {
+    f"{part}.{axis}": first + k
+    for first, parts in ((0, ("position", "linear")), (3, ("angular",)))
+    for part in parts
+    for k, axis in enumerate("xyz")
+}
+"""Row of each coordinate in the 6 x 6 covariance that comes with its pose or twist."""
+
+
+class Sample(NamedTuple):
+    """One measurement of either agent.
+
+    Attributes:
+        controlled: whether it is of the robot.
+        observation: its `group` counts the signals of that agent.
+    """
+
+    controlled: bool
+    observation: Observation
+
+
+class ObservationReader:
+    """Turns the messages of one entry of the DOF file into observations.
+
+    Args:
+        entry: what to read.
+        group: index of the observed signal; for velocities, of the signal they belong to.
+        columns: for velocities, the DOFs of that signal; None for positions.
+    """
+
+    def __init__(self, entry: DofEntry, group: int, columns: tuple[int, ...] | None = None):
+        self.entry, self.group = entry, group
+        self._columns = columns
+        self._whole = columns is None and entry.type in POSES
+        self._values = partial(_joints, entry) if entry.joints else _fields(entry)
+        self._matrix, self._axes = _place_of_covariance(entry)
+        self._unknown = np.minimum.outer(self._axes, self._axes) < 0
+        self._has_unknown = bool(self._unknown.any())
+        self._grid = np.ix_(self._axes, self._axes)
+        self.pose_columns = None
+        if entry.fields and set(entry.fields) <= set(POSE_FIELDS):
+            self.pose_columns = np.array([POSE_FIELDS.index(field) for field in entry.fields])
+
+    def observe(
+        self, stamp_ns: int, message: Any, covariance: NDArray[np.float64] | None = None
+    ) -> Observation:
+        """The observation in a message; a NaN means that the value was not measured.
+
+        Args:
+            stamp_ns: time of measurement.
+            message: of rclpy or of a bag.
+            covariance: of the position, (3, 3), instead of the message's own.
+
+        Raises:
+            MessageError: a field, or every joint, is missing.
+        """
+        return self._observation(stamp_ns, self._values(message), self._noise(message, covariance))
+
+    def observe_pose(
+        self, stamp_ns: int, pose: NDArray[np.float64], covariance: NDArray[np.float64]
+    ) -> Observation:
+        """As `observe` of a tracked pose, for entries with `pose_columns`.
+
+        Args:
+            stamp_ns: time of measurement.
+            pose: position and orientation, (7,).
+            covariance: (6, 6).
+
+        Raises:
+            MessageError: the entry asks for more than the pose.
+        """
+        if self.pose_columns is None:
+            raise MessageError(
+                describe(
+                    self.entry.topic,
+                    f"fields among {', '.join(POSE_FIELDS)}",
+                    ", ".join(self.entry.fields),
+                    "A tracked pose has no others; correct the DOF file.",
+                )
+            )
+        return self._observation(stamp_ns, pose[self.pose_columns], self._noise(None, covariance))
+
+    def _observation(
+        self, stamp_ns: int, values: NDArray[np.float64], noise: NDArray[np.float64] | None
+    ) -> Observation:
+        dofs, derivative = self._columns, self._columns is not None
+        if not self._whole and isnan(np.add.reduce(values)) and not np.all(np.isnan(values)):
+            kept = np.flatnonzero(~np.isnan(values))
+            values = values[kept]
+            dofs = tuple(kept.tolist()) if dofs is None else tuple(dofs[k] for k in kept)
+            noise = None if noise is None else noise[np.ix_(kept, kept)]
+        return Observation(stamp_ns, self.group, values, noise, dofs, derivative)
+
+    def _noise(
+        self, message: Any, covariance: NDArray[np.float64] | None
+    ) -> NDArray[np.float64] | None:
+        """The covariance in the message, else that of the DOF file; None where neither is known."""
+        if covariance is None and self._matrix is not None:
+            covariance = self._matrix(message)
+            covariance = None if covariance is None else np.reshape(covariance, (6, 6))
+        noise = None if covariance is None else covariance[self._grid]
+        if noise is not None and self._has_unknown:
+            noise = np.where(self._unknown, 0.0, noise)
+        if noise is not None and not noise.any():  # ROS: all zero means unknown
+            noise = None
+        if noise is None and self.entry.std is not None:
+            noise = np.eye(len(self._axes)) * self.entry.std**2
+        return noise
+
+
+def observation_readers(dofs: DofSpec) -> list[ObservationReader]:
+    """Readers of the observed agent: positions, then velocities."""
+    readers = [ObservationReader(entry, group) for group, entry in enumerate(dofs.observed)]
+    for entry in dofs.velocities:
+        if found := dofs.signal_of(entry):
+            readers.append(ObservationReader(entry, *found))
+    return readers
+
+
+def iter_observations(
+    reader: BagReader,
+    dofs: DofSpec,
+    settings: IngestSettings | None = None,
+    rejected: Counter[str] | None = None,
+) -> Iterator[Observation]:
+    """Observations of the human in the order of recording; arguments as of `iter_samples`."""
+    for _, observation in iter_samples(reader, dofs, settings, rejected, controlled=False):
+        yield observation
+
+
+def iter_samples(
+    reader: BagReader,
+    dofs: DofSpec,
+    settings: IngestSettings | None = None,
+    rejected: Counter[str] | None = None,
+    *,
+    controlled: bool = True,
+) -> Iterator[Sample]:
+    """Measurements of both agents in the order of recording.
+
+    Raw tracker poses are checked and transformed as by the node `mocap_ingest`.
+
+    Args:
+        reader: the recording.
+        dofs: which topics and fields to read.
+        settings: of the ingest; the node's defaults when None.
+        rejected: counts what is dropped, by reason.
+        controlled: whether to read the controlled agent too.
+    """
+    settings = settings or IngestSettings()
+    rejected = Counter() if rejected is None else rejected
+    by_topic: dict[str, list[tuple[bool, ObservationReader]]] = defaultdict(list)
+    for one in observation_readers(dofs):
+        by_topic[one.entry.topic].append((False, one))
+    for group, entry in enumerate(dofs.controlled if controlled else ()):
+        by_topic[entry.topic].append((True, ObservationReader(entry, group)))
+    states: dict[str, IngestState] = defaultdict(IngestState.initial)
+    for item in reader.messages(list(by_topic)):
+        topic = item.topic.lstrip("/")
+        stamp, message = item.stamp_ns, item.message
+        covariance = None
+        if is_raw_pose(topic, by_topic[topic][0][1].entry.type):
+            pose, frame_id = np.array(pose_numbers(message)), message.header.frame_id
+            states[topic], result = ingest_pose(
+                settings, states[topic], stamp, pose[:3], pose[3:], frame_id
+            )
+            if isinstance(result, Rejected):
+                rejected[result.reason] += 1
+                continue
+            message = pose_message(message.header, result.position, result.orientation)
+            covariance = result.position_covariance
+        for of_controlled, observation_reader in by_topic[topic]:
+            try:
+                if of_controlled:
+                    values = extract(observation_reader.entry, message)
+                    observation = Observation(stamp, observation_reader.group, values)
+                else:
+                    observation = observation_reader.observe(stamp, message, covariance)
+            except MessageError:
+                rejected[MISSING_DOF] += 1
+                continue
+            yield Sample(of_controlled, observation)
+
+
+def _fields(entry: DofEntry) -> Callable[[Any], NDArray[np.float64]]:
+    if any(part.isdigit() for field in entry.fields for part in field.split(".")):
+        return partial(extract, entry)
+    read, single = attrgetter(*entry.fields), len(entry.fields) == 1
+
+    def values(message: Any) -> NDArray[np.float64]:
+        try:
+            found = read(message)
+            return np.array([found] if single else found, dtype=np.float64)
+        except (AttributeError, TypeError, ValueError):
+            return extract(entry, message)  # which says what is wrong
+
+    return values
+
+
+def _joints(entry: DofEntry, message: Any) -> NDArray[np.float64]:
+    """Values (d,) of the joints, NaN for those that are missing; at least one must be there."""
+    indices, column = joint_column(entry, message)
+    values = np.full(len(entry.joints), np.nan)
+    found = False
+    for row, joint in enumerate(entry.joints):
+        k = indices.get(joint)
+        if k is not None and k < len(column):
+            values[row], found = column[k], True
+    return values if found else extract(entry, message)  # which says what is missing
+
+
+def _place_of_covariance(
+    entry: DofEntry,
+) -> tuple[Callable[[Any], Any] | None, NDArray[np.float64]]:
+    """Getter of the 6 x 6 matrix in a message, and the row of each field in it, (m,) or -1."""
+    count = len(entry.names)
+    axes, holders = np.full(count, -1), set()
+    for k, field in enumerate(entry.fields):
+        parts = field.split(".")
+        axis = AXES.get(".".join(parts[-2:]), -1)
+        if axis >= 0:
+            axes[k] = axis
+            holders.add(".".join([*parts[:-3], "covariance"]))
+    if len(holders) != 1:
+        return None, axes
+    read = attrgetter(*holders)
+
+    def matrix(message: Any) -> Any:
+        try:
+            found = read(message)
+        except AttributeError:
+            return None
+        return found if np.size(found) == 36 else None
+
+    return matrix, axes
