@@ -60,7 +60,7 @@ def completion(parser: argparse.ArgumentParser, shell: str) -> str:
 
 
 def offer(action: argparse.Action, offered: "tuple[str, ...] | type[Path]") -> None:
-    """Have these words, or paths, completed for an argument whose type does not say so."""
+    """Complete these words, or paths, for an argument whose type does not imply them."""
     vars(action)["offered"] = offered
 
 

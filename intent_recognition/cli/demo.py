@@ -21,7 +21,9 @@ from intent_recognition.model import load_model, load_trained, save_model
 
 SCENARIOS = ("toolbox", "pouring")
 DEFAULT_INTERACTIONS = 40
+"""Interactions where the task list has no end. Convention."""
 DEFAULT_RATE, DASHBOARD_RATE = 1.5, 1.0
+"""Simulated seconds per real second, without and with a page to watch. Convention."""
 DEFAULT_PORT = 8080
 LAST_PORT = 65535
 RATES = (0.01, 50.0)

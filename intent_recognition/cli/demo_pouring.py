@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent demo --scenario pouring`: pour with containers nobody demonstrated. Needs no ROS 2."""
+"""`intent demo --scenario pouring`: pour with containers never demonstrated. Needs no ROS 2."""
 
 import argparse
 import sys
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 DEFAULT_POURS = 2
 MANY_SPILLED = 2.0
-"""Balls of forty, in the mean, from which on the demo has failed."""
+"""Spilled balls of forty, on average, above which the demo has failed. Convention."""
 
 Done = tuple["PourOrder", "Planned", "Poured"]
 
 
 def run_pouring(args: argparse.Namespace, console: Console) -> int:
-    """Learn from the shipped demonstrations, pour, tell; 1 if more than two of 40 are spilled."""
+    """Learn from the shipped demonstrations and pour; 1 if more than two of 40 are spilled."""
     started = time.monotonic()
     done = []
     for order in _orders(args):
@@ -37,7 +37,7 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
     mean = sum(spilled) / len(spilled)
     sys.stdout.write(
         f"poured with {len(done)} pairs never demonstrated: {mean:.1f} of {done[0][2].n_balls}"
-        f" balls spilled in the mean, {time.monotonic() - started:.0f} s\n"
+        f" balls spilled on average, {time.monotonic() - started:.0f} s\n"
     )
     sys.stdout.flush()
     return 1 if mean > MANY_SPILLED else 0

@@ -40,6 +40,8 @@ SLICE_S = 0.1
 PACE_PERIOD_S = 0.2
 """Time between two looks at the lag [s]. Convention."""
 DOMAINS = (1, 101)
+"""ROS domains whose ports lie below the ephemeral ports of Linux (ROS 2 documentation, "The
+ROS_DOMAIN_ID")."""
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -295,7 +297,7 @@ def _refuse_busy_domain(observer: "SessionObserver", watch: _Watch) -> None:
 
 
 class _ProgressLine:
-    """One line that says where the session is."""
+    """One line with the progress of the session."""
 
     def __init__(self, total: int, console: Console):
         self.total = total

@@ -126,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
 def _finish_unlabelled(
     args: argparse.Namespace, mixture: dict, n: int, rejections: list, console: Console
 ) -> int:
-    """All there is to say of recordings without a single label."""
+    """Print and write what there is without a single label."""
     print_left_out(console, rejections)
     console.print("no recording has a label: recognition and prediction are not scored")
     if args.json:
@@ -180,7 +180,7 @@ def print_result(console: Console, result: dict) -> None:
 
 
 def _print_none(console: Console, none: dict) -> None:
-    """What becomes of known movements and of those of tasks that were left out."""
+    """Print how movements of known tasks and of left-out tasks are recognised."""
     if none["area"] is None:
         return
     console.print(
@@ -207,7 +207,7 @@ def _why_held_back(end_std: dict) -> str:
         f"ends of recognised movements are predicted to a standard deviation of"
         f" {end_std['0.5']:.2f} (median; 10 % below {end_std['0.1']:.2f}, 90 % below"
         f" {end_std['0.9']:.2f}) once all was seen; `max_end_std` asks for {limit:g}. Demonstrate"
-        f" more alike, or raise it where such a spread is safe (docs/recognition.md)."
+        f" more alike, or raise it where such an uncertainty is safe (docs/recognition.md)."
     )
 
 

@@ -88,13 +88,13 @@ class _ProgressBars:
     def __exit__(self, *_: object) -> None:
         self._bars.stop()
 
-    def tell(self, name: str, share: float, what: str) -> None:
-        """How far it is, and what is going on."""
+    def update(self, name: str, share: float, what: str) -> None:
+        """Show the share of an experiment that is done, and what it does."""
         self._bars.start_task(self._rows[name])
         self._bars.update(self._rows[name], completed=share, description=what)
 
     def end(self, name: str, how: str) -> None:
-        """It is over."""
+        """Show that an experiment is over."""
         self._bars.update(self._rows[name], completed=1.0, description=how)
         self._bars.stop_task(self._rows[name])
 
@@ -112,14 +112,14 @@ class _ProgressLines:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def tell(self, name: str, share: float, what: str) -> None:
-        """How far it is, and what is going on."""
+    def update(self, name: str, share: float, what: str) -> None:
+        """Show the share of an experiment that is done, and what it does."""
         if share - self._shown[name] >= LEAST_STEP:
             self._shown[name] = share
             self._print(name, f"{100 * share:3.0f} %  {what}")
 
     def end(self, name: str, how: str) -> None:
-        """It is over."""
+        """Show that an experiment is over."""
         self._print(name, how)
 
     def _print(self, name: str, text: str) -> None:
@@ -155,7 +155,7 @@ def _show(news: News, shown: "_ProgressBars | _ProgressLines") -> None:
             name, share, what = news.get_nowait()
         except Empty:
             return
-        shown.tell(name, share, what)
+        shown.update(name, share, what)
 
 
 def _alone(
@@ -170,9 +170,9 @@ def _run(entry: Experiment, settings: Settings, news: News) -> ExperimentRun:
     """One experiment, in its process."""
     started = time.monotonic()
     news.put((entry.name, 0.0, "starting"))
-    watched = replace(settings, progress=partial(_tell, news, entry.name))
+    watched = replace(settings, progress=partial(_report, news, entry.name))
     return ExperimentRun(entry.run(watched), "", time.monotonic() - started)
 
 
-def _tell(news: News, name: str, share: float, what: str) -> None:
+def _report(news: News, name: str, share: float, what: str) -> None:
     news.put((name, share, what))

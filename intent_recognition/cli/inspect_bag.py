@@ -16,6 +16,7 @@ from intent_recognition.demonstrations import BagSummary, TopicSummary
 from intent_recognition.errors import BagError
 
 FIRST_PLAUSIBLE_NS = 1_000_000_000 * 86_400 * 365
+"""Earlier stamps are not dates: one year after 1970 [ns]. Convention."""
 GAPS_SHOWN = 5
 
 

@@ -13,6 +13,7 @@ from intent_recognition.cli.options import Subparsers, add_node_options, node_ar
 
 SECONDS = "{task.completed:.1f} of {task.total:.1f} s"
 SHOWN_EVERY_S = 0.2
+"""Time between two updates of the progress bar [s]. Convention."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -21,7 +22,7 @@ def add_parser(subparsers: Subparsers) -> None:
         "play",
         help="play a bag onto its topics",
         description="Publish a bag's messages on their topics in the recorded rhythm. Playing"
-        " begins once somebody listens, or after --wait.",
+        " begins when a topic has a subscriber, or after --wait.",
         **examples(
             (
                 "to the nodes, stamped with the present",
@@ -47,7 +48,7 @@ def add_parser(subparsers: Subparsers) -> None:
         type=number(float, 0),
         default=3.0,
         metavar="S",
-        help="longest wait for listeners in seconds (default: 3)",
+        help="longest wait for subscribers in seconds (default: 3)",
     )
     parser.add_argument("--clock", action="store_true", help="publish the recorded time on /clock")
     parser.add_argument("--restamp", action="store_true", help="shift header stamps to the present")

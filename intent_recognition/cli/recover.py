@@ -39,7 +39,7 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Recover, and say what was saved and what was not.
+    """Recover, and print what was saved and what was not.
 
     Raises:
         BagError: there is no MCAP file, or not one message in it can be read.

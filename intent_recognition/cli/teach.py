@@ -83,10 +83,10 @@ def add_library_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record, learn, hand over; 1 if nothing was learned.
+    """Record, learn, send the model; 1 if nothing was learned.
 
     Raises:
-        IntentError: the library cannot be used, or nothing is heard of what is to be recorded.
+        IntentError: the library cannot be used, or no topic to be recorded has a publisher.
     """
     console = make_console()
     with teacher_node(args, task=args.task) as (teacher, spin):
@@ -122,11 +122,11 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
         rclpy.try_shutdown()
 
 
-def hand_over(teacher: "TaskTeacher", spin: Spin, console: Console, what: str) -> None:
+def wait_until_used(teacher: "TaskTeacher", spin: Spin, console: Console, what: str) -> None:
     """Wait until a running estimator uses the model, and print how it went."""
-    with busy(console, "handing over"):
-        spin(lambda: not teacher.handing_over, HANDED_OVER_S)
-    console.print(teacher.said or what, highlight=False, markup=False, soft_wrap=True)
+    with busy(console, "sending the model"):
+        spin(lambda: not teacher.sending_model, HANDED_OVER_S)
+    console.print(teacher.last_status or what, highlight=False, markup=False, soft_wrap=True)
 
 
 def _wait_for_topics(teacher: "TaskTeacher", spin: Spin) -> None:
@@ -160,7 +160,7 @@ def _teach(args: argparse.Namespace, teacher: "TaskTeacher", spin: Spin, console
             console.print(str(error), style="yellow", highlight=False, soft_wrap=True)
             continue
         learned += 1
-        hand_over(teacher, spin, console, what)
+        wait_until_used(teacher, spin, console, what)
         if lines is None and not args.count:
             break
     return learned
@@ -174,7 +174,7 @@ def _asked(lines: "_InputLines", spin: Spin, console: Console, question: str) ->
 
 
 class _InputLines:
-    """Lines of standard input, read by a thread so that the node can go on; None at the end."""
+    """Lines of standard input, read by a thread of their own; None at the end."""
 
     def __init__(self) -> None:
         self._lines: queue.Queue[str | None] = queue.Queue()

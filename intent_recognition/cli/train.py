@@ -162,7 +162,7 @@ def train(
 def print_library(console: Console, library: TaskLibrary, report: TrainingReport) -> None:
     """A table of the tasks and one line on the regularisation."""
     table = Table(title=f"learned from {report.n_used} demonstrations")
-    for column in ("task", "demonstrations", "duration [s]", "spread of duration"):
+    for column in ("task", "demonstrations", "duration [s]", "std of duration"):
         table.add_column(escape(column), justify="left" if column == "task" else "right")
     for index, label in enumerate(library.labels):
         table.add_row(
@@ -177,8 +177,8 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
     if chosen.aligned:
         strength, scale, kind = chosen.aligned_strength, chosen.aligned_noise_scale, "aligned"
     console.print(
-        f"regularisation by leave-one-out, {kind}: target worth {strength:g} demonstrations,"
-        f" noise variance x {scale:g} ({len(report.tried)} pairs tried; steady error"
-        f" {chosen.score:.3f} of the variance)",
+        f"regularisation by leave-one-out, {kind}: target equivalent to {strength:g}"
+        f" demonstrations, noise variance x {scale:g} ({len(report.tried)} pairs tried; error at"
+        f" steady progress {chosen.score:.3f} of the variance)",
         highlight=False,
     )

@@ -6,9 +6,10 @@ import argparse
 from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.teach import add_library_options, hand_over, teacher_node
+from intent_recognition.cli.teach import add_library_options, teacher_node, wait_until_used
 
 FOUND_S = 2.0
+"""Longest wait for a running estimator [s]. Convention."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -36,5 +37,5 @@ def run(args: argparse.Namespace) -> int:
     with teacher_node(args) as (teacher, spin):
         with busy(console, "looking for the estimator"):
             spin(teacher.estimator_runs, FOUND_S)
-        hand_over(teacher, spin, console, teacher.undo())
+        wait_until_used(teacher, spin, console, teacher.undo())
     return 0

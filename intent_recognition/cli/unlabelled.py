@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`--unlabelled` of `intent train` and `intent evaluate`: the tasks are found, not told."""
+"""`--unlabelled` of `intent train` and `intent evaluate`: tasks are found in the recordings."""
 
 import argparse
 from collections.abc import Sequence

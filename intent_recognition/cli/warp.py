@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent warp`: what an annotated object tells about another one."""
+"""`intent warp`: measure an object by warping an annotated one onto it."""
 
 import argparse
 import time
@@ -42,10 +42,10 @@ def add_parser(subparsers: Subparsers) -> None:
         "warp",
         help="measure a container with the help of an annotated one",
         description="Warp an annotated object onto a mesh or a cloud, and print its parameters"
-        " (opening, volume, height, lip, tilt) in the target's own coordinates. The mug that comes"
-        " along is one annotated object; docs/warping.md tells how to annotate others.",
+        " (opening, volume, height, lip, tilt) in the target's own coordinates. The shipped"
+        " mug is one annotated object; docs/warping.md describes how to annotate others.",
         **examples(
-            ("a mesh, with the mug that comes along", "intent warp mug bowl.obj"),
+            ("a mesh, with the shipped mug", "intent warp mug bowl.obj"),
             ("in millimetres, for a script", "intent warp mug cup.stl --scale 0.001 --json"),
             ("a cloud without normals", "intent warp mug seen.ply --viewpoint 0.5 0 0.6"),
         ),
@@ -71,10 +71,17 @@ def add_parser(subparsers: Subparsers) -> None:
         help="label the target's points, or move the source's (default: %(default)s)",
     )
     parser.add_argument(
-        "--neighbours", type=int, default=1, metavar="K", help="how many vote (default: 1)"
+        "--neighbours",
+        type=int,
+        default=1,
+        metavar="K",
+        help="nearest points that vote on a label (default: 1)",
     )
     parser.add_argument(
-        "--points", type=int, default=N_POINTS, help="taken of the target (default: %(default)s)"
+        "--points",
+        type=int,
+        default=N_POINTS,
+        help="points taken of the target (default: %(default)s)",
     )
     parser.add_argument(
         "--scale", type=float, default=1.0, help="factor to metres; 0.001 for millimetres"
@@ -89,7 +96,7 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar=("X", "Y", "Z"),
         help="where the camera was [m], for clouds without normals",
     )
-    parser.add_argument("--seed", type=int, default=0, help="draws the points of a mesh")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the points sampled on a mesh")
     parser.set_defaults(run=run)
 
 
@@ -134,7 +141,7 @@ def run(args: argparse.Namespace) -> int:
 def as_json(
     args: argparse.Namespace, warped: WarpedObject, parameters: PouringParameters
 ) -> dict[str, object]:
-    """All that was found as plain values: metres, cubic metres, radians."""
+    """All results as plain values: metres, cubic metres, radians."""
     values = {
         name: value.tolist() if isinstance(value, np.ndarray) else float(value)
         for name, value in parameters._asdict().items()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page knows of the cell: the newest of every topic, and a bounded past. No ROS, no page.
+"""State of the cell: the newest of every topic, and a bounded past. No ROS, no page.
 
-Times are seconds of a monotonic clock at arrival, so that silence can be told whatever the clock
+Times are seconds of a monotonic clock at arrival, so that silence is noticed whatever the clock
 of the graph does.
 """
 
@@ -12,9 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 PLOTTED_S = 20.0
+"""Past of the task posterior that is plotted [s]. Convention."""
 PLOTTED_STEP_S = 0.05
+"""Shortest time between two plotted posteriors [s]. Convention."""
 WRIST_S = 3.0
+"""Past of the wrist that is drawn [s]. Convention."""
 SILENT_AFTER_S = 3.0
+"""A node is silent after so long without a report [s]: three of its periods. Convention."""
 
 
 @dataclass(frozen=True)
@@ -72,14 +76,14 @@ class NodeHealth:
 
 @dataclass
 class CellState:
-    """Everything heard. One thread writes and reads.
+    """The newest of everything received. One thread writes and reads.
 
     Attributes:
         joints: position by joint name [rad].
         wrist: newest wrist position (3,) [m], None before the first.
         posterior, predicted, drawn: newest, None before the first.
-        active, ahead: task being executed; task the arm went ahead for.
-        truth: what the simulated coworker really does, empty where nobody tells.
+        active: task being executed.
+        truth: what the simulated coworker really does, empty if not published.
         nodes: health by node name.
         teaching: last sentence of `teach/status`.
     """
@@ -140,5 +144,5 @@ class CellState:
         return times, columns
 
     def fresh(self, at_s: float, now_s: float, within_s: float = 1.0) -> bool:
-        """Whether something of this time is still news."""
+        """Whether something of this time is recent."""
         return now_s - at_s <= within_s

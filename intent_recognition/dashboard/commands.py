@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page can ask of the other nodes; answers come later and are told in one sentence."""
+"""Service calls of the page to other nodes; each answer is reported in one sentence."""
 
 from collections.abc import Callable
 from functools import partial
@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-Tell = Callable[[bool, str], None]
+Notify = Callable[[bool, str], None]
 ESTIMATOR, ACTIVATION, ARM, TEACHER = (
     "intent_estimator",
     "primitive_activation",
@@ -23,23 +23,23 @@ ESTIMATOR, ACTIVATION, ARM, TEACHER = (
 
 
 class Commands:
-    """Service calls that never wait.
+    """Service calls that do not block.
 
     Args:
         node: owner of the clients.
-        tell: called with (whether it went well, what happened) when an answer has come.
+        notify: called with (whether it went well, what happened) when an answer has come.
 
     Attributes:
-        helping: whether the activation is active, as it last said; see `ask_for_help`.
+        helping: whether the activation is active, as it last reported; see `ask_for_help`.
     """
 
-    def __init__(self, node: Node, tell: Tell):
-        self._node, self._tell = node, tell
+    def __init__(self, node: Node, notify: Notify):
+        self._node, self._notify = node, notify
         self._clients: dict[str, Client] = {}
         self.helping = True
 
     def offers(self, service: str, kind: type = Trigger) -> bool:
-        """Whether somebody offers a service, such as `task_teacher/start`."""
+        """Whether a service is available, such as `task_teacher/start`."""
         return self._client(service, kind).service_is_ready()
 
     def can_switch_help(self) -> bool:
@@ -52,7 +52,7 @@ class Commands:
         """Whether there is an arm that can be guided by hand."""
         return self.offers(f"{ARM}/gravity_compensation", SetBool)
 
-    def trigger(self, service: str, done: Tell | None = None) -> None:
+    def trigger(self, service: str, done: Notify | None = None) -> None:
         """Call a Trigger."""
         self._call(service, Trigger, Trigger.Request(), done)
 
@@ -61,15 +61,15 @@ class Commands:
         request = SetBool.Request(data=enabled)
         self._call(f"{ARM}/gravity_compensation", SetBool, request, None)
 
-    def robot_helps(self, enabled: bool, done: Tell | None = None) -> None:
+    def robot_helps(self, enabled: bool, done: Notify | None = None) -> None:
         """Activate or deactivate `primitive_activation`, unless that is what it is already."""
         wanted = Transition.TRANSITION_ACTIVATE if enabled else Transition.TRANSITION_DEACTIVATE
         request = ChangeState.Request(transition=Transition(id=wanted))
 
         def switch(future: Future) -> None:
-            self._told_state(future)
+            self._on_state(future)
             if self.helping == enabled:
-                (done or self._tell)(True, "")
+                (done or self._notify)(True, "")
             else:
                 self._call(f"{ACTIVATION}/change_state", ChangeState, request, done)
 
@@ -77,15 +77,17 @@ class Commands:
         if client.service_is_ready():
             client.call_async(GetState.Request()).add_done_callback(switch)
         else:
-            (done or self._tell)(False, f"nobody offers {ACTIVATION}/get_state")
+            (done or self._notify)(False, f"no node offers {ACTIVATION}/get_state")
 
     def ask_for_help(self) -> None:
         """Ask the activation whether it is active, whoever switched it; `helping` follows."""
         client = self._client(f"{ACTIVATION}/get_state", GetState)
         if client.service_is_ready():
-            client.call_async(GetState.Request()).add_done_callback(self._told_state)
+            client.call_async(GetState.Request()).add_done_callback(self._on_state)
 
-    def set_parameter(self, node: str, name: str, value: object, done: Tell | None = None) -> None:
+    def set_parameter(
+        self, node: str, name: str, value: object, done: Notify | None = None
+    ) -> None:
         """Set a parameter of another node."""
         request = SetParameters.Request(
             parameters=[Parameter(name, value=value).to_parameter_msg()]
@@ -97,22 +99,22 @@ class Commands:
             self._clients[service] = self._node.create_client(kind, service)
         return self._clients[service]
 
-    def _call(self, service: str, kind: type, request: object, done: Tell | None) -> None:
+    def _call(self, service: str, kind: type, request: object, done: Notify | None) -> None:
         client = self._client(service, kind)
-        tell = done or self._tell
+        notify = done or self._notify
         if not client.service_is_ready():
-            tell(False, f"nobody offers {service}")
+            notify(False, f"no node offers {service}")
             return
-        client.call_async(request).add_done_callback(partial(self._answered, service, tell))
+        client.call_async(request).add_done_callback(partial(self._answered, service, notify))
 
-    def _told_state(self, future: Future) -> None:
+    def _on_state(self, future: Future) -> None:
         self.helping = future.result().current_state.label == "active"
 
-    def _answered(self, service: str, tell: Tell, future: Future) -> None:
+    def _answered(self, service: str, notify: Notify, future: Future) -> None:
         answer = future.result()
         if isinstance(answer, SetParameters.Response):
             results = answer.results
-            tell(all(r.successful for r in results), "; ".join(r.reason for r in results))
+            notify(all(r.successful for r in results), "; ".join(r.reason for r in results))
             return
         message = getattr(answer, "message", "") or service
-        tell(bool(answer.success), message)
+        notify(bool(answer.success), message)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Two models side by side on one recording: what each would have thought, and when."""
+"""Two models side by side on one recording: their posteriors, and when each would act."""
 
 import threading
 from collections.abc import Callable, Iterable, Sequence
@@ -18,11 +18,14 @@ from intent_recognition.model import load_model
 from intent_recognition.report import task_colours
 
 PLOTTED = 400
-ABOUT = "Both models watch one recording, off line: which knows the task sooner, and surer?"
+"""Points of a plotted posterior at most. Convention."""
+ABOUT = (
+    "Both models replay one recording: which recognises the task sooner, and with more certainty?"
+)
 NO_MODELS = "There is no model to compare."
 CURES = (
     "Train one, and start the page where it lies: `intent train BAG... --output M.npz`",
-    "Or say where models are: `-p models:=FOLDER`",
+    "Or name their folder: `-p models:=FOLDER`",
 )
 HEAD = ("model", "acts on", "after", "at the end")
 
@@ -121,7 +124,7 @@ class CompareTab:
 def posterior_over(
     bag: Path, model: Path
 ) -> tuple[np.ndarray, dict[str, np.ndarray], tuple[str, str, str]]:
-    """What a model thinks of a recording: times (T,) [s], probabilities (T,) per task, summary.
+    """Posterior of a model over a recording: times (T,) [s], probabilities (T,) per task, summary.
 
     Raises:
         IntentError: bag or model cannot be used, or do not fit one another.

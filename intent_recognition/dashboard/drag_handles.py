@@ -9,8 +9,11 @@ import viser
 from intent_recognition.dashboard.scene import DARK, GREY
 
 SIZE_M = 0.14
+"""Length of the arrows [m]. Convention."""
 BALL_M = 0.018
+"""Radius of the ball at a goal [m]. Convention."""
 MOVED_M = 1e-3
+"""A handle is moved only farther than this [m]: each move is sent to all browsers. Convention."""
 WRIST, HAND = "wrist", "hand"
 GOALS, DIRECT = "goals", "direct"
 NAMES = {

@@ -14,8 +14,9 @@ LEVELS = {0: GOOD, 1: WARNING, 2: BAD, 3: STALE}
 FONT = "font-family:Inter,system-ui,sans-serif;font-variant-numeric:tabular-nums"
 COLUMNS = "9.2em 1fr 3.2em 3em"
 LARGEST_RATES = 4
+"""Rates shown of a node. Convention."""
 MAY_END = frozenset({"bag_player", "bag_recorder", "coworker_sim"})
-"""Nodes that are over when their work is done: their silence is no alarm."""
+"""Nodes that end when their work is done: their silence is no alarm."""
 
 
 def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
@@ -52,7 +53,7 @@ def bars(state: CellState, colours: Mapping[str, str], fresh: bool) -> str:
 
 
 def now_line(state: CellState, colours: Mapping[str, str]) -> str:
-    """What the robot does, and what the simulated coworker does where that is told."""
+    """What the robot does, and what the simulated coworker does, if published."""
     parts = [f"robot: {_chip(state.active, colours) if state.active else 'waits'}"]
     if state.truth:
         parts.append(f"coworker: {_chip(state.truth, colours)}")
@@ -114,7 +115,7 @@ def steps(lines: Sequence[str], done: int | None = None) -> str:
 
 
 def ways(title: str, lines: Sequence[str]) -> str:
-    """Where there is nothing to be seen: why, and each way to change that, commands below."""
+    """Why there is nothing to show, and what to do about it, commands below."""
     items = "".join(
         f'<div style="border-left:3px solid {RULE};padding:.1em 0 .1em .7em;margin:.6em 0">'
         f"{_with_code(line, 'display:block;padding:.25em .5em;margin-top:.25em')}</div>"

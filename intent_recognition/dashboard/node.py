@@ -28,7 +28,9 @@ from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.share import share_path
 
 MOST_BAGS = 500
+"""Recordings to choose from. Convention."""
 MOST_MODELS = 50
+"""Models to choose from. Convention."""
 MODEL_DEPTH = ("*.npz", "*/*.npz", "*/*/*.npz")
 NEVER_PLAYED = ("joint_trajectory", "clock", "diagnostics", "rosout")
 """A replay shows; it must not move a robot that is there."""
@@ -55,12 +57,12 @@ class Dashboard(Node):
         self._diagnostics = Diagnostics(self)
         self.state = CellState()
         self._cell_subscriptions = CellSubscriptions(self, self.state, body)
-        self._commands = Commands(self, lambda ok, text: self.page.tell(ok, text))
+        self._commands = Commands(self, lambda ok, text: self.page.show_message(ok, text))
         teleoperation = Teleoperation(self, self.state, body)
         session = TeachingSession(
             teleoperation,
             self._commands,
-            lambda ok, text: self.page.tell(ok, text),
+            lambda ok, text: self.page.show_message(ok, text),
             np.random.default_rng(seed),
         )
         self.page = DashboardPage(
@@ -90,7 +92,7 @@ class Dashboard(Node):
         try:
             self.page.update()
         except IntentError as error:
-            self.page.tell(False, one_line(error))
+            self.page.show_message(False, one_line(error))
         self._diagnostics.tick("page")
         self._diagnostics.latency(time.perf_counter() - started)
 
@@ -100,7 +102,7 @@ class Dashboard(Node):
         return [path for path in found if _is_model(path, path.stat().st_mtime_ns)][:MOST_MODELS]
 
     def _play(self, bag: Path, offset_s: float, rate: float) -> BagPlayer:
-        """Play what nobody else publishes, from a point on, stamped with the present.
+        """Play the topics without other publishers from an offset, stamped with the present.
 
         Raises:
             BagError: nothing is left to be played.

@@ -30,8 +30,11 @@ BRAND = (18, 27, 36)
 """A slate that no task has; the page draws it lighter."""
 PANEL_PIXELS = 400.0
 PANEL_PERIOD_S = 0.1
+"""Time between two updates of the panel [s]. Convention."""
 SLOW_PERIOD_S = 1.0
-TOLD_S = 6.0
+"""Time between two updates of what changes slowly: nodes, models, buttons [s]. Convention."""
+MESSAGE_S = 6.0
+"""Time for which a message is shown [s]. Convention."""
 
 
 class DashboardPage:
@@ -74,7 +77,7 @@ class DashboardPage:
     ):
         self._state, self._clock = state, clock
         self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._told_until_s = -1.0
+        self._message_until_s = -1.0
         self._panel_at_s = self._slow_at_s = -1.0
         self._colours: dict[str, str] = {}
         self._labels: frozenset[str] = frozenset()
@@ -100,7 +103,9 @@ class DashboardPage:
         with tabs.add_tab("Teach"):
             self._teach = TeachTab(self._server, teleoperation, session, commands, do)
         with tabs.add_tab("Replay"):
-            self._replay = ReplayTab(self._server, bags, play, stop, commands, do, self.tell)
+            self._replay = ReplayTab(
+                self._server, bags, play, stop, commands, do, self.show_message
+            )
         with tabs.add_tab("Compare"):
             self._compare = CompareTab(self._server, bags, models, lambda: self._labels)
         with tabs.add_tab("Nodes"):
@@ -111,14 +116,14 @@ class DashboardPage:
         """Where it is served."""
         return self._server.get_port()
 
-    def tell(self, ok: bool, text: str) -> None:
-        """Say what happened, for a few seconds; what went wrong stands out."""
+    def show_message(self, ok: bool, text: str) -> None:
+        """Notify what happened, for a few seconds; what went wrong stands out."""
         if not text:
             return
         colour = INK if ok else markup.WARNING
         set_content(self._banner, markup.banner(text, colour))
         self._banner.visible = True
-        self._told_until_s = self._clock() + TOLD_S
+        self._message_until_s = self._clock() + MESSAGE_S
 
     def update(self) -> None:
         """Do what was asked for, and show the newest."""
@@ -158,7 +163,7 @@ class DashboardPage:
             self._taught = self._state.teaching
             self._compare.refresh()
         set_content(self._nodes, markup.nodes_table(self._state.nodes, now_s))
-        if now_s < self._told_until_s:
+        if now_s < self._message_until_s:
             return
         silent = markup.silent_nodes(self._state.nodes, now_s)
         wrong = [f"silent: {', '.join(silent)}"] if silent else []

@@ -30,9 +30,9 @@ class ReplayTab:
         bags: recordings to choose from.
         play: starts a player at (bag, offset [s], rate).
         stop: ends a player.
-        commands: tells who is there.
+        commands: reaches the other nodes.
         do: runs a function in the thread of the graph.
-        say: told how it goes.
+        notify: called with whether something went well, and a sentence.
     """
 
     def __init__(
@@ -43,10 +43,10 @@ class ReplayTab:
         stop: Callable[[BagPlayer], None],
         commands: Commands,
         do: Callable[[Callable], None],
-        say: Callable[[bool, str], None],
+        notify: Callable[[bool, str], None],
     ):
         self._bags = names_of(bags)
-        self._play, self._stop, self._say = play, stop, say
+        self._play, self._stop, self._notify = play, stop, notify
         self._commands = commands
         self._player: BagPlayer | None = None
         gui = server.gui
@@ -73,8 +73,8 @@ class ReplayTab:
 
     def update(self) -> None:
         """Show how far it is; end what is over."""
-        heard = self._commands.offers(f"{ESTIMATOR}/reset") or not self._bags
-        set_content(self._hint, "" if heard else markup.ways(SHOWN_ONLY, START_ESTIMATOR))
+        present = self._commands.offers(f"{ESTIMATOR}/reset") or not self._bags
+        set_content(self._hint, "" if present else markup.ways(SHOWN_ONLY, START_ESTIMATOR))
         player = self._player
         if player is None:
             return
@@ -100,7 +100,7 @@ class ReplayTab:
         self._describe()
 
     def _describe(self) -> None:
-        """Say what the chosen recording is, and how long."""
+        """Notify what the chosen recording is, and how long."""
         try:
             found = read_metadata(self._bags[self._bag.value])
         except BagError as error:
@@ -127,7 +127,7 @@ class ReplayTab:
         bag = self._bags[self._bag.value]
         self._player = self._play(bag, float(offset_s), RATES[self._rate.value])
         self._button.label, self._button.icon = "Pause", viser.Icon.PLAYER_PAUSE
-        self._say(True, f"playing {self._bag.value}")
+        self._notify(True, f"playing {self._bag.value}")
 
     def _end(self) -> None:
         if self._player is None:

@@ -18,7 +18,7 @@ LARGEST_PATH = 32
 """Points of a drawn hand path."""
 TURNING, SHIFTING = ("revolute", "continuous"), ("prismatic",)
 LIGHTER = 0.35
-"""A robot is drawn in greys, what is colourful nearer to white: colours are for tasks."""
+"""Colourful materials become greys nearer to white by this share: colours are for tasks."""
 
 
 class RobotView:
@@ -57,7 +57,7 @@ class RobotView:
 
 
 class _MovingUrdf(ViserUrdf):
-    """A drawn URDF that is told where to be 25 times a second: only what moves is sent."""
+    """A URDF in the scene that is updated 25 times a second: only what moves is sent."""
 
     def __init__(self, server: viser.ViserServer, urdf: yourdfpy.URDF, **options: Any) -> None:
         super().__init__(server, urdf, **options)

@@ -21,6 +21,7 @@ PATH_WIDTH_M = 0.006
 ARM_WIDTH_M = 0.045
 NOTHING = np.zeros((0, 3))
 HAND_PATH_PERIOD_S = 0.2
+"""Time between two updates of the predicted path of the hand [s]. Convention."""
 CAMERA_M = (1.72, -1.38, 1.05)
 LOOK_AT_M = (0.48, 0.0, 0.33)
 VIEW_RAD = np.deg2rad(42.0)
@@ -55,7 +56,7 @@ class Scene:
 
     @property
     def robot(self) -> RobotView | None:
-        """The arm, once its description was heard and could be read."""
+        """The arm, once its description was received and could be read."""
         return self._robot
 
     def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> str:
@@ -198,7 +199,7 @@ class Scene:
 
 
 def _skeleton(joints: Mapping[str, float]) -> np.ndarray:
-    """The axes' meeting points of an LWR that nobody describes (8, 3) [m], none for others."""
+    """The points (8, 3) [m] where the axes of an LWR without description meet; none for others."""
     if not all(name in joints for name in JOINT_NAMES):
         return NOTHING
     poses = frame_poses(np.array([joints[name] for name in JOINT_NAMES]))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts the page, or says what is missing for it."""
+"""Start the page, or report what is missing for it."""
 
 import sys
 from collections.abc import Sequence

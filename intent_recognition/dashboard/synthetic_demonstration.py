@@ -14,9 +14,13 @@ from intent_recognition.motion import Offset
 REST_S = 0.9
 """Both rest so long before and after: the onset is found from rest."""
 REACTION_SHARE = 0.15
+"""The arm sets out after this share of the wrist's movement. Convention."""
 LAG_S = 0.3
+"""The arm arrives so long after the wrist [s]. Convention."""
 BOW_SHARE = 0.08
+"""Standard deviation of the bow, as a share of the path's length. Convention."""
 ARM_STEP_S = 0.05
+"""Time between two points of the arm's trajectory [s]. Convention."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Teach a task without hardware: the wrist and the arm's hand are led from the page."""
+"""Teach a task without hardware: the wrist and the arm's hand are moved from the page."""
 
 from collections.abc import Callable
 
@@ -21,7 +21,7 @@ WRIST_GOAL_M = (0.78, 0.22, 0.42)
 HAND_GOAL_M = (0.60, 0.20, 0.42)
 SET_GOALS, BY_HAND = "set two goals", "drag both myself"
 FEW = 3
-"""Demonstrations of a task from which on it is worth learning."""
+"""Demonstrations of a task that are recorded before learning. Convention."""
 TAKE = "Tick `Take the wrist`."
 BY_GOALS = (
     TAKE,
@@ -45,7 +45,7 @@ NO_TEACHER = (
 )
 NOT_FREE = "Another node moves the wrist."
 OTHERS = ("With the demo: wait until the coworker is done.", "With a tracker: stop it.")
-NO_ARM = "No arm is heard that can be moved from here."
+NO_ARM = "No arm that can be moved from here publishes its joint states."
 ARMS = ("It must be an LWR that takes `joint_trajectory`: the demo has one.",)
 RECORD = "Record a demonstration"
 
@@ -57,7 +57,7 @@ class TeachTab:
         server: the page.
         teleoperation: moves the wrist and the arm.
         session: shows, records and learns.
-        commands: tells who is there.
+        commands: reaches the other nodes.
         do: runs a function in the thread of the graph.
     """
 
@@ -90,14 +90,14 @@ class TeachTab:
         self._learn = gui.add_button("Learn", icon=viser.Icon.SCHOOL, color=rgb(markup.GOOD))
         self._reach = gui.add_button("Reach to the wrist goal", icon=viser.Icon.HAND_FINGER)
         self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
-        self._told = gui.add_html("")
+        self._status = gui.add_html("")
         self._handles = DragHandles(
             server, {WRIST: np.array(WRIST_GOAL_M), HAND: np.array(HAND_GOAL_M)}
         )
         self._connect()
 
     def update(self, state: CellState) -> None:
-        """Show what can be done now, what is next, and what the teacher says."""
+        """Show what can be done now, what is next, and the teacher's status."""
         teleoperation, session = self._teleoperation, self._session
         teacher = self._commands.offers(f"{TEACHER}/start")
         taken, by_hand = teleoperation.holds_wrist, self._how.value == BY_HAND
@@ -117,7 +117,7 @@ class TeachTab:
             field.visible = teacher
         self._goals.visible = self._reach.visible = not by_hand
         self._update_handles(DIRECT if by_hand else GOALS, taken)
-        set_content(self._told, markup.remark(state.teaching))
+        set_content(self._status, markup.remark(state.teaching))
 
     def _obstacle(self, teacher: bool, taken: bool) -> str:
         """What has to be mended before anything can be recorded, and how; empty if nothing."""

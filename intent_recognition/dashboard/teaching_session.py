@@ -5,15 +5,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from intent_recognition.dashboard.commands import TEACHER, Commands
+from intent_recognition.dashboard.commands import TEACHER, Commands, Notify
 from intent_recognition.dashboard.synthetic_demonstration import (
     SyntheticDemonstration,
     sample_demonstration,
 )
 from intent_recognition.dashboard.teleoperation import RETURN_S, Teleoperation
 from intent_recognition.errors import KinematicsError
-
-Say = Callable[[bool, str], None]
 
 
 class TeachingSession:
@@ -22,7 +20,7 @@ class TeachingSession:
     Args:
         teleoperation: moves the wrist and the arm.
         commands: reaches the other nodes.
-        say: told how it goes.
+        notify: called with whether something went well, and a sentence.
         rng: source of the variation between demonstrations.
 
     Attributes:
@@ -33,12 +31,16 @@ class TeachingSession:
     """
 
     def __init__(
-        self, teleoperation: Teleoperation, commands: Commands, say: Say, rng: np.random.Generator
+        self,
+        teleoperation: Teleoperation,
+        commands: Commands,
+        notify: Notify,
+        rng: np.random.Generator,
     ):
-        self._teleoperation, self._commands, self._say, self._rng = (
+        self._teleoperation, self._commands, self._notify, self._rng = (
             teleoperation,
             commands,
-            say,
+            notify,
             rng,
         )
         self.busy = False
@@ -64,7 +66,7 @@ class TeachingSession:
             home = self._teleoperation.measured()
             posture = self._teleoperation.posture_at(hand_goal + shift)
         except (KinematicsError, KeyError) as error:
-            self._say(False, f"the arm cannot go there: {error}")
+            self._notify(False, f"the arm cannot go there: {error}")
             return
 
         def shown() -> None:
@@ -74,7 +76,7 @@ class TeachingSession:
 
     def start_by_hand(self, task: str) -> None:
         """Begin to record what is dragged."""
-        self._begin(task, lambda: self._say(True, "recording: drag the wrist, then the hand"))
+        self._begin(task, lambda: self._notify(True, "recording: drag the wrist, then the hand"))
 
     def stop_by_hand(self) -> None:
         """End that recording."""
@@ -83,7 +85,7 @@ class TeachingSession:
     def learn(self) -> None:
         """Learn what was recorded; the robot helps again afterwards."""
         self.busy = True
-        self._say(True, "learning")
+        self._notify(True, "learning")
         self._commands.trigger(f"{TEACHER}/learn", self._learned)
 
     def undo(self) -> None:
@@ -107,7 +109,7 @@ class TeachingSession:
                 self._fail(text)
                 return
             self.recording = True
-            self._say(True, f"recording {task}")
+            self._notify(True, f"recording {task}")
             then()
 
         def named(ok: bool, text: str) -> None:
@@ -128,7 +130,7 @@ class TeachingSession:
         def stopped(ok: bool, text: str) -> None:
             self.recording = False
             self.recorded += ok
-            self._say(ok, text)
+            self._notify(ok, text)
             then()
 
         self._commands.trigger(f"{TEACHER}/stop", stopped)
@@ -145,11 +147,11 @@ class TeachingSession:
 
     def _fail(self, text: str) -> None:
         self.busy = self.recording = False
-        self._say(False, text)
+        self._notify(False, text)
 
     def _learned(self, ok: bool, text: str) -> None:
         self.busy = False
-        self._say(ok, text)
+        self._notify(ok, text)
         if ok:
             self.recorded, self.learned = 0, True
             self._commands.robot_helps(True, lambda _ok, _text: None)

@@ -20,12 +20,17 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import build_joint_trajectory, to_pose, to_stamp
 
 RATE_HZ = 100.0
+"""Rate of the published poses [Hz]: that of the shipped recordings."""
 STIFFNESS = 12.0
 """Natural frequency with which the wrist follows the pointer [rad/s]: smooth, not sluggish."""
 ARM_PERIOD_S = 0.15
+"""Shortest time between two commands to the arm [s]. Convention."""
 ARM_SPEED_RAD_S = 0.9
+"""Mean speed of the fastest joint while the hand is dragged [rad/s]. Convention."""
 SHORTEST_ARM_S = 0.4
+"""Shortest motion of the arm [s]. Convention."""
 RETURN_S = 1.5
+"""Duration of the way back after a demonstration [s]. Convention."""
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -106,7 +111,7 @@ class Teleoperation:
         """The arm's joint angles (7,) [rad].
 
         Raises:
-            KeyError: they were not heard yet.
+            KeyError: they have not been received yet.
         """
         return np.array([self._state.joints[name] for name in JOINT_NAMES])
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the graph thinks: task posterior, its past, phase; and the everyday controls."""
+"""The task posterior, its past and the phase; and the everyday controls."""
 
 from collections.abc import Callable, Mapping
 
@@ -19,7 +19,7 @@ from intent_recognition.dashboard.widgets import (
 
 PLOT_PERIOD_S = 0.2
 """Time between two updates of the plot [s]. Convention."""
-NOBODY = "No tracker, arm or estimator is heard yet."
+NO_INPUT = "No tracker, arm or estimator publishes yet."
 NEXT_STEPS = (
     "See it work, with a simulated coworker and arm: `intent demo --dashboard`",
     "Your own cell: start tracker and arm, then"
@@ -42,7 +42,7 @@ class WatchTab:
     ):
         gui = server.gui
         self._server, self._gui = server, gui
-        self._empty = gui.add_html(markup.ways(NOBODY, NEXT_STEPS))
+        self._empty = gui.add_html(markup.ways(NO_INPUT, NEXT_STEPS))
         self._bars = gui.add_html("")
         self._plot: viser.GuiUplotHandle | None = None
         self._plotted: tuple = ()
@@ -61,17 +61,17 @@ class WatchTab:
 
     def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
         """Show the newest."""
-        heard = state.posterior is not None
-        self._empty.visible = not heard and not state.joints
-        fresh = heard and state.fresh(state.tasks_at_s, now_s)
+        present = state.posterior is not None
+        self._empty.visible = not present and not state.joints
+        fresh = present and state.fresh(state.tasks_at_s, now_s)
         set_content(self._bars, markup.bars(state, colours, fresh))
-        self._place.visible = heard
-        if heard and now_s - self._plotted_at_s >= PLOT_PERIOD_S:
+        self._place.visible = present
+        if present and now_s - self._plotted_at_s >= PLOT_PERIOD_S:
             self._plotted_at_s = now_s
             self._draw(state, colours, now_s)
 
     def update_controls(self) -> None:
-        """Disable what nobody offers, and show whether the robot helps."""
+        """Disable controls without a service, and show whether the robot helps."""
         offers = self._commands.offers
         set_value(self._helps, self._commands.helping)
         self._commands.ask_for_help()

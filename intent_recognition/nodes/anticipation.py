@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the estimator node adds before and around a movement: start posture in, next task out."""
+"""Input and output of the estimator node between movements: start posture in, next task out."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -35,7 +35,7 @@ POSTURES = QoSProfile(
 
 
 class PostureInput:
-    """Hands the controlled agent's measured positions to the estimator, for its posture at onset.
+    """Passes the controlled agent's measured positions to the estimator, for its posture at onset.
 
     Args:
         node: subscribes.
@@ -49,7 +49,7 @@ class PostureInput:
         self._subscriptions: list = []
         self._estimator: IntentEstimator | None = None
         self._noted: tuple | None = None
-        self._heard = False
+        self._received = False
 
     def open(self, estimator: IntentEstimator, entries: Sequence[DofEntry]) -> None:
         """Subscribe to the controlled signals.
@@ -77,7 +77,7 @@ class PostureInput:
 
     def _take(self, group: int, entry: DofEntry, raw: bool, message: Any) -> None:
         self._diagnostics.tick(entry.topic)
-        self._heard = True
+        self._received = True
         clock = self._node.get_clock()
         stamp = stamp_ns(message) if hasattr(message, "header") else clock.now().nanoseconds
         try:
@@ -100,7 +100,7 @@ class PostureInput:
         if prediction.start == POSTURE_OUTSIDE:
             text = f"{prediction.task} was not taught from where the arm was at onset"
             self._diagnostics.reject("start_posture_outside", text)
-        elif prediction.start == POSTURE_UNKNOWN and self._heard:
+        elif prediction.start == POSTURE_UNKNOWN and self._received:
             self._diagnostics.count("start_posture_unknown")
 
 

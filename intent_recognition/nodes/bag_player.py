@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 from intent_recognition.bags import BagReader, RawMessage, TopicInfo, qos_policy
 from intent_recognition.errors import BagError, describe
 from intent_recognition.nodes.conversions import message_class
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
 from intent_recognition.nodes.runtime import run
 
@@ -40,7 +40,6 @@ SETTLE_S = 0.2
 """Wait after the last subscriber was found, so that its side is ready too [s]. Convention."""
 UNCHANGED_S = 1.0
 """Playing begins when the subscribers have not changed for so long [s]. Convention."""
-ERROR = 2
 LATCHED_TOPICS = ("robot_description", "intent/active_task")
 SENSOR_TOPICS = ("mocap/", "human/")
 
@@ -142,7 +141,7 @@ class BagPlayer(Node):
         super().destroy_node()
 
     def _change(self, changes: Changes) -> None:
-        """Go on with new values of parameters; the rate from the next message on."""
+        """Apply new values of parameters; the rate from the next message on."""
         self._loop = changes.get("loop", self._loop)
         self._exit_at_end = changes.get("exit_at_end", self._exit_at_end)
         if "rate" in changes:
@@ -191,7 +190,7 @@ class BagPlayer(Node):
             self._wait_for_acknowledgements()
         except BagError as error:
             self.get_logger().error(str(error))
-            self._diagnostics.status(ERROR, str(error))
+            self._diagnostics.status(Level.ERROR, str(error))
             self.exit_code = 1
         for damage in self._reader.damage:
             self.get_logger().warning(f"not played: {damage.reason} (byte {damage.offset})")
@@ -281,7 +280,7 @@ class BagPlayer(Node):
             self._stopping.wait(min(SETTLE_S, self._wait_s))
         alone = [t for t, p in self._outputs.items() if p.get_subscription_count() == 0]
         if alone:
-            self.get_logger().info(f"nobody listens to {', '.join(sorted(alone))}")
+            self.get_logger().info(f"no subscribers of {', '.join(sorted(alone))}")
 
     def _wait_for_acknowledgements(self) -> None:
         for publisher in self._outputs.values():

@@ -4,6 +4,7 @@
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
+from enum import IntEnum
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -12,16 +13,27 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 PERIOD_S = 1.0
+"""Time between two reports [s] (contract: 1 Hz)."""
 LATENCY_WINDOW = 2000
+"""Latest samples that the percentiles are taken of. Convention."""
+
+
+class Level(IntEnum):
+    """Levels of a DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
 
 
 class Diagnostics:
-    """One DiagnosticStatus a second, named after the node, whatever the node's own clock does.
+    """Publishes one DiagnosticStatus a second, named after the node.
 
     Keys are `rate <stream> [Hz]` (measured over the last period), `received <stream>` (total),
     `rejected <reason>` (total), `latency p50|p95|p99 [ms]` (over the last 2000 samples),
     `publishers <stream>` and what the node set with `value`. Publishing runs on a steady clock,
-    so that it goes on while simulated time stands still.
+    so it continues while simulated time stands still.
 
     Args:
         node: the node reported on; a lifecycle node reports in every state.
@@ -47,7 +59,7 @@ class Diagnostics:
         self._values: dict[str, str] = {}
         self._watched: list[tuple[Subscription, str]] = []
         self._logged_s: dict[str, float] = {}
-        self._level = DiagnosticStatus.OK
+        self._level = bytes([Level.OK])
         self._message = "running"
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._timer = node.create_timer(
@@ -84,21 +96,21 @@ class Diagnostics:
         self._values[key] = str(value)
 
     def watch(self, subscription: Subscription, stream: str) -> None:
-        """Report how many publishers a subscription hears, as `publishers <stream>`.
+        """Report how many publishers a subscription has, as `publishers <stream>`.
 
-        Asked for once a report: the EventsExecutor of rclpy 7.1 loses a message of a subscription
-        whose `matched` event is listened to.
+        They are counted at each report: the EventsExecutor of rclpy 7.1 loses a message of a
+        subscription whose `matched` event is listened to.
         """
         self._watched.append((subscription, stream))
 
     def unwatch(self, subscriptions: Iterable[Subscription]) -> None:
-        """Let go of subscriptions, before they are destroyed."""
+        """Forget subscriptions before they are destroyed."""
         gone = list(subscriptions)
         self._watched = [pair for pair in self._watched if pair[0] not in gone]
 
-    def status(self, level: int | bytes, message: str) -> None:
-        """Set level (0 ok, 1 warn, 2 error, 3 stale) and message, until set again."""
-        self._level = bytes(level) if isinstance(level, bytes) else bytes([level])
+    def status(self, level: int, message: str) -> None:
+        """Set level (see `Level`) and message, until set again."""
+        self._level = bytes([level])
         self._message = message
 
     def report(self) -> DiagnosticStatus:

@@ -17,7 +17,7 @@ from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.model import Model, check_dofs, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import (
     MarkerBuilder,
@@ -35,10 +35,13 @@ from intent_recognition.recognition import FORGET_AFTER_S, Estimate, IntentEstim
 from intent_recognition.signals import Observation
 
 STREAM_TIMEOUT_S = 0.5
+"""Silence of the observed agent during a movement that is reported [s]; the default `timeout` of
+`primitive_activation` (contract)."""
 CHECK_PERIOD_S = 0.1
+"""Time between two looks at the stream [s]. Convention."""
 CHECKS_PER_TYPE_CHECK = 10
+"""Publishers' types are compared at every so many looks. Convention: once a second."""
 LIVE = ("publish_rate", "transition_prior", "forget_after")
-_OK, _WARN = 0, 1
 
 
 class IntentEstimatorNode(ManagedNode):
@@ -78,13 +81,13 @@ class IntentEstimatorNode(ManagedNode):
             self,
             "transition_prior",
             True,
-            "Expect the task that was learned to follow the last one; false: all alike.",
+            "Use the learned transitions between tasks; false: all tasks are equally likely.",
         )
         self._forget_after_s = parameter(
             self,
             "forget_after",
             FORGET_AFTER_S,
-            "So long after a movement it tells nothing about the next [s].",
+            "Time after which a movement no longer informs the next task [s].",
             minimum=0.0,
             maximum=1e9,
         )
@@ -109,7 +112,7 @@ class IntentEstimatorNode(ManagedNode):
         self.start()
 
     def _change(self, changes: Changes) -> None:
-        """Go on with new values of parameters."""
+        """Apply new values of parameters."""
         self._publish_rate = changes.get("publish_rate", self._publish_rate)
         self._transitions = changes.get("transition_prior", self._transitions)
         self._forget_after_s = changes.get("forget_after", self._forget_after_s)
@@ -129,8 +132,8 @@ class IntentEstimatorNode(ManagedNode):
             forget_after_s=self._forget_after_s,
             start_posture=self._start_posture,
         )
-        self._wire = SerializedTrajectory(self._model.controlled_names)
-        self._task_wire = SerializedNamedVector((*self._model.labels, NONE))
+        self._trajectory_template = SerializedTrajectory(self._model.controlled_names)
+        self._tasks_template = SerializedNamedVector((*self._model.labels, NONE))
         self._marker_builder = MarkerBuilder(self._model.labels)
         self._shown = next(
             (g for g, e in enumerate(self._model.dofs.observed) if has_position(e)), None
@@ -149,14 +152,14 @@ class IntentEstimatorNode(ManagedNode):
             controlled = self._model.dofs.controlled
             self._postures.open(self._estimator, controlled)
         self._next_task.update(self._estimator)
-        self._diagnostics.status(_OK, "waiting for a movement")
+        self._diagnostics.status(Level.OK, "waiting for a movement")
 
     def deactivate(self) -> None:
-        """Let go of the observed agent and forget the movement under way."""
+        """Unsubscribe and discard the movement under way."""
         self._inputs.close()
         self._postures.close()
         self._forget()
-        self._diagnostics.status(_OK, "not active")
+        self._diagnostics.status(Level.OK, "not active")
 
     def _forget(self) -> None:
         self._estimator.reset()
@@ -196,13 +199,15 @@ class IntentEstimatorNode(ManagedNode):
         if estimate.moving:
             self._publish_prediction(estimate, observation)
         self._tasks.publish(
-            self._task_wire.build(
+            self._tasks_template.build(
                 estimate.stamp_ns, estimate.probabilities, estimate.phase, estimate.log_evidence
             )
         )
         if estimate.moving != self._moving or self._silent:
             self._moving, self._silent = estimate.moving, False
-            self._diagnostics.status(_OK, "moving" if self._moving else "waiting for a movement")
+            self._diagnostics.status(
+                Level.OK, "moving" if self._moving else "waiting for a movement"
+            )
         self._next_task.update(self._estimator)
 
     def _publish_prediction(self, estimate: Estimate, observation: Observation) -> None:
@@ -222,10 +227,10 @@ class IntentEstimatorNode(ManagedNode):
             self._publish_human(estimate)
 
     def _publish_trajectory(self, robot: Prediction) -> None:
-        """Publish a prediction; between two that differ, the same bytes again."""
+        """Publish a prediction; an unchanged one is not serialized again."""
         if self._last_robot is None or robot.trajectory is not self._last_robot[0].trajectory:
             times, positions, velocities, std = robot.trajectory
-            data = self._wire.build(
+            data = self._trajectory_template.build(
                 robot.onset_ns, times, positions, velocities, std, frame_id=robot.task
             )
             self._last_robot = robot, data
@@ -260,10 +265,10 @@ class IntentEstimatorNode(ManagedNode):
         silent_s = elapsed_s(self) - self._last_arrival_s
         if self._moving and silent_s > STREAM_TIMEOUT_S:
             self._silent = True
-            self._diagnostics.status(_WARN, f"human stream stopped {silent_s:.1f} s ago")
+            self._diagnostics.status(Level.WARN, f"human stream stopped {silent_s:.1f} s ago")
 
     def _check_types(self) -> None:
-        """Report publishers of another type, which are never heard; each one once."""
+        """Report publishers of another type, whose messages never arrive; each one once."""
         for subscription in self._inputs.subscriptions:
             topic = subscription.topic_name
             kind: Any = subscription.msg_type  # a class with a module, whatever rclpy declares
@@ -281,7 +286,7 @@ class IntentEstimatorNode(ManagedNode):
         response.message = "reset" if self.active else "the node is not active"
         if self.active:
             self._forget()
-            self._diagnostics.status(_OK, "waiting for a movement")
+            self._diagnostics.status(Level.OK, "waiting for a movement")
         return response
 
     def _on_reload(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -292,7 +297,7 @@ class IntentEstimatorNode(ManagedNode):
             check_dofs(self._model, model.dofs, str(self.get_parameter("model").value))
             self._estimator.swap(model.library)
             self._model = model
-            self._task_wire = SerializedNamedVector((*model.labels, NONE))
+            self._tasks_template = SerializedNamedVector((*model.labels, NONE))
             self._marker_builder.set_labels(model.labels)
             self._next_task.update(self._estimator)
         except IntentError as error:

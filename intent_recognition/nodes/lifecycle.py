@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lifecycle node that starts active by itself and never loses an exception."""
+"""A lifecycle node that starts active and reports every exception."""
 
 import traceback
 from collections.abc import Callable
@@ -19,7 +19,7 @@ class ManagedNode(LifecycleNode):
     A subclass overrides `configure`, `activate`, `deactivate` and `cleanup` (plain methods that
     raise on failure) and calls `self.start()` as the last line of its constructor. With the
     parameter `autostart` (default true) the node is then active, and an IntentError raised on
-    the way goes on to the caller; otherwise it waits for `~/change_state`.
+    the way reaches the caller; otherwise it waits for `~/change_state`.
 
     rclpy swallows what lifecycle callbacks raise; here an IntentError is logged in one line and
     the transition fails (the node stays in the state it came from), anything else is logged
@@ -46,7 +46,7 @@ class ManagedNode(LifecycleNode):
         """Stop acting, safely; called on the way from active to inactive or finalized."""
 
     def cleanup(self) -> None:
-        """Let go of what `configure` loaded."""
+        """Free what `configure` loaded."""
 
     @property
     def active(self) -> bool:
@@ -91,7 +91,7 @@ class ManagedNode(LifecycleNode):
     def _refuse_impossible(
         self, change: Callable, request: ChangeState.Request, response: ChangeState.Response
     ) -> ChangeState.Response:
-        """Answer no to a transition that does not begin here; rclpy 7.1 would end the node."""
+        """Refuse a transition that is impossible in this state; rclpy 7.1 would end the node."""
         possible = {number for number, *_ in self._state_machine.available_transitions}
         if request.transition.label or request.transition.id in possible:
             return change(request, response)
@@ -111,7 +111,7 @@ class ManagedNode(LifecycleNode):
             hook()
         except IntentError as error:
             self._failure = error
-            if not self._starting:  # then `start` raises it, and it is said once
+            if not self._starting:  # else `start` raises it, and it is reported once
                 self.get_logger().error(f"{hook.__name__}: {error}")
             return TransitionCallbackReturn.FAILURE
         except Exception as error:

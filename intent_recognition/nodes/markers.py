@@ -17,13 +17,18 @@ from intent_recognition.report import INK, NONE_COLOUR, readable, task_colours
 from intent_recognition.signals import Observation
 
 TUBE_ALPHA = 0.15
+"""Opacity of the tube in RViz. Convention."""
 LIFETIME_S = 2
 """After a movement the picture is empty again."""
 
 LINE_WIDTH_M = 0.006
+"""Width of both paths [m]. Convention."""
 TEXT_HEIGHT_M = 0.06
+"""Height of the task's name [m]. Convention."""
 MAX_OBSERVED = 500
+"""Observed positions that are drawn: five seconds at 100 Hz. Convention."""
 NEW_MOVEMENT_NS = 500_000_000
+"""Pause between two observations that begins a new path [ns]. Convention."""
 TUBE_FACES = tube_faces().ravel()
 
 

@@ -26,7 +26,7 @@ LIVE = {
     "position_std": "position_std_m",
     "reanchor_after": "reanchor_after",
 }
-"""Parameters that may change while it runs, and the settings they are."""
+"""Parameters that may change while the node runs, and the settings they set."""
 
 ORIENTATION_STD = "orientation_std_rad"
 
@@ -46,7 +46,7 @@ class MocapIngest(Node):
         self._outputs = {
             body: self.create_publisher(Odometry, f"human/{body}", qos.SENSOR) for body in bodies
         }
-        self._wires = {
+        self._templates = {
             body: SerializedOdometry(body, self._settings.world_frame, variance) for body in bodies
         }
         self._inputs = [
@@ -64,7 +64,7 @@ class MocapIngest(Node):
         keep_live(self, (*LIVE, ORIENTATION_STD), self._changed, self._change)
 
     def _orientation_variance(self) -> float:
-        """Of a measured orientation [rad^2]."""
+        """Variance of a measured orientation [rad^2]."""
         description = "Standard deviation of a measured orientation [rad]."
         return parameter(self, ORIENTATION_STD, 0.02, description, 1e-6, 3.2) ** 2
 
@@ -115,11 +115,11 @@ class MocapIngest(Node):
         return replace(self._settings, **fields)
 
     def _change(self, changes: Changes) -> None:
-        """Go on with new values; the tracks stay."""
+        """Apply new values; the tracks stay."""
         self._settings = self._changed(changes)
         if ORIENTATION_STD in changes:
-            for wire in self._wires.values():
-                wire.orientation_variance = changes[ORIENTATION_STD] ** 2
+            for template in self._templates.values():
+                template.orientation_variance = changes[ORIENTATION_STD] ** 2
 
     def _on_pose(self, body: str, data: bytes) -> None:
         """Take the bytes of a PoseStamped."""
@@ -144,7 +144,7 @@ class MocapIngest(Node):
         if result.reanchored:
             self._diagnostics.count("track_restarted")
             self.get_logger().warning(f"{body}: track restarted at {result.position.round(3)} m")
-        self._outputs[body].publish(self._wires[body].build(result))
+        self._outputs[body].publish(self._templates[body].build(result))
         self._diagnostics.tick(f"human/{body}")
         self._diagnostics.latency(time.perf_counter() - start_s)
 
@@ -153,7 +153,8 @@ def parse_extrinsics(entries: Sequence[str]) -> dict[str, tuple[np.ndarray, np.n
     """Read the parameter `extrinsics`: entries 'frame x y z qx qy qz qw', empty ones ignored.
 
     Raises:
-        ArgumentError: an entry does not have eight fields, a number is none, or a frame is twice.
+        ArgumentError: an entry does not have eight fields, a field is not a number, or a frame
+            occurs twice.
     """
     extrinsics: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for entry in entries:

@@ -49,7 +49,7 @@ class ObjectWarper(Node):
             self, "mapping", "label", "Label the cloud's points, or move the source's."
         )
         if mapping not in ("label", "point"):
-            cure = "Use label unless points must be told apart."
+            cure = "Use label unless points must be identified one by one."
             raise ArgumentError(describe("mapping", "label or point", mapping, cure))
         self._mapping: Literal["label", "point"] = "point" if mapping == "point" else "label"
         self._neighbours = fixed_parameter(

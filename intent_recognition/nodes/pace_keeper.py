@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Slows simulated time down where the machine cannot keep up, and speeds it up again."""
+"""Slows simulated time down when the machine cannot keep up, and speeds it up again."""
 
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 
 LAG_HIGH_S = 0.12
+"""Simulated lag of the newest estimate above which time slows down [s]. Convention."""
 LAG_LOW_S = 0.06
+"""Lag below which time speeds up again [s]. Convention."""
 SLOWEST = 0.1
+"""Simulated seconds per real second that are kept however large the lag. Convention."""
 SLOWER, FASTER = 0.6, 1.15
+"""Factors on the pace at each look; slowing down is quicker than speeding up. Convention."""
 
 
 def next_factor(factor: float, asked: float, lag_s: float) -> float:
-    """Pace to go on with: less when the nodes lag behind the clock, else back toward what is asked.
+    """Next pace: slower when the nodes lag behind the clock, else back toward the pace asked for.
 
     Args:
         factor: simulated seconds per real second now.
@@ -29,8 +33,8 @@ def next_factor(factor: float, asked: float, lag_s: float) -> float:
 class PaceKeeper:
     """Sets `real_time_factor` of the arm's physics so that the other nodes keep up.
 
-    Simulated time is only as good as the slowest node: on a busy machine the human would be over
-    before the robot had seen it begin.
+    On a busy machine a human movement would otherwise be over before the slowest node had
+    processed its beginning.
 
     Args:
         node: whose executor spins.

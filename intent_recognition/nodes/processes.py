@@ -13,8 +13,11 @@ from pathlib import Path
 from intent_recognition.errors import IntentError, describe
 
 STOP_S = 5.0
+"""Time for a node to end after each signal, before the next one [s]. Convention."""
 PR_SET_PDEATHSIG = 1
+"""Number of the request in Linux' `prctl(2)`."""
 LOG_LINES = 5
+"""Last lines of a dead node's log in the error message. Convention."""
 
 
 class NodeProcesses:

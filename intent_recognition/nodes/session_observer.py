@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node: listens to a whole session and keeps what was said; it publishes nothing."""
+"""Node: subscribes to the topics of a session and logs them; it publishes nothing."""
 
 from collections.abc import Callable
 from typing import Any
@@ -18,6 +18,7 @@ from intent_recognition.nodes.conversions import position_array, stamp_ns, traje
 from intent_recognition.promp import NONE
 
 EVERY_PATH_NS = 100_000_000
+"""Time between two predictions that are kept [ns]. Convention."""
 
 
 class SessionObserver(Node):
@@ -49,15 +50,15 @@ class SessionObserver(Node):
             (Path, "intent/human_path", self._take_path, qos.COMMAND),
             (String, "coworker/task", self._take_truth, qos.STATE),
         )
-        self._heard = [self.create_subscription(*topic) for topic in topics]
+        self._inputs = [self.create_subscription(*topic) for topic in topics]
 
     def close(self) -> None:
-        """Hear no more: what comes after the session is not part of it."""
-        while self._heard:
-            self.destroy_subscription(self._heard.pop())
+        """Unsubscribe: what comes after the session is not part of it."""
+        while self._inputs:
+            self.destroy_subscription(self._inputs.pop())
 
     def graph_is_complete(self) -> bool:
-        """Whether every node that is needed before the human moves has found the others."""
+        """Whether the nodes that must run before the human moves have found one another."""
         return (
             self.count_subscribers("mocap/wrist/pose") >= 2
             and self.count_publishers("human/wrist") >= 1
@@ -109,8 +110,8 @@ class SessionObserver(Node):
             self._labels = tuple(message.name)
         row = np.array(message.position)
         if tuple(message.name) != self._labels:  # a task was taught, or taken back
-            told = dict(zip(message.name, message.position, strict=True))
-            row = np.array([told.get(label, 0.0) for label in self._labels])
+            by_label = dict(zip(message.name, message.position, strict=True))
+            row = np.array([by_label.get(label, 0.0) for label in self._labels])
         self._tasks.append((stamp_ns(message), row))
 
     def _take_active(self, message: String) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node: records a demonstration while the graph runs, learns it and gives it to the estimator."""
+"""Node: records demonstrations while the graph runs and learns them for the estimator."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -16,11 +16,11 @@ from intent_recognition.demonstrations import DofSpec, load_dofs
 from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
 from intent_recognition.model import WAIT, Change, TaskFolder, load_model
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.diagnostics import Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.topic_recorder import TopicRecorder, answer
 
-OK, WARN = 0, 1
 ESTIMATOR = "intent_estimator"
 
 
@@ -36,8 +36,8 @@ class TaskTeacher(TopicRecorder):
     Attributes:
         folder: the library of tasks.
         waiting: recordings that are not learned yet.
-        said: the last sentence of `teach/status`.
-        handing_over: a model is on its way to the estimator.
+        last_status: the last sentence of `teach/status`.
+        sending_model: a model is on its way to the estimator.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -45,8 +45,8 @@ class TaskTeacher(TopicRecorder):
         parameter(self, "task", "", "label of the demonstration")
         parameter(self, "learn_at_stop", True, "learn each recording at once, not at ~/learn")
         self.waiting: list[Path] = []
-        self.said = ""
-        self.handing_over = False
+        self.last_status = ""
+        self.sending_model = False
         self.folder = self._open_folder()
         self._status = self.create_publisher(String, "teach/status", qos.LATCHED)
         for name, action in (
@@ -61,7 +61,7 @@ class TaskTeacher(TopicRecorder):
         self._reload = self.create_client(Trigger, f"{ESTIMATOR}/reload_model")
         entries = (*self.folder.dofs.observed, *self.folder.dofs.controlled)
         self.listen([entry.topic.lstrip("/") for entry in entries])
-        self._say(OK, f"ready; library {self.folder.path}")
+        self._report(Level.OK, f"ready; library {self.folder.path}")
 
     def start(self) -> str:
         """Begin a recording of the task named by the parameter `task`; returns its path.
@@ -73,7 +73,7 @@ class TaskTeacher(TopicRecorder):
         task = self.get_parameter("task").value
         path = self.folder.new_bag(task)
         self.open_bag(path, {"task": task})
-        self._say(OK, f"recording {path.name}")
+        self._report(Level.OK, f"recording {path.name}")
         return str(path)
 
     def stop(self) -> str:
@@ -88,7 +88,7 @@ class TaskTeacher(TopicRecorder):
         if self.get_parameter("learn_at_stop").value:
             return self.learn()
         text = f"recorded {bag.name}; {len(self.waiting)} wait to be learned"
-        self._say(OK, text)
+        self._report(Level.OK, text)
         return text
 
     def learn(self) -> str:
@@ -106,7 +106,7 @@ class TaskTeacher(TopicRecorder):
             try:
                 change = self.folder.learn(bag)
             except IntentError as error:
-                self._say(WARN, f"not learned: {error}")
+                self._report(Level.WARN, f"not learned: {error}")
                 raise
             learned.append(bag.name)
         return self._changed(change, f"learned {', '.join(learned)}")
@@ -120,7 +120,7 @@ class TaskTeacher(TopicRecorder):
         bag = self.close_bag().path
         self.folder.prune(bag)
         text = f"{bag.name} is not learned, and kept in undone"
-        self._say(OK, text)
+        self._report(Level.OK, text)
         return text
 
     def undo(self) -> str:
@@ -145,24 +145,24 @@ class TaskTeacher(TopicRecorder):
         return folder
 
     def _changed(self, change: Change, what: str) -> str:
-        """Tell what changed and give the model to the estimator."""
+        """Report what changed and send the model to the estimator."""
         if change.action == WAIT:
             text = f"{what}; a first model needs two demonstrations of a task"
-            self._say(OK, text)
+            self._report(Level.OK, text)
             return text
         tasks = ", ".join(f"{label} {n}" for label, n in change.tasks.items())
         text = f"{what}; demonstrations: {tasks or 'none'}"
-        self._say(OK, text)
+        self._report(Level.OK, text)
         if change.model:
-            self._hand_over(text)
+            self._send_model(text)
         return text
 
-    def _hand_over(self, text: str) -> None:
+    def _send_model(self, text: str) -> None:
         """Name the model to the estimator and have it loaded."""
         if not self.estimator_runs():
-            self._say(OK, f"{text}; no estimator runs")
+            self._report(Level.OK, f"{text}; no estimator runs")
             return
-        self.handing_over = True
+        self.sending_model = True
         value = Parameter("model", value=str(self.folder.model_path)).to_parameter_msg()
         asked = self._set_model.call_async(SetParameters.Request(parameters=[value]))
         asked.add_done_callback(lambda _: self._ask_to_load(text))
@@ -173,19 +173,19 @@ class TaskTeacher(TopicRecorder):
         )
 
     def _loaded(self, future: Future, text: str) -> None:
-        self.handing_over = False
+        self.sending_model = False
         answer = future.result()
         if answer.success:
-            self._say(OK, f"{text}; in use")
+            self._report(Level.OK, f"{text}; in use")
         else:
-            self._say(WARN, f"{text}; not loaded: {answer.message}")
+            self._report(Level.WARN, f"{text}; not loaded: {answer.message}")
 
     def estimator_runs(self) -> bool:
         """Whether there is an estimator to give models to."""
         return self._set_model.service_is_ready() and self._reload.service_is_ready()
 
-    def _say(self, level: int, text: str) -> None:
-        self.said = text
+    def _report(self, level: int, text: str) -> None:
+        self.last_status = text
         self._status.publish(String(data=text))
         self.diagnostics.status(level, text)
         self.get_logger().info(text)

@@ -23,7 +23,7 @@ from intent_recognition.bags import FLUSH_PERIOD_S, BagWriter, DiskFullError, ro
 from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.runtime import simulated_ns
 
 DISCOVERY_PERIOD_S = 0.1
@@ -32,7 +32,6 @@ QUEUE_DEPTH = 2000
 """Messages of a topic that wait while the disk is slow. Convention."""
 NOISE_TOPICS = ("/rosout", "/parameter_events")
 ABSOLUTE_TOPICS = ("/clock", "/diagnostics")
-OK, ERROR = 0, 2
 
 
 class _Guarantees(NamedTuple):
@@ -91,7 +90,7 @@ class TopicRecorder(Node):
         self._writer: BagWriter | None = None
         self._lock = threading.RLock()
         self.diagnostics = Diagnostics(self)
-        self.diagnostics.status(OK, "idle")
+        self.diagnostics.status(Level.OK, "idle")
         self._listener = BagListener(self, self._on_message, self._on_error)
 
     def listen(self, topics: Sequence[str]) -> None:
@@ -146,7 +145,7 @@ class TopicRecorder(Node):
                     now_ns = simulated_ns(self)
                     received_ns = time.time_ns() if now_ns is None else now_ns
                     self._write(writer, source, data, received_ns, sent_ns)
-        self.diagnostics.status(OK, f"recording to {path}")
+        self.diagnostics.status(Level.OK, f"recording to {path}")
         self.get_logger().info(f"recording to {path}")
 
     def close_bag(self) -> BagWriter:
@@ -159,7 +158,7 @@ class TopicRecorder(Node):
             raise BagError(describe("~/stop", "a recording", "none", "Start one first."))
         with self._lock:
             writer, self._writer = self._writer, None
-            self.diagnostics.status(OK, "idle")
+            self.diagnostics.status(Level.OK, "idle")
             writer.close()
         self.get_logger().info(f"{writer.message_count} messages in {writer.path}")
         return writer
@@ -292,7 +291,7 @@ class TopicRecorder(Node):
     def _give_up(self, error: DiskFullError) -> None:
         """Report and stop; what was written is a whole bag."""
         self._writer = None
-        self.diagnostics.status(ERROR, str(error))
+        self.diagnostics.status(Level.ERROR, str(error))
         self.get_logger().error(str(error))
         self.gave_up()
 

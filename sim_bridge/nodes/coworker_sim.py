@@ -12,16 +12,20 @@ from rclpy.timer import Timer
 from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.qos import SENSOR, STATE
 from intent_recognition.nodes.runtime import run
 from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_session
 
 SAMPLE_NS = round(1e9 / RATE_HZ)
-EARLY_NS = 500_000  # how much before its time a timer may fire and still count
-BURST = 8  # samples sent at once when behind, below the depth of the subscribers' queues
+"""Time between two samples [ns]."""
+EARLY_NS = 500_000
+"""A timer that fires earlier by at most this is on time [ns]. Convention."""
+BURST = 8
+"""Samples sent at once when behind: fewer than the subscribers' queues hold (`qos.SENSOR`)."""
 POLL_S = 0.02
+"""Time between two looks for subscribers [s]. Convention."""
 
 
 class CoworkerSim(Node):
@@ -57,7 +61,7 @@ class CoworkerSim(Node):
         self._start_timer = self.create_timer(
             POLL_S, self._start, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
-        self.diagnostics.status(1, "waiting for the clock or for subscribers")
+        self.diagnostics.status(Level.WARN, "waiting for the clock or for subscribers")
 
     @property
     def first_stamp_ns(self) -> int:
@@ -110,7 +114,7 @@ class CoworkerSim(Node):
         self._start_timer.cancel()
         self._first_ns = now_ns
         self._timer = self.create_timer(SAMPLE_NS * 1e-9, self._tick)
-        self.diagnostics.status(0, "running")
+        self.diagnostics.status(Level.OK, "running")
         self._tick()
 
     def _tick(self) -> None:
@@ -155,7 +159,7 @@ class CoworkerSim(Node):
         if self._timer is not None:
             self._timer.cancel()
         self._tasks.publish(String(data=""))
-        self.diagnostics.status(0, "session over")
+        self.diagnostics.status(Level.OK, "session over")
         self.done = self._exit_at_end
 
 

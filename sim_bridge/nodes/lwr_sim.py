@@ -21,7 +21,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError, describe
 from intent_recognition.kinematics import JOINT_NAMES
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
 from intent_recognition.nodes.runtime import run
@@ -40,11 +40,17 @@ from sim_bridge.arm import (
 from sim_bridge.scenarios.toolbox import HOME, make_gripper
 
 TICK_S = 0.002
+"""Period of the timer that runs due physics steps [s]. Convention: half a joint state."""
 STEP_NS = 1_000_000
+"""Physics step [ns]."""
 PUSH_STEPS = 100
-GRIPPER_STEPS = 5  # physics steps between two looks of the gripper
-BURST = 8  # joint states sent at once when catching up, below the depth of their queue
+"""Physics steps that a push lasts: 0.1 s. Convention."""
+GRIPPER_STEPS = 5
+"""Physics steps between two decisions of the gripper. Convention."""
+BURST = 8
+"""Joint states sent at once when catching up: fewer than their queue holds (`qos.STATE`)."""
 LARGEST_PUSH_N = 500.0
+"""Stronger pushes are rejected [N]. Convention."""
 WORLD_FRAME = "world"
 CONTROLLERS = ("low_gain", "stochastic_feedback")
 
@@ -54,9 +60,9 @@ class LwrSim(Node):
 
     In: `joint_trajectory`; `~/push` (a force at the hand in world axes, held for 0.1 s after
     each message; torques are ignored); `~/gravity_compensation`; `intent/active_task`, for the
-    objects of the `scene`, which the hand takes and gives; `intent/robot_trajectory`, whose spread
-    sets the stiffness if `controller` is "stochastic_feedback". Out: `joint_states`,
-    `robot_description`, `/clock` if `publish_clock`, `/diagnostics`.
+    objects of the `scene`, which the hand takes and gives; `intent/robot_trajectory`, whose
+    standard deviations set the stiffness if `controller` is "stochastic_feedback". Out:
+    `joint_states`, `robot_description`, `/clock` if `publish_clock`, `/diagnostics`.
 
     Stamps are simulated time (from zero at start) if `publish_clock`, else ROS time. With
     `use_sim_time` and another node's `/clock` the physics follows that clock.
@@ -303,7 +309,7 @@ class LwrSim(Node):
     def _report(self) -> None:
         """Bring the numbers of the diagnostics up to date."""
         if self._pacer is None:
-            self.diagnostics.status(1, "waiting for /clock")
+            self.diagnostics.status(Level.WARN, "waiting for /clock")
             return
         achieved = self._pacer.achieved_factor(self._now_s(), self.arm.n_steps)
         values = self.diagnostics.value
@@ -318,11 +324,11 @@ class LwrSim(Node):
         values("controller", self._controller)
         self._tracking_error_rad = 0.0
         if self._publishes_clock and self.count_publishers("/clock") > 1:
-            self.diagnostics.status(2, "another node publishes /clock: allow only one")
+            self.diagnostics.status(Level.ERROR, "another node publishes /clock: allow only one")
         elif achieved < 0.95 * self._pacer.factor:
-            self.diagnostics.status(1, f"slower than asked: {achieved:.2f} x real time")
+            self.diagnostics.status(Level.WARN, f"slower than asked: {achieved:.2f} x real time")
         else:
-            self.diagnostics.status(0, "running")
+            self.diagnostics.status(Level.OK, "running")
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -31,12 +31,12 @@ class Watched:
         self.rng = np.random.default_rng(0)
         self.state = state = CellState(description=lwr_urdf())
 
-        def tell(ok, text):
-            self.page.tell(ok, text)
+        def show_message(ok, text):
+            self.page.show_message(ok, text)
 
-        commands = Commands(harness.probe, tell)
+        commands = Commands(harness.probe, show_message)
         teleoperation = Teleoperation(harness.probe, state)
-        session = TeachingSession(teleoperation, commands, tell, self.rng)
+        session = TeachingSession(teleoperation, commands, show_message, self.rng)
         self.page = DashboardPage(
             "127.0.0.1",
             free_port(),
@@ -68,7 +68,7 @@ class Watched:
             state.active, state.teaching = labels[k % 2], f"recorded {k}"
             state.nodes["arm"] = NodeHealth(k // 100 % 3, f"step {k}", {"rate x [Hz]": str(k)}, 0.0)
             if k % 50 == 0:
-                self.page.tell(True, f"remark {k}")
+                self.page.show_message(True, f"remark {k}")
             self.page.update()
 
     def sizes(self) -> dict[str, int]:

@@ -32,4 +32,4 @@ def test_what_is_switched_already_is_not_switched_again(harness):
 def test_nobody_there_is_told_at_once(harness):
     told = []
     Commands(harness.probe, lambda ok, text: told.append((ok, text))).trigger("nobody/start")
-    assert told == [(False, "nobody offers nobody/start")]
+    assert told == [(False, "no node offers nobody/start")]
