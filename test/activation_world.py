@@ -28,7 +28,7 @@ def trajectory(label, goal_shift=0.0, duration_s=DURATION_S):
 
 def prediction(label, onset_ns, goal_shift=0.0, duration_s=DURATION_S, end_std=0.1):
     times, q = trajectory(label, goal_shift, duration_s)
-    return PredictedInteraction(label, onset_ns, make_path(times, q, LIMITS), end_std)
+    return PredictedInteraction(label, onset_ns, make_path(times, q, LIMITS), {"rad": end_std})
 
 
 class World:

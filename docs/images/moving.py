@@ -52,7 +52,7 @@ def moments(library: TaskLibrary, bag: Path, stamps_ns: np.ndarray) -> list[Mome
         estimate = estimator.update(observation)
         wrist.append(observation.values)
         robot = estimator.predict_controlled() if estimate.moving else None
-        end_std = None if robot is None else float(np.max(robot.trajectory.std[-1]))
+        end_std = estimator.predicted_end_std()
         state, active = decide(
             settings, state, labels, estimate.probabilities, end_std, estimate.log_evidence
         )

@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.recognition import NONE, DecisionSettings, DecisionState
+from intent_recognition.promp import NONE
+from intent_recognition.recognition import DecisionSettings, DecisionState
 
 
 @dataclass(frozen=True, eq=False)

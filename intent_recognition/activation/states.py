@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the arm is doing, as values: each state of the activation carries only what it needs."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
@@ -25,13 +26,14 @@ class PredictedInteraction(NamedTuple):
         label: its task.
         onset_ns: when it began.
         path: the arm's path.
-        end_std: largest standard deviation over the joints at the end [rad]; None if unknown.
+        end_std: largest standard deviation at the end over the controlled DOFs of each unit,
+            {"rad": ...}; None if unknown.
     """
 
     label: str
     onset_ns: int
     path: JointPath
-    end_std: float | None
+    end_std: Mapping[str, float] | None
 
     @property
     def end_ns(self) -> int:

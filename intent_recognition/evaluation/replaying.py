@@ -38,7 +38,6 @@ def replay(
     rejected = Counter() if rejected is None else rejected
     settings = settings or DecisionSettings()
     held_back = {} if held_back is None else held_back
-    unit = "/".join(dict.fromkeys(entry.unit for entry in model.dofs.controlled))
     estimator, state = IntentEstimator(model.library), DecisionState()
     labels = (*model.library.labels, NONE)
     for controlled, observation in iter_samples(reader, model.dofs, rejected=rejected):
@@ -56,7 +55,7 @@ def replay(
         state, active = decide(
             settings, state, labels, estimate.probabilities, end_std, estimate.log_evidence
         )
-        reason = uncertain_end(settings, state, end_std, unit)
+        reason = uncertain_end(settings, state, end_std)
         if reason:
             held_back[state.candidate] = reason
         yield {

@@ -15,12 +15,12 @@ import numpy as np
 
 from intent_recognition.filtering import MovementFilter, make_hypotheses
 from intent_recognition.learning import TrainingSettings, learn
-from intent_recognition.promp import TaskLibrary
+from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import (
-    NONE,
     DecisionSettings,
     DecisionState,
     decide,
+    least_certain_unit,
     task_posterior,
 )
 from intent_recognition.signals import Demonstration, merge
@@ -32,12 +32,13 @@ class Outcome(NamedTuple):
     Attributes:
         task: what it was.
         log_odds: highest log odds that one known task held against all else for as many
-            observations on end as the decision asks for; minus infinity if it was never asked.
+            consecutive observations as the decision asks for; minus infinity if it was never asked.
         above_threshold: whether they passed the decision's threshold.
         activated: the task that became active first, empty if none did.
         recognised: the task that would have first, were no certain end asked for.
         end_std: standard deviation of the predicted end of what was recognised, at the end of the
-            movement, over all controlled DOFs the largest; NaN where nothing was recognised.
+            movement, the largest over the controlled DOFs of the unit in which it is least certain;
+            NaN where nothing was recognised.
     """
 
     task: str
@@ -63,12 +64,12 @@ class Watch:
 
     def __init__(self, library: TaskLibrary, settings: DecisionSettings | None = None):
         self._settings = settings or DecisionSettings()
-        self._certain_or_not = replace(self._settings, max_end_std_rad=np.inf)
+        self._certain_or_not = replace(self._settings, max_end_std_rad=np.inf, max_end_std_m=np.inf)
         self._labels = (*library.labels, NONE)
         self._state = self._recognising = DecisionState()
         self._recent: list[tuple[int, float]] = []
         self._highest, self._activated, self._recognised = -np.inf, "", ""
-        self._end_std: Callable[[], float] = lambda: np.nan
+        self._end_std: Callable[[], dict[str, float]] = dict
 
     def observe(self, run: MovementFilter, elapsed_s: float) -> None:
         """Look at the bank after one more observation."""
@@ -101,7 +102,9 @@ class Watch:
         threshold = self._settings.threshold
         limit = np.log(threshold) - np.log1p(-threshold) if threshold < 1.0 else np.inf
         above = bool(self._highest >= limit)
-        found = self._activated, self._recognised, float(self._end_std())
+        end_std = self._end_std()
+        worst = end_std[least_certain_unit(self._settings, end_std)] if end_std else np.nan
+        found = self._activated, self._recognised, worst
         return Outcome(task, self._highest, above, *found)
 
 

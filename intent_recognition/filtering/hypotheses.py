@@ -33,7 +33,7 @@ class Hypotheses(NamedTuple):
     duration_s: NDArray[np.float64]
     log_prior: NDArray[np.float64]
     duration_evidence: float = 1.0
-    none_calibration: Sequence[float] = IDENTITY_CALIBRATION
+    none_calibration: Sequence[float] | NDArray[np.float64] = IDENTITY_CALIBRATION
 
     @property
     def log_task_prior(self) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ from intent_recognition.promp import (
     controlled_weights,
     deviation_grid,
     dof_variance,
+    largest_by_unit,
     reference_phase,
 )
 from intent_recognition.signals import Observation
@@ -278,6 +279,7 @@ class TaskFilters:
         self._last = asked, start, trajectory
         return trajectory
 
-    def end_std(self, task: int, start: StartPosture | None = None) -> float:
-        """Largest standard deviation over the controlled DOFs at the end predicted for a task."""
-        return float(np.max(self.controlled(task, 1, start).std[-1]))
+    def end_std(self, task: int, start: StartPosture | None = None) -> dict[str, float]:
+        """Largest standard deviation of the end predicted for a task over the DOFs of each unit."""
+        units = self._model.library.controlled_units
+        return largest_by_unit(self.controlled(task, 1, start).std[-1], units)

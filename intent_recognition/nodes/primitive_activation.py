@@ -147,7 +147,7 @@ class PrimitiveActivation(ManagedNode):
         except IntentError as error:
             self.diagnostics.reject("wrong_size", str(error))
             return None
-        end_std = float(np.max(rest["effort"][-1])) if "effort" in rest else None
+        end_std = {"rad": float(np.max(rest["effort"][-1]))} if "effort" in rest else None
         onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(times_s[0]) * 1e9)
         return PredictedInteraction(label, onset_ns, path, end_std)
 

@@ -18,6 +18,7 @@ from intent_recognition.promp.prediction import (
     Trajectory,
     controlled_weights,
     dof_variance,
+    largest_by_unit,
     least_end_std,
     rollout,
 )
@@ -59,6 +60,7 @@ __all__ = [
     "dof_variance",
     "fit_weights",
     "fit_weights_together",
+    "largest_by_unit",
     "least_end_std",
     "leave_one_out_scatter",
     "leave_one_out_targets",

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the filtered observed weights to trajectories of both agents."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.gaussian import Gaussian, cholesky, symmetrize
 from intent_recognition.promp.aligned import AlignedPrimitives
@@ -87,6 +89,14 @@ def dof_variance(design: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     blocks = covariance.reshape(n_dofs, n_basis, n_dofs, n_basis)
     own = np.einsum("dkdl->dkl", blocks)
     return np.einsum("tk,dkl,tl->td", design, own, design, optimize=True)
+
+
+def largest_by_unit(std: NDArray[np.float64], units: Sequence[str]) -> dict[str, float]:
+    """The largest of some standard deviations (d,) over the DOFs of each unit."""
+    largest: dict[str, float] = {}
+    for value, unit in zip(std.tolist(), units, strict=True):
+        largest[unit] = max(value, largest.get(unit, value))
+    return largest
 
 
 def least_end_std(primitives: AlignedPrimitives, task: int) -> float:

@@ -2,10 +2,10 @@
 """Online: the posterior of the tasks, transitions, the decision, and the estimator of it all."""
 
 from intent_recognition.recognition.decision import (
-    NONE,
     DecisionSettings,
     DecisionState,
     decide,
+    least_certain_unit,
     uncertain_end,
 )
 from intent_recognition.recognition.estimate import Estimate, Prediction
@@ -21,7 +21,6 @@ from intent_recognition.recognition.transitions import FORGET_AFTER_S, TaskMemor
 
 __all__ = [
     "FORGET_AFTER_S",
-    "NONE",
     "POSTURE_OUTSIDE",
     "POSTURE_UNKNOWN",
     "DecisionSettings",
@@ -32,6 +31,7 @@ __all__ = [
     "TaskMemory",
     "TaskPosterior",
     "decide",
+    "least_certain_unit",
     "predict_controlled",
     "recognize_task",
     "start_mean",

@@ -4,14 +4,14 @@
 One pure function, used by the activation node and by a replay of a recording alike:
 
 - a task activates when its probability has been at or above `threshold` for `n_observations`
-  observations on end, with at least `min_evidence` of the movement's own evidence among the
+  consecutive observations, with at least `min_evidence` of the movement's own evidence among the
   tasks and no evidence for none, and the standard deviation of its predicted end point is at
-  most `max_end_std_rad`;
+  most `max_end_std_rad` in every joint and `max_end_std_m` along every axis;
 - once active it stays so, also while the human holds still, until the interaction is over (the
   estimator reports idle) or the evidence turns against it;
 - evidence turns against it when its probability has been below `release_below` for
-  `n_observations` observations on end. If another task fulfils the conditions above by then, it
-  takes over ("switched"), otherwise nothing is active ("withdrawn": none of the tasks, or not
+  `n_observations` consecutive observations. If another task fulfils the conditions above by then,
+  it takes over ("switched"), otherwise nothing is active ("withdrawn": none of the tasks, or not
   yet clear which) until some task fulfils them.
 
 Both counts make a single odd observation harmless; the gap between `threshold` and
@@ -20,17 +20,19 @@ arm: a task that is probable because it usually comes next still has to be seen,
 that nobody taught is no less unknown for coming when a known one is expected.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.promp import NONE
 
-NONE = "none"
 EVEN = 1e-6
-"""Log evidence that counts as none at all: rounding, and what a calibration leaves of nothing."""
+"""Log Bayes factor that counts as zero. Convention: rounding, and what a calibration leaves of it.
+"""
 
 
 @dataclass(frozen=True)
@@ -39,9 +41,10 @@ class DecisionSettings:
 
     Attributes:
         threshold: probability a task must reach, in (0.5, 1].
-        n_observations: observations on end for which it must hold (or fail), at least 1.
+        n_observations: consecutive observations for which it must hold (or fail), at least 1.
         max_end_std_rad: largest standard deviation of the predicted end point over the
-            controlled DOFs, in their unit; infinity acts without looking at it.
+            controlled DOFs in radians (docs/decisions/end_certainty.md); infinity for no limit.
+        max_end_std_m: the same over the controlled DOFs in metres.
         release_below: probability below which the active task is let go, in [0, threshold).
         min_evidence: least share of the likelihood among the tasks, in [0, 1): what the task's
             probability would be if all tasks had been expected alike.
@@ -51,6 +54,7 @@ class DecisionSettings:
     threshold: float = 0.9
     n_observations: int = 5
     max_end_std_rad: float = 0.35
+    max_end_std_m: float = 0.1
     release_below: float = 0.5
     min_evidence: float = 0.6
     idle_margin: float = 1e-12
@@ -61,12 +65,17 @@ class DecisionSettings:
             _refuse("threshold", "a probability in (0.5, 1]", self.threshold)
         if self.n_observations < 1:
             _refuse("n_observations", "at least 1", self.n_observations)
-        if not self.max_end_std_rad > 0.0:
-            _refuse("max_end_std_rad", "a positive number", self.max_end_std_rad)
+        for name in ("max_end_std_rad", "max_end_std_m"):
+            if not getattr(self, name) > 0.0:
+                _refuse(name, "a positive number", getattr(self, name))
         if not 0.0 <= self.release_below < self.threshold:
             _refuse("release_below", "a probability below threshold", self.release_below)
         if not 0.0 <= self.min_evidence < 1.0:
             _refuse("min_evidence", "a share in [0, 1)", self.min_evidence)
+
+    def max_end_std(self, unit: str) -> float:
+        """Largest standard deviation of a predicted end in a unit; 0 for one without a limit."""
+        return {"rad": self.max_end_std_rad, "m": self.max_end_std_m}.get(unit, 0.0)
 
 
 class DecisionState(NamedTuple):
@@ -75,8 +84,8 @@ class DecisionState(NamedTuple):
     Attributes:
         active: label of the active task, empty when there is none.
         candidate: label that was at or above the threshold at the last observation, or empty.
-        n_for: for how many observations on end.
-        n_against: for how many observations on end the active task was below release_below.
+        n_for: for how many consecutive observations.
+        n_against: for how many consecutive observations the active task was below release_below.
         event: what the last observation did: "activated", "switched", "withdrawn", "over"
             (the interaction ended: the estimator is idle) or empty.
         idle: whether the last observation found the estimator idle.
@@ -94,9 +103,9 @@ def decide(
     settings: DecisionSettings,
     state: DecisionState,
     labels: Sequence[str],
-    probabilities: np.ndarray,
-    end_std: float | None,
-    log_evidence: np.ndarray | None = None,
+    probabilities: NDArray[np.float64],
+    end_std: Mapping[str, float] | None,
+    log_evidence: NDArray[np.float64] | None = None,
 ) -> tuple[DecisionState, str]:
     """Take one observation into account.
 
@@ -105,9 +114,9 @@ def decide(
         state: as returned for the observation before; `DecisionState()` at the start.
         labels: task labels, `none` among them.
         probabilities: their probabilities, (n_labels,), summing to 1.
-        end_std: largest standard deviation over the controlled DOFs at the predicted end of the
-            most probable task; None if it was not predicted, which never suffices to activate
-            unless max_end_std_rad is infinite, and changes nothing for an active task.
+        end_std: largest standard deviation at the predicted end of the most probable task over the
+            controlled DOFs of each unit, {"rad": ...}; None if it was not predicted, which never
+            suffices to activate unless there is no limit, and changes nothing for an active task.
         log_evidence: log p(observations | label), (n_labels,), up to a common constant; None
             where the sender gave none, which asks for no share of it.
 
@@ -128,15 +137,27 @@ def decide(
     leads = leads and not speaks_for_none(labels, log_evidence)
     candidate = labels[best] if leads else ""
     n_for = (state.n_for + 1 if candidate == state.candidate else 1) if candidate else 0
-    certain = np.isinf(settings.max_end_std_rad) or (
-        end_std is not None and end_std <= settings.max_end_std_rad
-    )
+    certain = is_certain(settings, end_std)
     ready = candidate if n_for >= settings.n_observations and certain else ""
     active, n_against, event = _follow(settings, state, labels, p, ready)
     return DecisionState(active, candidate, n_for, n_against, event, False), active
 
 
-def evidence_share(labels: Sequence[str], task: int, log_evidence: np.ndarray | None) -> float:
+def is_certain(settings: DecisionSettings, end_std: Mapping[str, float] | None) -> bool:
+    """Whether a predicted end is certain enough in every unit; see `decide`."""
+    if end_std is None:
+        return bool(np.isinf(settings.max_end_std_rad) and np.isinf(settings.max_end_std_m))
+    return all(std <= settings.max_end_std(unit) for unit, std in end_std.items())
+
+
+def least_certain_unit(settings: DecisionSettings, end_std: Mapping[str, float]) -> str:
+    """The unit in which a predicted end is the most uncertain, compared with its limit."""
+    return max(end_std, key=lambda unit: end_std[unit] / max(settings.max_end_std(unit), 1e-300))
+
+
+def evidence_share(
+    labels: Sequence[str], task: int, log_evidence: NDArray[np.float64] | None
+) -> float:
     """Share of a task in the likelihood of all tasks, `none` aside; 1 where it is not known."""
     if log_evidence is None or np.shape(log_evidence) != (len(labels),):
         return 1.0
@@ -148,8 +169,8 @@ def evidence_share(labels: Sequence[str], task: int, log_evidence: np.ndarray | 
     return float(share[task] / share.sum())
 
 
-def speaks_for_none(labels: Sequence[str], log_evidence: np.ndarray | None) -> bool:
-    """Whether none explains a movement better than the tasks do in the mean; else or unknown, no.
+def speaks_for_none(labels: Sequence[str], log_evidence: NDArray[np.float64] | None) -> bool:
+    """Whether none explains a movement better than the tasks do on average; no where unknown.
 
     The estimator's evidence of none is as its calibration reads it, so that the early part of a
     reach, which looks like many tasks, speaks for neither side.
@@ -165,7 +186,7 @@ def speaks_for_none(labels: Sequence[str], log_evidence: np.ndarray | None) -> b
 
 
 def uncertain_end(
-    settings: DecisionSettings, state: DecisionState, end_std: float | None, unit: str = "rad"
+    settings: DecisionSettings, state: DecisionState, end_std: Mapping[str, float] | None
 ) -> str:
     """Why a task that was recognised is not active: text for people, or empty.
 
@@ -173,20 +194,27 @@ def uncertain_end(
         settings: when to act.
         state: as `decide` returned it.
         end_std: what `decide` was given.
-        unit: unit of the controlled DOFs.
     """
     recognised = state.candidate and state.n_for >= settings.n_observations
     if not recognised or state.active == state.candidate:
         return ""
     if end_std is None:
         return f"recognised {state.candidate}, but its end was not predicted"
+    unit = least_certain_unit(settings, end_std)
+    limit = "max_end_std" if unit == "rad" else f"max_end_std_{unit}"
     return (
         f"recognised {state.candidate}, but the predicted end is uncertain: "
-        f"{end_std:.2f} {unit} > max_end_std {settings.max_end_std_rad:g}"
+        f"{end_std[unit]:.2f} {unit} > {limit} {settings.max_end_std(unit):g}"
     )
 
 
-def _follow(settings, state, labels, p, ready: str) -> tuple[str, int, str]:
+def _follow(
+    settings: DecisionSettings,
+    state: DecisionState,
+    labels: Sequence[str],
+    p: NDArray[np.float64],
+    ready: str,
+) -> tuple[str, int, str]:
     """Active task, its count of contrary observations, and what happened."""
     if not state.active:
         return ready, 0, "activated" if ready else ""
@@ -197,7 +225,7 @@ def _follow(settings, state, labels, p, ready: str) -> tuple[str, int, str]:
     return ready, 0, "switched" if ready else "withdrawn"
 
 
-def _checked(labels: Sequence[str], probabilities: np.ndarray) -> np.ndarray:
+def _checked(labels: Sequence[str], probabilities: NDArray[np.float64]) -> NDArray[np.float64]:
     p = np.asarray(probabilities, dtype=np.float64)
     if p.shape != (len(labels),):
         cure = "Give one probability per label."

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
 from intent_recognition.filtering import N_SCALES, MovementFilter, make_hypotheses, make_memory
-from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, rollout
+from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, largest_by_unit, rollout
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.hysteresis import PosteriorHysteresis
 from intent_recognition.recognition.motion_detection import MotionDetector
@@ -296,13 +296,15 @@ class IntentEstimator:
         trajectory = self._movement.filter.task_filters.controlled(task, n_points, start)
         return Prediction(self.library.labels[task], self._movement.onset_ns, trajectory, used)
 
-    def predicted_end_std(self) -> float | None:
-        """Largest standard deviation over the controlled DOFs at the predicted end.
+    def predicted_end_std(self) -> dict[str, float] | None:
+        """Largest standard deviation at the predicted end over the controlled DOFs of each unit.
 
-        None while idle or while `none` leads.
+        None while idle or while `none` is the most probable.
         """
         prediction = self.predict_controlled(n_points=1)
-        return None if prediction is None else float(np.max(prediction.trajectory.std[-1]))
+        if prediction is None:
+            return None
+        return largest_by_unit(prediction.trajectory.std[-1], self.library.controlled_units)
 
     def predict_observed(self, n_points: int = 30) -> Prediction | None:
         """The rest of the observed agent's movement, under the most probable hypothesis."""
@@ -386,9 +388,9 @@ def _error(reason: str, observation: Observation, n_dofs: int) -> ArgumentError:
     """The error for a defect of an observation of a signal of so many DOFs."""
     m = n_dofs if observation.dofs is None else len(observation.dofs)
     if reason == "wrong_size":
-        got = np.shape(observation.values)
         cure = "Pass every DOF of the signal, or name those that were measured as `dofs`."
-        return ShapeError(describe("values", f"shape ({m},)", got, cure))
+        shape = np.shape(observation.values)
+        return ShapeError(describe("values", f"shape ({m},)", shape, cure))
     if reason == "not_finite":
         cure = "Name the DOFs that were measured as `dofs`, or leave the sample out."
         return ArgumentError(describe("values", "finite numbers", observation.values, cure))

@@ -36,11 +36,11 @@ class TaskPosterior(NamedTuple):
         scale_weights: p(duration | task, observations), (K + 1, S); rows sum to one.
     """
 
-    probabilities: np.ndarray
-    log_evidence: np.ndarray
-    phase: np.ndarray
-    duration_s: np.ndarray
-    scale_weights: np.ndarray
+    probabilities: NDArray[np.float64]
+    log_evidence: NDArray[np.float64]
+    phase: NDArray[np.float64]
+    duration_s: NDArray[np.float64]
+    scale_weights: NDArray[np.float64]
 
 
 def task_posterior(
@@ -85,7 +85,9 @@ def task_posterior(
 
 
 def calibrated_none(
-    log_evidence: np.ndarray, log_prior: np.ndarray, calibration: Sequence[float]
+    log_evidence: NDArray[np.float64],
+    log_prior: NDArray[np.float64],
+    calibration: Sequence[float] | NDArray[np.float64],
 ) -> float:
     """Log evidence of none, the known tasks' factor over it being read by the calibration.
 
@@ -101,7 +103,9 @@ def calibrated_none(
     return float(total - read_factor(total - log_evidence[-1], calibration))
 
 
-def read_factor(log_factor: np.ndarray, calibration: Sequence[float]) -> np.ndarray:
+def read_factor(
+    log_factor: NDArray[np.float64], calibration: Sequence[float] | NDArray[np.float64]
+) -> NDArray[np.float64]:
     """What a log Bayes factor of the known tasks over none counts, (...).
 
     log(1 + exp(a (L - b))) - log(1 + exp(-c (L - d))): it grows with slope a above b, falls with

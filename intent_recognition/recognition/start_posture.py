@@ -8,6 +8,7 @@ robot stands is its own doing.
 from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
@@ -15,26 +16,32 @@ from intent_recognition.promp import StartPosture, TaskLibrary
 
 POSTURE_USED, POSTURE_OUTSIDE, POSTURE_UNKNOWN = "used", "outside", "unknown"
 MAX_AGE_S = 0.25
-"""A posture measured longer before the onset is not the one at onset."""
+"""Greatest age of the posture taken for that at onset [s]. Convention."""
 SPAN_S = 4.0
-"""How long samples are kept: an onset is found up to two seconds late."""
-START_STD = 0.02
-"""How closely an arm stands where it is meant to (sag, calibration), in the unit of each DOF.
+"""Length of the past that is kept [s]: twice the time by which an onset can be found late."""
+START_STD_RAD = 0.02
+"""Standard deviation of a joint about the posture it was sent to [rad]: sag and calibration.
 
-Where all demonstrations began in one posture, its trained spread is that of noise. Taken for the
-truth, it would turn a thousandth of a radian at the start into centimetres at the end.
+Convention. Where all demonstrations began in one posture, the learned variance there is that of
+noise alone; conditioned on it, a milliradian at the start becomes centimetres at the end.
+"""
+START_STD_M = 0.02
+"""The same for a controlled DOF in metres, such as a wrist that returns to its place [m].
+
+Convention.
 """
 OUTSIDE_QUANTILE = 0.999
-"""Of the trained starts so many are within; a start beyond is outside."""
+"""Share of the trained starts that count as inside. Convention: one start in a thousand is refused.
+"""
 
 
 class PostureHistory:
     """The latest samples of the controlled agent, whose DOFs may come on several topics."""
 
     def __init__(self) -> None:
-        self._samples: list[deque[tuple[int, np.ndarray]]] = []
+        self._samples: list[deque[tuple[int, NDArray[np.float64]]]] = []
 
-    def take(self, stamp_ns: int, group: int, values: np.ndarray) -> str | None:
+    def take(self, stamp_ns: int, group: int, values: NDArray[np.float64]) -> str | None:
         """Take one sample; returns why it was not taken, as a diagnostics key, or None.
 
         Args:
@@ -54,7 +61,7 @@ class PostureHistory:
             samples.popleft()
         return None
 
-    def at(self, stamp_ns: int) -> np.ndarray | None:
+    def at(self, stamp_ns: int) -> NDArray[np.float64] | None:
         """Newest values not after a stamp of all DOFs, (Q,); None where one is missing or old."""
         parts = []
         for samples in self._samples:
@@ -81,7 +88,8 @@ class OnsetPosture:
         self._forget_onset(0)
 
     def _forget_onset(self, onset_ns: int) -> None:
-        self._onset_ns, self._position, self._final = onset_ns, None, False
+        self._onset_ns, self._final = onset_ns, False
+        self._position: NDArray[np.float64] | None = None
         self._known: dict[int, tuple[StartPosture | None, str]] = {}
 
     def clear(self) -> None:
@@ -114,14 +122,20 @@ class OnsetPosture:
             return None, POSTURE_UNKNOWN
         if task not in self._known:
             if within_trained_starts(library, task, position):
-                start = StartPosture(position, np.full(library.n_controlled, START_STD**2))
+                start = StartPosture(position, start_variance(library))
                 self._known[task] = start, POSTURE_USED
             else:
                 self._known[task] = None, POSTURE_OUTSIDE
         return self._known[task]
 
 
-def start_distance(library: TaskLibrary, task: int, position: np.ndarray) -> float:
+def start_variance(library: TaskLibrary) -> NDArray[np.float64]:
+    """Variance of a posture about the one that an arm was sent to, per controlled DOF, (Q,)."""
+    metres = np.array(library.controlled_units) == "m"
+    return np.where(metres, START_STD_M, START_STD_RAD) ** 2
+
+
+def start_distance(library: TaskLibrary, task: int, position: NDArray[np.float64]) -> float:
     """Squared Mahalanobis distance of a posture from a task's starts (phase 0).
 
     Args:
@@ -133,15 +147,14 @@ def start_distance(library: TaskLibrary, task: int, position: np.ndarray) -> flo
     row = primitives.basis.design_matrix(np.zeros(1))
     design = np.kron(np.eye(primitives.n_controlled), row)
     covariance = design @ primitives.weight_covariance[task, controlled, controlled] @ design.T
-    covariance = symmetrize(covariance) + np.diag(
-        primitives.control_noise_variance() + START_STD**2
-    )
+    noise = primitives.control_noise_variance() + start_variance(library)
+    covariance = symmetrize(covariance) + np.diag(noise)
     factor = cholesky(covariance, name="covariance of the trained starts")
     whitened = solve_lower(factor, (position - start_mean(library, task))[:, None])
     return float(np.sum(whitened**2))
 
 
-def within_trained_starts(library: TaskLibrary, task: int, position: np.ndarray) -> bool:
+def within_trained_starts(library: TaskLibrary, task: int, position: NDArray[np.float64]) -> bool:
     """Whether a posture is one from which the task was taught.
 
     The learned covariance is that of the next demonstration, so the squared distance of a start
@@ -151,7 +164,7 @@ def within_trained_starts(library: TaskLibrary, task: int, position: np.ndarray)
     return start_distance(library, task, position) <= limit
 
 
-def start_mean(library: TaskLibrary, task: int) -> np.ndarray:
+def start_mean(library: TaskLibrary, task: int) -> NDArray[np.float64]:
     """Mean posture in which a task begins, (Q,)."""
     primitives = library.primitives
     row = primitives.basis.design_matrix(np.zeros(1))[0]

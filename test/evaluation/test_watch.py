@@ -18,7 +18,7 @@ def test_a_movement_that_speaks_for_none_activates_nothing_however_probable(
     run = SimpleNamespace(
         hypotheses=Hypotheses(1, np.ones(3), log_prior),
         log_evidence=np.array([1.0, -5.0, none_evidence]),
-        task_filters=SimpleNamespace(end_std=lambda task: 0.01),
+        task_filters=SimpleNamespace(end_std=lambda task: {"rad": 0.01}),
     )
     watch = Watch(SimpleNamespace(labels=("a", "b")))
     for k in range(10):
@@ -32,7 +32,7 @@ def followed(end_std, task="a"):
     run = SimpleNamespace(
         hypotheses=Hypotheses(1, np.ones(3), log_prior),
         log_evidence=np.array([5.0, -5.0, -3.0]),
-        task_filters=SimpleNamespace(end_std=lambda task: end_std.pop(0)),
+        task_filters=SimpleNamespace(end_std=lambda task: {"rad": end_std.pop(0)}),
     )
     watch = Watch(SimpleNamespace(labels=("a", "b")))
     for k in range(8):

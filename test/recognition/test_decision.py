@@ -22,17 +22,21 @@ UNCLEAR = (0.4, 0.35, 0.25)
 SETTINGS = DecisionSettings()
 
 
+def in_rad(std: float | None) -> dict[str, float] | None:
+    return None if std is None else {"rad": std}
+
+
 def play(steps, settings=SETTINGS, state=DecisionState(), end_std=0.1):  # noqa: B008
     active = []
     events = []
     for p in steps:
-        state, now = decide(settings, state, LABELS, np.array(p), end_std)
+        state, now = decide(settings, state, LABELS, np.array(p), in_rad(end_std))
         active.append(now)
         events.append(state.event)
     return state, active, [event for event in events if event]
 
 
-def test_activates_at_the_nth_observation_on_end_and_not_before():
+def test_activates_at_the_nth_consecutive_observation_and_not_before():
     _, active, events = play([SURE["plate"]] * 7)
     assert active == [""] * 4 + ["plate"] * 3
     assert events == ["activated"]
@@ -51,25 +55,41 @@ def test_another_task_in_between_starts_the_count_again():
 @pytest.mark.parametrize("end_std", [0.5, None])
 def test_an_uncertain_or_unknown_end_holds_it_back(end_std):
     assert set(play([SURE["plate"]] * 9, end_std=end_std)[1]) == {""}
-    loose = DecisionSettings(max_end_std_rad=np.inf)
+    loose = DecisionSettings(max_end_std_rad=np.inf, max_end_std_m=np.inf)
     assert play([SURE["plate"]] * 5, loose, end_std=end_std)[1][-1] == "plate"
 
 
 def test_why_it_is_held_back_is_said_once_everything_else_holds():
     state, _, _ = play([SURE["plate"]] * 4, end_std=0.52)
-    assert uncertain_end(SETTINGS, state, 0.52) == ""
+    assert uncertain_end(SETTINGS, state, {"rad": 0.52}) == ""
     state, _, _ = play([SURE["plate"]] * 5, end_std=0.52)
     text = "recognised plate, but the predicted end is uncertain: 0.52 rad > max_end_std 0.35"
-    assert uncertain_end(SETTINGS, state, 0.52) == text
-    assert "0.52 m >" in uncertain_end(SETTINGS, state, 0.52, "m")
+    assert uncertain_end(SETTINGS, state, {"rad": 0.52}) == text
+    text = "recognised plate, but the predicted end is uncertain: 0.52 m > max_end_std_m 0.1"
+    assert uncertain_end(SETTINGS, state, {"rad": 0.52, "m": 0.52}) == text
     assert "not predicted" in uncertain_end(SETTINGS, state, None)
     state, _, _ = play([SURE["plate"]], state=state)
-    assert state.active == "plate" and uncertain_end(SETTINGS, state, 0.52) == ""
+    assert state.active == "plate" and uncertain_end(SETTINGS, state, {"rad": 0.52}) == ""
+
+
+@pytest.mark.parametrize(
+    ("end_std", "active"),
+    [
+        ({"rad": 0.3, "m": 0.09}, "plate"),
+        ({"rad": 0.3, "m": 0.11}, ""),
+        ({"rad": 0.4, "m": 0.01}, ""),
+        ({"m": 0.3}, ""),
+        ({"deg": 0.01}, ""),
+    ],
+)
+def test_the_end_must_be_certain_in_every_unit(end_std, active):
+    state = DecisionState(candidate="plate", n_for=4)
+    assert decide(SETTINGS, state, LABELS, np.array(SURE["plate"]), end_std)[1] == active
 
 
 def test_activates_as_soon_as_the_end_becomes_certain():
     state, _, _ = play([SURE["plate"]] * 9, end_std=0.5)
-    assert decide(SETTINGS, state, LABELS, np.array(SURE["plate"]), 0.2)[1] == "plate"
+    assert decide(SETTINGS, state, LABELS, np.array(SURE["plate"]), {"rad": 0.2})[1] == "plate"
 
 
 def test_stays_active_while_probability_is_middling_and_end_std_grows():
@@ -108,7 +128,9 @@ def test_none_that_is_likely_but_not_certain_is_not_idle():
 def test_a_label_that_disappears_counts_against_the_active_task():
     state, _, _ = play([SURE["plate"]] * 5)
     for _ in range(5):
-        state, active = decide(SETTINGS, state, ("screw", "none"), np.array([0.6, 0.4]), 0.1)
+        state, active = decide(
+            SETTINGS, state, ("screw", "none"), np.array([0.6, 0.4]), {"rad": 0.1}
+        )
     assert active == ""
 
 
@@ -141,9 +163,9 @@ def test_every_activation_is_backed_by_n_observations_on_end(p, n):
 def test_order_of_labels_does_not_matter(p):
     state, other = DecisionState(), DecisionState()
     for row in p:
-        state, active = decide(SETTINGS, state, LABELS, np.array(row), 0.1)
+        state, active = decide(SETTINGS, state, LABELS, np.array(row), {"rad": 0.1})
         turned = np.array(row)[[2, 0, 1]]
-        other, same = decide(SETTINGS, other, ("none", "plate", "screw"), turned, 0.1)
+        other, same = decide(SETTINGS, other, ("none", "plate", "screw"), turned, {"rad": 0.1})
         assert active == same
 
 
@@ -159,7 +181,7 @@ def test_order_of_labels_does_not_matter(p):
 )
 def test_what_is_no_distribution_is_refused(labels, p, error):
     with pytest.raises(error):
-        decide(SETTINGS, DecisionState(), labels, np.array(p), 0.1)
+        decide(SETTINGS, DecisionState(), labels, np.array(p), {"rad": 0.1})
 
 
 @pytest.mark.parametrize(
@@ -169,6 +191,7 @@ def test_what_is_no_distribution_is_refused(labels, p, error):
         {"threshold": 1.1},
         {"n_observations": 0},
         {"max_end_std_rad": 0.0},
+        {"max_end_std_m": -1.0},
         {"release_below": 0.95},
     ],
 )
@@ -193,7 +216,7 @@ def test_a_habit_alone_activates_nothing():
         state = DecisionState()
         e = None if evidence is None else np.array(evidence)
         for _ in range(6):
-            state, active = decide(SETTINGS, state, LABELS, expected, 0.1, e)
+            state, active = decide(SETTINGS, state, LABELS, expected, {"rad": 0.1}, e)
         assert (active == "plate") == activates, evidence
 
 

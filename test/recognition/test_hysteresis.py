@@ -194,7 +194,7 @@ def interrupted(recording: Demonstration, after_s: float, going: np.ndarray) -> 
 
 def events(library: TaskLibrary, observations: list[Observation]) -> list[str]:
     estimator, state = IntentEstimator(library), DecisionState()
-    settings = DecisionSettings(max_end_std_rad=np.inf)
+    settings = DecisionSettings(max_end_std_rad=np.inf, max_end_std_m=np.inf)
     found = []
     for observation in observations:
         e = estimator.update(observation)

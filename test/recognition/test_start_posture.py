@@ -14,10 +14,10 @@ from intent_recognition.recognition.start_posture import (
     POSTURE_OUTSIDE,
     POSTURE_UNKNOWN,
     POSTURE_USED,
-    START_STD,
     PostureHistory,
     start_distance,
     start_mean,
+    start_variance,
     within_trained_starts,
 )
 from intent_recognition.signals.observation import Observation, merge
@@ -69,7 +69,7 @@ def test_a_sample_without_a_stamp_is_refused(library):
 
 def test_the_distance_of_starts_drawn_from_the_task_is_chi_square(library, rng):
     row = library.basis.design_matrix(np.zeros(1))[0]
-    noise = np.sqrt(library.control_noise_variance() + START_STD**2)
+    noise = np.sqrt(library.control_noise_variance() + start_variance(library))
     distances = []
     for _ in range(2000):
         weights = draw_weights(library, 1, rng)[library.n_observed :]
@@ -146,7 +146,7 @@ def test_it_equals_conditioning_by_hand(library, recording):
         library.primitives,
         task,
         run.observed_weights(),
-        StartPosture(start, np.full(2, START_STD**2)),
+        StartPosture(start, start_variance(library)),
     )
     expected = rollout(
         library.basis,

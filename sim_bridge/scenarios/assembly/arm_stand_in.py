@@ -114,7 +114,7 @@ class _Run:
     def __init__(self, library: TaskLibrary, arm: LwrArm, start_ns: int):
         settings = ActivationSettings(
             limits=scaled_limits(LWR_LIMITS),
-            decision=DecisionSettings(max_end_std_rad=LARGEST_END_STD_M),
+            decision=DecisionSettings(max_end_std_m=LARGEST_END_STD_M),
             return_home=False,
         )
         self._limits, self._arm, self._start_ns = settings.limits, arm, start_ns
@@ -168,7 +168,7 @@ class _Run:
             path = make_path(trajectory.times_s, joints, self._limits)
         except KinematicsError:
             return None
-        end_std = float(np.max(trajectory.std[-1]))
+        end_std = {"m": float(np.max(trajectory.std[-1]))}
         return PredictedInteraction(task, onset_ns, path, end_std)
 
     def act(self, now_ns: int) -> None:
