@@ -32,7 +32,7 @@ ORIENTATION_STD = "orientation_std_rad"
 
 
 class MocapIngest(Node):
-    """Translates messages to `tracking.ingest.ingest_pose` and back, one state per body."""
+    """Translates messages to `tracking.ingest_pose` and back, one state per body."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("mocap_ingest", **kwargs)

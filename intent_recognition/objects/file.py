@@ -11,7 +11,9 @@ from intent_recognition.share import share_path
 from intent_recognition.warping import AnnotatedObject
 
 FORMAT_VERSION = 1
+"""Of the file; others are not read."""
 FOLDER = "config/objects"
+"""Where the shipped objects are, in the share directory."""
 CURE = "Write it again with `save_object`; docs/warping.md says how."
 
 

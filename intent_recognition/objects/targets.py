@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.warping import ObjectCloud, with_estimated_normals
@@ -14,19 +15,23 @@ if TYPE_CHECKING:
     import trimesh
 
 N_POINTS = 4000
+"""Points of a cloud that is warped. Convention: a few millimetres apart on a cup."""
 N_SURFACE_POINTS = 100_000
+"""Points of the surface that distances are measured to. Convention: under 1 mm apart on a cup."""
 MOSTLY_SOLID = 0.8
+"""Share of its convex hull above which a mesh counts as closed on top. Convention: a container
+with walls fills less."""
 NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb) or a cloud (.ply, .xyz)"
 
 
 @dataclass(frozen=True)
 class Target:
-    """A target.
+    """An object onto which an annotated one is warped.
 
     Attributes:
-        cloud: points of it.
-        surface: many points spread over all of its surface; None of a cloud, which never shows
-            all sides.
+        cloud: points of its surface.
+        surface: many points on all of its surface; None if the file is a cloud, which never
+            shows all sides.
     """
 
     cloud: ObjectCloud
@@ -37,23 +42,23 @@ def load_target(
     path: str | Path,
     n_points: int = N_POINTS,
     scale: float = 1.0,
-    viewpoint: np.ndarray | None = None,
+    viewpoint: NDArray[np.float64] | None = None,
     seed: int = 0,
 ) -> Target:
     """Read a mesh or a cloud.
 
     Args:
         path: of the file.
-        n_points: points taken of it.
+        n_points: size of the cloud.
         scale: factor to metres, 0.001 for a file in millimetres.
         viewpoint: where the camera was (3,) [m], for clouds without normals.
-        seed: draws the points.
+        seed: of the random choice of points.
 
     Returns:
         The target.
 
     Raises:
-        ArgumentError: the file cannot be read, or what it holds cannot be a container.
+        ArgumentError: the file cannot be read, or its content is not an open container.
     """
     import trimesh
 
@@ -61,7 +66,7 @@ def load_target(
     if not Path(path).is_file():
         raise ArgumentError(describe(place, NEEDED, "no file", "Check the path."))
     try:
-        # Files leave material values out; trimesh counts with the gaps.
+        # Files may lack material values; trimesh computes with the gaps.
         with np.errstate(invalid="ignore"):
             loaded = trimesh.load(place)
     except Exception as error:  # every reader of trimesh has errors of its own
@@ -84,7 +89,7 @@ def mesh_target(
         mesh: wound outward if it is not closed; a closed one is turned if need be.
         n_points: of the cloud.
         scale: factor to metres.
-        seed: draws the points.
+        seed: of the random choice of points.
 
     Raises:
         ArgumentError: no area, vertices that are not finite, or a body that is closed.
@@ -114,7 +119,7 @@ def mesh_target(
     return Target(cloud, surface)
 
 
-def _check_hollow(solid: "trimesh.Trimesh", points: np.ndarray) -> None:
+def _check_hollow(solid: "trimesh.Trimesh", points: NDArray[np.float64]) -> None:
     """Refuse a body that fills its convex hull."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -140,8 +145,14 @@ def _one_mesh(place: str, loaded: object) -> "trimesh.Trimesh":
     return loaded
 
 
-def _cloud(loaded, n_points: int, scale: float, viewpoint, seed: int) -> ObjectCloud:
-    """A file's cloud with its normals, or with estimated ones."""
+def _cloud(
+    loaded: "trimesh.PointCloud",
+    n_points: int,
+    scale: float,
+    viewpoint: NDArray[np.float64] | None,
+    seed: int,
+) -> ObjectCloud:
+    """The cloud of a file with its normals, or with estimated ones."""
     points = np.array(loaded.vertices, dtype=float) * scale
     normals = _file_normals(loaded, len(points))
     if len(points) > n_points:
@@ -152,7 +163,7 @@ def _cloud(loaded, n_points: int, scale: float, viewpoint, seed: int) -> ObjectC
     return with_estimated_normals(points, viewpoint)
 
 
-def _file_normals(loaded, n: int) -> np.ndarray | None:
+def _file_normals(loaded: "trimesh.PointCloud", n: int) -> NDArray[np.float64] | None:
     """Normals nx, ny, nz of a PLY file's vertices."""
     raw = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     try:

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From raw tracker poses to trustworthy poses in the world frame."""
+"""From raw tracker poses to checked poses in the world frame."""
 
 from intent_recognition.tracking.ingest import (
     NOT_FINITE,
     STAMP_NOT_INCREASING,
     ZERO_STAMP,
-    IngestSettings,
     IngestState,
     Rejected,
     TrackedPose,
     ingest_pose,
 )
 from intent_recognition.tracking.ingest_many import AcceptedPoses, ingest_poses
+from intent_recognition.tracking.settings import IngestSettings
 
 __all__ = [
     "NOT_FINITE",

@@ -1,23 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Raw tracker poses to world-frame poses: outliers and bad stamps out, covariance attached.
+"""From raw tracker poses to poses in the world frame: checked, with covariance and velocity.
 
-The node `mocap_ingest`, the training and the replay of bags all pass a raw pose through
-`ingest_pose`, so that what is learned is what is seen online.
+The node `mocap_ingest`, training and the replay of bags all use `ingest_pose`, so that models are
+learned from the same poses that are observed online.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.tracking.transforms import (
-    RigidTransform,
-    multiply_quaternions,
-    normalise_quaternion,
-)
-from intent_recognition.tracking.velocity import Velocity, fit_velocity
+from intent_recognition.errors import ShapeError, describe
+from intent_recognition.tracking.settings import IngestSettings, frame_name
+from intent_recognition.tracking.transforms import multiply_quaternions, normalise_quaternion
 
 NOT_FINITE = "not_finite"
 ZERO_STAMP = "zero_stamp"
@@ -26,73 +23,24 @@ JUMP = "jump"
 UNKNOWN_FRAME = "unknown_frame"
 REASONS = (NOT_FINITE, ZERO_STAMP, STAMP_NOT_INCREASING, JUMP, UNKNOWN_FRAME)
 
-NOISE_MARGIN = 6.0
-"""Standard deviations of the tracker by which two samples may differ at any rate."""
 WINDOW_SAMPLES = 20
-"""Samples the velocity is fitted to, roughly; never more than twice as many."""
+"""Samples to which the velocity is fitted, at most twice as many. Convention: more cost time and do
+not make it better."""
 FARTHEST_M = 1e5
-"""Positions beyond this are as unusable as infinite ones."""
-IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
-IDENTITY.setflags(write=False)
+"""Positions farther away [m] are rejected as infinite ones. Convention: no tracker reaches it."""
+NO_ROTATION = np.array([0.0, 0.0, 0.0, 1.0])
+NO_ROTATION.setflags(write=False)
 
 
-@dataclass(frozen=True)
-class IngestSettings:
-    """How raw poses become world-frame poses.
+Sample = tuple[int, NDArray[np.float64]]
+"""Stamp [ns] and position (3,) [m] in the world frame."""
 
-    Attributes:
-        world_frame: name of the world frame; poses in it need no extrinsics.
-        extrinsics: pose of each tracker frame in the world, as (xyz (3,) [m], quaternion (4,)
-            xyzw); poses in a frame that is neither here nor the world are rejected.
-        max_speed_m_s: a step that implies a higher speed is a jump.
-        max_gap_s: after so long without an accepted sample any position is accepted.
-        position_std_m: tracker noise, one number or one per axis (3,) of the tracker's frame.
-        reanchor_after: this many jumps on end, consistent with one another, are a new position.
-        clock_reset_after: this many stamps on end in the past, but increasing among themselves,
-            are a clock that was set back.
-        velocity_window_s: the velocity is fitted over the accepted samples of this last time.
 
-    Raises:
-        ArgumentError: a number is not positive and finite, or an extrinsic is no rigid transform.
-    """
+class Velocity(NamedTuple):
+    """A velocity (3,) [m/s] and its covariance (3, 3) [m^2/s^2]."""
 
-    world_frame: str = "world"
-    extrinsics: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
-    max_speed_m_s: float = 6.0
-    max_gap_s: float = 0.5
-    position_std_m: float | np.ndarray = 0.002
-    reanchor_after: int = 5
-    clock_reset_after: int = 100
-    velocity_window_s: float = 0.1
-
-    def __post_init__(self):
-        for name in ("max_speed_m_s", "max_gap_s", "velocity_window_s", "position_std_m"):
-            value = np.asarray(getattr(self, name), dtype=np.float64)
-            if not (np.all(np.isfinite(value)) and np.all(value > 0.0)):
-                raise ArgumentError(
-                    describe(name, "a finite number above zero", value.tolist(), "Correct it.")
-                )
-        for name in ("reanchor_after", "clock_reset_after"):
-            if getattr(self, name) < 1:
-                raise ArgumentError(describe(name, "at least 1", getattr(self, name), "Raise it."))
-        std_m = np.asarray(self.position_std_m, dtype=np.float64)
-        if std_m.shape not in ((), (3,)):
-            raise ArgumentError(
-                describe("position_std_m", "one number or three", std_m.shape, "Give one per axis.")
-            )
-        frames = {frame_name(self.world_frame): RigidTransform.identity()}
-        for frame, (translation, quaternion) in self.extrinsics.items():
-            frames[frame_name(frame)] = RigidTransform(translation, quaternion)
-        variances = np.broadcast_to(std_m**2, (3,))
-        covariances = {}
-        for frame, transform in frames.items():
-            covariance = (transform.rotation * variances) @ transform.rotation.T
-            covariance = 0.5 * (covariance + covariance.T)
-            covariance.setflags(write=False)
-            covariances[frame] = covariance
-        object.__setattr__(self, "_frames", frames)
-        object.__setattr__(self, "_covariances", covariances)
-        object.__setattr__(self, "_margin_m", NOISE_MARGIN * float(np.max(std_m)))
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -107,24 +55,29 @@ class TrackedPose:
             `orientation` is then the identity.
         position_covariance: of the measurement, (3, 3) [m^2], world axes.
         velocity: (3,) [m/s], world axes, or None with fewer than three recent samples. Fitted
-            to the same positions: for onset and display, never evidence of its own.
+            to the same positions, so it is not an observation of its own.
         velocity_covariance: (3, 3) [m^2/s^2], or None with the velocity.
-        reanchored: True if the track was given up and begun anew with this sample.
+        reanchored: whether a new track begins with this sample.
     """
 
     stamp_ns: int
-    position: np.ndarray
-    orientation: np.ndarray
+    position: NDArray[np.float64]
+    orientation: NDArray[np.float64]
     orientation_measured: bool
-    position_covariance: np.ndarray
-    velocity: np.ndarray | None = None
-    velocity_covariance: np.ndarray | None = None
+    position_covariance: NDArray[np.float64]
+    velocity: NDArray[np.float64] | None = None
+    velocity_covariance: NDArray[np.float64] | None = None
     reanchored: bool = False
 
 
 @dataclass(frozen=True)
 class Rejected:
-    """A dropped observation: `reason` is one of REASONS, `detail` a sentence for the log."""
+    """A dropped pose.
+
+    Attributes:
+        reason: one of `REASONS`.
+        detail: a sentence for the log.
+    """
 
     reason: str
     detail: str
@@ -132,19 +85,19 @@ class Rejected:
 
 @dataclass(frozen=True)
 class IngestState:
-    """What must be remembered of one body between samples; never modified.
+    """What is remembered of one body between samples; never modified.
 
     Attributes:
-        recent: accepted (stamp_ns, position (3,)) of the velocity window, thinned out at high
-            rates, oldest first; the last is the last accepted one.
-        jump: (stamp_ns, position) of the last rejected jump of the running streak, or None.
-        jumps: length of that streak.
-        late_ns: stamp of the last sample of the running streak of late ones, or None.
-        late: length of that streak.
+        recent: accepted samples of the velocity window, oldest first, thinned at high rates; the
+            last is the last accepted one.
+        jump: the last of the current consecutive jumps, or None.
+        jumps: how many these are.
+        late_ns: stamp of the last of the current consecutive late samples, or None.
+        late: how many these are.
     """
 
-    recent: tuple[tuple[int, np.ndarray], ...] = ()
-    jump: tuple[int, np.ndarray] | None = None
+    recent: tuple[Sample, ...] = ()
+    jump: Sample | None = None
     jumps: int = 0
     late_ns: int | None = None
     late: int = 0
@@ -159,8 +112,8 @@ def ingest_pose(
     settings: IngestSettings,
     state: IngestState,
     stamp_ns: int,
-    position: np.ndarray,
-    orientation: np.ndarray,
+    position: ArrayLike,
+    orientation: ArrayLike,
     frame_id: str,
 ) -> tuple[IngestState, TrackedPose | Rejected]:
     """Check one raw pose of one body and put it into the world frame.
@@ -171,12 +124,12 @@ def ingest_pose(
 
     The speed gate compares with the last accepted sample: a step may be as long as
     `max_speed_m_s` times the time since then, plus six standard deviations of the tracker. It
-    widens while nothing is accepted, and after `max_gap_s` any position is accepted, so a body
-    that reappears elsewhere after an occlusion is found again. `reanchor_after` jumps on end, each
-    within the gate of the one before it, mean that the track was wrong and not they: the last of
-    them is accepted and a new track begins there (an outlier as the very first sample thus costs
-    a few samples, not the session). A clock set back is followed after `clock_reset_after` late
-    samples in the same way.
+    widens while nothing is accepted, and after `max_gap_s` any position is accepted, so that a
+    body that reappears elsewhere after an occlusion is found again. After `reanchor_after`
+    consecutive jumps, each within the gate of the one before it, the track was wrong: the last of
+    them is accepted and a new track begins there. So an outlier as the very first sample costs a
+    few samples, not the session. A clock that was set back is followed in the same way after
+    `clock_reset_after` late samples.
 
     Args:
         settings: frames, gate and noise.
@@ -203,7 +156,7 @@ def ingest_pose(
     if rejected is not None:
         return state, rejected
     frame = frame_name(frame_id)
-    transform = settings._frames[frame]
+    transform = settings.frames[frame]
     world = transform.apply(position)
     world.setflags(write=False)
     sample = (int(stamp_ns), world)
@@ -211,27 +164,28 @@ def ingest_pose(
     if rejected is not None:
         return state, rejected
     unit = normalise_quaternion(orientation)
-    turned = IDENTITY if unit is None else multiply_quaternions(transform.quaternion, unit)
+    turned = NO_ROTATION if unit is None else multiply_quaternions(transform.quaternion, unit)
     velocity = _velocity(settings, state)
     return state, TrackedPose(
         stamp_ns=sample[0],
         position=world,
         orientation=turned,
         orientation_measured=unit is not None,
-        position_covariance=settings._covariances[frame],
+        position_covariance=settings.covariances[frame],
         velocity=None if velocity is None else velocity.mean,
         velocity_covariance=None if velocity is None else velocity.covariance,
         reanchored=reanchored,
     )
 
 
-def frame_name(frame_id: str) -> str:
-    """`frame_id` without a leading slash (tf2 knows none)."""
-    return frame_id.removeprefix("/")
-
-
-def _check_sample(settings, stamp_ns, position, orientation, frame_id) -> Rejected | None:
-    """Whatever can be said of one sample without knowing the ones before it."""
+def _check_sample(
+    settings: IngestSettings,
+    stamp_ns: int,
+    position: NDArray[np.float64],
+    orientation: NDArray[np.float64],
+    frame_id: str,
+) -> Rejected | None:
+    """Checks that need no earlier samples."""
     numbers = position.tolist()
     finite = all(map(math.isfinite, numbers + orientation.tolist()))
     if not finite or max(map(abs, numbers)) > FARTHEST_M:
@@ -240,14 +194,16 @@ def _check_sample(settings, stamp_ns, position, orientation, frame_id) -> Reject
         )
     if stamp_ns <= 0:
         return Rejected(ZERO_STAMP, f"stamp {stamp_ns} ns; the tracker must stamp its poses")
-    if frame_name(frame_id) not in settings._frames:
-        known = ", ".join(settings._frames)
+    if frame_name(frame_id) not in settings.frames:
+        known = ", ".join(settings.frames)
         return Rejected(UNKNOWN_FRAME, f"frame '{frame_id}' has no extrinsics; known: {known}")
     return None
 
 
-def _follow(settings, state, sample) -> tuple[IngestState, Rejected | None, bool]:
-    """Extend the track by a sample; returns state, why not, and whether it began anew."""
+def _follow(
+    settings: IngestSettings, state: IngestState, sample: Sample
+) -> tuple[IngestState, Rejected | None, bool]:
+    """Extend the track by a sample; returns the state, why not, and whether a track began."""
     if not state.recent:
         return IngestState(recent=(sample,)), None, False
     stamp_ns = sample[0]
@@ -268,8 +224,10 @@ def _follow(settings, state, sample) -> tuple[IngestState, Rejected | None, bool
     return _follow_jump(settings, state, sample)
 
 
-def _slide(settings, recent, sample):
-    """Move the velocity window on; at high rates it keeps about twenty samples and the newest."""
+def _slide(
+    settings: IngestSettings, recent: tuple[Sample, ...], sample: Sample
+) -> tuple[Sample, ...]:
+    """The velocity window with a new sample; at high rates it keeps `WINDOW_SAMPLES` and it."""
     window_ns = settings.velocity_window_s * 1e9
     if len(recent) > 1 and sample[0] - recent[-2][0] < window_ns / WINDOW_SAMPLES:
         recent = recent[:-1]
@@ -277,8 +235,10 @@ def _slide(settings, recent, sample):
     return (*(s for s in recent if s[0] >= oldest_ns), sample)
 
 
-def _follow_jump(settings, state, sample) -> tuple[IngestState, Rejected | None, bool]:
-    """Count a jump; enough of them, consistent with one another, are the new track."""
+def _follow_jump(
+    settings: IngestSettings, state: IngestState, sample: Sample
+) -> tuple[IngestState, Rejected | None, bool]:
+    """Count a jump; enough consecutive ones that agree with one another are the new track."""
     consistent = (
         state.jump is not None
         and sample[0] > state.jump[0]
@@ -295,16 +255,40 @@ def _follow_jump(settings, state, sample) -> tuple[IngestState, Rejected | None,
     return state, Rejected(JUMP, detail), False
 
 
-def _within_gate(settings, earlier, later) -> bool:
+def _within_gate(settings: IngestSettings, earlier: Sample, later: Sample) -> bool:
     """Whether a person could have moved from one sample to the other."""
-    reach_m = settings.max_speed_m_s * (later[0] - earlier[0]) * 1e-9 + settings._margin_m
+    reach_m = settings.max_speed_m_s * (later[0] - earlier[0]) * 1e-9 + settings.margin_m
     return math.dist(later[1], earlier[1]) <= reach_m
 
 
-def _velocity(settings, state) -> Velocity | None:
+def _velocity(settings: IngestSettings, state: IngestState) -> Velocity | None:
     if len(state.recent) < 3:
         return None
     stamps_ns = np.array([stamp_ns for stamp_ns, _ in state.recent], dtype=np.int64)
     positions = np.array([position for _, position in state.recent])
-    variance = (settings._margin_m / NOISE_MARGIN) ** 2
+    variance = settings.largest_std_m**2
     return fit_velocity(stamps_ns, positions, variance)
+
+
+def fit_velocity(
+    stamps_ns: NDArray[np.int64], positions: NDArray[np.float64], position_variance: float
+) -> Velocity:
+    """Slope of the least-squares line through recent positions.
+
+    It is the velocity in the middle of the samples, so it lags by half their span. It is computed
+    from the positions: use it for onset detection and display, not as an observation of its own.
+
+    Args:
+        stamps_ns: times of measurement (T,), strictly increasing, T >= 2.
+        positions: (T, 3) [m].
+        position_variance: of each coordinate of each sample [m^2].
+
+    Returns:
+        The slope and its covariance, variance / sum of squared centred times on the diagonal.
+    """
+    times_s = (stamps_ns - stamps_ns[0]) * 1e-9
+    centred_s = times_s - times_s.sum() / times_s.size
+    squares_s2 = float(centred_s @ centred_s)
+    return Velocity(
+        centred_s @ positions / squares_s2, np.eye(3) * (position_variance / squares_s2)
+    )

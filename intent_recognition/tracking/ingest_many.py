@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole recording of raw poses through the ingest at once, with the results of one by one."""
+"""All raw poses of a recording checked at once, with the results of `ingest_pose` in a loop."""
 
 from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, describe
 from intent_recognition.tracking.ingest import (
     FARTHEST_M,
-    IDENTITY,
-    IngestSettings,
+    NO_ROTATION,
     IngestState,
     TrackedPose,
-    frame_name,
     ingest_pose,
 )
+from intent_recognition.tracking.settings import IngestSettings, frame_name
 from intent_recognition.tracking.transforms import (
     RigidTransform,
     multiply_quaternions,
@@ -23,12 +23,13 @@ from intent_recognition.tracking.transforms import (
 )
 
 GATE_SHARE = 1.0 - 1e-9
-"""A step closer to the gate than this is left to the exact test."""
+"""Steps closer to the gate than this share of it are checked one by one. Convention: above the
+rounding of lengths, which are computed in another order here."""
 
 
 @dataclass(frozen=True)
 class AcceptedPoses:
-    """What the ingest accepts of a recording, world frame; n poses.
+    """The n accepted poses of a recording, world frame.
 
     Attributes:
         rows: which samples these are, int64 (n,).
@@ -37,26 +38,26 @@ class AcceptedPoses:
         rejected: number of the other samples, by reason.
     """
 
-    rows: np.ndarray
-    positions: np.ndarray
-    orientations: np.ndarray | None
+    rows: NDArray[np.int64]
+    positions: NDArray[np.float64]
+    orientations: NDArray[np.float64] | None
     rejected: Counter[str] = field(default_factory=Counter)
 
 
 def ingest_poses(
     settings: IngestSettings,
-    stamps_ns: np.ndarray,
-    positions: np.ndarray,
-    orientations: np.ndarray,
+    stamps_ns: NDArray[np.int64],
+    positions: NDArray[np.float64],
+    orientations: NDArray[np.float64],
     frame_ids: tuple[str, ...],
-    frames: np.ndarray,
+    frames: NDArray[np.int64],
     *,
     oriented: bool = True,
 ) -> AcceptedPoses:
     """All samples of one body in order, from the initial state; equal to `ingest_pose` in a loop.
 
-    A sample that any loop would accept is accepted in bulk; from one that may not be, the samples
-    go through `ingest_pose` one by one until it accepts one again.
+    Samples that `ingest_pose` surely accepts are accepted together. From a sample that it may
+    reject, samples are passed to it one by one until it accepts one again.
 
     Args:
         settings: frames, gate and noise.
@@ -79,13 +80,13 @@ def ingest_poses(
         )
     usable = _usable(settings, stamps_ns, positions, orientations, frame_ids, frames)
     world = _to_world(settings, positions, frame_ids, frames, usable)
-    doubtful = np.flatnonzero(~(usable & _follows(settings, stamps_ns, world, usable)))
+    uncertain = np.flatnonzero(~(usable & _follows(settings, stamps_ns, world, usable)))
     accepted = np.ones(count, bool)
     rejected: Counter[str] = Counter()
     at = 0
-    while (ahead := int(np.searchsorted(doubtful, at))) < doubtful.size:
-        at = int(doubtful[ahead])
-        # Of the state all but the last sample serves the velocity, which nobody asks for here.
+    while (ahead := int(np.searchsorted(uncertain, at))) < uncertain.size:
+        at = int(uncertain[ahead])
+        # Earlier samples of the state matter for the velocity only, which is not needed here.
         recent = ((int(stamps_ns[at - 1]), world[at - 1]),) if at else ()
         state = IngestState(recent=recent)
         while at < count:
@@ -107,9 +108,16 @@ def ingest_poses(
     return AcceptedPoses(rows, world[rows], turned, rejected)
 
 
-def _usable(settings, stamps_ns, positions, orientations, frame_ids, frames) -> np.ndarray:
+def _usable(
+    settings: IngestSettings,
+    stamps_ns: NDArray[np.int64],
+    positions: NDArray[np.float64],
+    orientations: NDArray[np.float64],
+    frame_ids: tuple[str, ...],
+    frames: NDArray[np.int64],
+) -> NDArray[np.bool_]:
     """Samples with nothing wrong in themselves, bool (T,)."""
-    known = np.array([frame_name(frame) in settings._frames for frame in frame_ids], bool)
+    known = np.array([frame_name(frame) in settings.frames for frame in frame_ids], bool)
     usable = known[frames] if known.size else np.zeros(stamps_ns.size, bool)
     usable &= stamps_ns > 0
     usable &= np.all(np.abs(positions) <= FARTHEST_M, axis=1)  # False for NaN too
@@ -117,11 +125,17 @@ def _usable(settings, stamps_ns, positions, orientations, frame_ids, frames) -> 
     return usable
 
 
-def _to_world(settings, positions, frame_ids, frames, usable) -> np.ndarray:
+def _to_world(
+    settings: IngestSettings,
+    positions: NDArray[np.float64],
+    frame_ids: tuple[str, ...],
+    frames: NDArray[np.int64],
+    usable: NDArray[np.bool_],
+) -> NDArray[np.float64]:
     """Positions in the world frame (T, 3), bit for bit as one by one; NaN where not usable."""
     world = np.where(usable[:, None], positions, np.nan)
     for index, frame in enumerate(frame_ids):
-        transform = settings._frames.get(frame_name(frame))
+        transform = settings.frames.get(frame_name(frame))
         if transform is None:
             continue
         rows = np.flatnonzero((frames == index) & usable)
@@ -140,7 +154,12 @@ def _is_identity(transform: RigidTransform) -> bool:
     return np.array_equal(transform.rotation, np.eye(3))
 
 
-def _follows(settings, stamps_ns, world, usable) -> np.ndarray:
+def _follows(
+    settings: IngestSettings,
+    stamps_ns: NDArray[np.int64],
+    world: NDArray[np.float64],
+    usable: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
     """Samples that continue the track surely if the one before was accepted, bool (T,)."""
     follows = np.zeros(stamps_ns.size, bool)
     if not follows.size:
@@ -149,21 +168,28 @@ def _follows(settings, stamps_ns, world, usable) -> np.ndarray:
     steps_ns = np.diff(stamps_ns)
     with np.errstate(invalid="ignore"):
         lengths_m = np.sqrt(np.sum(np.diff(world, axis=0) ** 2, axis=1))
-        reach_m = settings.max_speed_m_s * steps_ns * 1e-9 + settings._margin_m
+        reach_m = settings.max_speed_m_s * steps_ns * 1e-9 + settings.margin_m
         near = lengths_m <= GATE_SHARE * reach_m
     gap = steps_ns * 1e-9 > settings.max_gap_s
     follows[1:] = (steps_ns > 0) & usable[:-1] & (near | gap)
     return follows
 
 
-def _turned(settings, orientations, frame_ids, frames, rows) -> np.ndarray:
+def _turned(
+    settings: IngestSettings,
+    orientations: NDArray[np.float64],
+    frame_ids: tuple[str, ...],
+    frames: NDArray[np.int64],
+    rows: NDArray[np.int64],
+) -> NDArray[np.float64]:
     """Orientations of the accepted samples in the world frame, (n, 4)."""
     turned = np.empty((rows.size, 4))
-    transforms = [settings._frames.get(frame_name(frame)) for frame in frame_ids]
+    known = settings.frames
+    transforms = [known.get(frame_name(frame), RigidTransform.identity()) for frame in frame_ids]
     for k, row in enumerate(rows):
         unit = normalise_quaternion(orientations[row])
         if unit is None:
-            turned[k] = IDENTITY
+            turned[k] = NO_ROTATION
         else:
             turned[k] = multiply_quaternions(transforms[frames[row]].quaternion, unit)
     return turned

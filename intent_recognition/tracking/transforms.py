@@ -5,21 +5,28 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 
+LEAST_QUATERNION = 1e-6
+"""Largest component of a quaternion below which it counts as zero. Convention: unit quaternions are
+expected, trackers send zeros for "not measured"."""
 
-def normalise_quaternion(quaternion: np.ndarray) -> np.ndarray | None:
+
+def normalise_quaternion(quaternion: ArrayLike) -> NDArray[np.float64] | None:
     """Scale a finite quaternion (4,) to unit length; None if it is zero (no orientation)."""
     quaternion = np.asarray(quaternion, dtype=np.float64)
     largest = np.max(np.abs(quaternion))
-    if largest < 1e-6:
+    if largest < LEAST_QUATERNION:
         return None
     scaled = quaternion / largest
     return scaled / np.linalg.norm(scaled)
 
 
-def multiply_quaternions(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+def multiply_quaternions(
+    left: NDArray[np.float64], right: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Hamilton product (4,) of two quaternions xyzw: the rotation `right`, then `left`."""
     x1, y1, z1, w1 = left
     x2, y2, z2, w2 = right
@@ -33,7 +40,7 @@ def multiply_quaternions(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     )
 
 
-def rotation_matrix(quaternion: np.ndarray) -> np.ndarray:
+def rotation_matrix(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation matrix (3, 3) of a unit quaternion xyzw."""
     x, y, z, w = quaternion
     return np.array(
@@ -58,10 +65,10 @@ class RigidTransform:
         ArgumentError: a value is not finite, or the quaternion is zero.
     """
 
-    translation: np.ndarray
-    quaternion: np.ndarray
+    translation: NDArray[np.float64]
+    quaternion: NDArray[np.float64]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         translation = np.array(self.translation, dtype=np.float64)
         quaternion = np.array(self.quaternion, dtype=np.float64)
         for name, array, size in (
@@ -92,11 +99,11 @@ class RigidTransform:
         return cls(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
 
     @cached_property
-    def rotation(self) -> np.ndarray:
+    def rotation(self) -> NDArray[np.float64]:
         """Rotation matrix (3, 3)."""
         return rotation_matrix(self.quaternion)
 
-    def apply(self, points: np.ndarray) -> np.ndarray:
+    def apply(self, points: ArrayLike) -> NDArray[np.float64]:
         """Points (..., 3) of the child frame, in the parent frame [m]."""
         return np.asarray(points) @ self.rotation.T + self.translation
 

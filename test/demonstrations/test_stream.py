@@ -20,7 +20,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.signals.observation import merge
-from intent_recognition.tracking.ingest import IngestSettings
+from intent_recognition.tracking import IngestSettings
 
 DOFS = make_dofs(WRIST)
 

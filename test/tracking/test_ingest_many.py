@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.errors import ShapeError
-from intent_recognition.tracking.ingest import IngestSettings, IngestState, Rejected, ingest_pose
+from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
 from intent_recognition.tracking.ingest_many import ingest_poses
 
 T0 = 10**18

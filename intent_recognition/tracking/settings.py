@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of the checks that raw tracker poses pass."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.tracking.transforms import RigidTransform
+
+NOISE_MARGIN = 6.0
+"""Standard deviations of the tracker by which two samples may differ at any rate. Convention: noise
+beyond it is one in 10^8."""
+
+
+@dataclass(frozen=True)
+class IngestSettings:
+    """How raw poses become world-frame poses.
+
+    Attributes:
+        world_frame: name of the world frame; poses in it need no extrinsics.
+        extrinsics: pose of each tracker frame in the world, as (xyz (3,) [m], quaternion (4,)
+            xyzw); poses in a frame that is neither here nor the world are rejected.
+        max_speed_m_s: a step that implies a higher speed is a jump.
+        max_gap_s: after so long without an accepted sample any position is accepted.
+        position_std_m: tracker noise, one number or one per axis (3,) of the tracker's frame.
+        reanchor_after: so many consecutive jumps that agree with one another are a new position.
+        clock_reset_after: so many consecutive stamps that increase, but lie before the last
+            accepted one, are of a clock that was set back.
+        velocity_window_s: the velocity is fitted to the accepted samples of this last time.
+
+    Raises:
+        ArgumentError: a number is not positive and finite, or an extrinsic not a rigid transform.
+    """
+
+    world_frame: str = "world"
+    extrinsics: Mapping[str, tuple[ArrayLike, ArrayLike]] = field(default_factory=dict)
+    max_speed_m_s: float = 6.0
+    max_gap_s: float = 0.5
+    position_std_m: float | NDArray[np.float64] = 0.002
+    reanchor_after: int = 5
+    clock_reset_after: int = 100
+    velocity_window_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in ("max_speed_m_s", "max_gap_s", "velocity_window_s", "position_std_m"):
+            value = np.asarray(getattr(self, name), dtype=np.float64)
+            if not (np.all(np.isfinite(value)) and np.all(value > 0.0)):
+                raise ArgumentError(
+                    describe(name, "a finite number above zero", value.tolist(), "Correct it.")
+                )
+        for name in ("reanchor_after", "clock_reset_after"):
+            if getattr(self, name) < 1:
+                raise ArgumentError(describe(name, "at least 1", getattr(self, name), "Raise it."))
+        std_m = np.asarray(self.position_std_m, dtype=np.float64)
+        if std_m.shape not in ((), (3,)):
+            raise ArgumentError(
+                describe("position_std_m", "one number or three", std_m.shape, "Give one per axis.")
+            )
+        _ = self.frames  # raises for an extrinsic that is not a rigid transform
+
+    @cached_property
+    def frames(self) -> Mapping[str, RigidTransform]:
+        """Pose of each frame in the world, by `frame_name`."""
+        frames = {frame_name(self.world_frame): RigidTransform.identity()}
+        for frame, (translation, quaternion) in self.extrinsics.items():
+            frames[frame_name(frame)] = RigidTransform(np.array(translation), np.array(quaternion))
+        return frames
+
+    @cached_property
+    def covariances(self) -> Mapping[str, NDArray[np.float64]]:
+        """Covariance (3, 3) [m^2] of a position measured in each frame, world axes."""
+        variances = np.broadcast_to(np.asarray(self.position_std_m) ** 2, (3,))
+        covariances = {}
+        for frame, transform in self.frames.items():
+            covariance = (transform.rotation * variances) @ transform.rotation.T
+            covariance = 0.5 * (covariance + covariance.T)
+            covariance.setflags(write=False)
+            covariances[frame] = covariance
+        return covariances
+
+    @cached_property
+    def largest_std_m(self) -> float:
+        """Tracker noise along its worst axis [m]."""
+        return float(np.max(self.position_std_m))
+
+    @cached_property
+    def margin_m(self) -> float:
+        """Distance by which two samples of a body at rest may differ [m]."""
+        return NOISE_MARGIN * self.largest_std_m
+
+
+def frame_name(frame_id: str) -> str:
+    """`frame_id` without a leading slash, as tf2 has it."""
+    return frame_id.removeprefix("/")
