@@ -82,6 +82,7 @@ setup(
         "rich",
         "rosbags>=0.10",
         "rtree; platform_machine != 'x86_64'",
+        "ruckig>=0.19",
         "scipy>=1.11",
         "shtab>=1.13",
         "trimesh>=4",

@@ -12,15 +12,10 @@ from intent_recognition.motion.feedback_controller import (
 )
 from intent_recognition.motion.path import JointPath, make_path
 from intent_recognition.motion.plan import JointPlan, JointReference
-from intent_recognition.motion.planning import (
-    PlanSettings,
-    brake_plan,
-    home_plan,
-    plan_interaction,
-    scaled_limits,
-    stop_plan,
-)
+from intent_recognition.motion.planning import plan_interaction, stop_plan
+from intent_recognition.motion.point_to_point import brake_plan, home_plan
 from intent_recognition.motion.retiming import NominalTiming
+from intent_recognition.motion.settings import PlanSettings, scaled_limits
 
 __all__ = [
     "FeedbackPolicy",

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A joint-space plan as its receiver sees it: samples joined by cubics, and checks on those."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from intent_recognition.kinematics import JointLimits
+
+_RETURN_ROOM_RAD = 1e-3
+"""How much farther a joint that starts outside its limits may go out [rad]. Convention."""
 
 
 class JointReference(NamedTuple):
@@ -171,3 +174,12 @@ def excess(
     velocity, acceleration = interval_use(times_s, positions, velocities, limits)
     outside = np.maximum(limits.lower - positions, positions - limits.upper)
     return Excess(float(outside.max()), float(velocity.max()), float(acceleration.max()))
+
+
+def keeps_limits(plan: JointPlan, start: JointReference, limits: JointLimits) -> bool:
+    """Whether a plan keeps the limits; from a start outside the positions it may come back in."""
+    room = np.maximum(np.maximum(limits.lower - start.position, start.position - limits.upper), 0.0)
+    if room.any():
+        room = room + _RETURN_ROOM_RAD
+        limits = replace(limits, lower=limits.lower - room, upper=limits.upper + room)
+    return excess(plan.times_s, plan.positions, plan.velocities, limits).within()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The three motions an activation sends: along a predicted interaction, to a stand, and home.
+"""Motions along a predicted path: to its end in time with the human, and to a stand.
 
 Every plan starts exactly at the reference of the plan before it (position and velocity are
 continuous, acceleration is bounded) and ends at rest, and is checked against the limits on the
@@ -12,14 +12,17 @@ difference between the running reference and the path, which decays to zero (`bl
 Path and offset share the limits: what the offset needs is taken off what the path may use.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion.blending import Offset, decay
 from intent_recognition.motion.path import JointPath
-from intent_recognition.motion.plan import JointPlan, JointReference, excess, interval_use
+from intent_recognition.motion.plan import JointPlan, JointReference, interval_use, keeps_limits
+from intent_recognition.motion.point_to_point import brake_plan
 from intent_recognition.motion.retiming import (
     N_GRID,
     NominalTiming,
@@ -29,44 +32,27 @@ from intent_recognition.motion.retiming import (
     run,
     speed_limits,
 )
+from intent_recognition.motion.settings import DEFAULT_SETTINGS, PlanSettings
 
-# How often a plan is mended where it uses more than the limits, and what it starts with.
 _N_ATTEMPTS = 8
+"""Plans tried with a tighter and tighter budget before giving up. Convention: nearly all that can
+be mended are by the fourth."""
+_N_LOCAL_ATTEMPTS = 3
+"""Attempts that slow the path only where the plan exceeded a limit. Convention."""
 _FIRST_SHARE = 0.96
-
-
-@dataclass(frozen=True)
-class PlanSettings:
-    """How plans are made.
-
-    Attributes:
-        step_s: time between samples of a plan; longer motions get longer steps.
-        offset_share: share of the acceleration limit an offset may use.
-        offset_velocity_share: share of the velocity limit an offset may use.
-        shortest_offset_s: an offset takes at least this long to decay.
-        join_within_rad: the path is not run before every joint of the offset is below this.
-        max_rate_ratio: at most this many times the predicted speed.
-        target_samples: the step grows so that the nominal duration has at most so many samples.
-    """
-
-    step_s: float = 0.02
-    offset_share: float = 0.4
-    offset_velocity_share: float = 0.35
-    shortest_offset_s: float = 0.25
-    join_within_rad: float = 0.15
-    max_rate_ratio: float = 6.0
-    target_samples: int = 200
-
-
-def scaled_limits(
-    limits: JointLimits, velocity_scale: float = 0.9, acceleration_scale: float = 1.0
-) -> JointLimits:
-    """The limits plans are held to: a share of the arm's own."""
-    return replace(
-        limits,
-        velocity=limits.velocity * velocity_scale,
-        acceleration=limits.acceleration * acceleration_scale,
-    )
+"""Share of the path's bounds a first attempt uses. Convention: sampling the path's progress adds a
+few percent to its accelerations."""
+_UNDER_LIMIT = 0.97
+"""Where a plan exceeded a limit, the next aims at this share of it. Convention."""
+_SHRINK = 0.8
+"""Factor on the path's bounds per attempt once slowing in places was not enough. Convention."""
+_STRETCH = 1.25
+"""Factor on the offset's duration where a limit was exceeded while it decayed. Convention."""
+_LEAST_SHARE = 0.1
+"""Share of the limits the path keeps, however much the offset takes. Convention: it never stands
+still for good."""
+_NEIGHBOURS = 2
+"""Grid intervals slowed on each side of an excess. Convention: two of 100."""
 
 
 def plan_interaction(
@@ -76,7 +62,7 @@ def plan_interaction(
     phase: float,
     phase_rate: float,
     limits: JointLimits,
-    settings: PlanSettings = PlanSettings(),
+    settings: PlanSettings = DEFAULT_SETTINGS,
     phase_acceleration: float = 0.0,
 ) -> JointPlan | None:
     """Follow a predicted interaction from where the arm's reference is.
@@ -96,8 +82,8 @@ def plan_interaction(
         The plan, or None if none keeps the limits from this start: the plan before it ends at
         rest and is safe to go on with.
     """
-    progress = (phase, phase_rate, phase_acceleration)
-    return _along(path, nominal, start, progress, limits, settings, "interaction")
+    phase_state = _PhaseState(phase, phase_rate, phase_acceleration)
+    return _along(path, nominal, start, phase_state, limits, settings)
 
 
 def stop_plan(
@@ -106,157 +92,149 @@ def stop_plan(
     phase: float,
     phase_rate: float,
     limits: JointLimits,
-    settings: PlanSettings = PlanSettings(),
+    settings: PlanSettings = DEFAULT_SETTINGS,
     phase_acceleration: float = 0.0,
 ) -> JointPlan:
     """Slow to a stand along the path as fast as the limits allow; always gives a plan."""
-    progress = (phase, phase_rate, phase_acceleration)
-    plan = _along(path, None, start, progress, limits, settings, "stop")
+    phase_state = _PhaseState(phase, phase_rate, phase_acceleration)
+    plan = _along(path, None, start, phase_state, limits, settings)
     return plan if plan is not None else brake_plan(start, phase, limits, settings)
 
 
-def brake_plan(
-    start: JointReference,
-    phase: float,
-    limits: JointLimits,
-    settings: PlanSettings = PlanSettings(),
-) -> JointPlan:
-    """Constant deceleration of all joints to a stand, straight on in joint space.
+class _PhaseState(NamedTuple):
+    """Phase, its rate [1/s] and the rate's derivative [1/s^2] at a plan's start."""
 
-    A last resort: it keeps the velocity and acceleration limits, but a joint already heading for
-    a position limit may end beyond it; such joints are listed in `clamped`.
+    phase: float
+    rate: float
+    acceleration: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Budget:
+    """What path and offset may use of the limits.
+
+    Attributes:
+        share: share of the path's bounds in each interval of its grid, (N_GRID,).
+        stretch: how many times longer the offset takes than its own bounds ask for.
     """
-    share = np.abs(start.velocity) / limits.acceleration
-    duration_s = max(float(share.max()), settings.step_s)
-    times = _times(duration_s, settings)
-    left = 1.0 - times / duration_s
-    positions = start.position + np.outer(duration_s / 2.0 * (1.0 - left**2), start.velocity)
-    velocities = np.outer(left, start.velocity)
-    velocities[-1] = 0.0
-    outside = (positions[-1] < limits.lower) | (positions[-1] > limits.upper)
-    standing = np.zeros_like(times)
-    joints = tuple(int(j) for j in np.flatnonzero(outside))
-    return JointPlan(times, positions, velocities, standing + phase, standing, "stop", joints)
+
+    share: NDArray[np.float64] = field(default_factory=lambda: np.ones(N_GRID))
+    stretch: float = 1.0
+
+    def tightened(
+        self, plan: JointPlan, offset: Offset, limits: JointLimits, everywhere: float
+    ) -> "_Budget":
+        """Less for the path where the plan exceeded a limit, more time for an offset there.
+
+        Args:
+            plan: the plan that exceeded them.
+            offset: its offset.
+            limits: the limits.
+            everywhere: factor on the whole path's share.
+        """
+        use = np.maximum(*interval_use(plan.times_s, plan.positions, plan.velocities, limits))
+        exceeded = np.flatnonzero(use > 1.0)
+        factor = np.ones_like(self.share)
+        for k in exceeded:
+            first = max(int(plan.phase[k] * N_GRID) - _NEIGHBOURS, 0)
+            last = min(int(plan.phase[k + 1] * N_GRID) + _NEIGHBOURS + 1, N_GRID)
+            factor[first:last] = np.minimum(factor[first:last], _UNDER_LIMIT / use[k])
+        decaying = bool(np.any(plan.times_s[exceeded] < offset.duration_s))
+        stretch = _STRETCH if decaying or not exceeded.size else 1.0
+        return _Budget(self.share * factor * everywhere, self.stretch * stretch)
 
 
-def home_plan(
+def _along(
+    path: JointPath,
+    nominal: NominalTiming | None,
     start: JointReference,
-    home: np.ndarray,
+    phase: _PhaseState,
     limits: JointLimits,
-    settings: PlanSettings = PlanSettings(),
-    *,
-    speed_share: float = 0.6,
-    longest_s: float = 30.0,
+    settings: PlanSettings,
 ) -> JointPlan | None:
-    """Minimum jerk from point to point, all joints together, also from a moving start.
+    """A plan along the path, in time with the nominal timing or (None) to a stand.
 
-    Args:
-        start: the running reference.
-        home: where to go, (n,) [rad]; held inside the position limits (reported as clamped).
-        limits: position, velocity and acceleration limits.
-        settings: see `PlanSettings`.
-        speed_share: share of the velocity and acceleration limits to use from a stand.
-        longest_s: longest motion tried.
-
-    Returns:
-        The quickest plan that keeps the limits, or None (brake first) if there is none.
+    Path and offset are bounded each on its own; where their sum exceeds a limit, another attempt
+    gives them less.
     """
-    target = np.clip(home, limits.lower + 1e-6, limits.upper - 1e-6)
-    clamped = tuple(int(j) for j in np.flatnonzero(target != np.asarray(home, dtype=float)))
-    for share in (speed_share, 1.0):
-        bounds = scaled_limits(limits, share, share)
-        shortest_s, offset = settings.shortest_offset_s, None
-        while shortest_s < longest_s:
-            offset = decay(
-                start.position - target,
-                start.velocity,
-                start.acceleration,
-                max_velocity=bounds.velocity,
-                max_acceleration=bounds.acceleration,
-                shortest_s=shortest_s,
-                longest_s=longest_s,
-                n_candidates=64,
-            )
-            plan = _home_samples(offset, target, settings, clamped)
-            if _keeps(plan, start, limits):
-                return plan
-            shortest_s = max(offset.duration_s, shortest_s) * 1.2
+    budget = _Budget() if nominal is None else _Budget(np.full(N_GRID, _FIRST_SHARE))
+    for attempt in range(_N_ATTEMPTS):
+        tried = _attempt(path, nominal, start, phase, limits, settings, budget)
+        if tried is None:
+            return None
+        plan, offset = tried
+        if keeps_limits(plan, start, limits):
+            return replace(plan, slowed=nominal is not None and _too_fast(path, limits))
+        everywhere = 1.0 if attempt < _N_LOCAL_ATTEMPTS else _SHRINK
+        budget = budget.tightened(plan, offset, limits, everywhere)
     return None
 
 
-def _home_samples(offset: Offset, target, settings, clamped) -> JointPlan:
-    times = _times(offset.duration_s, settings)
-    q, v = offset.sample(times)
-    standing = np.zeros_like(times)
-    return JointPlan(times, target + q, v, standing, standing, "home", clamped)
-
-
-def _along(path, nominal, start, progress, limits, settings, kind) -> JointPlan | None:
-    """A plan along the path; where the sum exceeds a limit, path and offset are slowed there."""
-    phase, phase_rate, _ = progress
-    share, stretch = np.full(N_GRID, _FIRST_SHARE if nominal is not None else 1.0), 1.0
+def _attempt(
+    path: JointPath,
+    nominal: NominalTiming | None,
+    start: JointReference,
+    phase: _PhaseState,
+    limits: JointLimits,
+    settings: PlanSettings,
+    budget: _Budget,
+) -> tuple[JointPlan, Offset] | None:
+    """A plan within the budget, and its offset; None where the path takes too long."""
     step_s = settings.step_s
     if nominal is not None:
         step_s = max(step_s, nominal.duration_s / settings.target_samples)
-    for attempt in range(_N_ATTEMPTS):
-        offset = _join(path, start, progress, limits, settings)
-        bounds = _path_bounds(path, offset, limits, settings, share)
-        rate = min(phase_rate, largest_rate(bounds, phase))
-        if rate < phase_rate:
-            offset = _join(path, start, (phase, rate, progress[2]), limits, settings)
-        offset = offset._replace(duration_s=offset.duration_s * stretch)
-        hold_s = _hold(offset, settings) if phase_rate <= 0.0 else 0.0
-        done = run(bounds, phase, rate, nominal, step_s=step_s, hold_s=hold_s)
-        if done is None:
-            return None
-        plan = _compose(path, done, offset, step_s, kind)
-        if _keeps(plan, start, limits):
-            return replace(plan, slowed=nominal is not None and _too_fast(path, limits))
-        share, stretch = _mend(plan, offset, limits, share, stretch)
-        share = share * (0.8 if attempt >= 3 else 1.0)  # mending in places was not enough
-    return None
+    offset = _join(path, start, phase, limits, settings)
+    bounds = _path_bounds(path, offset, limits, settings, budget.share)
+    rate = min(phase.rate, largest_rate(bounds, phase.phase))
+    if rate < phase.rate:
+        offset = _join(path, start, phase._replace(rate=rate), limits, settings)
+    offset = offset._replace(duration_s=offset.duration_s * budget.stretch)
+    hold_s = _hold(offset, settings) if phase.rate <= 0.0 else 0.0
+    progress = run(bounds, phase.phase, rate, nominal, step_s=step_s, hold_s=hold_s)
+    if progress is None:
+        return None
+    kind = "stop" if nominal is None else "interaction"
+    return _compose(path, progress, offset, step_s, kind), offset
 
 
-def _join(path, start, progress, limits, settings) -> Offset:
-    """The offset between a reference and the path run through at this progress."""
-    phase, rate, acceleration = progress
-    slope, bend = path.derivative(phase), path.derivative(phase, 1)
+def _join(
+    path: JointPath,
+    start: JointReference,
+    phase: _PhaseState,
+    limits: JointLimits,
+    settings: PlanSettings,
+) -> Offset:
+    """The offset between a reference and the path at this phase."""
+    slope, bend = path.derivative(phase.phase), path.derivative(phase.phase, 1)
     return decay(
-        start.position - path.spline(phase),
-        start.velocity - slope * rate,
-        start.acceleration - bend * rate**2 - slope * acceleration,
+        start.position - path.spline(phase.phase),
+        start.velocity - slope * phase.rate,
+        start.acceleration - bend * phase.rate**2 - slope * phase.acceleration,
         max_velocity=settings.offset_velocity_share * limits.velocity,
         max_acceleration=settings.offset_share * limits.acceleration,
         shortest_s=settings.shortest_offset_s,
     )
 
 
-def _mend(plan: JointPlan, offset: Offset, limits, share, stretch):
-    """Lower the share of the path's bounds where the plan exceeds a limit; stretch the offset."""
-    use = np.maximum(*interval_use(plan.times_s, plan.positions, plan.velocities, limits))
-    over = np.flatnonzero(use > 1.0)
-    factor = np.ones_like(share)
-    for k in over:
-        first = max(int(plan.phase[k] * N_GRID) - 2, 0)
-        last = min(int(plan.phase[k + 1] * N_GRID) + 3, N_GRID)
-        factor[first:last] = np.minimum(factor[first:last], 0.97 / use[k])
-    in_offset = bool(np.any(plan.times_s[over] < offset.duration_s)) or not over.size
-    return share * factor, stretch * (1.25 if in_offset else 1.0)
-
-
-def _path_bounds(path, offset: Offset, limits, settings, share) -> SpeedLimits:
-    """Bounds along the path with what the offset leaves, at least a tenth of the limits."""
+def _path_bounds(
+    path: JointPath,
+    offset: Offset,
+    limits: JointLimits,
+    settings: PlanSettings,
+    share: NDArray[np.float64],
+) -> SpeedLimits:
+    """Bounds along the path with what the offset leaves of the limits."""
     speed, acceleration = offset.largest()
     return speed_limits(
         path,
-        np.maximum(limits.velocity - speed, 0.1 * limits.velocity),
-        np.maximum(limits.acceleration - acceleration, 0.1 * limits.acceleration),
+        np.maximum(limits.velocity - speed, _LEAST_SHARE * limits.velocity),
+        np.maximum(limits.acceleration - acceleration, _LEAST_SHARE * limits.acceleration),
         share=share,
         max_rate_ratio=settings.max_rate_ratio,
     )
 
 
-def _hold(offset: Offset, settings) -> float:
+def _hold(offset: Offset, settings: PlanSettings) -> float:
     """When the offset is small enough to move on along the path [s]."""
     times = np.linspace(0.0, offset.duration_s, 33)
     q, _ = offset.sample(times)
@@ -264,7 +242,9 @@ def _hold(offset: Offset, settings) -> float:
     return float(times[far[-1]]) if far.size else 0.0
 
 
-def _compose(path, progress: PathProgress, offset: Offset, step_s: float, kind: str) -> JointPlan:
+def _compose(
+    path: JointPath, progress: PathProgress, offset: Offset, step_s: float, kind: str
+) -> JointPlan:
     """Sum of path and offset on the progress's times, prolonged until the offset is gone."""
     end_s = float(progress.times_s[-1])
     n_more = max(int(np.ceil((offset.duration_s - end_s) / step_s)), 0)
@@ -279,15 +259,6 @@ def _compose(path, progress: PathProgress, offset: Offset, step_s: float, kind: 
     return JointPlan(times, q + e, velocities, phase, rate, kind, path.clamped)
 
 
-def _keeps(plan: JointPlan, start: JointReference, limits: JointLimits) -> bool:
-    """Whether a plan keeps the limits; a start outside the positions may come back in."""
-    room = np.maximum(np.maximum(limits.lower - start.position, start.position - limits.upper), 0.0)
-    if room.any():
-        room = room + 1e-3
-        limits = replace(limits, lower=limits.lower - room, upper=limits.upper + room)
-    return excess(plan.times_s, plan.positions, plan.velocities, limits).within()
-
-
 def _too_fast(path: JointPath, limits: JointLimits) -> bool:
     """Whether the path at its own speed breaks a velocity or acceleration limit."""
     phase = np.linspace(0.0, 1.0, 101)
@@ -295,9 +266,3 @@ def _too_fast(path: JointPath, limits: JointLimits) -> bool:
     acceleration = path.derivative(phase, 1) / path.duration_s**2
     too_fast = np.abs(velocity) > limits.velocity
     return bool(np.any(too_fast | (np.abs(acceleration) > limits.acceleration)))
-
-
-def _times(duration_s: float, settings) -> np.ndarray:
-    step_s = max(settings.step_s, duration_s / settings.target_samples)
-    n = max(int(np.ceil(duration_s / step_s - 1e-9)), 1)
-    return np.linspace(0.0, duration_s, n + 1)

@@ -12,15 +12,10 @@ from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.motion.blending import decay
 from intent_recognition.motion.path import make_path
 from intent_recognition.motion.plan import JointPlan, JointReference, excess
-from intent_recognition.motion.planning import (
-    PlanSettings,
-    brake_plan,
-    home_plan,
-    plan_interaction,
-    scaled_limits,
-    stop_plan,
-)
+from intent_recognition.motion.planning import plan_interaction, stop_plan
+from intent_recognition.motion.point_to_point import brake_plan, home_plan
 from intent_recognition.motion.retiming import NominalTiming
+from intent_recognition.motion.settings import PlanSettings, scaled_limits
 
 LIMITS = scaled_limits(LWR_LIMITS)
 HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])

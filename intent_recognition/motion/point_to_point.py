@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Time-optimal motions with limited jerk: to a posture at rest, and to a stand.
+
+Computed by Ruckig (Berscheid and Kroeger 2021, "Jerk-limited real-time trajectory generation with
+arbitrary target states"). Both start at the running reference, also in motion.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from ruckig import (
+    ControlInterface,
+    InputParameter,
+    Result,
+    Ruckig,
+    RuckigError,
+    Synchronization,
+    Trajectory,
+)
+
+from intent_recognition.errors import TrajectoryError, describe
+from intent_recognition.kinematics import JointLimits
+from intent_recognition.motion.plan import JointPlan, JointReference, keeps_limits
+from intent_recognition.motion.settings import (
+    DEFAULT_SETTINGS,
+    PlanSettings,
+    sample_times,
+    scaled_limits,
+)
+
+RISE_TIME_S = 0.1
+"""Shortest time in which an acceleration rises from zero to its limit [s]; the jerk limit is the
+acceleration limit divided by it: 80 rad/s^3 at 8 rad/s^2. KUKA publishes none for the LWR. A
+minimum-jerk motion of one second has this ratio of peak jerk to peak acceleration (10.4 / s); the
+Franka arm allows fifty times as much (500 / s, libfranka, rate_limiting.h)."""
+HOME_SHARE = 0.6
+"""Share of the velocity and acceleration limits for a motion that is in no hurry. Convention."""
+_INTERPOLATION = 8.0 / 27.0
+"""Largest error of a Hermite cubic's acceleration, as a share of jerk limit times sample spacing:
+the integral of |3 u^2 - 2 u| over [0, 1], its Peano kernel at the ends of the interval."""
+
+
+def home_plan(
+    start: JointReference,
+    home: NDArray[np.float64],
+    limits: JointLimits,
+    settings: PlanSettings = DEFAULT_SETTINGS,
+) -> JointPlan | None:
+    """Go to a posture, all joints together; straight in joint space when starting from rest.
+
+    Args:
+        start: the running reference.
+        home: where to go, (n,) [rad]; held inside the position limits (reported as clamped).
+        limits: position, velocity and acceleration limits; a motion uses `HOME_SHARE` of the last
+            two unless a moving start needs more.
+        settings: see `PlanSettings`.
+
+    Returns:
+        The quickest plan that keeps the limits, or None (brake first) if there is none.
+
+    Raises:
+        TrajectoryError: start or home hold NaN or infinity.
+    """
+    target = np.clip(home, limits.lower + 1e-6, limits.upper - 1e-6)
+    clamped = tuple(int(j) for j in np.flatnonzero(target != np.asarray(home, dtype=np.float64)))
+    for share in (HOME_SHARE, 1.0):
+        motion = _input(start, limits, scaled_limits(limits, share, share), settings)
+        motion.target_position = target
+        plan = _sampled(motion, settings, "home", 0.0)
+        if keeps_limits(plan, start, limits):
+            return replace(plan, clamped=clamped)
+    return None
+
+
+def brake_plan(
+    start: JointReference,
+    phase: float,
+    limits: JointLimits,
+    settings: PlanSettings = DEFAULT_SETTINGS,
+) -> JointPlan:
+    """Brake all joints to a stand: together, or each on its own if it would leave its limits.
+
+    A last resort: it keeps the velocity and acceleration limits, but a joint already heading for
+    a position limit may end beyond it; such joints are listed in `clamped`. Joints that were
+    speeding up stop doing so at once.
+
+    Raises:
+        TrajectoryError: the start holds NaN or infinity.
+    """
+    speeds_up = start.acceleration * start.velocity > 0.0
+    start = start._replace(acceleration=np.where(speeds_up, 0.0, start.acceleration))
+    motion = _input(start, limits, limits, settings)
+    motion.control_interface = ControlInterface.Velocity
+    for synchronization in (Synchronization.Phase, Synchronization.No):
+        motion.synchronization = synchronization
+        plan = _sampled(motion, settings, "stop", phase)
+        outside = np.flatnonzero((plan.end < limits.lower) | (plan.end > limits.upper))
+        if not outside.size:
+            break
+    return replace(plan, clamped=tuple(int(j) for j in outside))
+
+
+def _input(
+    start: JointReference, limits: JointLimits, bounds: JointLimits, settings: PlanSettings
+) -> InputParameter:
+    """A motion from the start within bounds, to rest.
+
+    What interpolation between samples adds to accelerations is taken off the limits. A start
+    acceleration that limited jerk cannot take back in time is reduced: then the motion jumps in
+    acceleration, never in position or velocity.
+    """
+    jerk = limits.acceleration / RISE_TIME_S
+    largest = limits.acceleration - _INTERPOLATION * jerk * settings.step_s
+    room_up = np.sqrt(2.0 * jerk * np.maximum(limits.velocity - start.velocity, 0.0))
+    room_down = np.sqrt(2.0 * jerk * np.maximum(limits.velocity + start.velocity, 0.0))
+    motion = InputParameter(start.position.size)
+    motion.current_position = start.position
+    motion.current_velocity = start.velocity
+    motion.current_acceleration = np.clip(
+        start.acceleration, -np.minimum(largest, room_down), np.minimum(largest, room_up)
+    )
+    motion.max_velocity = bounds.velocity
+    motion.max_acceleration = np.minimum(bounds.acceleration, largest)
+    motion.max_jerk = jerk
+    motion.synchronization = Synchronization.Phase
+    return motion
+
+
+def _sampled(motion: InputParameter, settings: PlanSettings, kind: str, phase: float) -> JointPlan:
+    """Ruckig's motion as a plan.
+
+    Raises:
+        TrajectoryError: Ruckig finds no motion.
+    """
+    ruckig, trajectory = Ruckig(motion.degrees_of_freedom), Trajectory(motion.degrees_of_freedom)
+    cure = "Check the reference and the target for values that are not finite."
+    try:
+        result = ruckig.calculate(motion, trajectory)
+    except RuckigError as error:
+        raise TrajectoryError(
+            describe("start", "finite values", str(error).strip(), cure)
+        ) from error
+    if result not in (Result.Working, Result.Finished):
+        raise TrajectoryError(describe("start", "a state to move from", result.name, cure))
+    times = sample_times(max(trajectory.duration, settings.step_s), settings)
+    rows = [trajectory.at_time(time) for time in times]
+    positions, velocities = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
+    if motion.control_interface == ControlInterface.Position:
+        positions[-1] = motion.target_position
+    velocities[-1] = 0.0
+    standing = np.zeros_like(times)
+    return JointPlan(times, positions, velocities, standing + phase, standing, kind)

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How plans are made: sample spacing, shares of the limits."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.kinematics import JointLimits
+
+
+@dataclass(frozen=True)
+class PlanSettings:
+    """How plans are made.
+
+    Attributes:
+        step_s: time between samples of a plan; longer motions get longer steps.
+        offset_share: share of the acceleration limit an offset may use.
+        offset_velocity_share: share of the velocity limit an offset may use.
+        shortest_offset_s: an offset takes at least this long to decay.
+        join_within_rad: the path is not run before every joint of the offset is below this.
+        max_rate_ratio: at most this many times the predicted speed.
+        target_samples: the step grows so that the nominal duration has at most so many samples.
+    """
+
+    step_s: float = 0.02
+    offset_share: float = 0.4
+    offset_velocity_share: float = 0.35
+    shortest_offset_s: float = 0.25
+    join_within_rad: float = 0.15
+    max_rate_ratio: float = 6.0
+    target_samples: int = 200
+
+
+def scaled_limits(
+    limits: JointLimits, velocity_scale: float = 0.9, acceleration_scale: float = 1.0
+) -> JointLimits:
+    """The limits plans are held to: a share of the arm's own."""
+    return replace(
+        limits,
+        velocity=limits.velocity * velocity_scale,
+        acceleration=limits.acceleration * acceleration_scale,
+    )
+
+
+def sample_times(duration_s: float, settings: PlanSettings) -> NDArray[np.float64]:
+    """Evenly spaced times from 0 to a duration, (T,) [s]."""
+    step_s = max(settings.step_s, duration_s / settings.target_samples)
+    n = max(int(np.ceil(duration_s / step_s - 1e-9)), 1)
+    return np.linspace(0.0, duration_s, n + 1)
+
+
+DEFAULT_SETTINGS = PlanSettings()
