@@ -32,10 +32,10 @@ from benchmarks.offline import bags_to_model
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model import Model, save_model
 from intent_recognition.nodes.graph import resolve
-from intent_recognition.nodes.processes import NodeProcesses
+from intent_recognition.nodes.processes import NodeProcesses, node_environment
 from intent_recognition.nodes.runtime import make_executor
 from intent_recognition.promp import TaskLibrary
-from intent_recognition.share import node_environment, share_path
+from intent_recognition.share import share_path
 from sim_bridge.coworker import parse_task_list
 
 WIDTH, HEIGHT = 800, 500

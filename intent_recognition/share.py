@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finding the shipped files (config, bags) wherever the package was installed from."""
+"""The shipped files (config, bags), wherever the package was installed."""
 
 import os
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 from intent_recognition.errors import IntentError, describe
 
 PACKAGE = "intent_recognition"
-FAST_DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
 def share_path(relative: str) -> Path:
@@ -35,26 +33,3 @@ def share_path(relative: str) -> Path:
     raise IntentError(
         describe(relative, "a file shipped with the package", "none", "Install the package again.")
     )
-
-
-def node_environment(
-    base: Mapping[str, str], domain_id: int | None = None, *, localhost: bool = True
-) -> dict[str, str]:
-    """Environment for node processes that find one another quickly.
-
-    What is set in `base` already is kept, but the domain if one is given.
-
-    Args:
-        base: the environment to start from, `os.environ` as a rule.
-        domain_id: ROS_DOMAIN_ID, or None to keep that of `base`.
-        localhost: True if the nodes are to see no other machine.
-    """
-    environment = dict(base)
-    environment.setdefault("AMENT_PREFIX_PATH", sys.prefix)
-    for name in FAST_DISCOVERY:
-        environment.setdefault(name, str(share_path("config/fastdds.xml")))
-    if localhost:
-        environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if domain_id is not None:
-        environment["ROS_DOMAIN_ID"] = str(domain_id)
-    return environment

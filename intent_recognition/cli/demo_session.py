@@ -68,8 +68,7 @@ def run_session(args: argparse.Namespace, model: Path, console: Console) -> Sess
     import rclpy
 
     from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
-    from intent_recognition.nodes.processes import NodeProcesses
-    from intent_recognition.share import node_environment
+    from intent_recognition.nodes.processes import NodeProcesses, node_environment
     from sim_bridge.coworker import parse_task_list, plan_session
 
     tasks = parse_task_list(args.task_list, args.seed, args.interactions)
@@ -112,7 +111,7 @@ def _run_graph(
     )
     executor = make_executor()
     executor.add_node(observer)
-    watch = _Watch(processes, executor)
+    watch = _NodeWatch(processes, executor)
     try:
         _refuse_busy_domain(observer, watch)
         _start_nodes(args, calls, observer, watch)
@@ -145,7 +144,7 @@ def _start_nodes(
     args: argparse.Namespace,
     calls: dict[str, NodeCall],
     observer: "SessionObserver",
-    watch: "_Watch",
+    watch: "_NodeWatch",
 ) -> None:
     """Start all nodes; the coworker last, when the others have found one another."""
     coworker = calls.pop(COWORKER)
@@ -160,7 +159,7 @@ def _follow(
     args: argparse.Namespace,
     observer: "SessionObserver",
     progress: "_ProgressLine",
-    watch: "_Watch",
+    watch: "_NodeWatch",
 ) -> float:
     """Show the session until the last motion is over; returns the slowest pace of its time."""
     from rclpy.clock import Clock, ClockType
@@ -184,7 +183,7 @@ def _follow(
     return pace.slowest
 
 
-class _Watch:
+class _NodeWatch:
     """Runs the callbacks of this process while the nodes run.
 
     A callback must not be interrupted halfway: from here on a signal is noted, and ends what is
@@ -281,7 +280,7 @@ def _page(args: argparse.Namespace) -> str:
     return f"http://127.0.0.1:{args.port}"
 
 
-def _refuse_busy_domain(observer: "SessionObserver", watch: _Watch) -> None:
+def _refuse_busy_domain(observer: "SessionObserver", watch: _NodeWatch) -> None:
     """Make sure that no other graph with such nodes is in this domain."""
     watch.for_seconds(DISCOVERY_S)
     taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))

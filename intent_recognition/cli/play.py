@@ -11,6 +11,9 @@ from intent_recognition.bags import BagReader
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments, number
 
+PARAMETERS = ("rate", "loop", "start_paused", "wait_for_subscribers", "clock", "restamp")
+"""Options that are parameters of the node `bag_player` under these names."""
+
 SECONDS = "{task.completed:.1f} of {task.total:.1f} s"
 SHOWN_EVERY_S = 0.2
 """Time between two updates of the progress bar [s]. Convention."""
@@ -41,10 +44,14 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
     parser.add_argument(
-        "--paused", action="store_true", help="wait for the service ~/resume before the start"
+        "--paused",
+        dest="start_paused",
+        action="store_true",
+        help="wait for the service ~/resume before the start",
     )
     parser.add_argument(
         "--wait",
+        dest="wait_for_subscribers",
         type=number(float, 0),
         default=3.0,
         metavar="S",
@@ -87,12 +94,4 @@ def run(args: argparse.Namespace) -> int:
 
 def parameters(args: argparse.Namespace) -> dict[str, object]:
     """The node's parameters."""
-    return {
-        "bag": str(args.bag.absolute()),
-        "rate": args.rate,
-        "loop": args.loop,
-        "start_paused": args.paused,
-        "wait_for_subscribers": args.wait,
-        "clock": args.clock,
-        "restamp": args.restamp,
-    }
+    return {"bag": str(args.bag.absolute())} | {name: getattr(args, name) for name in PARAMETERS}

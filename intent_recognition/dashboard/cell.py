@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 PLOTTED_S = 20.0
 """Past of the task posterior that is plotted [s]. Convention."""
@@ -26,8 +27,8 @@ class Posterior:
     """The newest of `intent/tasks`: names (`none` last), probabilities and phases."""
 
     labels: tuple[str, ...]
-    probabilities: np.ndarray
-    phase: np.ndarray
+    probabilities: NDArray[np.float64]
+    phase: NDArray[np.float64]
 
     @property
     def best(self) -> str:
@@ -41,7 +42,7 @@ class PredictedMotion:
 
     task: str
     joints: tuple[str, ...]
-    positions: np.ndarray
+    positions: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,9 @@ class PathMarkers:
         tube: corners of the +-2 sigma tube's triangles (C, 3) [m].
     """
 
-    observed: np.ndarray
-    predicted: np.ndarray
-    tube: np.ndarray
+    observed: NDArray[np.float64]
+    predicted: NDArray[np.float64]
+    tube: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class CellState:
 
     joints: dict[str, float] = field(default_factory=dict)
     joints_at_s: float = -np.inf
-    wrist: np.ndarray | None = None
+    wrist: NDArray[np.float64] | None = None
     wrist_at_s: float = -np.inf
     posterior: Posterior | None = None
     tasks_at_s: float = -np.inf
@@ -111,7 +112,7 @@ class CellState:
         self.joints.update(zip(names, positions, strict=False))
         self.joints_at_s = now_s
 
-    def take_wrist(self, position: np.ndarray, now_s: float) -> None:
+    def take_wrist(self, position: NDArray[np.float64], now_s: float) -> None:
         """A position of the wrist (3,) [m]."""
         self.wrist, self.wrist_at_s = position, now_s
         self._wrist_past.append((now_s, position))
@@ -122,12 +123,14 @@ class CellState:
         if not self._past or now_s - self._past[-1][0] >= PLOTTED_STEP_S:
             self._past.append((now_s, posterior.labels, posterior.probabilities))
 
-    def wrist_path(self, now_s: float) -> np.ndarray:
+    def wrist_path(self, now_s: float) -> NDArray[np.float64]:
         """The wrist's path of the last seconds (T, 3)."""
         recent = [position for at, position in self._wrist_past if now_s - at <= WRIST_S]
         return np.array(recent).reshape(-1, 3)
 
-    def posterior_past(self, now_s: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    def posterior_past(
+        self, now_s: float
+    ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]]]:
         """The last seconds: times (T,) [s], zero is now, and probabilities (T,) of each task.
 
         Tasks that were unknown at a time have NaN there.

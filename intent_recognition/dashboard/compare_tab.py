@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from intent_recognition.bags import BagReader
 from intent_recognition.dashboard import markup
@@ -123,7 +124,7 @@ class CompareTab:
 
 def posterior_over(
     bag: Path, model: Path
-) -> tuple[np.ndarray, dict[str, np.ndarray], tuple[str, str, str]]:
+) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], tuple[str, str, str]]:
     """Posterior of a model over a recording: times (T,) [s], probabilities (T,) per task, summary.
 
     Raises:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from intent_recognition.dashboard.scene import DARK, GREY
 
@@ -24,7 +25,7 @@ NAMES = {
 }
 COLOURS = {WRIST: DARK, HAND: GREY}
 
-Moved = Callable[[np.ndarray], None]
+Moved = Callable[[NDArray[np.float64]], None]
 
 
 class DragHandles:
@@ -35,7 +36,7 @@ class DragHandles:
         places: initial position (3,) [m] by body: `wrist` and `hand`.
     """
 
-    def __init__(self, server: viser.ViserServer, places: dict[str, np.ndarray]):
+    def __init__(self, server: viser.ViserServer, places: dict[str, NDArray[np.float64]]):
         self._server = server
         self._held: set[tuple[str, str]] = set()
         self._handles = {key: self._make(*key, places[key[1]]) for key in NAMES}
@@ -61,14 +62,16 @@ class DragHandles:
                 handle.visible = changed = of_kind == kind
         return changed
 
-    def place(self, kind: str, body: str, position: np.ndarray) -> None:
+    def place(self, kind: str, body: str, position: NDArray[np.float64]) -> None:
         """Move a handle to a position (3,) [m], unless it is being dragged."""
         handle = self._handles[kind, body]
         away = np.linalg.norm(np.asarray(handle.position) - position)
         if (kind, body) not in self._held and away > MOVED_M:
             handle.position = np.asarray(position, dtype=float)
 
-    def _make(self, kind: str, body: str, place: np.ndarray) -> viser.TransformControlsHandle:
+    def _make(
+        self, kind: str, body: str, place: NDArray[np.float64]
+    ) -> viser.TransformControlsHandle:
         scene, name = self._server.scene, f"/{kind}/{body}"
         handle = scene.add_transform_controls(
             name,

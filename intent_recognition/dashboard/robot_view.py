@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import viser
 import yourdfpy
+from numpy.typing import NDArray
 from viser.extras import ViserUrdf
 
 from intent_recognition.kinematics import Chain, joint_poses, tip_positions
@@ -35,7 +36,7 @@ class RobotView:
         self._joints = tuple(self._view.get_actuated_joint_names())
         self._chain = longest_chain(self._urdf)
         self._poses = chain_of(self._chain)
-        self._shown: np.ndarray | None = None
+        self._shown: NDArray[np.float64] | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -49,7 +50,9 @@ class RobotView:
             self._view.move(self._joints, q)
             self._shown = q
 
-    def hand_path(self, joints: Sequence[str], positions: np.ndarray) -> np.ndarray:
+    def hand_path(
+        self, joints: Sequence[str], positions: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Positions of the last link (T', 3) [m] along a joint trajectory (T, d) [rad]."""
         chosen = np.unique(np.linspace(0, len(positions) - 1, LARGEST_PATH).round().astype(int))
         values = joint_values(self._chain, joints, positions[chosen])
@@ -65,7 +68,7 @@ class _MovingUrdf(ViserUrdf):
         self._local = chain_of(self._all)
         self.update_cfg(np.zeros(len(urdf.actuated_joint_names)))  # fixed joints, once
 
-    def move(self, names: Sequence[str], positions: np.ndarray) -> None:
+    def move(self, names: Sequence[str], positions: NDArray[np.float64]) -> None:
         """Turn and shift the joints of these names (d,), [rad or m]."""
         values = joint_values(self._all, names, positions[None])[0]
         wxyz, position = joint_poses(self._local, values)
@@ -77,8 +80,8 @@ class _MovingUrdf(ViserUrdf):
 
 
 def joint_values(
-    chain: Sequence[yourdfpy.Joint], names: Sequence[str], positions: np.ndarray
-) -> np.ndarray:
+    chain: Sequence[yourdfpy.Joint], names: Sequence[str], positions: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Values of a chain's joints (T, n), from those of named joints (T, d); zero where unnamed."""
     values = np.zeros((len(positions), len(chain)))
     for k, joint in enumerate(chain):

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 import viser
 import yourdfpy
+from numpy.typing import NDArray
 
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.robot_view import RobotView
@@ -130,7 +131,7 @@ class Scene:
         self._draw_label(NOTHING if shown is None else shown.predicted, readable(best))
         self._update_hand_path(state, colours, now_s)
 
-    def _draw_label(self, path: np.ndarray, text: str) -> None:
+    def _draw_label(self, path: NDArray[np.float64], text: str) -> None:
         """Name the task above the predicted end; a new text fades in, so the same is not sent."""
         visible = len(path) > 0
         if self._label.visible != visible:
@@ -153,7 +154,7 @@ class Scene:
         colour = rgb(colours.get(predicted.task, NONE_COLOUR))
         self._line("hand_path", path, colour, PATH_WIDTH_M)
 
-    def _line(self, name: str, path: np.ndarray, colour: Colour, width_m: float) -> None:
+    def _line(self, name: str, path: NDArray[np.float64], colour: Colour, width_m: float) -> None:
         """Draw a path (T, 3), or hide it where it has fewer than two points."""
         handle = self._lines.get(name)
         if len(path) < 2:
@@ -173,7 +174,7 @@ class Scene:
         if not handle.visible:
             handle.visible = True
 
-    def _draw_tube(self, corners: np.ndarray, colour: Colour) -> None:
+    def _draw_tube(self, corners: NDArray[np.float64], colour: Colour) -> None:
         if len(corners) < 3:
             if self._tube is not None and self._tube.visible:
                 self._tube.visible = False
@@ -198,7 +199,7 @@ class Scene:
             self._tube.visible = True
 
 
-def _skeleton(joints: Mapping[str, float]) -> np.ndarray:
+def _skeleton(joints: Mapping[str, float]) -> NDArray[np.float64]:
     """The points (8, 3) [m] where the axes of an LWR without description meet; none for others."""
     if not all(name in joints for name in JOINT_NAMES):
         return NOTHING

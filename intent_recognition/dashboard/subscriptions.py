@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -107,6 +108,6 @@ class CellSubscriptions:
             )
 
 
-def _points(marker: Marker) -> np.ndarray:
+def _points(marker: Marker) -> NDArray[np.float64]:
     """Points of a marker (T, 3)."""
     return np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3)

@@ -8,6 +8,7 @@ later, as a helper does.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.motion import Offset
 
@@ -34,9 +35,9 @@ class SyntheticDemonstration:
         rest_s: both rest before it, and after the arm has arrived.
     """
 
-    start_m: np.ndarray
-    goal_m: np.ndarray
-    bow_m: np.ndarray
+    start_m: NDArray[np.float64]
+    goal_m: NDArray[np.float64]
+    bow_m: NDArray[np.float64]
     duration_s: float
     rest_s: float = REST_S
 
@@ -55,14 +56,14 @@ class SyntheticDemonstration:
         """From the first rest to the end of the last."""
         return self.arm_start_s + self.arm_duration_s + self.rest_s
 
-    def wrist(self, time_s: float) -> np.ndarray:
+    def wrist(self, time_s: float) -> NDArray[np.float64]:
         """Where the wrist is (3,) [m]."""
         share = progress(np.array([(time_s - self.rest_s) / self.duration_s]))[0]
         straight = self.start_m + share * (self.goal_m - self.start_m)
         return straight + 4.0 * share * (1.0 - share) * self.bow_m
 
 
-def progress(share: np.ndarray) -> np.ndarray:
+def progress(share: NDArray[np.float64]) -> NDArray[np.float64]:
     """Minimum-jerk progress (T,) after shares (T,) of the time; 0 before and 1 after."""
     way = Offset(np.array([-1.0]), np.zeros(1), np.zeros(1), 1.0)
     inside = np.clip(share, 0.0, 1.0)
@@ -71,11 +72,11 @@ def progress(share: np.ndarray) -> np.ndarray:
 
 def sample_demonstration(
     rng: np.random.Generator,
-    start_m: np.ndarray,
-    goal_m: np.ndarray,
+    start_m: NDArray[np.float64],
+    goal_m: NDArray[np.float64],
     duration_s: float,
     variation_m: float,
-) -> tuple[SyntheticDemonstration, np.ndarray]:
+) -> tuple[SyntheticDemonstration, NDArray[np.float64]]:
     """A demonstration toward about this goal, and the shift (3,) [m] the arm's goal makes with it.
 
     Args:
@@ -88,15 +89,15 @@ def sample_demonstration(
     shift = variation_m * rng.standard_normal(3)
     way = goal_m + shift - start_m
     bow = BOW_SHARE * np.linalg.norm(way) * rng.standard_normal(3)
-    along = way / max(np.linalg.norm(way), 1e-9)
+    along = way / max(float(np.linalg.norm(way)), 1e-9)
     bow -= along * (bow @ along)
     duration = duration_s * float(np.clip(1.0 + 0.1 * rng.standard_normal(), 0.7, 1.3))
     return SyntheticDemonstration(start_m, goal_m + shift, bow, duration), shift
 
 
 def arm_motion(
-    start_rad: np.ndarray, goal_rad: np.ndarray, duration_s: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    start_rad: NDArray[np.float64], goal_rad: NDArray[np.float64], duration_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Times (T,) [s], positions and velocities (T, d) of a motion from rest to rest."""
     times = np.linspace(0.0, duration_s, max(int(np.ceil(duration_s / ARM_STEP_S)), 2) + 1)
     still = np.zeros_like(start_rad)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.cell import CellState
@@ -168,7 +169,7 @@ class TeachTab:
     def _join(self, body: str, field: viser.GuiVector3Handle) -> None:
         """Let a goal's handle and its field of numbers follow one another."""
 
-        def dragged(position: np.ndarray) -> None:
+        def dragged(position: NDArray[np.float64]) -> None:
             x, y, z = (round(float(value), 3) for value in position)
             set_value(field, (x, y, z))
 

@@ -4,6 +4,7 @@
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.dashboard.commands import TEACHER, Commands, Notify
 from intent_recognition.dashboard.synthetic_demonstration import (
@@ -49,7 +50,12 @@ class TeachingSession:
         self.learned = False
 
     def show(
-        self, task: str, wrist_goal: np.ndarray, hand_goal: np.ndarray, length_s: float, vary: float
+        self,
+        task: str,
+        wrist_goal: NDArray[np.float64],
+        hand_goal: NDArray[np.float64],
+        length_s: float,
+        vary: float,
     ) -> None:
         """Record one demonstration of a task: wrist to its goal, hand of the arm to its own.
 
@@ -92,7 +98,7 @@ class TeachingSession:
         """Take the last demonstration back."""
         self._commands.trigger(f"{TEACHER}/undo")
 
-    def reach(self, goal: np.ndarray, length_s: float) -> None:
+    def reach(self, goal: NDArray[np.float64], length_s: float) -> None:
         """Move the wrist alone: what will the robot do?"""
         start = self._teleoperation.position
         demonstration, _ = sample_demonstration(self._rng, start, goal, length_s, 0.0)
@@ -135,7 +141,7 @@ class TeachingSession:
 
         self._commands.trigger(f"{TEACHER}/stop", stopped)
 
-    def _go_back(self, start: np.ndarray, home: np.ndarray | None) -> None:
+    def _go_back(self, start: NDArray[np.float64], home: NDArray[np.float64] | None) -> None:
         """Wrist and arm return to where they were; nothing of it is recorded."""
         way = SyntheticDemonstration(
             self._teleoperation.position, start, np.zeros(3), RETURN_S, 0.3

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -55,11 +56,11 @@ class Teleoperation:
         self._target = np.zeros(3)
         self._playing: SyntheticDemonstration | None = None
         self._began_s = 0.0
-        self._arm_goal: np.ndarray | None = None
+        self._arm_goal: NDArray[np.float64] | None = None
         self._done: Callable[[], None] = _nothing
         self._last_ns = 0
         self._arm_sent_s = -np.inf
-        self._hand: np.ndarray | None = None
+        self._hand: NDArray[np.float64] | None = None
 
     @property
     def holds_wrist(self) -> bool:
@@ -67,7 +68,7 @@ class Teleoperation:
         return self._timer is not None
 
     @property
-    def position(self) -> np.ndarray:
+    def position(self) -> NDArray[np.float64]:
         """Where the wrist is (3,) [m]."""
         return self._position.copy()
 
@@ -76,7 +77,7 @@ class Teleoperation:
         publishers = self._node.count_publishers(f"mocap/{self._body}/pose")
         return publishers - (self._pose is not None) > 0
 
-    def take_wrist(self, position: np.ndarray) -> None:
+    def take_wrist(self, position: NDArray[np.float64]) -> None:
         """Begin to publish the wrist, at rest at a position (3,) [m]."""
         self._position, self._target = np.array(position, float), np.array(position, float)
         self._velocity = np.zeros(3)
@@ -92,7 +93,7 @@ class Teleoperation:
             self._node.destroy_publisher(self._pose)
             self._timer = self._pose = self._playing = None
 
-    def drag_wrist(self, target: np.ndarray) -> None:
+    def drag_wrist(self, target: NDArray[np.float64]) -> None:
         """Let the wrist follow a target (3,) [m]."""
         self._target = np.array(target, dtype=float)
 
@@ -101,13 +102,13 @@ class Teleoperation:
         known = all(name in self._state.joints for name in JOINT_NAMES)
         return known and self._arm.get_subscription_count() > 0
 
-    def drag_hand(self, position: np.ndarray) -> None:
+    def drag_hand(self, position: NDArray[np.float64]) -> None:
         """Let the arm bring its hand to a position (3,) [m], soon."""
         self._hand = np.array(position, dtype=float)
         if self._timer is None:
             self.step_arm()
 
-    def measured(self) -> np.ndarray:
+    def measured(self) -> NDArray[np.float64]:
         """The arm's joint angles (7,) [rad].
 
         Raises:
@@ -115,7 +116,7 @@ class Teleoperation:
         """
         return np.array([self._state.joints[name] for name in JOINT_NAMES])
 
-    def posture_at(self, position: np.ndarray) -> np.ndarray:
+    def posture_at(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Joint angles (7,) [rad] near the present ones that have the hand there.
 
         Raises:
@@ -123,7 +124,7 @@ class Teleoperation:
         """
         return reach_position(np.asarray(position, dtype=float), self.measured())
 
-    def send_arm(self, goal: np.ndarray, duration_s: float) -> None:
+    def send_arm(self, goal: NDArray[np.float64], duration_s: float) -> None:
         """Send the arm to a posture (7,) [rad], from rest to rest."""
         times, positions, velocities = arm_motion(self.measured(), goal, duration_s)
         self._arm.publish(build_joint_trajectory(JOINT_NAMES, times, positions, velocities))
@@ -131,7 +132,7 @@ class Teleoperation:
     def play(
         self,
         demonstration: SyntheticDemonstration,
-        arm_goal: np.ndarray | None,
+        arm_goal: NDArray[np.float64] | None,
         done: Callable[[], None],
     ) -> None:
         """Show a demonstration; the arm goes along if it has a goal (7,) [rad]."""

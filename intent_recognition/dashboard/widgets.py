@@ -6,6 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 from viser import uplot
 
 from intent_recognition.dashboard import markup
@@ -47,7 +48,7 @@ def set_value(handle: viser.GuiInputHandle[Value], value: Value) -> None:
 
 def probability_plot(
     gui: viser.GuiApi,
-    data: tuple[np.ndarray, ...],
+    data: tuple[NDArray[np.float64], ...],
     labels: tuple[str, ...],
     colours: Mapping[str, str],
     first_s: float = -PLOTTED_S,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -114,7 +115,7 @@ class NextTaskOutput:
 
     def __init__(self, node: Node):
         self._publisher = node.create_publisher(JointState, "intent/next_task", qos.LATCHED)
-        self._published: tuple[TaskMemory, np.ndarray] | None = None
+        self._published: tuple[TaskMemory, NDArray[np.float64]] | None = None
 
     def update(self, estimator: IntentEstimator) -> None:
         """Publish, if memory or expectation is another one than at the last call."""

@@ -10,7 +10,8 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
-from intent_recognition.share import FAST_DISCOVERY, share_path
+from intent_recognition.nodes.processes import FAST_DISCOVERY
+from intent_recognition.share import share_path
 
 
 def describe_graph(
@@ -33,7 +34,6 @@ def describe_graph(
         )
     if fast_discovery:
         profiles = str(share_path("config/fastdds.xml"))
-        # Jazzy's Fast DDS reads the first name, later ones the second.
         entities += [SetEnvironmentVariable(name, profiles) for name in FAST_DISCOVERY]
     start = OpaqueFunction(function=_start, args=[graph, robot_description])
     return LaunchDescription([*entities, start])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from geometry_msgs.msg import PoseStamped, Vector3
 from nav_msgs.msg import Path
+from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -42,12 +43,12 @@ def position_columns(entry: DofEntry) -> list[int]:
     return [entry.fields.index(field) for field in POSITION_FIELDS]
 
 
-def position_of(entry: DofEntry, observation: Observation) -> np.ndarray:
+def position_of(entry: DofEntry, observation: Observation) -> NDArray[np.float64]:
     """Position (3,) in an observation of an entry that has one."""
     return observation.values[position_columns(entry)]
 
 
-def to_path(time_ns: int, frame: str, human: Prediction, positions: np.ndarray) -> Path:
+def to_path(time_ns: int, frame: str, human: Prediction, positions: NDArray[np.float64]) -> Path:
     """The predicted rest of the movement, each pose stamped with the time it is expected at.
 
     Args:
@@ -86,7 +87,7 @@ class MarkerBuilder:
 
     def __init__(self, labels: Sequence[str]):
         self.set_labels(labels)
-        self._observed: list[np.ndarray] = []
+        self._observed: list[NDArray[np.float64]] = []
         self._last_ns = 0
 
     def set_labels(self, labels: Sequence[str]) -> None:
@@ -97,7 +98,7 @@ class MarkerBuilder:
         """Begin a new path."""
         self._observed.clear()
 
-    def observe(self, stamp_ns: int, position: np.ndarray) -> None:
+    def observe(self, stamp_ns: int, position: NDArray[np.float64]) -> None:
         """Remember one observed position (3,) [m]; a pause in them begins a new path."""
         if abs(stamp_ns - self._last_ns) > NEW_MOVEMENT_NS:
             self._observed.clear()
@@ -111,8 +112,8 @@ class MarkerBuilder:
         frame: str,
         task: str,
         probability: float,
-        predicted: np.ndarray,
-        std: np.ndarray,
+        predicted: NDArray[np.float64],
+        std: NDArray[np.float64],
     ) -> MarkerArray:
         """Draw both paths, the tube and the label.
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
 from rclpy.node import Node
 
 from intent_recognition.errors import ArgumentError, MessageError, describe
@@ -149,14 +150,16 @@ class MocapIngest(Node):
         self._diagnostics.latency(time.perf_counter() - start_s)
 
 
-def parse_extrinsics(entries: Sequence[str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def parse_extrinsics(
+    entries: Sequence[str],
+) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Read the parameter `extrinsics`: entries 'frame x y z qx qy qz qw', empty ones ignored.
 
     Raises:
         ArgumentError: an entry does not have eight fields, a field is not a number, or a frame
             occurs twice.
     """
-    extrinsics: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    extrinsics: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
     for entry in entries:
         fields = entry.split()
         if not fields:

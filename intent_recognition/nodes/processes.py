@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes as child processes that never outlive the command that started them."""
+"""Nodes as child processes: their environment, and an end with the command that started them."""
 
 import ctypes
 import os
@@ -11,7 +11,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from intent_recognition.errors import IntentError, describe
+from intent_recognition.share import share_path
 
+FAST_DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+"""Names of the variable with the profiles of Fast DDS: Jazzy's, and later ones'."""
 STOP_S = 5.0
 """Time for a node to end after each signal, before the next one [s]. Convention."""
 PR_SET_PDEATHSIG = 1
@@ -20,10 +23,33 @@ LOG_LINES = 5
 """Last lines of a dead node's log in the error message. Convention."""
 
 
-class NodeProcesses:
-    """Starts nodes, watches them and stops all of them, whatever happens.
+def node_environment(
+    base: Mapping[str, str], domain_id: int | None = None, *, localhost: bool = True
+) -> dict[str, str]:
+    """Environment in which node processes find one another quickly.
 
-    Each node gets a session of its own, so that a Ctrl-C in the terminal reaches only the parent,
+    Variables that are set in `base` keep their values, but the domain if one is given.
+
+    Args:
+        base: environment to start from, such as `os.environ`.
+        domain_id: ROS_DOMAIN_ID, or None to keep that of `base`.
+        localhost: True if the nodes must not discover other machines.
+    """
+    environment = dict(base)
+    environment.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+    for name in FAST_DISCOVERY:
+        environment.setdefault(name, str(share_path("config/fastdds.xml")))
+    if localhost:
+        environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    if domain_id is not None:
+        environment["ROS_DOMAIN_ID"] = str(domain_id)
+    return environment
+
+
+class NodeProcesses:
+    """Starts nodes, checks that they run and stops them all at its end.
+
+    Each node runs in a session of its own, so that Ctrl-C in the terminal reaches only the parent,
     which stops them in order. On Linux the kernel ends them if the parent is killed.
 
     Args:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
+from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -35,12 +36,12 @@ class SessionObserver(Node):
         super().__init__("session_observer", **kwargs)
         self._on_task, self._on_active = on_task, on_active
         self._labels: tuple[str, ...] = (NONE,)
-        self._wrist: list[tuple[int, np.ndarray]] = []
-        self._tasks: list[tuple[int, np.ndarray]] = []
+        self._wrist: list[tuple[int, NDArray[np.float64]]] = []
+        self._tasks: list[tuple[int, NDArray[np.float64]]] = []
         self._active: list[tuple[int, str]] = []
-        self._joints: list[tuple[int, np.ndarray]] = []
+        self._joints: list[tuple[int, NDArray[np.float64]]] = []
         self._predictions: list[tuple] = []
-        self._paths: list[tuple[int, np.ndarray]] = []
+        self._paths: list[tuple[int, NDArray[np.float64]]] = []
         topics = (
             (PoseStamped, "mocap/wrist/pose", self._take_wrist, qos.SENSOR),
             (JointState, "intent/tasks", self._take_tasks, qos.STATE),
@@ -141,6 +142,8 @@ class SessionObserver(Node):
         self._on_task(message.data)
 
 
-def _columns(rows: list[tuple[int, np.ndarray]], width: int) -> tuple[np.ndarray, np.ndarray]:
+def _columns(
+    rows: list[tuple[int, NDArray[np.float64]]], width: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
     return stamps, np.array([row for _, row in rows]).reshape(len(rows), width)

@@ -58,7 +58,7 @@ class _Guarantees(NamedTuple):
 
 
 @dataclass
-class _Source:
+class _RecordedTopic:
     """One topic listened to; `latched` is its last message, if it is a latched topic."""
 
     name: str
@@ -86,7 +86,7 @@ class TopicRecorder(Node):
     def __init__(self, name: str, **kwargs: Any) -> None:
         super().__init__(name, **kwargs)
         self._wanted: tuple[str, ...] = ()
-        self._sources: dict[str, _Source] = {}
+        self._sources: dict[str, _RecordedTopic] = {}
         self._writer: BagWriter | None = None
         self._lock = threading.RLock()
         self.diagnostics = Diagnostics(self)
@@ -234,7 +234,9 @@ class TopicRecorder(Node):
             for o in offers
         ]
         with self._lock:
-            self._sources[resolved] = source = _Source(stored, type_name, guarantees, profiles)
+            self._sources[resolved] = source = _RecordedTopic(
+                stored, type_name, guarantees, profiles
+            )
             if self._writer is not None:
                 self._declare(self._writer, source)
         self._listener.subscribe(resolved, kind, resolved, guarantees.profile())
@@ -259,14 +261,14 @@ class TopicRecorder(Node):
     def _on_error(self, error: Exception) -> None:
         self.diagnostics.reject("unexpected", repr(error))
 
-    def _declare(self, writer: BagWriter, source: _Source) -> None:
+    def _declare(self, writer: BagWriter, source: _RecordedTopic) -> None:
         try:
             writer.add_topic(source.name, source.type, source.profiles)
         except IntentError as error:
             self.diagnostics.reject("undeclared_topic", str(error))
 
     def _write(
-        self, writer: BagWriter, source: _Source, data: bytes, received_ns: int, sent_ns: int
+        self, writer: BagWriter, source: _RecordedTopic, data: bytes, received_ns: int, sent_ns: int
     ) -> None:
         try:
             writer.write(source.name, source.type, data, received_ns, sent_ns)

@@ -20,8 +20,8 @@ from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.nodes.processes import node_environment
 from intent_recognition.nodes.task_teacher import TaskTeacher
-from intent_recognition.share import node_environment
 from sim_bridge.nodes.coworker_sim import CoworkerSim
 from sim_bridge.nodes.lwr_sim import LwrSim
 

@@ -7,7 +7,8 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from intent_recognition.errors import IntentError
-from intent_recognition.share import FAST_DISCOVERY, node_environment, share_path
+from intent_recognition.nodes.processes import FAST_DISCOVERY, node_environment
+from intent_recognition.share import share_path
 
 
 def test_source_tree_comes_first(repository):

@@ -11,7 +11,7 @@ import pytest
 from ros_harness import NodeProcess
 from system.cell import Cell, recorded
 
-from intent_recognition.share import node_environment
+from intent_recognition.nodes.processes import node_environment
 
 MARK = "INTENT_RECOGNITION_TEST_MARK"
 NODES = {
