@@ -2,6 +2,7 @@
 """The environment every test runs in, set before anything imports rclpy."""
 
 import atexit
+import fcntl
 import os
 import shutil
 import sys
@@ -14,14 +15,26 @@ from hypothesis import settings
 
 ROOT = Path(__file__).resolve().parents[1]
 DOMAINS = range(60, 102)
-WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-RUN = os.getppid() if "PYTEST_XDIST_WORKER" in os.environ else os.getpid()
-"""One number for all workers of a run, so that no two of them share a domain."""
 LOGS = tempfile.mkdtemp(prefix="intent_recognition_test_log_")
 atexit.register(shutil.rmtree, LOGS, ignore_errors=True)
 
+
+def reserve_domain() -> int:
+    """A ROS domain that no other test process of this machine has until this one ends."""
+    for domain in DOMAINS:
+        path = Path(tempfile.gettempdir(), f"intent_recognition_test_domain_{domain}")
+        lock = os.open(path, os.O_CREAT | os.O_RDWR)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(lock)
+        else:
+            return domain
+    raise RuntimeError(f"tests run in all of {DOMAINS}: end some of them")
+
+
 os.environ.update(
-    ROS_DOMAIN_ID=str(DOMAINS[(RUN + WORKER) % len(DOMAINS)]),
+    ROS_DOMAIN_ID=str(reserve_domain()),
     ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
     ROS_PYTHON_CHECK_FIELDS="1",
     ROS_LOG_DIR=LOGS,

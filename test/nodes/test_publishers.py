@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node tells how many publish a stream, those aside that it cannot hear."""
 
+import uuid
+
 from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -9,6 +11,9 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 
+ALONE = f"alone_{uuid.uuid4().hex}"
+"""A namespace where no other process publishes, whoever shares the domain."""
+
 
 def publishers(diagnostics, topic):
     return {row.key: row.value for row in diagnostics.report().values}[f"publishers {topic}"]
@@ -16,9 +21,9 @@ def publishers(diagnostics, topic):
 
 def test_publishers_that_come_and_go_are_told(harness):
     bodies = Parameter("bodies", value=["wrist", "elbow"])
-    node = harness.add(MocapIngest(parameter_overrides=[bodies]))
+    node = harness.add(MocapIngest(namespace=ALONE, parameter_overrides=[bodies]))
     topic = "mocap/elbow/pose"
-    made = [harness.publisher(PoseStamped, topic, qos.SENSOR) for _ in range(2)]
+    made = [harness.publisher(PoseStamped, f"/{ALONE}/{topic}", qos.SENSOR) for _ in range(2)]
     harness.spin_until(lambda: publishers(node._diagnostics, topic) == "2")
     for count, publisher in zip(("1", "0"), made, strict=True):
         harness.probe.destroy_publisher(publisher)
@@ -27,9 +32,9 @@ def test_publishers_that_come_and_go_are_told(harness):
 
 
 def test_joint_states_that_offer_too_little_are_not_heard(harness):
-    node = harness.add(PrimitiveActivation())
-    harness.publisher(JointState, "joint_states", qos.SENSOR)
-    harness.publisher(JointState, "intent/tasks", qos.STATE)
+    node = harness.add(PrimitiveActivation(namespace=ALONE))
+    harness.publisher(JointState, f"/{ALONE}/joint_states", qos.SENSOR)
+    harness.publisher(JointState, f"/{ALONE}/intent/tasks", qos.STATE)
     harness.spin_until(lambda: publishers(node.diagnostics, "intent/tasks") == "1")
     harness.spin_until(lambda: node.count_publishers("joint_states") == 1)
     assert publishers(node.diagnostics, "joint_states") == "0"
