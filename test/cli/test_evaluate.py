@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent evaluate`: protocols, tables, JSON of the contract, report."""
 
+import io
 import json
 import math
 import shutil
+from contextlib import redirect_stdout
+from typing import NamedTuple
 
 import pytest
 from cli.recorded import spoil, write_all
 
+from intent_recognition.cli import evaluate as command
+from intent_recognition.cli.main import main
 from intent_recognition.errors import ArgumentError, BagError, ResourceBusyError
+from intent_recognition.evaluation import make_folds
 
 RECOGNITION = {"accuracy", "log_loss"}
 PREDICTION = {
@@ -28,6 +34,27 @@ def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     write_all(folder)
     return folder
+
+
+class Run(NamedTuple):
+    """What one run of the command left behind."""
+
+    code: int
+    text: str
+    result: dict
+    page: str
+
+
+@pytest.fixture(scope="module")
+def scored(tmp_path_factory, recorded) -> Run:
+    """All there is to score, in four folds."""
+    folder, text = tmp_path_factory.mktemp("scored"), io.StringIO()
+    numbers, page = folder / "scores.json", folder / "report" / "page.html"
+    options = ["--dofs", recorded / "dofs.yaml", "--basis", 8, "--protocol", "kfold:4"]
+    words = ["evaluate", recorded / "bags", *options, "--json", numbers, "--report", page]
+    with redirect_stdout(text):
+        code = main([str(word) for word in words])
+    return Run(code, text.getvalue(), json.loads(numbers.read_text()), page.read_text())
 
 
 @pytest.fixture
@@ -62,8 +89,8 @@ def check_contract(result):
             assert 0.0 <= row["coverage_2_sigma"] <= 1.0 and row["rmse"] > 0.0
 
 
-def test_folds_by_index(evaluate):
-    code, text, result = evaluate("--protocol", "kfold:4")
+def test_folds_by_index(scored):
+    code, text, result, _ = scored
     assert code == 0
     check_contract(result)
     assert result["n_demonstrations"] == 8
@@ -74,35 +101,47 @@ def test_folds_by_index(evaluate):
     assert "…" not in text
 
 
-def test_leaving_one_out_is_the_default_and_start_posture_an_option(evaluate):
-    _, _, off = evaluate()
-    _, _, on = evaluate("--start-posture", "on")
-    check_contract(off)
-    check_contract(on)
-    assert off["n_demonstrations"] == on["n_demonstrations"] == 8
-    assert off["recognition"] == on["recognition"]  # never evidence for the task
-    assert off["prediction"] != on["prediction"]
+class AskedForError(Exception):
+    """Carries what the command asks the evaluation for."""
 
 
-def test_with_and_without_start_posture_in_one_go(evaluate):
-    _, text, both = evaluate("--start-posture", "both", "--unknown-tasks", "off")
-    _, _, off = evaluate("--unknown-tasks", "off")
-    _, _, on = evaluate("--start-posture", "on", "--unknown-tasks", "off")
-    assert both["prediction"] == off["prediction"]
-    assert both["prediction_with_start_posture"] == on["prediction"]
+@pytest.mark.parametrize(
+    ("options", "asked"),
+    [
+        ((), {}),
+        (("--start-posture", "on"), {"start_posture": True}),
+        (("--start-posture", "both"), {"both_starts": True}),
+        (("--unknown-tasks", "off"), {"unknown_tasks": False}),
+    ],
+)
+def test_leaving_one_out_is_the_default_and_options_are_passed_on(
+    evaluate, monkeypatch, options, asked
+):
+    def ask(usable, folds, settings, **more):
+        raise AskedForError(folds, {key: more[key] for key in default})
+
+    default = {"start_posture": False, "both_starts": False, "unknown_tasks": True}
+    monkeypatch.setattr(command, "evaluate", ask)
+    with pytest.raises(AskedForError) as caught:
+        evaluate(*options)
+    assert caught.value.args == (make_folds(8, "loo"), default | asked)
+
+
+def test_what_is_asked_for_apart_stands_in_tables_of_its_own_or_nowhere(evaluate):
+    fast = ("--protocol", "kfold:3", "--unknown-tasks", "off")
+    _, text, result = evaluate(*fast, "--start-posture", "both")
+    check_contract(result)
     assert "prediction with start posture, known phase" in text
+    assert result["none"]["area"] is None and result["none"]["n_unknown"] == 0
+    assert "left out in turn" not in text
 
 
-def test_tasks_are_left_out_in_turn_unless_told_otherwise(evaluate):
-    _, text, result = evaluate("--protocol", "kfold:4")
-    none = result["none"]
+def test_tasks_are_left_out_in_turn(scored):
+    text, none = scored.text, scored.result["none"]
     assert (none["n_known"], none["n_unknown"]) == (8, 8)
     assert set(none["left_out"]) == {"task_0", "task_1"}
     assert 0.0 <= none["area"] <= 1.0
     assert "tasks left out in turn: area" in text and "unknown movements: 8" in text
-    _, text, result = evaluate("--protocol", "kfold:4", "--unknown-tasks", "off")
-    assert result["none"]["area"] is None and result["none"]["n_unknown"] == 0
-    assert "left out in turn" not in text
 
 
 def test_a_folder_held_out(evaluate, recorded, tmp_path):
@@ -124,7 +163,8 @@ def test_broken_and_unlabelled_bags_are_left_out_and_named(evaluate, recorded, t
     reasons = spoil(tmp_path / "all")
     shutil.rmtree(tmp_path / "all" / "short")
     reasons.pop("short")
-    code, text, result = evaluate("--protocol", "kfold:4", bags=tmp_path / "all")
+    fast = ("--protocol", "kfold:3", "--unknown-tasks", "off")
+    code, text, result = evaluate(*fast, bags=tmp_path / "all")
     assert code == 0
     assert result["n_demonstrations"] == 8
     lines = text
@@ -150,9 +190,8 @@ def test_a_folder_to_test_on_must_hold_something(evaluate, tmp_path):
         evaluate("--protocol", f"holdout:{tmp_path / 'held_out'}")
 
 
-def test_the_report_is_a_page_by_itself(evaluate, tmp_path):
-    evaluate("--protocol", "kfold:4", "--report", tmp_path / "report" / "page.html")
-    page = (tmp_path / "report" / "page.html").read_text()
+def test_the_report_is_a_page_by_itself(scored):
+    page = scored.page
     assert page.lstrip().lower().startswith("<!doctype html") and "task_1" in page
     assert 'src="http' not in page
 

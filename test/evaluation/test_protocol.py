@@ -255,10 +255,13 @@ def test_start_posture_moves_trajectories_and_never_the_recognition(rng):
         robot = one.controlled[0]
         moved = Signal(robot.names, robot.stamps_ns, robot.values + 0.2 * rng.normal(), "rad")
         recordings.append(replace(one, controlled=(moved,)))
-    folds = make_folds(12, "kfold:3")
+    folds = make_folds(12, "kfold:3")[:1]
     off = evaluate(recordings, folds, SETTINGS)
     on = evaluate(recordings, folds, SETTINGS, start_posture=True)
-    assert off["recognition"] == on["recognition"]
+    both = evaluate(recordings, folds, SETTINGS, both_starts=True)
+    assert off["recognition"] == on["recognition"] == both["recognition"]
+    assert both["prediction"] == off["prediction"]
+    assert both["prediction_with_start_posture"] == on["prediction"]
     for phase in ("known_phase", "unknown_phase"):
         for fraction in ("0.25", "1.0"):
             with_it, without = (r["prediction"][phase][fraction]["rmse"] for r in (on, off))
