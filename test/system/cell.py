@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from system.pacing import PatientClock, n_taken
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
@@ -25,6 +26,7 @@ from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.toolbox.scene import handover_point
 
+POSES = "mocap/wrist/pose"
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 SECOND_NS = 1_000_000_000
 START_DELAY_NS = SECOND_NS // 5
@@ -44,7 +46,7 @@ class Wrist(NamedTuple):
 def recorded(bag: Path, hold_s: float = 4.0) -> Wrist:
     """The wrist of a bag, which then holds still as it last did (its last 0.2 s on and on)."""
     reader = BagReader(bag)
-    messages = [m.message for m in reader.messages(["mocap/wrist/pose"])]
+    messages = [m.message for m in reader.messages([POSES])]
     stamps = np.array([stamp_ns(message) for message in messages])
     points = [m.pose.position for m in messages]
     positions = np.array([(p.x, p.y, p.z) for p in points])
@@ -77,24 +79,28 @@ class Cell:
         self.harness = harness
         self.now_ns = 0
         self.wrist: Wrist | None = None
-        self.start_ns, self._next = 0, 0
+        self.start_ns, self._next, self._n_sent = 0, 0, 0
         self.tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
         self.predictions = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
         self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self.active = harness.collect(String, "intent/active_task", qos.LATCHED)
         self.states = harness.collect(JointState, "joint_states", qos.STATE)
         self.reports = harness.collect(DiagnosticArray, "/diagnostics")
-        self._poses = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.SENSOR)
+        self._poses = harness.publisher(PoseStamped, POSES, qos.SENSOR)
         harness.probe.create_subscription(Clock, "/clock", self._on_clock, qos.STATE)
 
     def start_nodes(self, model: Path, *, factor: float = 1.0, **activation) -> None:
-        """All nodes in this process."""
+        """All nodes in this process; simulated time waits for the observations to be taken."""
         simulated = {"use_sim_time": True}
         named = simulated | {"model": str(model)}
         self.ingest = self._add(MocapIngest, simulated)
         self.estimator = self._add(IntentEstimatorNode, named)
         self.activation = self._add(PrimitiveActivation, named | activation)
         self.arm = self._add(LwrSim, {"publish_clock": True, "real_time_factor": factor})
+        self.arm._now_s = PatientClock(self._behind)
+
+    def _behind(self) -> bool:
+        return n_taken([POSES], self.ingest, self.estimator) < self._n_sent
 
     def _add(self, kind, parameters):
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
@@ -105,7 +111,7 @@ class Cell:
         count = self.harness.probe.count_subscribers
         publishers = self.harness.probe.count_publishers
         needs = {"human/wrist": 1, "intent/tasks": 2, "intent/robot_trajectory": 2}
-        needs |= {"joint_states": 2, "joint_trajectory": 2, "mocap/wrist/pose": 1}
+        needs |= {"joint_states": 2, "joint_trajectory": 2, POSES: 1}
         self.harness.spin_until(
             lambda: all(count(topic) >= n and publishers(topic) for topic, n in needs.items()),
             what="the graph",
@@ -132,8 +138,9 @@ class Cell:
             pose.header.stamp, pose.header.frame_id = to_stamp(due_ns), "world"
             self._poses.publish(pose)
             self._next += 1
+            self._n_sent += 1
 
-    def run_until(self, predicate, what: str, deadline_s: float = 120.0):
+    def run_until(self, predicate, what: str, deadline_s: float = 300.0):
         """Spin until something is true; the deadline is generous, simulated time may be slow."""
         return self.harness.spin_until(predicate, deadline_s, what)
 

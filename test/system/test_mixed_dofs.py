@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A DOF file of several observed topics of different types, from bags to the running node."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from model_builder import GLOVE, TOOL, WRIST, make_dofs, perform, true_library, write_recording
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
+from system.pacing import PacedPlayer
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
@@ -14,7 +17,6 @@ from intent_recognition.evaluation.replaying import replay
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
@@ -25,6 +27,7 @@ MIXTURES = {
     "tool, glove and wrist": make_dofs(TOOL, GLOVE, WRIST),
 }
 PER_TASK = 6
+LONG_S = 300.0
 
 
 def train(folder, dofs, truth):
@@ -49,13 +52,14 @@ def test_any_mixture_of_observed_topics(harness, tmp_path, mixture):
     truth = true_library(dofs)
     model = train(tmp_path, dofs, truth)
     bag = write_recording(tmp_path / "test", perform(truth, 1, 70), dofs)
-    start(harness, MocapIngest)
-    start(harness, IntentEstimatorNode, model=str(model))
+    ingest = start(harness, MocapIngest)
+    estimator = start(harness, IntentEstimatorNode, model=str(model))
     tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
     robot = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
-    player = start(harness, BagPlayer, bag=str(bag), rate=2.0)
+    kind = partial(PacedPlayer, {e.topic for e in dofs.observed}, ingest, estimator)
+    player = start(harness, kind, bag=str(bag), rate=2.0)
     end_ns = BagReader(bag).end_ns
-    harness.spin_until(lambda: player.done, 60.0, "the end of the bag")
+    harness.spin_until(lambda: player.done, LONG_S, "the end of the bag")
     harness.spin_until(lambda: tasks and stamp_ns(tasks[-1]) > end_ns - 500_000_000, what="tasks")
 
     moving = [message for message in tasks if any(message.effort)]

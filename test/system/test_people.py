@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Real people: trained on all recordings but one, which is played to the running nodes."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
+from system.pacing import PacedPlayer
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
@@ -13,13 +16,13 @@ from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.bag_player import BagPlayer
 from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 
 LEFT_OUT = ("demo_0003", "demo_0014", "demo_0022", "demo_0035")
 RATE = 4.0
+LONG_S = 300.0
 
 
 @pytest.fixture(scope="module")
@@ -46,12 +49,13 @@ def test_a_person_never_seen_in_training_is_recognised(harness, recordings, tmp_
     save_model(tmp_path / "model.npz", Model(library, dofs))
     task = BagReader(folder / name).task
 
-    start(harness, MocapIngest)
-    start(harness, IntentEstimatorNode, model=str(tmp_path / "model.npz"))
+    ingest = start(harness, MocapIngest)
+    estimator = start(harness, IntentEstimatorNode, model=str(tmp_path / "model.npz"))
     tasks = harness.collect(JointState, "intent/tasks", qos.STATE)
     robot = harness.collect(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
-    player = start(harness, BagPlayer, bag=str(folder / name), rate=RATE)
-    harness.spin_until(lambda: player.done, 120.0, "the end of the recording")
+    kind = partial(PacedPlayer, {e.topic for e in dofs.observed}, ingest, estimator)
+    player = start(harness, kind, bag=str(folder / name), rate=RATE)
+    harness.spin_until(lambda: player.done, LONG_S, "the end of the recording")
     end_ns = BagReader(folder / name).end_ns
     harness.spin_until(lambda: stamp_ns(tasks[-1]) > end_ns - 500_000_000, what="the last tasks")
 
