@@ -10,6 +10,7 @@ from intent_recognition.bags.cdr.columns import (
 )
 from intent_recognition.bags.cdr.layout import (
     LITTLE_ENDIAN,
+    NANOSECONDS,
     LayoutCache,
     header_stamp_ns,
 )
@@ -27,6 +28,7 @@ __all__ = [
     "FLUSH_PERIOD_S",
     "JOINT_STATE",
     "LITTLE_ENDIAN",
+    "NANOSECONDS",
     "POSE",
     "BagMessage",
     "BagReader",

@@ -94,14 +94,14 @@ class ObservationReader:
         return self._observation(stamp_ns, self._values(message), self._noise(message, covariance))
 
     def observe_pose(
-        self, stamp_ns: int, pose: NDArray[np.float64], covariance: NDArray[np.float64]
+        self, stamp_ns: int, pose: NDArray[np.float64], covariance: NDArray[np.float64] | None
     ) -> Observation:
         """As `observe` of a tracked pose, for entries with `pose_columns`.
 
         Args:
             stamp_ns: time of measurement.
             pose: position and orientation, (7,).
-            covariance: (6, 6).
+            covariance: of the pose (6, 6); None where unknown.
 
         Raises:
             MessageError: the entry asks for more than the pose.

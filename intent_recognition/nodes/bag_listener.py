@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Raw subscriptions with the middleware's time stamps, drained by a thread of their own.
+"""Raw subscriptions with the time stamps of the middleware, read by a thread of their own.
 
 The EventsExecutor of rclpy 7.1 raises SystemError for a callback that asks for the message info,
 and the info holds the times of sending and reception. So these subscriptions belong to no
-executor: a thread waits for them and takes what there is, however busy the node is otherwise.
+executor: a thread waits for them and takes their messages, however busy the node is.
 """
 
 import threading
@@ -16,6 +16,7 @@ from rclpy.qos import QoSProfile
 from rclpy.type_support import check_is_valid_msg_type
 
 WAIT_NS = 20_000_000
+"""Longest time until a new or closed subscription is noticed [ns]. Convention."""
 
 
 class BagListener:
@@ -37,23 +38,23 @@ class BagListener:
         self._on_message = on_message
         self._on_error = on_error
         self._lock = threading.Lock()
-        self._handles: dict[Hashable, tuple[object, type]] = {}
+        self._handles: dict[Hashable, tuple[_rclpy.Subscription, type]] = {}
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="bag_listener", daemon=True)
         self._thread.start()
 
     def subscribe(self, key: Hashable, kind: type, topic: str, profile: QoSProfile) -> None:
-        """Listen to `topic` from now on; replaces what was listened to under `key`."""
+        """Subscribe to `topic`; replaces the subscription of the same `key`."""
         check_is_valid_msg_type(kind)
         with self._node.handle:
             handle = _rclpy.Subscription(
                 self._node.handle, kind, topic, profile.get_c_qos_profile()
             )
         with self._lock:
-            previous, _ = self._handles.pop(key, (None, None))
+            previous = self._handles.pop(key, None)
             self._handles[key] = (handle, kind)
         if previous is not None:
-            previous.destroy_when_not_in_use()
+            previous[0].destroy_when_not_in_use()
 
     def close(self) -> None:
         """End the thread and the subscriptions."""
@@ -73,16 +74,20 @@ class BagListener:
             try:
                 self._wait_and_take(sources)
             except (_rclpy.RCLError, _rclpy.InvalidHandle) as error:
-                # The context was shut down, or a subscription replaced, while waiting.
+                # While waiting the context was shut down, or a subscription replaced.
                 if self._node.context.ok() and not isinstance(error, _rclpy.InvalidHandle):
                     self._on_error(error)
 
-    def _wait_and_take(self, sources: list) -> None:
-        with ExitStack() as in_use:  # nothing is destroyed while it is waited for
-            in_use.enter_context(self._node.context.handle)
+    def _wait_and_take(
+        self, sources: list[tuple[Hashable, tuple[_rclpy.Subscription, type]]]
+    ) -> None:
+        with ExitStack() as in_use:  # handles are not destroyed while the thread waits for them
+            if (context := self._node.context.handle) is None:
+                return
+            in_use.enter_context(context)
             for _, (handle, _) in sources:
                 in_use.enter_context(handle)
-            wait_set = _rclpy.WaitSet(len(sources), 0, 0, 0, 0, 0, self._node.context.handle)
+            wait_set = _rclpy.WaitSet(len(sources), 0, 0, 0, 0, 0, context)
             in_use.enter_context(wait_set)
             wait_set.clear_entities()
             places = [wait_set.add_subscription(handle) for _, (handle, _) in sources]
@@ -92,7 +97,7 @@ class BagListener:
             if is_ready:
                 self._drain(key, handle, kind)
 
-    def _drain(self, key: Hashable, handle, kind: type) -> None:
+    def _drain(self, key: Hashable, handle: _rclpy.Subscription, kind: type) -> None:
         with handle:
             while not self._stopping.is_set():
                 taken = handle.take_message(kind, True)

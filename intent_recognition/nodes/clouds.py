@@ -2,7 +2,9 @@
 """PointCloud2 messages to arrays and back."""
 
 import numpy as np
+from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
 
 from intent_recognition.errors import MessageError, describe
 
@@ -21,7 +23,7 @@ NORMAL = ("normal_x", "normal_y", "normal_z")
 LABEL = "label"
 
 
-def cloud_arrays(message: PointCloud2) -> tuple[np.ndarray, np.ndarray | None]:
+def cloud_arrays(message: PointCloud2) -> tuple[NDArray, NDArray | None]:
     """Points (n, 3) and normals (n, 3), None without normals; pixels without depth are NaN.
 
     Raises:
@@ -51,7 +53,7 @@ def cloud_arrays(message: PointCloud2) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def to_labelled_cloud(
-    header, points: np.ndarray, normals: np.ndarray, labels: np.ndarray
+    header: Header, points: NDArray, normals: NDArray, labels: NDArray
 ) -> PointCloud2:
     """Message of points (n, 3), normals (n, 3) and labels (n,), 28 bytes a point."""
     names = [*POSITION, *NORMAL]
@@ -79,7 +81,7 @@ def to_labelled_cloud(
     return message
 
 
-def _column(rows: np.ndarray, field: PointField, order: str) -> np.ndarray:
+def _column(rows: NDArray, field: PointField, order: str) -> NDArray:
     """One field (n,) of all points as float64."""
     if field.datatype not in TYPES:
         cure = "Use FLOAT32."

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages to arrays and back, with exact types: ROS does not check them by default."""
+"""From messages to arrays and back, with exact types, which ROS does not check by default."""
 
 import importlib
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Point, Pose, Quaternion
+from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from intent_recognition.bags import NANOSECONDS
 from intent_recognition.errors import MessageError, ShapeError, describe
-
-NANOSECONDS = 1_000_000_000
 
 
 def message_class(type_name: str) -> type:
@@ -31,10 +32,10 @@ def message_class(type_name: str) -> type:
         ) from error
 
 
-def stamp_ns(message: object) -> int:
+def stamp_ns(message: Any) -> int:
     """Stamp in integer nanoseconds of a message with a header, a Header or a Time."""
-    stamp = getattr(message, "header", message)
-    stamp = getattr(stamp, "stamp", stamp)
+    header = getattr(message, "header", message)
+    stamp: Time = getattr(header, "stamp", header)
     return stamp.sec * NANOSECONDS + stamp.nanosec
 
 
@@ -49,31 +50,31 @@ def duration_s(duration: Duration) -> float:
     return duration.sec + duration.nanosec * 1e-9
 
 
-def position_array(pose: Pose) -> np.ndarray:
+def position_array(pose: Pose) -> NDArray[np.float64]:
     """Position (3,) [m] of a Pose message."""
     p = pose.position
     return np.array((p.x, p.y, p.z), dtype=np.float64)
 
 
-def orientation_array(pose: Pose) -> np.ndarray:
-    """Quaternion (4,) xyzw of a Pose message, as it came."""
+def orientation_array(pose: Pose) -> NDArray[np.float64]:
+    """Quaternion (4,) xyzw of a Pose message, not normalised."""
     q = pose.orientation
     return np.array((q.x, q.y, q.z, q.w), dtype=np.float64)
 
 
-def to_point(position: np.ndarray) -> Point:
+def to_point(position: NDArray[np.float64]) -> Point:
     """Point message of (3,) [m]."""
     x, y, z = (float(value) for value in position)
     return Point(x=x, y=y, z=z)
 
 
-def to_quaternion(quaternion: np.ndarray) -> Quaternion:
+def to_quaternion(quaternion: NDArray[np.float64]) -> Quaternion:
     """Quaternion message of (4,) xyzw."""
     x, y, z, w = (float(value) for value in quaternion)
     return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def to_pose(position: np.ndarray, quaternion: np.ndarray) -> Pose:
+def to_pose(position: NDArray[np.float64], quaternion: NDArray[np.float64]) -> Pose:
     """Pose message of (3,) [m] and (4,) xyzw."""
     return Pose(position=to_point(position), orientation=to_quaternion(quaternion))
 
@@ -99,7 +100,9 @@ def to_joint_state(
     return message
 
 
-def joint_values(message: JointState, joints: Sequence[str], field: str = "position") -> np.ndarray:
+def joint_values(
+    message: JointState, joints: Sequence[str], field: str = "position"
+) -> NDArray[np.float64]:
     """Values (d,) of `joints` in the order asked for, found by name.
 
     Raises:
@@ -136,17 +139,17 @@ class TrajectoryBuilder:
         self._joints = len(self._message.joint_names)
         self._points: list[JointTrajectoryPoint] = []
         self._times_ns = np.empty(0, dtype=np.int64)
-        self._views: dict[str, list[np.ndarray]] = {}
+        self._views: dict[str, list[NDArray[np.float64]]] = {}
 
     def build(
         self,
         time_ns: int,
-        times_s: np.ndarray,
-        positions: np.ndarray,
-        velocities: np.ndarray | None = None,
-        efforts: np.ndarray | None = None,
+        times_s: ArrayLike,
+        positions: ArrayLike,
+        velocities: ArrayLike | None = None,
+        efforts: ArrayLike | None = None,
         *,
-        accelerations: np.ndarray | None = None,
+        accelerations: ArrayLike | None = None,
         frame_id: str = "",
     ) -> JointTrajectory:
         """Fill the message.
@@ -166,7 +169,8 @@ class TrajectoryBuilder:
         Raises:
             ShapeError: an array is not (T, d).
         """
-        count = len(times_s)
+        times_ns = np.rint(np.asarray(times_s, dtype=np.float64) * 1e9).astype(np.int64)
+        count = times_ns.size
         self._grow(count)
         columns = {
             "positions": positions,
@@ -176,7 +180,7 @@ class TrajectoryBuilder:
         }
         for field, values in columns.items():
             self._fill(field, values, count)
-        self._set_times(np.rint(np.asarray(times_s, dtype=np.float64) * 1e9).astype(np.int64))
+        self._set_times(times_ns)
         self._message.header.stamp = to_stamp(time_ns)
         self._message.header.frame_id = frame_id
         self._message.points = self._points[:count]
@@ -188,7 +192,7 @@ class TrajectoryBuilder:
         for views in self._views.values():
             del views[count:]
 
-    def _set_times(self, times_ns: np.ndarray) -> None:
+    def _set_times(self, times_ns: NDArray[np.int64]) -> None:
         """Write time_from_start of the points, which rarely changes between two calls."""
         if np.array_equal(times_ns, self._times_ns):
             return
@@ -197,35 +201,35 @@ class TrajectoryBuilder:
             start.sec, start.nanosec = divmod(time, NANOSECONDS)
         self._times_ns = times_ns
 
-    def _fill(self, field: str, values: np.ndarray | None, count: int) -> None:
+    def _fill(self, field: str, values: ArrayLike | None, count: int) -> None:
         if values is None:
             for point in self._points if field in self._views else ():
                 setattr(point, field, [])
             self._views.pop(field, None)
             return
-        values = np.ascontiguousarray(values, dtype=np.float64)
-        if values.shape != (count, self._joints):
+        rows = np.ascontiguousarray(values, dtype=np.float64)
+        if rows.shape != (count, self._joints):
             raise ShapeError(
-                describe(field, f"shape {(count, self._joints)}", values.shape, "One row a time.")
+                describe(field, f"shape {(count, self._joints)}", rows.shape, "One row a time.")
             )
         views = self._views.setdefault(field, [])
-        for view, row in zip(views, values, strict=False):
+        for view, row in zip(views, rows, strict=False):
             view[:] = row
-        for point, row in zip(self._points[len(views) : count], values[len(views) :], strict=True):
+        for point, row in zip(self._points[len(views) : count], rows[len(views) :], strict=True):
             setattr(point, field, row.tolist())
             views.append(np.frombuffer(getattr(point, field), dtype=np.float64))
 
 
 def build_joint_trajectory(
     names: Sequence[str],
-    times_s: np.ndarray,
-    positions: np.ndarray,
-    velocities: np.ndarray | None = None,
-    efforts: np.ndarray | None = None,
+    times_s: ArrayLike,
+    positions: ArrayLike,
+    velocities: ArrayLike | None = None,
+    efforts: ArrayLike | None = None,
     *,
     time_ns: int = 0,
 ) -> JointTrajectory:
-    """A JointTrajectory of its own, built once; `TrajectoryBuilder` reuses it at a high rate.
+    """A new JointTrajectory; at high rates use `TrajectoryBuilder`, which reuses one.
 
     Args:
         names: joint names (d,).
@@ -240,7 +244,7 @@ def build_joint_trajectory(
 
 def trajectory_arrays(
     message: JointTrajectory,
-) -> tuple[np.ndarray, np.ndarray, Mapping[str, np.ndarray]]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], Mapping[str, NDArray[np.float64]]]:
     """Times (T,) [s], positions (T, d) and the other fields that are filled, each (T, d).
 
     Raises:
@@ -255,7 +259,7 @@ def trajectory_arrays(
     return times_s, positions, {field: row for field, row in rows.items() if row.shape[1]}
 
 
-def _stack(message: JointTrajectory, field: str) -> np.ndarray:
+def _stack(message: JointTrajectory, field: str) -> NDArray[np.float64]:
     lengths = {len(getattr(point, field)) for point in message.points}
     width = len(message.joint_names)
     if not lengths <= {width, 0} or len(lengths) > 1 or (field == "positions" and 0 in lengths):

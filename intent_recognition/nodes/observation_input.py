@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the estimator node hears of the observed agent: messages of any topics to observations."""
+"""Input of the estimator node: from the messages of the observed topics to observations."""
 
 import time
 from collections.abc import Callable
@@ -29,7 +29,8 @@ INPUT = QoSProfile(
     depth=1000,
     reliability=QoSReliabilityPolicy.BEST_EFFORT,
 )
-"""As sensor data, but nothing is lost while a movement is filtered anew (onset, new model)."""
+"""As sensor data. Convention: the queue holds 10 s at 100 Hz, so that nothing is lost while a
+movement is filtered again (onset, new model)."""
 
 
 def human_topic(entry: DofEntry) -> str:
@@ -39,15 +40,15 @@ def human_topic(entry: DofEntry) -> str:
 
 
 class ObservationInput:
-    """One subscription for each observed topic, its messages read by all entries that name it.
+    """One subscription for each observed topic; all entries of the topic read its messages.
 
     Args:
-        node: subscribes.
-        diagnostics: counts what cannot be read, under `missing_dof` or `malformed`.
-        use: takes an observation and the name of its topic; False if it was refused.
+        node: owner of the subscriptions.
+        diagnostics: counts messages that cannot be read, under `missing_dof` or `malformed`.
+        use: takes an observation and the name of its topic; returns False if it was refused.
 
     Attributes:
-        frame: of the last tracked pose.
+        frame: frame of the last tracked pose.
     """
 
     def __init__(
@@ -71,13 +72,13 @@ class ObservationInput:
     def open(self) -> None:
         """Subscribe."""
         by_topic: dict[str, list[ObservationReader]] = {}
-        for observation_reader in observation_readers(self._dofs):
-            by_topic.setdefault(observation_reader.entry.topic, []).append(observation_reader)
-        for topic, instruments in by_topic.items():
-            entry = instruments[0].entry
+        for reader in observation_readers(self._dofs):
+            by_topic.setdefault(reader.entry.topic, []).append(reader)
+        for topic, readers in by_topic.items():
+            entry = readers[0].entry
             raw = is_raw_pose(topic, entry.type)
             kind = Odometry if raw else self._kinds[entry.type]
-            use = partial(self._on_odometry if raw else self._on_message, instruments)
+            use = partial(self._on_odometry if raw else self._on_message, readers)
             name = human_topic(entry) if raw else topic
             source = self._backlog.subscribe(self._node, kind, name, use, INPUT, raw=raw)
             self._diagnostics.watch(source, name)
@@ -89,11 +90,11 @@ class ObservationInput:
 
     @property
     def subscriptions(self) -> list[Subscription]:
-        """Those there are."""
+        """All current subscriptions."""
         return self._backlog.subscriptions
 
-    def _on_odometry(self, instruments: list[ObservationReader], data: bytes) -> None:
-        """Take a tracked pose; its twist is differentiated from poses, so it is no evidence."""
+    def _on_odometry(self, readers: list[ObservationReader], data: bytes) -> None:
+        """Take a tracked pose; its twist is computed from poses and not an observation."""
         start_s = time.perf_counter()
         try:
             stamp, frame_id, pose, covariance = read_odometry(data)
@@ -101,32 +102,32 @@ class ObservationInput:
             self._diagnostics.reject("malformed", str(error))
             return
         self.frame = frame_id or self.frame
-        self._take(instruments, lambda i: i.observe_pose(stamp, pose, covariance), start_s)
+        self._take(readers, lambda reader: reader.observe_pose(stamp, pose, covariance), start_s)
 
-    def _on_message(self, instruments: list[ObservationReader], message: object) -> None:
+    def _on_message(self, readers: list[ObservationReader], message: object) -> None:
         start_s = time.perf_counter()
         stamped = hasattr(message, "header")
         stamp = stamp_ns(message) if stamped else self._node.get_clock().now().nanoseconds
-        self._take(instruments, lambda i: i.observe(stamp, message), start_s)
+        self._take(readers, lambda reader: reader.observe(stamp, message), start_s)
 
     def _take(
         self,
-        instruments: list[ObservationReader],
+        readers: list[ObservationReader],
         read: Callable[[ObservationReader], Observation],
         start_s: float,
     ) -> None:
-        topic = instruments[0].entry.topic
+        topic = readers[0].entry.topic
         self._diagnostics.tick(topic)
         used = False
-        for observation_reader in instruments:
+        for reader in readers:
             try:
-                observation = read(observation_reader)
+                observation = read(reader)
             except MessageError as error:
                 self._diagnostics.reject("missing_dof", str(error))
                 continue
             if self._use(observation, topic):
                 used = True
-                if len(observation.values) < len(observation_reader.entry.names):
+                if len(observation.values) < len(reader.entry.names):
                     self._diagnostics.tick(f"{topic}, in part")
         if used:
             self._diagnostics.latency(time.perf_counter() - start_s)

@@ -18,12 +18,14 @@ from rclpy.serialization import deserialize_message, serialize_message
 from intent_recognition.bags import (
     JOINT_STATE,
     LITTLE_ENDIAN,
+    NANOSECONDS,
+    POSE,
     LayoutCache,
     SerializedTemplate,
     header_stamp_ns,
 )
 from intent_recognition.errors import MessageError, describe
-from intent_recognition.nodes.conversions import NANOSECONDS, TrajectoryBuilder, to_joint_state
+from intent_recognition.nodes.conversions import TrajectoryBuilder, to_joint_state
 from intent_recognition.tracking import TrackedPose
 
 UNKNOWN_VARIANCE = 1e6
@@ -31,7 +33,7 @@ UNKNOWN_VARIANCE = 1e6
 of turning [rad^2/s^2]. Convention: so large that no filter takes it for a measurement."""
 MAX_TEMPLATES = 32
 """Trajectories of different frames and lengths kept ready. Convention; a node needs one a task."""
-POSE, ODOMETRY = "geometry_msgs/msg/PoseStamped", "nav_msgs/msg/Odometry"
+ODOMETRY = "nav_msgs/msg/Odometry"
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 
 

@@ -22,7 +22,8 @@ MOST_LAYOUTS = 16
 """Convention. A topic whose texts or lengths change more often is read message by message."""
 LONGEST_PADDING = 3
 """Bytes of padding that a message may end with."""
-LATEST_NS = 2**63 - 1
+MAX_LOG_TIME_NS = 2**63 - 1
+"""Largest log time that fits the signed integers of columns [ns]."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class ColumnsBuilder:
         Returns:
             False if one of them is not for columns; the builder is of no use then.
         """
-        if self._type not in COLUMNS or np.any(table.log_times_ns > LATEST_NS):
+        if self._type not in COLUMNS or np.any(table.log_times_ns > MAX_LOG_TIME_NS):
             return False
         numbers = self._count + np.arange(table.starts.size)
         self._count += table.starts.size
