@@ -58,15 +58,15 @@ def training(demonstrations: Sequence[Demonstration]) -> Iterator[Result]:
         1e-8,
         "at most",
         "",
-        "largest element of means and covariances, of the largest there is; same reference and"
+        "largest element of means and covariances, of the largest there is; same preprocessing and"
         " hyperparameters",
     )
 
 
 def _anew(demonstrations: Sequence[Demonstration], like: Trained) -> TaskLibrary:
-    """From all at the reference and hyperparameters of another."""
-    tasks = accumulate(demonstrations, TrainingSettings(), like.reference).tasks
-    return library_from_statistics(tasks, like.reference, like.chosen)
+    """From all at the preprocessing and hyperparameters of another."""
+    tasks = accumulate(demonstrations, TrainingSettings(), like.preprocessing).tasks
+    return library_from_statistics(tasks, like.preprocessing, like.chosen)
 
 
 def _difference(found: TaskLibrary, expected: TaskLibrary) -> float:

@@ -51,8 +51,8 @@ def _aligned_json(primitives: AlignedPrimitives | None) -> dict | None:
     return {
         "n_basis": primitives.basis.n_basis,
         "noise_scale": primitives.noise_scale,
-        "largest_lead_std": float(primitives.phase_deviation.deviation_std.max()),
-        "lead_correlation": primitives.phase_deviation.correlation,
+        "largest_phase_deviation_std": float(primitives.phase_deviation.deviation_std.max()),
+        "phase_deviation_correlation": primitives.phase_deviation.correlation,
     }
 
 

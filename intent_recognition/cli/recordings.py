@@ -10,7 +10,7 @@ from rich.console import Console
 from intent_recognition.cli.console import progress_bar
 from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
 from intent_recognition.errors import BagError, describe
-from intent_recognition.learning import SEGMENTATIONS, Reference, TrainingSettings
+from intent_recognition.learning import SEGMENTATIONS, Preprocessing, TrainingSettings
 from intent_recognition.model import FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.signals import Demonstration, Rejection
 
@@ -84,7 +84,7 @@ def accumulate_all(
     console: Console,
     *,
     run: Run = map,
-    reference: Reference | None = None,
+    preprocessing: Preprocessing | None = None,
 ) -> FromBags:
     """Statistics of all recordings with a progress bar, in memory that does not grow with them.
 
@@ -98,7 +98,7 @@ def accumulate_all(
             paths,
             dofs,
             settings,
-            reference=reference,
+            preprocessing=preprocessing,
             run=run,
             progress=lambda n_bags: bar.update(task, advance=n_bags),
         )

@@ -50,11 +50,11 @@ def add_to_model(
         TrainingError: nothing of the bags can be added.
     """
     model, trained = load_trained(args.add)
-    _check_settings(args.add, settings, trained.reference.settings)
+    _check_settings(args.add, settings, trained.preprocessing.settings)
     if args.dofs is not None:
         check_dofs(model, load_dofs(args.dofs), str(args.dofs))
     found = accumulate_all(
-        args.bags, model.dofs, settings, console, run=run, reference=trained.reference
+        args.bags, model.dofs, settings, console, run=run, preprocessing=trained.preprocessing
     )
     print_found(console, found)
     accumulated = found.accumulated

@@ -29,9 +29,9 @@ from intent_recognition.learning import (
     RIDGE,
     SAMPLED_PHASES,
     Clustering,
-    Example,
+    ComponentTrial,
     Features,
-    Tried,
+    TrainingExample,
     cluster,
     cut_to_movement,
     make_examples,
@@ -135,7 +135,7 @@ def pairs_of(demonstrations: Sequence[Demonstration]) -> Pairs:
     )
 
 
-def _usable(example: Example | TrainingError) -> Example:
+def _usable(example: TrainingExample | TrainingError) -> TrainingExample:
     if isinstance(example, TrainingError):
         raise example
     return example
@@ -161,7 +161,7 @@ def try_numbers(
     numbers: Sequence[int],
     rng: Callable[[int], np.random.Generator],
     progress: Callable[[int], None] = lambda done: None,
-) -> dict[int, tuple[Clustering, Tried]]:
+) -> dict[int, tuple[Clustering, ComponentTrial]]:
     """Fit each number of components, and score its left-out predictions as training does.
 
     Args:
@@ -175,12 +175,12 @@ def try_numbers(
         fit = cluster(pairs.features, number, rng(number))
         prediction = predict_left_out(pairs.features, fit.left_out, pairs.features.prior)
         nll, rmse = score(prediction, pairs.features.controlled)
-        found[number] = fit, Tried(number, fit.labels, nll, rmse)
+        found[number] = fit, ComponentTrial(number, fit.labels, nll, rmse)
         progress(number)
     return found
 
 
-def chosen_number(tried: dict[int, tuple[Clustering, Tried]], n: int) -> int:
+def chosen_number(tried: dict[int, tuple[Clustering, ComponentTrial]], n: int) -> int:
     """The number that `intent train --unlabelled` takes: smallest within one error of the best.
 
     Args:

@@ -6,14 +6,12 @@ from intent_recognition.learning.accumulation import (
     NAMES_KEPT,
     REFERENCE_RECORDINGS,
     Accumulated,
-    Reference,
-    SignalNames,
     accumulate,
     merge_accumulated,
 )
 from intent_recognition.learning.components import (
     MAX_COMPONENTS,
-    Tried,
+    ComponentTrial,
     choose_components,
     predict_left_out,
     purity,
@@ -21,7 +19,7 @@ from intent_recognition.learning.components import (
     smallest_within_one_error,
 )
 from intent_recognition.learning.examples import (
-    Example,
+    TrainingExample,
     cut_one,
     cut_to_movement,
     make_example,
@@ -41,7 +39,8 @@ from intent_recognition.learning.mixture import (
     cluster,
     mixture_features,
 )
-from intent_recognition.learning.selection import Candidate
+from intent_recognition.learning.preprocessing import Preprocessing, SignalNames
+from intent_recognition.learning.selection import Hyperparameters
 from intent_recognition.learning.settings import SEGMENTATIONS, TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, summarize
 from intent_recognition.learning.timing import Timing
@@ -56,7 +55,7 @@ from intent_recognition.learning.training import (
     learn_with_report,
 )
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
-from intent_recognition.learning.unknown_task_calibration import calibrate_none, is_outdated
+from intent_recognition.learning.unknown_task import calibrate_none, is_outdated
 from intent_recognition.learning.unlabelled import (
     Relabelled,
     label_by_components,
@@ -75,19 +74,19 @@ __all__ = [
     "SAMPLED_PHASES",
     "SEGMENTATIONS",
     "Accumulated",
-    "Candidate",
     "Clustering",
-    "Example",
+    "ComponentTrial",
     "Features",
-    "Reference",
+    "Hyperparameters",
+    "Preprocessing",
     "Relabelled",
     "SignalNames",
     "TaskStatistics",
     "Timing",
     "Trained",
+    "TrainingExample",
     "TrainingReport",
     "TrainingSettings",
-    "Tried",
     "accumulate",
     "add_demonstration",
     "add_statistics",

@@ -1,82 +1,43 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings, one after the other, into statistics: each is seen once and then forgotten.
-
-What turns a recording into an example (basis, thresholds of the onset, names of the DOFs) is the
-`Reference`. It is settled before the first example is made and stays, so that statistics gathered
-at other times, or by other processes, can be merged.
-"""
+"""Accumulation of sufficient statistics: each recording is seen once and then forgotten."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import chain
+from dataclasses import replace
+from itertools import chain, islice
 from typing import NamedTuple
 
 from intent_recognition.errors import ArgumentError, TrainingError, describe
-from intent_recognition.learning.examples import Example, cut_one, make_examples
+from intent_recognition.learning.examples import TrainingExample
+from intent_recognition.learning.preprocessing import (
+    Preprocessing,
+    examples_of,
+    reason_against,
+    settle_preprocessing,
+)
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, merge_statistics, summarize
-from intent_recognition.learning.timing import Timing, settle_timing
-from intent_recognition.promp import NONE, NormalizedRBFBasis
-from intent_recognition.signals import Demonstration, OnsetSettings, onset_settings
+from intent_recognition.signals import Demonstration
 
 REFERENCE_RECORDINGS = 100
-"""How many recordings of a stream settle the thresholds of the onset."""
+"""Recordings of a stream that settle its preprocessing. Convention: it bounds the memory."""
 NAMES_KEPT = 1000
-"""How many names of recordings, used and rejected, a report lists."""
+"""Names of recordings, used and rejected, that a report lists at most. Convention."""
 BATCH = 16
-"""Recordings turned into examples at a time."""
-
-
-class SignalNames(NamedTuple):
-    """The DOFs of one signal and their unit."""
-
-    names: tuple[str, ...]
-    unit: str
-
-
-@dataclass(frozen=True)
-class Reference:
-    """How each recording becomes an example.
-
-    Attributes:
-        settings: basis, ridge and segmentation among them.
-        observed, controlled: DOFs of each signal.
-        onset, controlled_onset: thresholds of the movement for each signal.
-        timing: templates that recordings are aligned with.
-        source: name of the recording that the DOFs are from.
-    """
-
-    settings: TrainingSettings
-    observed: tuple[SignalNames, ...]
-    controlled: tuple[SignalNames, ...]
-    onset: tuple[OnsetSettings, ...]
-    controlled_onset: tuple[OnsetSettings, ...]
-    timing: Timing
-    source: str = ""
-
-    @property
-    def basis(self) -> NormalizedRBFBasis:
-        """The basis functions."""
-        return NormalizedRBFBasis(self.settings.n_basis, self.settings.width)
-
-    @property
-    def forecast_basis(self) -> NormalizedRBFBasis:
-        """Those of the aligned examples."""
-        return NormalizedRBFBasis(self.settings.n_forecast_basis, self.settings.width)
+"""Recordings turned into examples at a time (docs/training.md: memory and speed)."""
 
 
 class Accumulated(NamedTuple):
     """Statistics of recordings, and what became of each.
 
     Attributes:
-        reference: how they became examples; None when none could be used.
+        preprocessing: how they became examples; None when none could be used.
         tasks: statistics of each label.
         used: names of those learned from, the first `NAMES_KEPT`.
         rejected: (name, reason) of those left out, the first `NAMES_KEPT`.
-        n_rejected: how many were left out.
+        n_rejected: number of recordings left out.
     """
 
-    reference: Reference | None
+    preprocessing: Preprocessing | None
     tasks: Mapping[str, TaskStatistics]
     used: tuple[str, ...] = ()
     rejected: tuple[tuple[str, str], ...] = ()
@@ -84,33 +45,33 @@ class Accumulated(NamedTuple):
 
     @property
     def n_used(self) -> int:
-        """How many were learned from."""
+        """Number of recordings learned from."""
         return sum(task.n for task in self.tasks.values())
 
 
 def accumulate(
     recordings: Iterable[Demonstration],
     settings: TrainingSettings,
-    reference: Reference | None = None,
+    preprocessing: Preprocessing | None = None,
 ) -> Accumulated:
     """Statistics of recordings in memory that does not grow with their number.
 
     Args:
-        recordings: a list, whose reference is settled by all of it; or a stream that is read
-            once, whose reference is settled by its first `REFERENCE_RECORDINGS` usable ones.
-        settings: how to learn; those of the reference count where one is given.
-        reference: how to make examples, None to settle it.
+        recordings: a list, which settles its preprocessing as a whole; or a stream that is read
+            once, whose first `REFERENCE_RECORDINGS` usable recordings settle it.
+        settings: how to learn; ignored where a preprocessing is given, which has its own.
+        preprocessing: how to make examples, None to settle it.
 
     Raises:
         ArgumentError: an item is not a `Demonstration`.
     """
-    total = Accumulated(reference, {})
+    total = Accumulated(preprocessing, {})
     head: list[Demonstration] = []
     stream = _demonstrations(recordings)
     limit = len(recordings) if isinstance(recordings, Sequence) else REFERENCE_RECORDINGS
-    if reference is None:
+    if preprocessing is None:
         for recorded in stream:
-            reason = _reason_against(recorded, head[0] if head else None)
+            reason = reason_against(recorded, head[0] if head else None)
             if reason:
                 total = _reject(total, recorded.name, reason)
             else:
@@ -119,54 +80,35 @@ def accumulate(
                 break
         if not head:
             return total
-        reference = settle_reference(head, settings)
+        preprocessing = settle_preprocessing(head, settings)
     head.reverse()
-    for batch in _batches(chain(_taken(head), stream), BATCH):
-        total = merge_accumulated(total, _accumulate_batch(batch, reference))
+    remaining = chain(_taken(head), stream)
+    while batch := list(islice(remaining, BATCH)):
+        total = merge_accumulated(total, _accumulate_batch(batch, preprocessing))
     return total
-
-
-def settle_reference(recordings: Sequence[Demonstration], settings: TrainingSettings) -> Reference:
-    """Thresholds, templates and DOFs from usable recordings, at least one."""
-    first = recordings[0]
-    onset = onset_settings([recorded.observed for recorded in recordings])
-    controlled_onset = onset_settings([recorded.controlled for recorded in recordings])
-    if settings.segmentation == "movement":
-        recordings = [cut_one(recorded, onset, controlled_onset) for recorded in recordings]
-    return Reference(
-        settings=settings,
-        observed=_names(first.observed),
-        controlled=_names(first.controlled),
-        onset=onset,
-        controlled_onset=controlled_onset,
-        timing=settle_timing(recordings),
-        source=first.name,
-    )
 
 
 def merge_accumulated(first: Accumulated, second: Accumulated) -> Accumulated:
     """Both together; names in this order.
 
     Raises:
-        TrainingError: they were gathered with different references.
+        TrainingError: they were accumulated with different preprocessing.
     """
-    reference = first.reference or second.reference
-    if second.reference is not None and replace(second.reference, source="") != replace(
-        reference, source=""
-    ):
+    ours, theirs = first.preprocessing, second.preprocessing
+    if ours and theirs and replace(ours, source="") != replace(theirs, source=""):
         raise TrainingError(
             describe(
                 "statistics",
                 "the same settings, DOFs and onset thresholds in both parts",
-                f"{reference} and {second.reference}",
-                "Gather all parts with one reference.",
+                f"{ours} and {theirs}",
+                "Accumulate all parts with one preprocessing.",
             )
         )
     tasks = dict(first.tasks)
     for label, task in second.tasks.items():
         tasks[label] = merge_statistics(tasks[label], task) if label in tasks else task
     return Accumulated(
-        reference,
+        ours or theirs,
         dict(sorted(tasks.items())),
         (first.used + second.used)[:NAMES_KEPT],
         (first.rejected + second.rejected)[:NAMES_KEPT],
@@ -174,93 +116,21 @@ def merge_accumulated(first: Accumulated, second: Accumulated) -> Accumulated:
     )
 
 
-def example_of(recorded: Demonstration, reference: Reference) -> Example:
-    """One recording as an example.
-
-    Raises:
-        TrainingError: it cannot be used; says why.
-    """
-    part = _accumulate_batch([recorded], reference)
-    if part.rejected:
-        raise TrainingError(f"{recorded.name}: {part.rejected[0][1]}")
-    (task,) = part.tasks.values()
-    return task.examples[0]
-
-
-def _accumulate_batch(recordings: Sequence[Demonstration], reference: Reference) -> Accumulated:
+def _accumulate_batch(
+    recordings: Sequence[Demonstration], preprocessing: Preprocessing
+) -> Accumulated:
     """Statistics of a few recordings at once."""
-    total = Accumulated(reference, {})
-    usable = []
-    for recorded in recordings:
-        reason = _reason_against(recorded, reference)
-        if reason:
-            total = _reject(total, recorded.name, reason)
-        elif reference.settings.segmentation == "movement":
-            usable.append(cut_one(recorded, reference.onset, reference.controlled_onset))
-        else:
-            usable.append(recorded)
-    examples = []
-    found = make_examples(usable, reference.basis, reference.settings.ridge)
-    for recorded, example in zip(usable, found, strict=True):
+    total = Accumulated(preprocessing, {})
+    groups: dict[str, list[TrainingExample]] = {}
+    used = []
+    for recorded, example in zip(recordings, examples_of(recordings, preprocessing), strict=True):
         if isinstance(example, TrainingError):
             total = _reject(total, recorded.name, str(example))
         else:
-            examples.append((recorded, example))
-    groups: dict[str, list[Example]] = {}
-    for example in _with_aligned(examples, reference):
-        groups.setdefault(example.task, []).append(example)
-    return total._replace(
-        tasks={label: summarize(group) for label, group in groups.items()},
-        used=tuple(example.name for _, example in examples),
-    )
-
-
-def _with_aligned(
-    examples: Sequence[tuple[Demonstration, Example]], reference: Reference
-) -> list[Example]:
-    """The examples, each with what it is over the reference phase of its task."""
-    recordings = [recorded for recorded, _ in examples]
-    aligned = make_examples(
-        recordings,
-        reference.forecast_basis,
-        reference.settings.ridge,
-        reference.timing.warps(recordings),
-    )
-    return [
-        example._replace(aligned=over_reference)
-        for (_, example), over_reference in zip(examples, aligned, strict=True)
-    ]
-
-
-def _reason_against(recorded: Demonstration, model: Demonstration | Reference | None) -> str:
-    """Why a recording cannot be learned from together with those before it, or nothing."""
-    if recorded.task is None:
-        return "it has no label `task`"
-    if recorded.task == NONE:
-        return f"the label {NONE!r} is reserved"
-    if model is None:
-        return ""
-    expected, found = _dofs(model), _dofs(recorded)
-    if expected == found:
-        return ""
-    source = model.source if isinstance(model, Reference) else model.name
-    return describe(
-        "DOFs",
-        f"those of {source or 'the model'}, {expected}",
-        found,
-        "Read all recordings with one DOF file.",
-    )
-
-
-def _dofs(model: Demonstration | Reference) -> tuple[tuple[SignalNames, ...], ...]:
-    """Names and unit of each signal, observed and controlled."""
-    if isinstance(model, Reference):
-        return model.observed, model.controlled
-    return _names(model.observed), _names(model.controlled)
-
-
-def _names(signals: Sequence) -> tuple[SignalNames, ...]:
-    return tuple(SignalNames(signal.names, signal.unit) for signal in signals)
+            groups.setdefault(example.task, []).append(example)
+            used.append(example.name)
+    tasks = {label: summarize(group) for label, group in groups.items()}
+    return total._replace(tasks=tasks, used=tuple(used))
 
 
 def _reject(total: Accumulated, name: str, reason: str) -> Accumulated:
@@ -281,17 +151,6 @@ def _demonstrations(recordings: Iterable[Demonstration]) -> Iterator[Demonstrati
 
 
 def _taken(reversed_head: list[Demonstration]) -> Iterator[Demonstration]:
-    """The recordings of a reversed list, each let go when it is handed out."""
+    """The recordings of a reversed list; each is removed from it as it is handed out."""
     while reversed_head:
         yield reversed_head.pop()
-
-
-def _batches(recordings: Iterable[Demonstration], size: int) -> Iterator[list[Demonstration]]:
-    batch = []
-    for recorded in recordings:
-        batch.append(recorded)
-        if len(batch) == size:
-            yield batch
-            batch = []
-    if batch:
-        yield batch

@@ -28,7 +28,7 @@ from intent_recognition.learning.mixture import MIN_MEMBERS, Features, cluster
 MAX_COMPONENTS = 10
 
 
-class Tried(NamedTuple):
+class ComponentTrial(NamedTuple):
     """One number of components.
 
     Attributes:
@@ -47,8 +47,8 @@ class Tried(NamedTuple):
 class ComponentChoice(NamedTuple):
     """The number of components taken, and all that were tried."""
 
-    chosen: Tried
-    tried: tuple[Tried, ...]
+    chosen: ComponentTrial
+    tried: tuple[ComponentTrial, ...]
 
     @property
     def n_components(self) -> int:
@@ -56,7 +56,7 @@ class ComponentChoice(NamedTuple):
         return int(self.chosen.labels.max()) + 1
 
 
-class Prediction(NamedTuple):
+class LeftOutPrediction(NamedTuple):
     """Left-out predictions of n demonstrations, component by component.
 
     Attributes:
@@ -96,7 +96,9 @@ def choose_components(
     return ComponentChoice(tried[taken], tuple(tried))
 
 
-def try_components(features: Features, n_components: int, rng: np.random.Generator) -> Tried:
+def try_components(
+    features: Features, n_components: int, rng: np.random.Generator
+) -> ComponentTrial:
     """Fit K components and score their left-out predictions.
 
     Raises:
@@ -111,18 +113,18 @@ def try_components(features: Features, n_components: int, rng: np.random.Generat
         )
     found = cluster(features, n_components, rng)
     if n < 2 or not features.loadings.size:  # nothing to leave out, or nothing to predict
-        return Tried(n_components, found.labels, np.zeros(n), np.zeros(n))
+        return ComponentTrial(n_components, found.labels, np.zeros(n), np.zeros(n))
     nll, rmse = np.empty(n), np.empty(n)
     each = found.left_out.rows[0].size * features.controlled.shape[1]
     for part in batches(n, each):
         prediction = predict_left_out(features, found.left_out, features.prior, part)
         nll[part], rmse[part] = score(prediction, features.controlled[part])
-    return Tried(n_components, found.labels, nll, rmse)
+    return ComponentTrial(n_components, found.labels, nll, rmse)
 
 
 def predict_left_out(
     features: Features, left_out: Components, prior: CovariancePrior, part: slice = slice(None)
-) -> Prediction:
+) -> LeftOutPrediction:
     """Predict each demonstration's controlled trajectory from its observed one.
 
     The prior on the covariance is taken as inverse Wishart, so what is left out has a Student t
@@ -160,7 +162,7 @@ def predict_left_out(
     evidence = components.log_weight + _log_student(squared / scale, freedom, split)
     evidence -= 0.5 * (log_det + split * np.log(scale))
     inflation = scale * (freedom + squared / scale) / (freedom + split)
-    return Prediction(
+    return LeftOutPrediction(
         evidence - np.logaddexp.reduce(evidence, axis=1)[:, None],
         mean,
         variance * inflation[..., None],
@@ -168,7 +170,7 @@ def predict_left_out(
     )
 
 
-def score(prediction: Prediction, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def score(prediction: LeftOutPrediction, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Negative log density per sample, and error of the mixture's mean, each (n,).
 
     Args:

@@ -9,7 +9,6 @@ import numpy as np
 
 from intent_recognition.alignment import Warp
 from intent_recognition.errors import TrainingError, describe
-from intent_recognition.learning.selection import SCORED_PHASES
 from intent_recognition.promp import (
     NormalizedRBFBasis,
     WeightFit,
@@ -23,12 +22,15 @@ from intent_recognition.signals import (
     onset_settings,
 )
 
+SCORED_PHASES = 20
+"""Phases at which predictions of the controlled agent are scored. Convention."""
 SAMPLES_PER_MOVEMENT = 30
-"""Samples of one movement that count as independent evidence; denser ones share it."""
+"""Samples of one movement that count as independent evidence; denser ones share it. Convention."""
 MIN_DURATION_S = 0.2
+"""Shortest movement that can be learned from [s]. Convention."""
 
 
-class Example(NamedTuple):
+class TrainingExample(NamedTuple):
     """One demonstration as weights.
 
     Attributes:
@@ -50,7 +52,7 @@ class Example(NamedTuple):
     duration_s: float
     observed: np.ndarray
     controlled: np.ndarray
-    aligned: "Example | None" = None
+    aligned: "TrainingExample | None" = None
 
 
 def sample_phases() -> np.ndarray:
@@ -63,7 +65,9 @@ def scored_phases() -> np.ndarray:
     return np.linspace(0.0, 1.0, SCORED_PHASES)
 
 
-def make_example(recorded: Demonstration, basis: NormalizedRBFBasis, ridge: float) -> Example:
+def make_example(
+    recorded: Demonstration, basis: NormalizedRBFBasis, ridge: float
+) -> TrainingExample:
     """Weights of one demonstration from its start to its end.
 
     Raises:
@@ -80,7 +84,7 @@ def make_examples(
     basis: NormalizedRBFBasis,
     ridge: float,
     warps: Sequence[Warp] | None = None,
-) -> list[Example | TrainingError]:
+) -> list[TrainingExample | TrainingError]:
     """The same of many, for each the error if it cannot be used.
 
     Signals that were sampled at the same phases, as in aligned demonstrations, are fitted together.
@@ -150,10 +154,10 @@ def _warped(parts: list[_Part] | TrainingError, warp: Warp) -> list[_Part] | Tra
 
 def _assemble(
     recorded: Demonstration, parts: Sequence[_Part], fits: Sequence[WeightFit]
-) -> Example:
+) -> TrainingExample:
     """The example of a recording from its signals and their weights."""
     n_observed = len(recorded.observed)
-    return Example(
+    return TrainingExample(
         recorded.name,
         str(recorded.task),
         np.vstack([fit.weights for fit in fits]),

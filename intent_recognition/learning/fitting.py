@@ -3,40 +3,59 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from typing import TypedDict
 
 import numpy as np
 
-from intent_recognition.learning.accumulation import Reference
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
-from intent_recognition.learning.selection import Candidate
-from intent_recognition.learning.statistics import TaskStatistics, pooled_moments
-from intent_recognition.learning.timing_covariance import (
-    mean_timing,
-    timing_covariance,
-    unseen_timing,
+from intent_recognition.learning.held_out_recognition import recognition_covariance
+from intent_recognition.learning.preprocessing import Preprocessing
+from intent_recognition.learning.selection import Hyperparameters
+from intent_recognition.learning.statistics import (
+    TaskStatistics,
+    aligned_statistics,
+    pooled_moments,
+    variance_scales,
 )
-from intent_recognition.learning.unknown_task import none_model
+from intent_recognition.learning.unknown_task import departure, none_primitive, none_timing
 from intent_recognition.promp import (
     IDENTITY_CALIBRATION,
     AlignedPrimitives,
     TaskLibrary,
-    observed_block,
-    recognition_covariances,
     shrunk_covariance,
     structured_target,
-    weight_floor,
 )
 
 DURATION_SAMPLE_SIZE = 4.0
-"""Demonstrations' worth of the assumption that all tasks' durations spread alike."""
+"""Equivalent sample size, in demonstrations, of the prior that the log durations of all tasks have
+the same variance. Convention."""
 SMALLEST_DURATION_STD = 0.05
-"""Smallest spread of the log duration of a task."""
+"""Smallest standard deviation of the log duration of a task: 5 % of the duration. Convention."""
+
+
+class LearnedFields(TypedDict):
+    """The fields of a `TaskLibrary` that change with every demonstration."""
+
+    weight_mean: np.ndarray
+    weight_covariance: np.ndarray
+    noise_variance: np.ndarray
+    noise_scale: float
+    n_demonstrations: np.ndarray
+    log_duration_mean: np.ndarray
+    log_duration_std: np.ndarray
+    correlation_time_s: float
+    recognition_covariance: np.ndarray
+    recognition_noise_scale: float
+    none_mean: np.ndarray
+    none_covariance: np.ndarray
+    none_log_duration: np.ndarray
+    aligned: AlignedPrimitives | None
 
 
 def library_from_statistics(
     tasks: Mapping[str, TaskStatistics],
-    reference: Reference,
-    chosen: Candidate,
+    preprocessing: Preprocessing,
+    chosen: Hyperparameters,
     provenance: Mapping[str, object] | None = None,
     none_calibration: Sequence[float] = IDENTITY_CALIBRATION,
 ) -> TaskLibrary:
@@ -44,23 +63,28 @@ def library_from_statistics(
 
     Args:
         tasks: statistics of each label, sorted; at least one of two demonstrations.
-        reference: how their examples were made.
+        preprocessing: how their examples were made.
         chosen: the hyperparameters.
-        provenance: what to remember about the origin.
-        none_calibration: a hyperparameter too, but it takes a library to choose it.
+        provenance: stored in the library, beside settings and hyperparameters.
+        none_calibration: see `calibrate_none`, which needs a library to choose it.
     """
-    settings, n_tasks = reference.settings, len(tasks)
+    settings, n_tasks = preprocessing.settings, len(tasks)
+    observed, controlled = preprocessing.observed, preprocessing.controlled
     return TaskLibrary(
         labels=tuple(tasks),
-        basis=reference.basis,
-        **_names(reference),
-        **learned_from(tasks, reference, chosen),
+        basis=preprocessing.basis,
+        observed_names=tuple(name for signal in observed for name in signal.names),
+        controlled_names=tuple(name for signal in controlled for name in signal.names),
+        observed_units=tuple(signal.unit for signal in observed for _ in signal.names),
+        controlled_units=tuple(signal.unit for signal in controlled for _ in signal.names),
+        observed_groups=tuple(len(signal.names) for signal in observed),
+        **learned_from(tasks, preprocessing, chosen),
         task_prior=np.full(n_tasks, 1.0 / n_tasks),
         transition_prior=np.full((n_tasks + 1, n_tasks), 1.0 / n_tasks),
         none_prior=settings.none_prior,
         duration_evidence=settings.duration_evidence,
         none_calibration=np.array(none_calibration),
-        onset=reference.onset,
+        onset=preprocessing.onset,
         provenance={
             **(provenance or {}),
             "settings": asdict(settings),
@@ -70,74 +94,61 @@ def library_from_statistics(
 
 
 def learned_from(
-    tasks: Mapping[str, TaskStatistics], reference: Reference, chosen: Candidate
-) -> dict[str, object]:
-    """Those attributes of the library that change with every demonstration."""
-    statistics = list(tasks.values())
-    _, noise = scales(tasks)
-    covariances = predictive_covariances(tasks, chosen.strength)
-    timing = _timing(statistics)
-    covariance = recognition(tasks, reference, chosen.recognition_strength)
+    tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing, chosen: Hyperparameters
+) -> LearnedFields:
+    """The fields of the library that change with every demonstration."""
+    statistics, n_observed = list(tasks.values()), preprocessing.n_observed
+    _, noise = variance_scales(tasks)
+    log_mean, log_std = _durations(statistics)
+    covariance = recognition_covariance(tasks, preprocessing, chosen.recognition_strength)
+    means = np.array([task.mean[:n_observed] for task in statistics])
+    none = none_primitive(means, covariance, departure(statistics, n_observed))
+    n = np.array([task.n for task in statistics])
+    mean_duration_s = float(sum(task.duration_sum_s for task in statistics) / n.sum())
     return {
         "weight_mean": np.array([task.mean.ravel() for task in statistics]),
-        "weight_covariance": covariances,
+        "weight_covariance": predictive_covariances(tasks, chosen.strength),
         "noise_variance": noise,
         "noise_scale": chosen.noise_scale,
-        "n_demonstrations": np.array([task.n for task in statistics]),
-        **timing,
+        "n_demonstrations": n,
+        "log_duration_mean": log_mean,
+        "log_duration_std": log_std,
+        "correlation_time_s": mean_duration_s / SAMPLES_PER_MOVEMENT,
         "recognition_covariance": covariance,
         "recognition_noise_scale": chosen.recognition_noise_scale,
-        **none_model(statistics, covariance, timing),
-        "aligned": aligned_primitives(tasks, reference, chosen) if chosen.aligned else None,
+        "none_mean": none.mean,
+        "none_covariance": none.covariance,
+        "none_log_duration": none_timing(log_mean, log_std),
+        "aligned": aligned_primitives(tasks, preprocessing, chosen) if chosen.aligned else None,
     }
 
 
-def aligned_statistics(tasks: Mapping[str, TaskStatistics]) -> dict[str, TaskStatistics] | None:
-    """Statistics of the aligned examples of each label; None where there are none."""
-    if any(task.aligned is None for task in tasks.values()):
-        return None
-    return {label: task.aligned for label, task in tasks.items()}
-
-
 def aligned_primitives(
-    tasks: Mapping[str, TaskStatistics], reference: Reference, chosen: Candidate
+    tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing, chosen: Hyperparameters
 ) -> AlignedPrimitives:
-    """Primitives over reference phase, of tasks whose examples were aligned."""
-    over_reference = aligned_statistics(tasks)
-    _, noise = scales(over_reference)
+    """Primitives over reference phase.
+
+    Raises:
+        ValueError: the examples of a task were not aligned.
+    """
+    aligned = aligned_statistics(tasks)
+    if aligned is None:
+        raise ValueError("aligned_primitives needs tasks whose examples are all aligned")
+    _, noise = variance_scales(aligned)
     return AlignedPrimitives(
-        basis=reference.forecast_basis,
-        n_observed=sum(len(signal.names) for signal in reference.observed),
-        weight_mean=np.array([task.mean.ravel() for task in over_reference.values()]),
-        weight_covariance=predictive_covariances(over_reference, chosen.aligned_strength),
+        basis=preprocessing.aligned_basis,
+        n_observed=preprocessing.n_observed,
+        weight_mean=np.array([task.mean.ravel() for task in aligned.values()]),
+        weight_covariance=predictive_covariances(aligned, chosen.aligned_strength),
         noise_variance=noise,
         noise_scale=chosen.aligned_noise_scale,
-        phase_deviation=reference.timing.phase_deviation,
+        phase_deviation=preprocessing.timing.phase_deviation,
     )
-
-
-def recognition(
-    tasks: Mapping[str, TaskStatistics], reference: Reference, strength: float
-) -> np.ndarray:
-    """Covariances of the observed weights that tasks are told apart by, (K, P N, P N)."""
-    floor, _ = scales(tasks)
-    basis = reference.basis
-    n_dofs = sum(len(signal.names) for signal in reference.observed)
-    size = n_dofs * basis.n_basis
-    pooled = observed_block(pooled_moments(tasks.values()), size)
-    own = [observed_block(task.moments, size) for task in tasks.values()]
-    means = [task.mean[:n_dofs].ravel() for task in tasks.values()]
-    covariances = recognition_covariances(own, pooled, floor[:n_dofs], strength)
-    phase_deviation = reference.timing.phase_deviation
-    shared = mean_timing(basis, means, phase_deviation)
-    for covariance, mean in zip(covariances, means, strict=True):
-        covariance += unseen_timing(timing_covariance(basis, mean, phase_deviation), shared)
-    return covariances
 
 
 def predictive_covariances(tasks: Mapping[str, TaskStatistics], strength: float) -> np.ndarray:
     """Predictive covariance of each task's next demonstration, (K, D N, D N)."""
-    floor, _ = scales(tasks)
+    floor, _ = variance_scales(tasks)
     pooled = pooled_moments(tasks.values())
     covariances = []
     for task in tasks.values():
@@ -146,40 +157,16 @@ def predictive_covariances(tasks: Mapping[str, TaskStatistics], strength: float)
     return np.array(covariances)
 
 
-def scales(tasks: Mapping[str, TaskStatistics]) -> tuple[np.ndarray, np.ndarray]:
-    """Variance floor and noise variance of each DOF over all demonstrations, (D,)."""
-    statistics = tasks.values()
-    lowest = np.min([task.lowest for task in statistics], axis=0)
-    highest = np.max([task.highest for task in statistics], axis=0)
-    extremes = np.stack([lowest, highest], axis=1)[None]
-    floor = weight_floor(extremes)
-    residual = np.sum([task.residual_sum for task in statistics], axis=0)
-    noise = np.maximum(residual / sum(task.n for task in statistics), floor)
-    return floor, noise
+def _durations(tasks: Sequence[TaskStatistics]) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and predictive standard deviation of each task's log duration, (K,) each.
 
-
-def _timing(tasks: Sequence[TaskStatistics]) -> dict[str, object]:
-    """Timing prior per task from log durations; the spread leans on all tasks."""
+    The variance is shrunk towards the one pooled over all tasks.
+    """
     scatter = np.array([task.log_duration_scatter for task in tasks])
     n = np.array([task.n for task in tasks])
     pooled = scatter.sum() / max(n.sum() - len(n), 1)
     variance = (
         (scatter + DURATION_SAMPLE_SIZE * pooled) / (n - 1 + DURATION_SAMPLE_SIZE) * (1 + 1 / n)
     )
-    duration_sum_s = sum(task.duration_sum_s for task in tasks)
-    return {
-        "log_duration_mean": np.array([task.log_duration_mean for task in tasks]),
-        "log_duration_std": np.sqrt(np.maximum(variance, SMALLEST_DURATION_STD**2)),
-        "correlation_time_s": float(duration_sum_s / n.sum()) / SAMPLES_PER_MOVEMENT,
-    }
-
-
-def _names(reference: Reference) -> dict[str, tuple]:
-    """Names, units and groups of the DOFs."""
-    return {
-        "observed_names": tuple(name for s in reference.observed for name in s.names),
-        "controlled_names": tuple(name for s in reference.controlled for name in s.names),
-        "observed_units": tuple(s.unit for s in reference.observed for _ in s.names),
-        "controlled_units": tuple(s.unit for s in reference.controlled for _ in s.names),
-        "observed_groups": tuple(len(s.names) for s in reference.observed),
-    }
+    mean = np.array([task.log_duration_mean for task in tasks])
+    return mean, np.sqrt(np.maximum(variance, SMALLEST_DURATION_STD**2))

@@ -1,20 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well left-out demonstrations are predicted by the very filter that runs online.
+"""Held-out validation of the aligned primitives, with the filter that runs online.
 
-It tells whether aligned primitives are worth their while: where people keep to their own pace, the
-steady ones predict as well, and say more about the end.
+It decides whether trajectories are predicted from aligned primitives: where people keep a steady
+pace, those at steady progress predict as well, and the end more precisely (docs/prediction.md).
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from intent_recognition.filtering import PhaseDeviationFilter
 from intent_recognition.gaussian import symmetrize
-from intent_recognition.learning.examples import Example, sample_phases, scored_phases
-from intent_recognition.learning.selection import FRACTIONS
-from intent_recognition.learning.statistics import TaskStatistics, pooled_moments
+from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
+from intent_recognition.learning.selection import FRACTIONS, Hyperparameters
+from intent_recognition.learning.statistics import (
+    TaskStatistics,
+    aligned_statistics,
+    pooled_moments,
+    variance_scales,
+)
 from intent_recognition.promp import (
     AlignedPrimitives,
     Scatter,
@@ -25,34 +31,75 @@ from intent_recognition.promp import (
 )
 
 ALIGNED_STRENGTHS = (10.0, 30.0, 100.0)
+"""Equivalent sample sizes of the aligned covariances' target that are tried, in demonstrations.
+Convention."""
 ALIGNED_NOISE_SCALES = (4.0, 16.0)
-"""The grid that the aligned primitives are rehearsed on."""
-MAX_REHEARSED = 12
-"""Demonstrations of one task that are left out, at most, evenly drawn."""
+"""Factors of the observed DOFs' noise variance that are tried for aligned primitives. Convention.
+"""
+MAX_VALIDATED = 12
+"""Demonstrations of one task that are held out at most, evenly drawn. Convention: it bounds the
+time."""
 
 
-class HeldOutValidation(NamedTuple):
-    """One way to predict: a forecast, and the strength of its covariances' target."""
+class AlignedCandidate(NamedTuple):
+    """Aligned primitives, and the equivalent sample size of their covariances' target."""
 
     primitives: AlignedPrimitives
     strength: float
 
 
+def choose_aligned(
+    steady: AlignedPrimitives,
+    aligned: AlignedPrimitives,
+    tasks: Mapping[str, TaskStatistics],
+    chosen: Hyperparameters,
+) -> Hyperparameters:
+    """Hyperparameters of the aligned primitives, and whether predictions come from them.
+
+    They do where held-out demonstrations are predicted with less error than at steady progress.
+
+    Args:
+        steady: primitives at steady progress.
+        aligned: primitives over reference phase.
+        tasks: statistics of each label.
+        chosen: the other hyperparameters.
+    """
+    over_reference = aligned_statistics(tasks)
+    if over_reference is None:
+        return chosen
+    floor, _ = variance_scales(tasks)
+    (least,) = validate_held_out([AlignedCandidate(steady, chosen.strength)], tasks, tasks, floor)
+    tried = [
+        AlignedCandidate(replace(aligned, noise_scale=noise_scale), strength)
+        for strength in ALIGNED_STRENGTHS
+        for noise_scale in ALIGNED_NOISE_SCALES
+    ]
+    floor, _ = variance_scales(over_reference)
+    errors = validate_held_out(tried, over_reference, tasks, floor)
+    best = int(np.argmin(errors))
+    if errors[best] < least:
+        primitives, strength = tried[best]
+        chosen = chosen._replace(
+            aligned=True, aligned_strength=strength, aligned_noise_scale=primitives.noise_scale
+        )
+    return chosen
+
+
 def validate_held_out(
-    tried: Sequence[HeldOutValidation],
+    tried: Sequence[AlignedCandidate],
     tasks: Mapping[str, TaskStatistics],
     recorded: Mapping[str, TaskStatistics],
     floor: np.ndarray,
 ) -> np.ndarray:
-    """Mean squared error of the controlled agent of demonstrations left out, (c,).
+    """Mean squared error of the controlled agent of held-out demonstrations, (c,).
 
     Each DOF counts in parts of its variance over all demonstrations; mean over DOFs, phases and
     shares of the movement observed (`selection.FRACTIONS`). The duration is known. Infinite if no
     demonstration can be left out.
 
     Args:
-        tried: what is rehearsed; means and covariances of the forecasts are replaced by those
-            without the demonstration left out.
+        tried: what is validated; means and covariances of the primitives are replaced by those
+            without the demonstration held out.
         tasks: statistics that means and covariances are from.
         recorded: statistics of the examples as they were recorded, of the same tasks.
         floor: variance floor per DOF, (D,).
@@ -65,7 +112,7 @@ def validate_held_out(
         if task.n < 2:
             continue
         pairs = list(zip(task.examples, recorded[label].examples, strict=True))
-        drawn = np.unique(np.linspace(0, len(pairs) - 1, MAX_REHEARSED).round().astype(int))
+        drawn = np.unique(np.linspace(0, len(pairs) - 1, MAX_VALIDATED).round().astype(int))
         left_out = _leave_out(task, pooled, [pairs[index] for index in drawn], floor)
         regressions = {}
         for index, (primitives, strength) in enumerate(tried):
@@ -98,7 +145,7 @@ class _LeftOut(NamedTuple):
 def _leave_out(
     task: TaskStatistics,
     pooled: Scatter,
-    pairs: Sequence[tuple[Example, Example]],
+    pairs: Sequence[tuple[TrainingExample, TrainingExample]],
     floor: np.ndarray,
 ) -> _LeftOut:
     """What does not depend on how it is predicted."""

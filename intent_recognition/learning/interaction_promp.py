@@ -8,9 +8,9 @@ import numpy as np
 from intent_recognition.errors import ArgumentError, TrainingError, describe
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import make_example
-from intent_recognition.learning.fitting import predictive_covariances, scales
+from intent_recognition.learning.fitting import predictive_covariances
 from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.statistics import summarize
+from intent_recognition.learning.statistics import summarize, variance_scales
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis
 from intent_recognition.signals import Demonstration
 
@@ -61,7 +61,7 @@ def fit_interaction_promp(
         basis,
         Gaussian(task.mean.ravel(), covariance),
         sum(len(signal.names) for signal in demonstrations[0].observed),
-        scales({"": task})[1],
+        variance_scales({"": task})[1],
         float(np.exp(task.log_duration_mean)),
     )
 

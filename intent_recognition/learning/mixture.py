@@ -155,7 +155,7 @@ def cluster(
     n_starts = n_starts if n_components > 1 else 1
     starts = np.unique(kmeans_starts(points, n_components, n_starts, rng), axis=0)
     fits = fit_mixture(points, one_hot(starts, n_components), prior)
-    worth = [_worth(fits, b, n_components) for b in range(len(starts))]
+    worth = [_rank(fits, b, n_components) for b in range(len(starts))]
     best = max(range(len(starts)), key=lambda b: worth[b])
     labels, value = fits.labels[best], worth[best]
     left_out = leave_each_out(points, labels, n_components, prior)
@@ -164,9 +164,9 @@ def cluster(
         if np.array_equal(moved, labels):
             break
         fit = fit_mixture(points, one_hot(moved[None], n_components), prior)
-        if _worth(fit, 0, n_components) <= value:
+        if _rank(fit, 0, n_components) <= value:
             break
-        labels, value = fit.labels[0], _worth(fit, 0, n_components)
+        labels, value = fit.labels[0], _rank(fit, 0, n_components)
         left_out = leave_each_out(points, labels, n_components, prior)
     return Clustering(_ordered(labels), value[1], left_out)
 
@@ -195,7 +195,7 @@ def left_out_labels(points: np.ndarray, left_out: Components) -> np.ndarray:
     return labels
 
 
-def _worth(fits: MixtureFit, index: int, n_components: int) -> tuple[bool, float]:
+def _rank(fits: MixtureFit, index: int, n_components: int) -> tuple[bool, float]:
     """What fits are compared by: all components can stand alone, then the likelihood."""
     sizes = np.bincount(fits.labels[index], minlength=n_components)
     return bool(sizes.min() >= MIN_MEMBERS), float(fits.log_likelihood[index])

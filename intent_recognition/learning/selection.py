@@ -7,30 +7,47 @@ pairs (strength of the target, scale of the noise) the one of least error is tak
 is estimated without the one left out.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from intent_recognition.gaussian import symmetrize
-from intent_recognition.promp import Scatter, leave_one_out_scatter, shrunk_covariance
+from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
+from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
+from intent_recognition.promp import (
+    NormalizedRBFBasis,
+    Scatter,
+    leave_one_out_scatter,
+    leave_one_out_targets,
+    shrunk_covariance,
+)
 
 STRENGTHS = (0.3, 1.0, 2.0, 4.0, 10.0, 30.0, 100.0, 300.0)
+"""Equivalent sample sizes of the covariances' target that are tried, in demonstrations. Convention.
+"""
 NOISE_SCALES = (1.0, 4.0, 16.0, 64.0)
+"""Factors of the observed DOFs' noise variance that are tried. Convention."""
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
-SCORED_PHASES = 20
+"""Shares of the movement after which the rest is predicted. Convention: those of `intent evaluate`.
+"""
+MAX_SCORED = 600
+"""Demonstrations of all tasks that hyperparameters are chosen on, at most. Convention: it bounds
+the time."""
+SCORED_TOGETHER = 16
+"""Demonstrations left out at a time. Convention: it bounds the memory of their covariances."""
 
 
-class Candidate(NamedTuple):
+class Hyperparameters(NamedTuple):
     """Hyperparameters and their leave-one-out score, lower wins.
 
     Attributes:
-        strength: worth of the covariances' target in demonstrations.
+        strength: equivalent sample size of the covariances' target, in demonstrations.
         noise_scale: factor of the observed DOFs' noise variance.
         score: mean squared error of the controlled agent, each DOF in parts of its variance.
-        aligned: predict from the aligned primitives.
-        aligned_strength, aligned_noise_scale: theirs.
-        recognition_strength, recognition_noise_scale: those of recognition.
+        aligned: whether trajectories are predicted from the aligned primitives.
+        aligned_strength, aligned_noise_scale: the first two for the aligned primitives.
+        recognition_strength, recognition_noise_scale: the first two for recognition.
     """
 
     strength: float
@@ -82,7 +99,7 @@ def leave_one_out_scores(
         targets: target covariance without each demonstration in turn, (n, D N, D N).
         noise_variance: residual variance per DOF, (D,).
         scored_design: basis at the scored phases, (s, N).
-        strength: the target's worth in demonstrations.
+        strength: equivalent sample size of the target, in demonstrations.
         noise_scales: factors of the observed DOFs' noise variance to try.
     """
     n, n_dofs, n_basis = samples.weights.shape
@@ -104,8 +121,8 @@ def leave_one_out_scores(
     ).reshape(n, -1)
     truth = np.swapaxes(samples.controlled, 1, 2).reshape(n, -1)
     own = np.diag(samples.scatter.matrix).reshape(n_dofs, n_basis).mean(axis=1) / rest
-    spread = (own + np.var(samples.mean, axis=1) + noise_variance)[n_observed:]
-    scale_of_truth = np.repeat(spread, len(scored_design))
+    variance = (own + np.var(samples.mean, axis=1) + noise_variance)[n_observed:]
+    scale_of_truth = np.repeat(variance, len(scored_design))
     centred = samples.observed - np.einsum(
         "nmk,npk->nmp", samples.design, mean[:, :split].reshape(n, n_observed, n_basis)
     )
@@ -132,10 +149,10 @@ def select(
     targets: Iterable[np.ndarray],
     noise_variance: np.ndarray,
     scored_design: np.ndarray,
-) -> tuple[Candidate, tuple[Candidate, ...]]:
+) -> tuple[Hyperparameters, tuple[Hyperparameters, ...]]:
     """The best pair of strength and noise scale, and all that were tried.
 
-    Tasks of one demonstration cannot be left out and do not vote; when none can, the middle of both
+    Tasks of one demonstration cannot be left out and are ignored; when none can, the middle of both
     grids is taken, with a score of NaN.
 
     Args:
@@ -154,14 +171,67 @@ def select(
             ]
             parts.append(np.concatenate(scores))
     if not parts:
-        middle = Candidate(
+        middle = Hyperparameters(
             STRENGTHS[len(STRENGTHS) // 2], NOISE_SCALES[len(NOISE_SCALES) // 2], float("nan")
         )
         return middle, (middle,)
     per_demonstration = np.hstack(parts)
     grid = [(strength, scale) for strength in STRENGTHS for scale in NOISE_SCALES]
     tried = [
-        Candidate(strength, scale, float(score))
+        Hyperparameters(strength, scale, float(score))
         for (strength, scale), score in zip(grid, per_demonstration.mean(axis=1), strict=True)
     ]
     return min(tried, key=lambda candidate: candidate.score), tuple(tried)
+
+
+def choose_steady(
+    tasks: Mapping[str, TaskStatistics], basis: NormalizedRBFBasis
+) -> tuple[Hyperparameters, tuple[Hyperparameters, ...]]:
+    """Hyperparameters of the primitives at steady progress, and all that were tried.
+
+    Every demonstration that was kept whole is left out in turn, of very many `MAX_SCORED`, as many
+    of each task; the statistics it is predicted from are those of all others.
+    """
+    most = MAX_SCORED
+    if sum(len(task.examples) for task in tasks.values()) > MAX_SCORED:
+        most = max(MAX_SCORED // len(tasks), 1)
+    parts = [
+        (task, task.examples[start : min(start + SCORED_TOGETHER, most)])
+        for task in tasks.values()
+        for start in range(0, min(len(task.examples), most), SCORED_TOGETHER)
+    ]
+    floor, noise = variance_scales(tasks)
+    return select(
+        (_samples(task, examples, basis) for task, examples in parts),
+        _targets(parts, tasks, floor),
+        noise,
+        basis.design_matrix(scored_phases()),
+    )
+
+
+def _targets(
+    parts: Iterable[tuple[TaskStatistics, Sequence[TrainingExample]]],
+    tasks: Mapping[str, TaskStatistics],
+    floor: np.ndarray,
+) -> Iterator[np.ndarray]:
+    """Target covariances without each demonstration in turn, part after part."""
+    pooled = pooled_moments(tasks.values())
+    for task, examples in parts:
+        deviations = np.array([example.weights for example in examples]) - task.mean
+        yield leave_one_out_targets(task.moments, pooled, deviations, floor)
+
+
+def _samples(
+    task: TaskStatistics, examples: Sequence[TrainingExample], basis: NormalizedRBFBasis
+) -> TaskSamples:
+    """What the hyperparameters are scored on, of some demonstrations of one task."""
+    phase = np.repeat(sample_phases()[None], len(examples), axis=0)
+    return TaskSamples(
+        task.mean,
+        task.moments,
+        np.array([e.weights for e in examples]),
+        np.array([e.observed for e in examples]),
+        basis.design_matrix(phase),
+        phase,
+        np.array([e.controlled for e in examples]),
+    )

@@ -14,7 +14,7 @@ class TrainingSettings:
 
     Attributes:
         n_basis: basis functions per DOF.
-        n_forecast_basis: the same of the aligned primitives that trajectories are predicted from.
+        n_aligned_basis: the same of the aligned primitives that trajectories are predicted from.
         width: their width in units of their spacing.
         ridge: relative curvature penalty of the weights' regression.
         segmentation: "movement" cuts each recording to the interaction, as the online detector
@@ -29,7 +29,7 @@ class TrainingSettings:
     """
 
     n_basis: int = 20
-    n_forecast_basis: int = 40
+    n_aligned_basis: int = 40
     width: float = 1.0
     ridge: float = 3e-3
     segmentation: str = "movement"

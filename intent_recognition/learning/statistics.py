@@ -7,7 +7,7 @@ digits where the spread is small beside the mean. Only the choice of hyperparame
 demonstrations; of these a bounded sample is kept, the same one in whatever order they came.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from hashlib import blake2b
@@ -15,8 +15,8 @@ from hashlib import blake2b
 import numpy as np
 
 from intent_recognition.errors import ShapeError, describe
-from intent_recognition.learning.examples import Example
-from intent_recognition.promp import Scatter
+from intent_recognition.learning.examples import TrainingExample
+from intent_recognition.promp import Scatter, weight_floor
 
 MAX_EXAMPLES = 200
 """Demonstrations of one task that are kept whole, to choose hyperparameters on."""
@@ -48,7 +48,7 @@ class TaskStatistics:
     log_duration_mean: float
     log_duration_scatter: float
     duration_sum_s: float
-    examples: tuple[Example, ...]
+    examples: tuple[TrainingExample, ...]
     aligned: "TaskStatistics | None" = None
 
     @property
@@ -57,7 +57,7 @@ class TaskStatistics:
         return Scatter(self.scatter, self.n - 1)
 
 
-def summarize(examples: Sequence[Example]) -> TaskStatistics:
+def summarize(examples: Sequence[TrainingExample]) -> TaskStatistics:
     """Statistics of one or more demonstrations of one task.
 
     Raises:
@@ -93,7 +93,9 @@ def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStati
     share, pairs = second.n / n, first.n * second.n / n
     step = second.mean - first.mean
     outer = np.outer(step, step)
-    both = first.aligned is not None and second.aligned is not None
+    aligned = None
+    if first.aligned is not None and second.aligned is not None:
+        aligned = merge_statistics(first.aligned, second.aligned)
     log_step = second.log_duration_mean - first.log_duration_mean
     return TaskStatistics(
         n=n,
@@ -108,7 +110,7 @@ def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStati
         + pairs * log_step**2,
         duration_sum_s=first.duration_sum_s + second.duration_sum_s,
         examples=_draw((*first.examples, *second.examples)),
-        aligned=merge_statistics(first.aligned, second.aligned) if both else None,
+        aligned=aligned,
     )
 
 
@@ -119,11 +121,27 @@ def pooled_moments(tasks: Iterable[TaskStatistics]) -> Scatter:
     return Scatter(matrix, sum(task.n - 1 for task in tasks))
 
 
-def _draw(examples: Sequence[Example]) -> tuple[Example, ...]:
+def variance_scales(tasks: Mapping[str, TaskStatistics]) -> tuple[np.ndarray, np.ndarray]:
+    """Variance floor and noise variance of each DOF over all demonstrations, (D,) each."""
+    statistics = tasks.values()
+    lowest = np.min([task.lowest for task in statistics], axis=0)
+    highest = np.max([task.highest for task in statistics], axis=0)
+    floor = weight_floor(np.stack([lowest, highest], axis=1)[None])
+    residual = np.sum([task.residual_sum for task in statistics], axis=0)
+    return floor, np.maximum(residual / sum(task.n for task in statistics), floor)
+
+
+def aligned_statistics(tasks: Mapping[str, TaskStatistics]) -> dict[str, TaskStatistics] | None:
+    """Statistics of the aligned examples of each label; None where one has none."""
+    aligned = {label: task.aligned for label, task in tasks.items() if task.aligned is not None}
+    return aligned if len(aligned) == len(tasks) else None
+
+
+def _draw(examples: Sequence[TrainingExample]) -> tuple[TrainingExample, ...]:
     """The `MAX_EXAMPLES` of the smallest hash: a fair sample in any order and grouping."""
     return tuple(sorted(examples, key=_key)[:MAX_EXAMPLES])
 
 
-def _key(example: Example) -> bytes:
+def _key(example: TrainingExample) -> bytes:
     identity = f"{example.name}\0{example.duration_s!r}"
     return blake2b(identity.encode(), digest_size=8).digest()

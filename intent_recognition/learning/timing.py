@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How recordings of a task are brought onto a common timing before their weights are taken.
+"""Timing of demonstrations: templates to align with, and deviations from steady progress.
 
-The templates and the spread of people's leads are settled once, from the recordings at hand, and
-are part of what makes an example; a later recording is warped onto the same template, for itself
-(Maeda et al. 2014, part III-E).
+Templates and the standard deviation of the phase deviation are estimated once and are part of the
+preprocessing; a later recording is warped onto the same template by itself (Maeda et al. 2014, part
+III-E).
+
+A person whose phase deviates by e from steady progress u is, to first order, at
+mu(u + e) = mu(u) + e mu'(u). A hesitation can happen anywhere, but a few demonstrations show only
+a few of them. `timing_covariance` is the covariance that the phase deviation implies; a part of it
+is added to the covariances that tasks are recognised by (docs/decisions/hesitations.md).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -12,25 +17,33 @@ from dataclasses import dataclass
 import numpy as np
 
 from intent_recognition.alignment import Template, Warp, align, align_to, even_trajectory
-from intent_recognition.promp import PhaseDeviation
-from intent_recognition.signals import Signal
+from intent_recognition.promp import OWN_COVARIANCE_SHARE, NormalizedRBFBasis, PhaseDeviation
+from intent_recognition.signals import Demonstration
 
-N_LEAD_PHASES = 51
-SMALLEST_LEAD = 0.004
-UNKNOWN_LEAD = 0.03
-"""Standard deviations of the lead: the least, and that where no task has two recordings."""
-LEAD_CORRELATION = 0.4
+N_DEVIATION_PHASES = 51
+"""Evenly spaced phases at which the standard deviation of the phase deviation is kept. Convention.
+"""
+MIN_DEVIATION_STD = 0.004
+"""Smallest standard deviation of the phase deviation, a share of the duration. Convention."""
+DEFAULT_DEVIATION_STD = 0.03
+"""The largest along the movement where no task has two recordings, a share of the duration.
+Convention."""
+DEVIATION_CORRELATION = 0.4
+"""Correlation length of the phase deviation, in phase (docs/prediction.md)."""
 DEVIATION_EVIDENCE = 0.3
-"""See `promp.PhaseDeviation`, and docs/prediction.md for what was tried."""
+"""Exponent of the evidence on the phase deviation, in (0, 1] (docs/prediction.md)."""
+UNSHOWN_DEVIATION_SHARE = 0.5
+"""Share of a phase deviation that the demonstrations' own covariance does not contain
+(docs/decisions/hesitations.md)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """Templates of tasks, and how far recordings lead or lag behind them.
+    """Templates of tasks, and how far the phase of recordings deviates from steady progress.
 
     Attributes:
         templates: of each label that had two recordings.
-        deviation_std: standard deviation of the lead at even recorded phases, (U,).
+        deviation_std: standard deviation of the phase deviation at even recorded phases, (U,).
     """
 
     templates: Mapping[str, Template]
@@ -44,14 +57,14 @@ class Timing:
             pairs += zip(template, other.templates[label], strict=True)
         return all(np.array_equal(ours, theirs) for ours, theirs in pairs)
 
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]  # arrays have no hash
 
     @property
     def phase_deviation(self) -> PhaseDeviation:
-        """The prior of a person's lead."""
-        return PhaseDeviation(self.deviation_std, LEAD_CORRELATION, DEVIATION_EVIDENCE)
+        """The prior of a person's phase deviation."""
+        return PhaseDeviation(self.deviation_std, DEVIATION_CORRELATION, DEVIATION_EVIDENCE)
 
-    def warps(self, recordings: Sequence) -> list[Warp]:
+    def warps(self, recordings: Sequence[Demonstration]) -> list[Warp]:
         """From reference phase to the recorded phase of each; the identity without a template."""
         found = [Warp.identity()] * len(recordings)
         for label, indices in _by_task(recordings).items():
@@ -63,63 +76,105 @@ class Timing:
         return found
 
 
-def settle_timing(recordings: Sequence) -> Timing:
-    """Templates and leads of recordings that are cut to their movements.
+def estimate_timing(recordings: Sequence[Demonstration]) -> Timing:
+    """Templates and phase deviations of labelled recordings that are cut to their movements.
 
-    Args:
-        recordings: labelled demonstrations; those without a sample of some signal are
-            passed over.
+    Recordings without a sample of some signal are ignored.
     """
     usable = [recorded for recorded in recordings if _has_samples(recorded)]
-    templates, leads = {}, []
+    templates, deviations = {}, []
     for label, indices in _by_task(usable).items():
         if len(indices) < 2:
             continue
         alignment = align([_path(usable[index]) for index in indices])
         templates[label] = alignment.template
-        leads.append(_leads(alignment.warps))
-    return Timing(dict(sorted(templates.items())), _lead_std(leads))
+        deviations.append(_deviations(alignment.warps))
+    return Timing(dict(sorted(templates.items())), _deviation_std(deviations))
 
 
-def _leads(warps: Iterable[Warp]) -> np.ndarray:
+def _deviations(warps: Iterable[Warp]) -> np.ndarray:
     """Reference phase less recorded phase of each warp at even recorded phases, (n, U)."""
-    recorded = np.linspace(0.0, 1.0, N_LEAD_PHASES)
+    recorded = np.linspace(0.0, 1.0, N_DEVIATION_PHASES)
     return np.array([np.clip(warp.inverse(recorded), 0.0, 1.0) for warp in warps]) - recorded
 
 
-def _lead_std(leads: Sequence[np.ndarray]) -> np.ndarray:
-    """Standard deviation of the lead, pooled over tasks, (U,).
+def _deviation_std(deviations: Sequence[np.ndarray]) -> np.ndarray:
+    """Standard deviation of the phase deviation, pooled over tasks, (U,).
 
-    Recordings begin and end with the movement, so that nobody leads there: the variance is that of
-    a bridge, c^2 4 u (1 - u), with c from the warps.
+    Recordings begin and end with the movement, where the deviation is zero: the variance is that
+    of a bridge, c^2 4 u (1 - u), with c fitted to the warps by least squares.
     """
-    phase = np.linspace(0.0, 1.0, N_LEAD_PHASES)
+    phase = np.linspace(0.0, 1.0, N_DEVIATION_PHASES)
     bridge = 4.0 * phase * (1.0 - phase)
-    largest = UNKNOWN_LEAD
-    if leads:
+    largest = DEFAULT_DEVIATION_STD
+    if deviations:
         inner = slice(1, -1)
-        freedom = sum(len(rows) - 1 for rows in leads)
-        variance = sum(np.sum(rows**2, axis=0) for rows in leads) / freedom
+        freedom = sum(len(rows) - 1 for rows in deviations)
+        variance = sum(np.sum(rows**2, axis=0) for rows in deviations) / freedom
         largest = np.sqrt(np.mean(variance[inner] * bridge[inner]) / np.mean(bridge[inner] ** 2))
-    return np.maximum(largest * np.sqrt(bridge), SMALLEST_LEAD)
+    return np.maximum(largest * np.sqrt(bridge), MIN_DEVIATION_STD)
 
 
-def _by_task(recordings: Sequence) -> dict[str, list[int]]:
+def _by_task(recordings: Sequence[Demonstration]) -> dict[str, list[int]]:
     groups: dict[str, list[int]] = {}
     for index, recorded in enumerate(recordings):
         groups.setdefault(str(recorded.task), []).append(index)
     return groups
 
 
-def _has_samples(recorded) -> bool:
-    signals: Sequence[Signal] = (*recorded.observed, *recorded.controlled)
+def _has_samples(recorded: Demonstration) -> bool:
     start_ns, end_ns = recorded.start_ns, recorded.end_ns
     return end_ns > start_ns and all(
-        signal.between(start_ns, end_ns).stamps_ns.size for signal in signals
+        signal.between(start_ns, end_ns).stamps_ns.size
+        for signal in (*recorded.observed, *recorded.controlled)
     )
 
 
-def _path(recorded) -> np.ndarray:
+def _path(recorded: Demonstration) -> np.ndarray:
     """All DOFs at even recorded phases, (T, D)."""
     signals = (*recorded.observed, *recorded.controlled)
     return even_trajectory(signals, recorded.start_ns, recorded.end_ns)
+
+
+def timing_covariance(
+    basis: NormalizedRBFBasis, mean: np.ndarray, phase_deviation: PhaseDeviation
+) -> np.ndarray:
+    """Covariance of the weights that comes from the phase deviation alone, (P N, P N).
+
+    Positive semidefinite, by the Schur product theorem.
+
+    Args:
+        basis: N basis functions.
+        mean: mean weights, grouped by DOF, (P N,).
+        phase_deviation: its prior.
+    """
+    at_centers = basis.design_matrix(basis.centers)
+    slope = basis.derivative_matrix(basis.centers) @ mean.reshape(-1, basis.n_basis).T
+    weights, *_ = np.linalg.lstsq(at_centers, slope, rcond=None)
+    even = np.linspace(0.0, 1.0, len(phase_deviation.deviation_std))
+    deviation = (weights.T * np.interp(basis.centers, even, phase_deviation.deviation_std)).ravel()
+    apart = np.abs(basis.centers[:, None] - basis.centers)
+    correlation = np.exp(-apart / phase_deviation.correlation)
+    n_dofs = len(mean) // basis.n_basis
+    return np.outer(deviation, deviation) * np.tile(correlation, (n_dofs, n_dofs))
+
+
+def mean_timing_covariance(
+    basis: NormalizedRBFBasis, means: Sequence[np.ndarray], phase_deviation: PhaseDeviation
+) -> np.ndarray:
+    """The mean of `timing_covariance` over tasks of these mean weights, (P N, P N)."""
+    first, *others = (timing_covariance(basis, mean, phase_deviation) for mean in means)
+    return sum(others, first) / len(means)
+
+
+def unshown_timing_covariance(own: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    """The part of the timing covariance that a task's demonstrations have not shown.
+
+    Half is the task's own and half is shared, as in the covariance that it is added to.
+
+    Args:
+        own: `timing_covariance` of the task, (P N, P N).
+        shared: `mean_timing_covariance` of all tasks, (P N, P N).
+    """
+    mixed = OWN_COVARIANCE_SHARE * own + (1.0 - OWN_COVARIANCE_SHARE) * shared
+    return UNSHOWN_DEVIATION_SHARE**2 * mixed

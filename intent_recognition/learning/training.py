@@ -1,57 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """From demonstrations to a `TaskLibrary`, all at once or one by one."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
 from intent_recognition.errors import TrainingError, describe
-from intent_recognition.learning.accumulation import (
-    NAMES_KEPT,
-    Accumulated,
-    Reference,
-    accumulate,
-    example_of,
-)
-from intent_recognition.learning.examples import Example, sample_phases, scored_phases
+from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import (
     aligned_primitives,
-    aligned_statistics,
     learned_from,
     library_from_statistics,
-    recognition,
-    scales,
 )
-from intent_recognition.learning.held_out_validation import (
-    ALIGNED_NOISE_SCALES,
-    ALIGNED_STRENGTHS,
-    HeldOutValidation,
-    validate_held_out,
-)
-from intent_recognition.learning.recognition_choice import (
-    RECOGNITION_NOISE_SCALES,
-    RECOGNITION_STRENGTHS,
-    least_noise,
-    recognition_losses,
-)
-from intent_recognition.learning.selection import Candidate, TaskSamples, select
+from intent_recognition.learning.held_out_recognition import choose_recognition
+from intent_recognition.learning.held_out_validation import choose_aligned
+from intent_recognition.learning.preprocessing import Preprocessing, example_of
+from intent_recognition.learning.selection import Hyperparameters, choose_steady
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import (
     TaskStatistics,
+    aligned_statistics,
     merge_statistics,
-    pooled_moments,
     summarize,
 )
-from intent_recognition.learning.unknown_task_calibration import calibrate_none
-from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary, leave_one_out_targets
+from intent_recognition.learning.unknown_task import calibrate_none
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
-
-MAX_SCORED = 600
-"""Demonstrations of all tasks that hyperparameters are chosen on, at most."""
-SCORED_TOGETHER = 16
-"""Demonstrations left out at a time, which bounds the memory of their covariances."""
 
 
 @dataclass(frozen=True)
@@ -60,15 +36,15 @@ class Trained:
 
     Attributes:
         library: the tasks.
-        reference: how a recording becomes an example.
+        preprocessing: how a recording becomes an example.
         tasks: statistics of each label, in the library's order.
         chosen: hyperparameters.
     """
 
     library: TaskLibrary
-    reference: Reference
+    preprocessing: Preprocessing
     tasks: Mapping[str, TaskStatistics]
-    chosen: Candidate
+    chosen: Hyperparameters
 
 
 class TrainingReport(NamedTuple):
@@ -85,8 +61,8 @@ class TrainingReport(NamedTuple):
 
     used: tuple[str, ...]
     rejected: tuple[tuple[str, str], ...]
-    chosen: Candidate
-    tried: tuple[Candidate, ...]
+    chosen: Hyperparameters
+    tried: tuple[Hyperparameters, ...]
     n_used: int
     n_rejected: int
     trained: Trained
@@ -146,10 +122,10 @@ def learn_accumulated(
     Raises:
         TrainingError: nothing usable, or no task with at least two demonstrations.
     """
-    _check_enough(accumulated)
-    chosen, tried = choose(accumulated.tasks, accumulated.reference)
-    library = library_from_statistics(accumulated.tasks, accumulated.reference, chosen, provenance)
-    library = _calibrated(library, accumulated.tasks, accumulated.reference, chosen)
+    preprocessing = _check_enough(accumulated)
+    chosen, tried = choose(accumulated.tasks, preprocessing)
+    library = library_from_statistics(accumulated.tasks, preprocessing, chosen, provenance)
+    library = _calibrated(library, accumulated.tasks, preprocessing, chosen)
     return TrainingReport(
         accumulated.used,
         accumulated.rejected,
@@ -157,114 +133,41 @@ def learn_accumulated(
         tried,
         accumulated.n_used,
         accumulated.n_rejected,
-        Trained(library, accumulated.reference, accumulated.tasks, chosen),
+        Trained(library, preprocessing, accumulated.tasks, chosen),
     )
 
 
 def choose(
-    tasks: Mapping[str, TaskStatistics], reference: Reference
-) -> tuple[Candidate, tuple[Candidate, ...]]:
-    """Hyperparameters by leave-one-out prediction, and all that were tried.
-
-    Every demonstration that was kept whole is left out in turn, of very many `MAX_SCORED`, as many
-    of each task; the statistics it is predicted from are those of all others.
-    """
-    chosen, tried = _choose(tasks, reference.basis)
-    chosen = _choose_recognition(tasks, reference, chosen)
-    return _choose_aligned(tasks, reference, chosen), tried
-
-
-def _choose_recognition(
-    tasks: Mapping[str, TaskStatistics], reference: Reference, chosen: Candidate
-) -> Candidate:
-    """Hyperparameters of recognition, by the log loss of left-out demonstrations."""
-    candidates = [
-        chosen._replace(recognition_strength=strength, recognition_noise_scale=noise_scale)
-        for noise_scale in RECOGNITION_NOISE_SCALES
-        for strength in RECOGNITION_STRENGTHS
-    ]
-    library = library_from_statistics(tasks, reference, chosen)
-    losses = []
-    for candidate in candidates:
-        strength = candidate.recognition_strength
-        recognising = replace(
-            library,
-            recognition_covariance=recognition(tasks, reference, strength),
-            recognition_noise_scale=candidate.recognition_noise_scale,
-        )
-        losses.append(recognition_losses(recognising, tasks, reference, strength))
-    return candidates[least_noise(np.array(losses))]
-
-
-def _choose_aligned(
-    tasks: Mapping[str, TaskStatistics], reference: Reference, chosen: Candidate
-) -> Candidate:
-    """Hyperparameters of the aligned primitives, and whether predictions come from them.
-
-    They do where left-out demonstrations are predicted with less error than at steady progress.
-    """
-    over_reference = aligned_statistics(tasks)
-    if over_reference is None:
-        return chosen
-    steady = library_from_statistics(tasks, reference, chosen).primitives
-    aligned = aligned_primitives(tasks, reference, chosen)
-    floor, _ = scales(tasks)
-    (least,) = validate_held_out([HeldOutValidation(steady, chosen.strength)], tasks, tasks, floor)
-    tried = [
-        HeldOutValidation(replace(aligned, noise_scale=noise_scale), strength)
-        for strength in ALIGNED_STRENGTHS
-        for noise_scale in ALIGNED_NOISE_SCALES
-    ]
-    floor, _ = scales(over_reference)
-    errors = validate_held_out(tried, over_reference, tasks, floor)
-    best = int(np.argmin(errors))
-    if errors[best] < least:
-        primitives, strength = tried[best]
-        chosen = chosen._replace(
-            aligned=True, aligned_strength=strength, aligned_noise_scale=primitives.noise_scale
-        )
-    return chosen
-
-
-def _choose(
-    tasks: Mapping[str, TaskStatistics], basis: NormalizedRBFBasis
-) -> tuple[Candidate, tuple[Candidate, ...]]:
-    """Hyperparameters of the primitives with this basis, and all that were tried."""
-    most = MAX_SCORED
-    if sum(len(task.examples) for task in tasks.values()) > MAX_SCORED:
-        most = max(MAX_SCORED // len(tasks), 1)
-    parts = [
-        (task, task.examples[start : min(start + SCORED_TOGETHER, most)])
-        for task in tasks.values()
-        for start in range(0, min(len(task.examples), most), SCORED_TOGETHER)
-    ]
-    floor, noise = scales(tasks)
-    return select(
-        (_samples(task, examples, basis) for task, examples in parts),
-        _targets(parts, tasks, floor),
-        noise,
-        basis.design_matrix(scored_phases()),
-    )
+    tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing
+) -> tuple[Hyperparameters, tuple[Hyperparameters, ...]]:
+    """The hyperparameters by cross-validation, and all that were tried at steady progress."""
+    chosen, tried = choose_steady(tasks, preprocessing.basis)
+    library = library_from_statistics(tasks, preprocessing, chosen)
+    chosen = choose_recognition(library, tasks, preprocessing, chosen)
+    if aligned_statistics(tasks) is not None:
+        aligned = aligned_primitives(tasks, preprocessing, chosen)
+        chosen = choose_aligned(library.primitives, aligned, tasks, chosen)
+    return chosen, tried
 
 
 def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained:
     """The same with one more labelled demonstration, of a known task or a new one.
 
-    Equals training anew with the same reference and hyperparameters, which `choose_again`
+    Equals training anew with the same preprocessing and hyperparameters, which `choose_again`
     chooses again.
     Priors over tasks are kept; a new task takes its share of them.
 
     Raises:
         TrainingError: the demonstration cannot be used; says why.
     """
-    example = example_of(demonstration, trained.reference)
+    example = example_of(demonstration, trained.preprocessing)
     return add_statistics(trained, {example.task: summarize([example])}, [example.name])
 
 
 def add_statistics(
     trained: Trained, tasks: Mapping[str, TaskStatistics], names: Sequence[str] = ()
 ) -> Trained:
-    """The same with many more demonstrations, whose statistics were gathered by its reference.
+    """The same with more demonstrations, whose statistics come from its preprocessing.
 
     Args:
         trained: what to add to; it stays as it is.
@@ -276,85 +179,64 @@ def add_statistics(
         merged[label] = merge_statistics(merged[label], task) if label in merged else task
     merged = dict(sorted(merged.items()))
     before = trained.library
-    provenance = dict(before.provenance)
-    provenance["bags"] = [*provenance.get("bags", ()), *names][:NAMES_KEPT]
+    bags = before.provenance.get("bags")
+    known_bags = bags if isinstance(bags, (list, tuple)) else ()
     library = replace(
         before,
         labels=tuple(merged),
-        **learned_from(merged, trained.reference, trained.chosen),
+        **learned_from(merged, trained.preprocessing, trained.chosen),
         **_priors(before, tuple(merged)),
-        provenance=provenance,
+        provenance={**before.provenance, "bags": [*known_bags, *names][:NAMES_KEPT]},
     )
-    return Trained(library, trained.reference, merged, trained.chosen)
+    return Trained(library, trained.preprocessing, merged, trained.chosen)
 
 
-def choose_again(trained: Trained) -> tuple[Trained, tuple[Candidate, ...]]:
+def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]]:
     """The same with hyperparameters chosen on all it has by now, and all that were tried."""
-    chosen, tried = choose(trained.tasks, trained.reference)
+    chosen, tried = choose(trained.tasks, trained.preprocessing)
     library = replace(
         trained.library,
-        **learned_from(trained.tasks, trained.reference, chosen),
+        **learned_from(trained.tasks, trained.preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},
     )
-    library = _calibrated(library, trained.tasks, trained.reference, chosen)
+    library = _calibrated(library, trained.tasks, trained.preprocessing, chosen)
     return replace(trained, library=library, chosen=chosen), tried
 
 
 def _calibrated(
     library: TaskLibrary,
     tasks: Mapping[str, TaskStatistics],
-    reference: Reference,
-    chosen: Candidate,
+    preprocessing: Preprocessing,
+    chosen: Hyperparameters,
 ) -> TaskLibrary:
-    """The library with its evidence against none read as these demonstrations ask for."""
+    """The library with the calibration of none that these demonstrations give."""
     strength = chosen.recognition_strength
-    calibration = calibrate_none(library, tasks, reference, strength)
+    calibration = calibrate_none(library, tasks, preprocessing, strength)
     return replace(library, none_calibration=calibration)
 
 
-def _targets(
-    parts: Iterable[tuple[TaskStatistics, Sequence[Example]]],
-    tasks: Mapping[str, TaskStatistics],
-    floor: np.ndarray,
-) -> Iterator[np.ndarray]:
-    """Target covariances without each demonstration in turn, part after part."""
-    pooled = pooled_moments(tasks.values())
-    for task, examples in parts:
-        deviations = np.array([example.weights for example in examples]) - task.mean
-        yield leave_one_out_targets(task.moments, pooled, deviations, floor)
+class _Priors(TypedDict):
+    """The priors of a `TaskLibrary`."""
+
+    task_prior: np.ndarray
+    transition_prior: np.ndarray
 
 
-def _samples(
-    task: TaskStatistics, examples: Sequence[Example], basis: NormalizedRBFBasis
-) -> TaskSamples:
-    """What the hyperparameters are scored on, of some demonstrations of one task."""
-    phase = np.repeat(sample_phases()[None], len(examples), axis=0)
-    return TaskSamples(
-        task.mean,
-        task.moments,
-        np.array([e.weights for e in examples]),
-        np.array([e.observed for e in examples]),
-        basis.design_matrix(phase),
-        phase,
-        np.array([e.controlled for e in examples]),
-    )
-
-
-def _priors(before: TaskLibrary, labels: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Priors over more tasks: what was learned among the known ones stays in proportion."""
+def _priors(before: TaskLibrary, labels: tuple[str, ...]) -> _Priors:
+    """Priors over more tasks: the known ones keep their proportions."""
     known = np.array([labels.index(label) for label in before.labels])
     n = len(labels)
     share = len(known) / n
     task_prior = np.full(n, 1.0 / n)
     task_prior[known] = before.task_prior * share
     transition_prior = np.full((n + 1, n), 1.0 / n)
-    transition_prior[np.ix_([*known, n], known)] = before.transition_prior * share
+    transition_prior[np.ix_(np.append(known, n), known)] = before.transition_prior * share
     return {"task_prior": task_prior, "transition_prior": transition_prior}
 
 
-def _check_enough(accumulated: Accumulated) -> None:
-    """Refuse what no covariance can be learned from."""
-    if not accumulated.tasks:
+def _check_enough(accumulated: Accumulated) -> Preprocessing:
+    """The preprocessing; an error where no covariance can be learned."""
+    if accumulated.preprocessing is None or not accumulated.tasks:
         raise TrainingError(
             describe(
                 "demonstrations",
@@ -373,3 +255,4 @@ def _check_enough(accumulated: Accumulated) -> None:
                 "Record more: 5 to 20 of each task are usual.",
             )
         )
+    return accumulated.preprocessing

@@ -8,15 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.errors import TrainingError, describe
-from intent_recognition.learning.accumulation import accumulate, example_of
+from intent_recognition.learning.accumulation import accumulate
 from intent_recognition.learning.components import (
     ComponentChoice,
     choose_components,
     purity,
     try_components,
 )
-from intent_recognition.learning.examples import Example
+from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.mixture import BASIS, RIDGE, mixture_features
+from intent_recognition.learning.preprocessing import example_of
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.training import TrainingReport, learn_with_report
 from intent_recognition.promp import TaskLibrary
@@ -140,15 +141,15 @@ def learn_components(
 
 def _examples(
     demonstrations: Sequence[Demonstration], settings: TrainingSettings
-) -> tuple[list[Demonstration], list[Example], tuple[tuple[str, str], ...]]:
+) -> tuple[list[Demonstration], list[TrainingExample], tuple[tuple[str, str], ...]]:
     """The usable recordings, their examples, and why others are left out."""
     stand_ins = [replace(recorded, task=UNLABELLED) for recorded in demonstrations]
     own = replace(settings, n_basis=BASIS.n_basis, width=BASIS.width, ridge=RIDGE)
-    reference = accumulate(stand_ins, own).reference
+    preprocessing = accumulate(stand_ins, own).preprocessing
     used, examples, rejected = [], [], []
     for recorded, stand_in in zip(demonstrations, stand_ins, strict=True):
         try:
-            examples.append(example_of(stand_in, reference))
+            examples.append(example_of(stand_in, preprocessing))
             used.append(recorded)
         except TrainingError as error:
             rejected.append((recorded.name, str(error).removeprefix(f"{recorded.name}: ")))

@@ -12,7 +12,13 @@ from intent_recognition.promp import AlignedPrimitives, NormalizedRBFBasis, Phas
 
 ALIGNED = tuple(
     f"aligned_{name}"
-    for name in ("weight_mean", "weight_covariance", "noise_variance", "noise_scale", "lead_std")
+    for name in (
+        "weight_mean",
+        "weight_covariance",
+        "noise_variance",
+        "noise_scale",
+        "deviation_std",
+    )
 )
 """Names of the arrays in the file."""
 
@@ -73,7 +79,7 @@ def unpack_aligned(
             )
         )
     size = n_dofs * basis.n_basis
-    n_phases = max(np.size(arrays.get("aligned_lead_std", ())), 2)
+    n_phases = max(np.size(arrays.get("aligned_deviation_std", ())), 2)
     shapes = (
         (n_tasks, size),
         (n_tasks, size * (size + 1) // 2),
@@ -88,7 +94,9 @@ def unpack_aligned(
     check_positive(path, arrays, "aligned_noise_variance", "aligned_noise_scale")
     if np.any(deviation_std < 0.0):
         raise ModelError(
-            describe(f"{path}: aligned_lead_std", "zero or above", deviation_std.min(), RETRAIN)
+            describe(
+                f"{path}: aligned_deviation_std", "zero or above", deviation_std.min(), RETRAIN
+            )
         )
     return AlignedPrimitives(
         basis=basis,

@@ -19,7 +19,12 @@ from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_
 from intent_recognition.promp import NONE, NormalizedRBFBasis, TaskLibrary
 from intent_recognition.signals import OnsetSettings
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+FORMER_NAMES = {
+    "aligned_deviation_std": "aligned_lead_std",
+    "timing_deviation_std": "timing_lead_std",
+}
+"""Names of arrays in files of version 1, which are still read."""
 NUMBERS = (
     "weight_mean",
     "weight_covariance",
@@ -201,11 +206,16 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> None:
 
 
 def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, np.ndarray]:
-    """Header and wanted arrays that the file holds; the others of the file are left unread."""
+    """Header and wanted arrays that the file holds, under their present names."""
     try:
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            names = [name for name in ("header", *wanted) if name in file.files]
-            return {name: _read_array(path, file, name) for name in names}
+            stored = {name: name for name in ("header", *wanted)}
+            stored |= {new: old for new, old in FORMER_NAMES.items() if old in file.files}
+            return {
+                name: _read_array(path, file, stored[name])
+                for name in ("header", *wanted)
+                if stored[name] in file.files
+            }
     except ModelError:
         raise
     except Exception as error:  # numpy and zipfile raise many kinds for what is no model
@@ -235,6 +245,8 @@ def _header(path: str | Path, content: dict[str, np.ndarray]) -> dict:
         raise ModelError(
             describe(f"{path}: header", "JSON with a format_version", error, RETRAIN)
         ) from error
+    if version == 1:
+        return _upgraded(header)
     if version != FORMAT_VERSION:
         raise ModelError(
             describe(
@@ -244,6 +256,17 @@ def _header(path: str | Path, content: dict[str, np.ndarray]) -> dict:
                 "Install the package version that wrote it, or train again.",
             )
         )
+    return header
+
+
+def _upgraded(header: dict) -> dict:
+    """The header of a file of version 1 under the names of version 2."""
+    statistics = header.get("statistics")
+    if isinstance(statistics, dict) and "reference" in statistics:
+        statistics["preprocessing"] = statistics.pop("reference")
+        settings = statistics["preprocessing"].get("settings", {})
+        if "n_forecast_basis" in settings:
+            settings["n_aligned_basis"] = settings.pop("n_forecast_basis")
     return header
 
 

@@ -18,7 +18,7 @@ from intent_recognition.learning import (
     NAMES_KEPT,
     REFERENCE_RECORDINGS,
     Accumulated,
-    Reference,
+    Preprocessing,
     TrainingSettings,
     accumulate,
     merge_accumulated,
@@ -61,7 +61,7 @@ def accumulate_bags(
     dofs: DofSpec,
     settings: TrainingSettings,
     *,
-    reference: Reference | None = None,
+    preprocessing: Preprocessing | None = None,
     run: Run = map,
     progress: Callable[[int], None] = lambda n_bags: None,
 ) -> FromBags:
@@ -70,8 +70,8 @@ def accumulate_bags(
     Args:
         paths: bags, folders of bags or session bags, any number.
         dofs: topics and fields to read.
-        settings: how to learn; those of the reference count where one is given.
-        reference: how examples are made, None to settle it here.
+        settings: how to learn; those of the preprocessing count where one is given.
+        preprocessing: how examples are made, None to settle it here.
         run: where the work is done.
         progress: called with the number of bags that were dealt with since the last call.
 
@@ -79,12 +79,12 @@ def accumulate_bags(
         BagError: a path does not exist.
     """
     bags, empty = list_bags(paths)
-    total = FromBags(Accumulated(reference, {}), tuple(empty)[:NAMES_KEPT], len(empty))
-    while total.accumulated.reference is None and bags:
+    total = FromBags(Accumulated(preprocessing, {}), tuple(empty)[:NAMES_KEPT], len(empty))
+    while total.accumulated.preprocessing is None and bags:
         head, bags = spread(bags, REFERENCE_RECORDINGS)
         total = total.plus(_collect(run(partial(read_bag, dofs), head), settings, progress))
     parts = [bags[start : start + BATCH] for start in range(0, len(bags), BATCH)]
-    work = partial(accumulate_part, dofs, total.accumulated.reference)
+    work = partial(accumulate_part, dofs, total.accumulated.preprocessing)
     for part, found in zip(parts, run(work, parts), strict=True):
         total = total.plus(found)
         progress(len(part))
@@ -120,17 +120,17 @@ def read_bag(dofs: DofSpec, bag: Path) -> list[Demonstration | Rejection]:
     return list(iter_demonstrations([bag], dofs))
 
 
-def accumulate_part(dofs: DofSpec, reference: Reference, bags: Sequence[Path]) -> FromBags:
+def accumulate_part(dofs: DofSpec, preprocessing: Preprocessing, bags: Sequence[Path]) -> FromBags:
     """Statistics of some bags, read one after the other."""
     contents = (read_bag(dofs, bag) for bag in bags)
-    return _collect(contents, reference.settings, lambda n_bags: None, reference)
+    return _collect(contents, preprocessing.settings, lambda n_bags: None, preprocessing)
 
 
 def _collect(
     contents: Iterable[list[Demonstration | Rejection]],
     settings: TrainingSettings,
     progress: Callable[[int], None],
-    reference: Reference | None = None,
+    preprocessing: Preprocessing | None = None,
 ) -> FromBags:
     """Statistics of what was read of each bag."""
     rejections: list[Rejection] = []
@@ -146,5 +146,5 @@ def _collect(
                     yield found
             progress(1)
 
-    accumulated = accumulate(demonstrations(), settings, reference)
+    accumulated = accumulate(demonstrations(), settings, preprocessing)
     return FromBags(accumulated, tuple(rejections[:NAMES_KEPT]), len(rejections), dropped)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Statistics of the demonstrations inside a model file, so that a later session can add to it.
 
-Beside the library's arrays stand those of `TaskStatistics`, one row per task, with of each scatter
-the upper triangle; and those of the examples kept whole, task after task; the same of the aligned
-examples; and the templates they were aligned with. Names, reference and hyperparameters are in the
-header under `statistics`. Readers that do not know of them pass by.
+The file holds the arrays of `TaskStatistics`, one row per task, with the upper triangle of each
+scatter matrix; those of the examples kept whole, task after task; the same of the aligned examples;
+and the templates these were aligned with. Names, preprocessing and hyperparameters are in the
+header under `statistics`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,13 +16,13 @@ import numpy as np
 from intent_recognition.alignment import Template
 from intent_recognition.errors import ArgumentError, ModelError, describe
 from intent_recognition.learning import (
-    Candidate,
-    Example,
-    Reference,
+    Hyperparameters,
+    Preprocessing,
     SignalNames,
     TaskStatistics,
     Timing,
     Trained,
+    TrainingExample,
     TrainingSettings,
     sample_phases,
     scored_phases,
@@ -32,11 +32,11 @@ from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import OnsetSettings
 
 SUMS = tuple(f.name for f in fields(TaskStatistics) if f.name not in ("examples", "aligned"))
-PARTS = tuple(name for name in Example._fields if name not in ("name", "task", "aligned"))
+PARTS = tuple(name for name in TrainingExample._fields if name not in ("name", "task", "aligned"))
 COUNT = "examples_count"
 STEADY, ALIGNED = "", "aligned_"
 """Prefixes of the arrays of the examples as they were recorded, and of the aligned ones."""
-TIMING = ("timing_values", "timing_scale", "timing_lead_std")
+TIMING = ("timing_values", "timing_scale", "timing_deviation_std")
 ARRAYS = (
     *(f"{kind}statistics_{name}" for kind in (STEADY, ALIGNED) for name in SUMS),
     *(f"{kind}examples_{name}" for kind in (STEADY, ALIGNED) for name in PARTS),
@@ -54,10 +54,10 @@ class Packed(NamedTuple):
 
 
 def pack_statistics(trained: Trained) -> Packed:
-    """Statistics, reference and hyperparameters as they are written."""
-    reference, tasks = trained.reference, list(trained.tasks.values())
+    """Statistics, preprocessing and hyperparameters as they are written."""
+    preprocessing, tasks = trained.preprocessing, list(trained.tasks.values())
     header = {
-        "reference": _plain(reference),
+        "preprocessing": _plain(preprocessing),
         "chosen": trained.chosen._asdict(),
         "labels": list(trained.tasks),
         "examples": [example.name for task in tasks for example in task.examples],
@@ -65,7 +65,7 @@ def pack_statistics(trained: Trained) -> Packed:
     arrays = {
         **_pack_tasks(tasks, STEADY),
         **_pack_tasks([task.aligned for task in tasks], ALIGNED),
-        **_pack_timing(reference.timing),
+        **_pack_timing(preprocessing.timing),
         COUNT: np.array([len(task.examples) for task in tasks]),
     }
     return Packed(header, arrays)
@@ -87,9 +87,9 @@ def unpack_statistics(
     """
     try:
         n_dofs = library.n_observed + library.n_controlled
-        timing = _timing(path, header["reference"]["templates"], arrays, n_dofs)
-        reference = _reference(header["reference"], timing)
-        chosen = Candidate(**header["chosen"])
+        timing = _timing(path, header["preprocessing"]["templates"], arrays, n_dofs)
+        preprocessing = _preprocessing(header["preprocessing"], timing)
+        chosen = Hyperparameters(**header["chosen"])
         labels, names = tuple(header["labels"]), tuple(header["examples"])
     except (KeyError, TypeError, AttributeError, ArgumentError) as error:
         raise ModelError(
@@ -100,7 +100,7 @@ def unpack_statistics(
             describe(f"{path}: statistics", f"the tasks {library.labels}", labels, RETRAIN)
         )
     check_arrays(path, arrays, {COUNT: (len(labels),)}, (COUNT,))
-    for kind, basis in ((STEADY, library.basis), (ALIGNED, reference.forecast_basis)):
+    for kind, basis in ((STEADY, library.basis), (ALIGNED, preprocessing.aligned_basis)):
         shapes = _shapes(library, len(names), basis.n_basis, kind)
         check_arrays(path, arrays, shapes, (f"{kind}statistics_n",))
         few = np.any(arrays[f"{kind}statistics_n"] < arrays[COUNT])
@@ -110,7 +110,7 @@ def unpack_statistics(
             )
     aligned = _unpack_tasks(labels, names, arrays, ALIGNED)
     tasks = _unpack_tasks(labels, names, arrays, STEADY, aligned)
-    return Trained(library, reference, tasks, chosen)
+    return Trained(library, preprocessing, tasks, chosen)
 
 
 def _pack_tasks(tasks: Sequence[TaskStatistics], kind: str) -> dict[str, np.ndarray]:
@@ -140,7 +140,7 @@ def _unpack_tasks(
         for place, k in enumerate(range(edges[row], edges[row + 1])):
             parts = {name: _plain_value(arrays[f"{kind}examples_{name}"][k]) for name in PARTS}
             own = None if over_reference is None else over_reference.examples[place]
-            examples.append(Example(name=names[k], task=label, **parts, aligned=own))
+            examples.append(TrainingExample(name=names[k], task=label, **parts, aligned=own))
         sums = {name: _plain_value(arrays[f"{kind}statistics_{name}"][row]) for name in SUMS}
         sums["scatter"] = from_upper(sums["scatter"], sums["mean"].size)
         tasks[label] = TaskStatistics(**sums, examples=tuple(examples), aligned=over_reference)
@@ -152,7 +152,7 @@ def _plain_value(value: np.ndarray) -> np.ndarray | float | int:
 
 
 def _pack_timing(timing: Timing) -> dict[str, np.ndarray]:
-    """Templates label after label, and the leads."""
+    """Templates label after label, and the phase deviations."""
     templates = list(timing.templates.values())
     parts = (
         np.array([template.values for template in templates]),
@@ -167,33 +167,35 @@ def _timing(
 ) -> Timing:
     """The same read back and checked."""
     values, scale, deviation_std = (arrays.get(name, np.zeros(0)) for name in TIMING)
-    n_phases, n_leads = np.shape(values)[1:2], max(len(np.atleast_1d(deviation_std)), 2)
-    shapes = ((len(labels), *(n_phases or (2,)), n_dofs), (len(labels), n_dofs), (n_leads,))
+    n_phases, n_deviations = np.shape(values)[1:2], max(len(np.atleast_1d(deviation_std)), 2)
+    shapes = ((len(labels), *(n_phases or (2,)), n_dofs), (len(labels), n_dofs), (n_deviations,))
     if not labels:  # nothing was recorded twice
-        shapes = ((0,), (0,), (n_leads,))
+        shapes = ((0,), (0,), (n_deviations,))
     bounded = {name: arrays[name] for name in TIMING if name in arrays}
     if "timing_scale" in bounded and scale.dtype.kind == "f":  # infinite for what never moves
         bounded["timing_scale"] = np.where(np.isposinf(scale), 1.0, scale)
     check_arrays(path, bounded, dict(zip(TIMING, shapes, strict=True)))
-    check_positive(path, bounded, "timing_scale", "timing_lead_std")
+    check_positive(path, bounded, "timing_scale", "timing_deviation_std")
     templates = {label: Template(values[k], scale[k]) for k, label in enumerate(labels)}
     return Timing(templates, deviation_std)
 
 
-def _plain(reference: Reference) -> dict[str, object]:
-    """A reference without the arrays of its timing."""
-    plain = {f.name: getattr(reference, f.name) for f in fields(reference) if f.name != "timing"}
+def _plain(preprocessing: Preprocessing) -> dict[str, object]:
+    """A preprocessing without the arrays of its timing."""
+    plain = {
+        f.name: getattr(preprocessing, f.name) for f in fields(preprocessing) if f.name != "timing"
+    }
     for name in ("onset", "controlled_onset"):
         plain[name] = [asdict(settings) for settings in plain[name]]
-    plain["settings"] = asdict(reference.settings)
-    return plain | {"templates": list(reference.timing.templates)}
+    plain["settings"] = asdict(preprocessing.settings)
+    return plain | {"templates": list(preprocessing.timing.templates)}
 
 
-def _reference(content: Mapping, timing: Timing) -> Reference:
+def _preprocessing(content: Mapping, timing: Timing) -> Preprocessing:
     def signals(entries: list) -> tuple[SignalNames, ...]:
         return tuple(SignalNames(tuple(names), unit) for names, unit in entries)
 
-    return Reference(
+    return Preprocessing(
         settings=TrainingSettings(**content["settings"]),
         observed=signals(content["observed"]),
         controlled=signals(content["controlled"]),

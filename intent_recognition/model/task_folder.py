@@ -200,15 +200,17 @@ class TaskFolder:
 
     def _more(self, bag: Path) -> Trained:
         model, trained = load_trained(self.model_path)
-        reference = trained.reference
-        found = accumulate_bags([bag], model.dofs, reference.settings, reference=reference)
+        preprocessing = trained.preprocessing
+        found = accumulate_bags(
+            [bag], model.dofs, preprocessing.settings, preprocessing=preprocessing
+        )
         _check(found, bag)
         more = add_statistics(trained, found.accumulated.tasks, found.accumulated.used)
         before, now = ({label: s.n for label, s in t.tasks.items()} for t in (trained, more))
         if not is_outdated(before, now):
             return more
         strength = more.chosen.recognition_strength
-        calibration = calibrate_none(more.library, more.tasks, reference, strength)
+        calibration = calibrate_none(more.library, more.tasks, preprocessing, strength)
         return replace(more, library=replace(more.library, none_calibration=calibration))
 
     def _first(self) -> Trained | None:

@@ -43,9 +43,11 @@ def test_added_bags_are_as_good_as_learned_anew(train, first, recorded):
     assert "learned from 8 demonstrations" in text
     parts = [recorded / "bags" / f"demo_{k:02d}" for k in range(8)]
     every = accumulate_bags(
-        parts, before.dofs, trained.reference.settings, reference=trained.reference
+        parts, before.dofs, trained.preprocessing.settings, preprocessing=trained.preprocessing
     )
-    expected = library_from_statistics(every.accumulated.tasks, trained.reference, trained.chosen)
+    expected = library_from_statistics(
+        every.accumulated.tasks, trained.preprocessing, trained.chosen
+    )
     np.testing.assert_allclose(more.weight_mean, expected.weight_mean, atol=1e-10)
     np.testing.assert_allclose(more.weight_covariance, expected.weight_covariance, atol=1e-10)
     np.testing.assert_allclose(more.noise_variance, expected.noise_variance, rtol=1e-10)

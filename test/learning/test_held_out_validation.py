@@ -13,14 +13,17 @@ from intent_recognition.learning.accumulation import Accumulated, accumulate
 from intent_recognition.learning.examples import sample_phases, scored_phases
 from intent_recognition.learning.fitting import (
     aligned_primitives,
-    aligned_statistics,
     library_from_statistics,
-    scales,
 )
-from intent_recognition.learning.held_out_validation import HeldOutValidation, validate_held_out
-from intent_recognition.learning.selection import FRACTIONS, Candidate
+from intent_recognition.learning.held_out_validation import AlignedCandidate, validate_held_out
+from intent_recognition.learning.selection import FRACTIONS, Hyperparameters
 from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.statistics import TaskStatistics, pooled_moments
+from intent_recognition.learning.statistics import (
+    TaskStatistics,
+    aligned_statistics,
+    pooled_moments,
+    variance_scales,
+)
 from intent_recognition.learning.training import choose
 from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.phase_deviation import reference_phase
@@ -28,8 +31,10 @@ from intent_recognition.promp.prior import Scatter, shrunk_covariance, structure
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 
-SETTINGS = TrainingSettings(n_basis=8, n_forecast_basis=10, segmentation="recording")
-CHOSEN = Candidate(10.0, 4.0, 0.0, aligned=True, aligned_strength=20.0, aligned_noise_scale=4.0)
+SETTINGS = TrainingSettings(n_basis=8, n_aligned_basis=10, segmentation="recording")
+CHOSEN = Hyperparameters(
+    10.0, 4.0, 0.0, aligned=True, aligned_strength=20.0, aligned_noise_scale=4.0
+)
 
 
 def a_recording(
@@ -116,7 +121,9 @@ def jointly(primitives: AlignedPrimitives, primitive: Gaussian, seen: np.ndarray
     return primitives.basis.design_matrix(scored_phases()) @ controlled.T
 
 
-def with_leads(primitives: AlignedPrimitives, primitive: Gaussian, seen: np.ndarray) -> np.ndarray:
+def with_deviations(
+    primitives: AlignedPrimitives, primitive: Gaussian, seen: np.ndarray
+) -> np.ndarray:
     """One demonstration in a filter of its own; the controlled weights by regression."""
     size = primitives.n_observed_weights
     own = replace(
@@ -129,8 +136,8 @@ def with_leads(primitives: AlignedPrimitives, primitive: Gaussian, seen: np.ndar
         run.observe(float(phase), np.arange(primitives.n_observed), values, noise)
     matrix, offset, _ = own.recovery[0]
     controlled = (matrix @ run.mean[0] + offset).reshape(primitives.n_controlled, -1)
-    lead, found = run.deviations_at(scored_phases())[0], []
-    for share, phase in zip(lead, scored_phases(), strict=True):
+    deviation, found = run.deviations_at(scored_phases())[0], []
+    for share, phase in zip(deviation, scored_phases(), strict=True):
         design = primitives.basis.design_matrix(
             reference_phase(primitives.phase_deviation, np.array(phase))
         )
@@ -140,37 +147,37 @@ def with_leads(primitives: AlignedPrimitives, primitive: Gaussian, seen: np.ndar
 
 def test_at_steady_progress_it_equals_a_loop_of_joint_conditioning():
     data = accumulated(1)
-    steady = library_from_statistics(data.tasks, data.reference, CHOSEN._replace(aligned=False))
-    floor, _ = scales(data.tasks)
+    steady = library_from_statistics(data.tasks, data.preprocessing, CHOSEN._replace(aligned=False))
+    floor, _ = variance_scales(data.tasks)
     arguments = steady.primitives, data.tasks, data.tasks, CHOSEN.strength, floor
     expected = plain_loop(*arguments, jointly)
     assert 0.0 < expected < 1.0
-    tried = [HeldOutValidation(steady.primitives, CHOSEN.strength)]
+    tried = [AlignedCandidate(steady.primitives, CHOSEN.strength)]
     assert validate_held_out(tried, data.tasks, data.tasks, floor) == pytest.approx(
         [expected], rel=1e-6
     )
 
 
-def test_with_leads_it_equals_a_loop_of_filters():
+def test_with_deviations_it_equals_a_loop_of_filters():
     data = accumulated(2, counts=(4, 2, 1))
     tasks = aligned_statistics(data.tasks)
-    primitives = aligned_primitives(data.tasks, data.reference, CHOSEN)
-    floor, _ = scales(tasks)
+    primitives = aligned_primitives(data.tasks, data.preprocessing, CHOSEN)
+    floor, _ = variance_scales(tasks)
     noisy = replace(primitives, noise_scale=16.0)
-    tried = [HeldOutValidation(f, s) for s in (20.0, 5.0) for f in (primitives, noisy)]
-    expected = [plain_loop(f, tasks, data.tasks, s, floor, with_leads) for f, s in tried]
+    tried = [AlignedCandidate(f, s) for s in (20.0, 5.0) for f in (primitives, noisy)]
+    expected = [plain_loop(f, tasks, data.tasks, s, floor, with_deviations) for f, s in tried]
     assert 0.0 < min(expected) < max(expected) < 1.0
     assert len(set(expected)) == len(expected)
     assert validate_held_out(tried, tasks, data.tasks, floor) == pytest.approx(expected, rel=1e-6)
 
 
-def test_what_the_forecast_has_learned_of_the_one_left_out_does_not_matter():
+def test_what_the_primitives_have_learned_of_the_one_left_out_does_not_matter():
     data = accumulated(3)
-    primitives = aligned_primitives(data.tasks, data.reference, CHOSEN)
+    primitives = aligned_primitives(data.tasks, data.preprocessing, CHOSEN)
     blank = replace(primitives, weight_mean=0 * primitives.weight_mean, weight_covariance=None)
     tasks = aligned_statistics(data.tasks)
-    floor, _ = scales(tasks)
-    tried = [HeldOutValidation(f, 10.0) for f in (primitives, blank)]
+    floor, _ = variance_scales(tasks)
+    tried = [AlignedCandidate(f, 10.0) for f in (primitives, blank)]
     one, other = validate_held_out(tried, tasks, data.tasks, floor)
     assert one == other
 
@@ -178,24 +185,24 @@ def test_what_the_forecast_has_learned_of_the_one_left_out_does_not_matter():
 def test_without_a_second_demonstration_there_is_nothing_to_rehearse():
     data = accumulated(4, counts=(2, 1))
     alone = {"task_1": data.tasks["task_1"]}
-    floor, _ = scales(data.tasks)
-    steady = library_from_statistics(data.tasks, data.reference, CHOSEN._replace(aligned=False))
-    tried = [HeldOutValidation(steady.primitives, 10.0)]
+    floor, _ = variance_scales(data.tasks)
+    steady = library_from_statistics(data.tasks, data.preprocessing, CHOSEN._replace(aligned=False))
+    tried = [AlignedCandidate(steady.primitives, 10.0)]
     assert validate_held_out(tried, alone, alone, floor) == [np.inf]
 
 
-LEARNING = TrainingSettings(n_basis=20, n_forecast_basis=20, segmentation="recording")
+LEARNING = TrainingSettings(n_basis=20, n_aligned_basis=20, segmentation="recording")
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_people_of_varying_timing_are_predicted_from_aligned_primitives(seed):
     data = accumulated(seed, (8, 8), timing=0.5, space=0.1, settings=LEARNING)
-    chosen, _ = choose(data.tasks, data.reference)
+    chosen, _ = choose(data.tasks, data.preprocessing)
     assert chosen.aligned
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_people_who_keep_the_pace_are_predicted_from_steady_primitives(seed):
     data = accumulated(seed, (8, 8), timing=0.0, space=0.1, settings=LEARNING)
-    chosen, _ = choose(data.tasks, data.reference)
+    chosen, _ = choose(data.tasks, data.preprocessing)
     assert not chosen.aligned

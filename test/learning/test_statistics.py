@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from intent_recognition.errors import ShapeError
 from intent_recognition.learning import statistics
-from intent_recognition.learning.examples import Example
+from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.learning.statistics import (
     TaskStatistics,
     merge_statistics,
@@ -22,7 +22,7 @@ seeds = st.integers(0, 2**32 - 1)
 D, N = 3, 4
 
 
-def make_examples(rng: np.random.Generator, n: int, offset: float = 0.0) -> list[Example]:
+def make_examples(rng: np.random.Generator, n: int, offset: float = 0.0) -> list[TrainingExample]:
     examples = unaligned(rng, n, offset)
     over_reference = unaligned(rng, n, offset)
     return [
@@ -31,9 +31,9 @@ def make_examples(rng: np.random.Generator, n: int, offset: float = 0.0) -> list
     ]
 
 
-def unaligned(rng: np.random.Generator, n: int, offset: float) -> list[Example]:
+def unaligned(rng: np.random.Generator, n: int, offset: float) -> list[TrainingExample]:
     return [
-        Example(
+        TrainingExample(
             f"demo_{rng.integers(10**9)}",
             "task",
             offset + rng.normal(size=(D, N)),

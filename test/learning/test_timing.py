@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 from simulation import START_NS, minimum_jerk
 
-from intent_recognition.learning.timing import SMALLEST_LEAD, UNKNOWN_LEAD, Timing, settle_timing
+from intent_recognition.learning.timing import (
+    DEFAULT_DEVIATION_STD,
+    MIN_DEVIATION_STD,
+    Timing,
+    estimate_timing,
+)
 from intent_recognition.promp.phase_deviation import PhaseDeviation
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
@@ -17,7 +22,7 @@ AHEAD = np.array([-0.08, -0.05, -0.03, 0.03, 0.05, 0.08])
 
 
 def reference_of(recorded: np.ndarray, ahead: float) -> np.ndarray:
-    """Reference phase of a person who is ahead by so much amid the movement."""
+    """Preprocessing phase of a person who is ahead by so much amid the movement."""
     return recorded + ahead * np.sin(np.pi * recorded)
 
 
@@ -50,7 +55,7 @@ def some(rng: np.random.Generator, task: int = 0, scale: float = 1.0) -> list[De
 
 def test_known_timing_is_recovered(rng):
     recordings = [*some(rng, 0), *some(rng, 1)]
-    timing = settle_timing(recordings)
+    timing = estimate_timing(recordings)
     assert list(timing.templates) == ["task_0", "task_1"]
     for warp, ahead in zip(timing.warps(recordings), np.tile(AHEAD, 2), strict=True):
         error = warp.inverse(PHASE) - reference_of(PHASE, ahead)
@@ -58,37 +63,37 @@ def test_known_timing_is_recovered(rng):
         assert np.abs(error).max() < 0.03
 
 
-def test_the_spread_of_leads_is_that_of_the_people(rng):
-    found = settle_timing(some(rng)).deviation_std
+def test_the_phase_deviation_is_that_of_the_people(rng):
+    found = estimate_timing(some(rng)).deviation_std
     assert found.shape == (51,)
     assert found[25] == pytest.approx(np.std(AHEAD, ddof=1), rel=0.2)
     np.testing.assert_allclose(found, found[::-1], atol=1e-12)
-    assert found[[0, -1]] == pytest.approx(SMALLEST_LEAD)
-    steady = settle_timing(some(rng, scale=0.0)).deviation_std
+    assert found[[0, -1]] == pytest.approx(MIN_DEVIATION_STD)
+    steady = estimate_timing(some(rng, scale=0.0)).deviation_std
     assert steady.max() < 0.3 * found.max()
-    assert steady.min() >= SMALLEST_LEAD
+    assert steady.min() >= MIN_DEVIATION_STD
 
 
-def test_tasks_share_the_spread_of_leads(rng):
+def test_tasks_share_their_phase_deviation(rng):
     wide, narrow = some(rng, 0), some(rng, 1, scale=0.25)
-    both = settle_timing([*wide, *narrow]).deviation_std[25]
-    apart = [settle_timing(part).deviation_std[25] for part in (wide, narrow)]
+    both = estimate_timing([*wide, *narrow]).deviation_std[25]
+    apart = [estimate_timing(part).deviation_std[25] for part in (wide, narrow)]
     assert both == pytest.approx(np.sqrt(np.mean(np.square(apart))), rel=1e-6)
 
 
 def test_where_no_task_has_two_recordings_nothing_is_aligned(rng):
     recordings = [a_recording(rng, 0.05, 0), a_recording(rng, 0.05, 1)]
-    timing = settle_timing(recordings)
+    timing = estimate_timing(recordings)
     assert not timing.templates
-    assert timing.deviation_std.max() == pytest.approx(UNKNOWN_LEAD)
+    assert timing.deviation_std.max() == pytest.approx(DEFAULT_DEVIATION_STD)
     for warp in timing.warps(recordings):
         np.testing.assert_array_equal(warp.inverse(PHASE), PHASE)
-    assert settle_timing([]) == timing
+    assert estimate_timing([]) == timing
 
 
 def test_a_recording_comes_out_the_same_alone_and_in_company(rng):
     recordings = [*some(rng, 0), *some(rng, 1)]
-    timing = settle_timing(recordings)
+    timing = estimate_timing(recordings)
     together = timing.warps(recordings[::-1])[::-1]
     for recorded, warp in zip(recordings, together, strict=True):
         (alone,) = timing.warps([recorded])
@@ -96,7 +101,7 @@ def test_a_recording_comes_out_the_same_alone_and_in_company(rng):
 
 
 def test_a_later_recording_is_brought_onto_the_same_template(rng):
-    timing = settle_timing(some(rng))
+    timing = estimate_timing(some(rng))
     later, unknown = a_recording(rng, 0.06), a_recording(rng, 0.06, task=4)
     warp, identity = timing.warps([later, unknown])
     np.testing.assert_allclose(warp.inverse(PHASE), reference_of(PHASE, 0.06), atol=0.03)
@@ -108,14 +113,14 @@ def test_recordings_without_samples_are_passed_over(rng):
     recordings = some(rng)
     silent = replace(recordings[0], start_ns=0, end_ns=START_NS - 1)
     never = replace(recordings[0], end_ns=START_NS)
-    assert settle_timing([silent, *recordings, never]) == settle_timing(recordings)
+    assert estimate_timing([silent, *recordings, never]) == estimate_timing(recordings)
 
 
 def test_timings_are_equal_where_all_of_them_is(rng):
     recordings = some(rng)
-    timing = settle_timing(recordings)
-    assert timing == settle_timing(recordings)
-    assert timing != settle_timing(recordings[1:])
+    timing = estimate_timing(recordings)
+    assert timing == estimate_timing(recordings)
+    assert timing != estimate_timing(recordings[1:])
     assert timing != Timing({}, timing.deviation_std)
     assert timing != Timing(timing.templates, timing.deviation_std + 1e-9)
     template = timing.templates["task_0"]
@@ -124,8 +129,8 @@ def test_timings_are_equal_where_all_of_them_is(rng):
     assert timing != "timing"
 
 
-def test_its_progress_has_the_leads(rng):
-    timing = settle_timing(some(rng))
+def test_its_progress_has_the_phase_deviations(rng):
+    timing = estimate_timing(some(rng))
     assert isinstance(timing.phase_deviation, PhaseDeviation)
     np.testing.assert_array_equal(timing.phase_deviation.deviation_std, timing.deviation_std)
     assert 0.0 < timing.phase_deviation.evidence <= 1.0

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from intent_recognition.learning.timing_covariance import (
-    mean_timing,
+from intent_recognition.learning.timing import (
+    mean_timing_covariance,
     timing_covariance,
-    unseen_timing,
+    unshown_timing_covariance,
 )
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
@@ -40,8 +40,8 @@ def test_it_is_symmetric_and_positive_semidefinite(seed, deviation_std, correlat
 def test_it_is_the_spread_of_movements_that_are_early_or_late():
     rng = np.random.default_rng(5)
     mean, deviation_std = smooth_weights(rng), 0.01
-    lead = deviation_std * rng.normal(size=4000)
-    shifted = BASIS.design_matrix(PHASE + lead[:, None])
+    deviation = deviation_std * rng.normal(size=4000)
+    shifted = BASIS.design_matrix(PHASE + deviation[:, None])
     for dof in (0, 1):
         block = slice(20 * dof, 20 * dof + 20)
         phase_deviation = PhaseDeviation(np.full(2, deviation_std), 1e9, 1.0)
@@ -57,7 +57,7 @@ def test_steady_progress_adds_nothing():
     assert not np.any(timing_covariance(BASIS, mean, STEADY))
 
 
-def test_leads_far_apart_have_little_to_do_with_each_other():
+def test_deviations_far_apart_have_little_to_do_with_each_other():
     mean = smooth_weights(np.random.default_rng(2))
     found = timing_covariance(BASIS, mean, PhaseDeviation(np.full(2, 0.1), 0.4, 1.0))
     spread = np.sqrt(np.diag(found))
@@ -66,14 +66,16 @@ def test_leads_far_apart_have_little_to_do_with_each_other():
     assert correlation[3, 23] == pytest.approx(1.0)
 
 
-def test_half_of_each_lead_is_added_half_the_tasks_own_and_half_of_all():
+def test_half_of_each_deviation_is_added_half_the_tasks_own_and_half_of_all():
     rng = np.random.default_rng(3)
     means = [smooth_weights(rng) for _ in range(3)]
     full, half = (
         PhaseDeviation(np.full(2, deviation_std), 0.4, 1.0) for deviation_std in (0.02, 0.01)
     )
-    shared = mean_timing(BASIS, means, full)
-    found = [unseen_timing(timing_covariance(BASIS, mean, full), shared) for mean in means]
+    shared = mean_timing_covariance(BASIS, means, full)
+    found = [
+        unshown_timing_covariance(timing_covariance(BASIS, mean, full), shared) for mean in means
+    ]
     own = [timing_covariance(BASIS, mean, half) for mean in means]
     expected = [0.5 * one + 0.5 * (own[0] + own[1] + own[2]) / 3.0 for one in own]
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)

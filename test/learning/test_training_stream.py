@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from simulation import make_library, signals, simulate
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.learning import accumulation as gathering
-from intent_recognition.learning import statistics, training
+from intent_recognition.learning import accumulation, selection, statistics
 from intent_recognition.learning.accumulation import accumulate, merge_accumulated
 from intent_recognition.learning.fitting import aligned_primitives, library_from_statistics
 from intent_recognition.learning.training import (
@@ -63,15 +62,15 @@ def assert_same_fields(found, expected, tolerance: float, *apart: str) -> None:
 
 
 def anew(demonstrations: list[Demonstration], like: Trained) -> Trained:
-    """Trained from nothing at the reference and hyperparameters of another."""
-    accumulated = accumulate(demonstrations, CUT, like.reference)
+    """Trained from nothing at the preprocessing and hyperparameters of another."""
+    accumulated = accumulate(demonstrations, CUT, like.preprocessing)
     library = library_from_statistics(
         accumulated.tasks,
-        like.reference,
+        like.preprocessing,
         like.chosen,
         none_calibration=like.library.none_calibration,
     )
-    return Trained(library, like.reference, accumulated.tasks, like.chosen)
+    return Trained(library, like.preprocessing, accumulated.tasks, like.chosen)
 
 
 @settings(max_examples=10)
@@ -88,11 +87,11 @@ def test_adding_in_any_order_equals_training_anew(seed, random, n_added):
     expected = anew([*start, *added], trained)
     assert_equal(trained.library, expected.library)
     found, aligned = (
-        aligned_primitives(t.tasks, t.reference, t.chosen) for t in (trained, expected)
+        aligned_primitives(t.tasks, t.preprocessing, t.chosen) for t in (trained, expected)
     )
     assert_same_fields(found, aligned, 1e-8, "phase_deviation")
-    tried = choose(trained.tasks, trained.reference)[1]
-    expected_tried = choose(expected.tasks, expected.reference)[1]
+    tried = choose(trained.tasks, trained.preprocessing)[1]
+    expected_tried = choose(expected.tasks, expected.preprocessing)[1]
     np.testing.assert_allclose(tried, expected_tried, rtol=1e-6, atol=1e-6)
 
 
@@ -113,7 +112,7 @@ def test_adding_leaves_what_it_adds_to_unchanged():
     assert after.library.n_demonstrations.tolist() == [3, 2, 2]
     assert after.library.provenance["bags"] == ["a", last.name]
     assert before.library.provenance["bags"] == ["a"]
-    assert after.chosen == before.chosen and after.reference == before.reference
+    assert after.chosen == before.chosen and after.preprocessing == before.preprocessing
 
 
 def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
@@ -159,7 +158,9 @@ def test_parts_gathered_apart_are_the_whole():
     """As by processes that read a share of the bags each."""
     demonstrations = recordings(8, 25)
     whole = accumulate(demonstrations, CUT)
-    parts = [accumulate(demonstrations[k : k + 7], CUT, whole.reference) for k in range(0, 25, 7)]
+    parts = [
+        accumulate(demonstrations[k : k + 7], CUT, whole.preprocessing) for k in range(0, 25, 7)
+    ]
     merged = reduce(merge_accumulated, parts)
     assert_equal(learn_accumulated(merged).library, learn_accumulated(whole).library, 1e-12)
     assert merged.used == whole.used and merged.n_used == 25
@@ -168,7 +169,7 @@ def test_parts_gathered_apart_are_the_whole():
 def test_many_may_be_added_at_once():
     demonstrations = recordings(9, 15)
     trained = learn_with_report(demonstrations[:9], CUT).trained
-    rest = accumulate(demonstrations[9:], CUT, trained.reference)
+    rest = accumulate(demonstrations[9:], CUT, trained.preprocessing)
     at_once = add_statistics(trained, rest.tasks, rest.used)
     one_by_one = reduce(add_demonstration, demonstrations[9:], trained)
     assert_equal(at_once.library, one_by_one.library)
@@ -178,22 +179,22 @@ def test_many_may_be_added_at_once():
 def test_parts_of_different_references_do_not_merge():
     demonstrations = recordings(10, 12)
     parts = [accumulate(demonstrations[:6], CUT), accumulate(demonstrations[6:], CUT)]
-    with pytest.raises(TrainingError, match="Gather all parts with one reference"):
+    with pytest.raises(TrainingError, match="Accumulate all parts with one preprocessing"):
         merge_accumulated(*parts)
 
 
-def test_a_long_stream_settles_its_reference_by_its_first_recordings(monkeypatch):
-    monkeypatch.setattr(gathering, "REFERENCE_RECORDINGS", 5)
+def test_a_long_stream_settles_its_preprocessing_by_its_first_recordings(monkeypatch):
+    monkeypatch.setattr(accumulation, "REFERENCE_RECORDINGS", 5)
     demonstrations = recordings(11, 20)
     unlabelled = replace(demonstrations[0], task=None, name="unlabelled")
     found = accumulate(iter([unlabelled, *demonstrations]), CUT)
-    assert found.reference == accumulate(demonstrations[:5], CUT).reference
+    assert found.preprocessing == accumulate(demonstrations[:5], CUT).preprocessing
     assert found.n_used == 20 and found.used == tuple(f"demo_{i:02d}" for i in range(20))
     assert [name for name, _ in found.rejected] == ["unlabelled"]
 
 
 def test_names_in_a_report_are_bounded_and_numbers_are_not(monkeypatch):
-    monkeypatch.setattr(gathering, "NAMES_KEPT", 4)
+    monkeypatch.setattr(accumulation, "NAMES_KEPT", 4)
     bad = [replace(r, task=None) for r in recordings(12, 7)]
     report = learn_with_report([*recordings(12, 9), *bad], CUT)
     assert (len(report.used), report.n_used) == (4, 9)
@@ -216,18 +217,18 @@ def test_hyperparameters_of_very_many_are_chosen_on_a_sample(monkeypatch):
 def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeypatch):
     trained = learn_with_report(recordings(14, 18), CUT).trained
     asked = []
-    real = training.select
+    real = selection.select
 
     def watched(samples, *rest, **grid):
         samples = list(samples)
         asked.append([len(part.weights) for part in samples])
         return real(samples, *rest, **grid)
 
-    monkeypatch.setattr(training, "select", watched)
-    everything = choose(trained.tasks, trained.reference)
-    monkeypatch.setattr(training, "MAX_SCORED", 13)
-    monkeypatch.setattr(training, "SCORED_TOGETHER", 3)
-    some = choose(trained.tasks, trained.reference)
+    monkeypatch.setattr(selection, "select", watched)
+    everything = choose(trained.tasks, trained.preprocessing)
+    monkeypatch.setattr(selection, "MAX_SCORED", 13)
+    monkeypatch.setattr(selection, "SCORED_TOGETHER", 3)
+    some = choose(trained.tasks, trained.preprocessing)
     assert asked == [[6, 6, 6], [3, 1] * 3]
     assert some[0].score == pytest.approx(everything[0].score, abs=0.5)
 

@@ -13,16 +13,17 @@ from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.learning import unknown_task_calibration as none_calibration
-from intent_recognition.learning.held_out import prefix_log_evidence
+from intent_recognition.learning import unknown_task
+from intent_recognition.learning.movement_evidence import prefix_log_evidence
 from intent_recognition.learning.statistics import merge_statistics, summarize
 from intent_recognition.learning.training import TrainingSettings, learn, learn_with_report
-from intent_recognition.learning.unknown_task import departure, none_primitive
-from intent_recognition.learning.unknown_task_calibration import (
+from intent_recognition.learning.unknown_task import (
     calibrate,
     calibrate_none,
+    calibrating_tasks,
+    departure,
     is_outdated,
-    settled_tasks,
+    none_primitive,
 )
 from intent_recognition.promp.library import IDENTITY_CALIBRATION
 from intent_recognition.recognition.posterior import read_factor, task_posterior
@@ -184,9 +185,9 @@ def test_one_task_alone_has_a_none_too(recordings):
 
 
 def test_tasks_take_part_in_the_calibration_from_five_demonstrations_on():
-    assert settled_tasks([3, 13, 5, 20]).tolist() == [1, 2, 3]
-    assert settled_tasks([3, 4, 20]).tolist() == [0, 1, 2]
-    assert settled_tasks([2]).tolist() == [0]
+    assert calibrating_tasks([3, 13, 5, 20]).tolist() == [1, 2, 3]
+    assert calibrating_tasks([3, 4, 20]).tolist() == [0, 1, 2]
+    assert calibrating_tasks([2]).tolist() == [0]
 
 
 @pytest.mark.parametrize(
@@ -216,8 +217,8 @@ def test_a_vague_new_task_does_not_make_the_others_wait(recordings, monkeypatch)
     report = learn_with_report([*recordings, *vague], WHOLE)
     trained = report.trained
     strength = trained.chosen.recognition_strength
-    asked = (trained.library, trained.tasks, trained.reference, strength)
+    asked = (trained.library, trained.tasks, trained.preprocessing, strength)
     own = calibrate_none(*asked)
     assert np.array_equal(own, trained.library.none_calibration)
-    monkeypatch.setattr(none_calibration, "ENOUGH", 1)
+    monkeypatch.setattr(unknown_task, "MIN_DEMONSTRATIONS", 1)
     assert own[1] < calibrate_none(*asked)[1]

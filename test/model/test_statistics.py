@@ -28,7 +28,7 @@ def trained(request):
     recordings = [perform(TRUTH, k % 3, k) for k in range(8)]
     trained = learn_with_report(recordings, TrainingSettings(n_basis=6)).trained
     chosen = trained.chosen._replace(aligned=request.param)
-    parts = learned_from(trained.tasks, trained.reference, chosen)
+    parts = learned_from(trained.tasks, trained.preprocessing, chosen)
     return replace(trained, library=replace(trained.library, **parts), chosen=chosen)
 
 
@@ -63,7 +63,7 @@ def assert_same_statistics(found: TaskStatistics, expected: TaskStatistics) -> N
 def test_what_was_written_is_read_bit_for_bit(trained, written):
     model, read = load_trained(written)
     assert model.dofs == DOFS and read.library is model.library
-    assert (read.reference, read.chosen) == (trained.reference, trained.chosen)
+    assert (read.preprocessing, read.chosen) == (trained.preprocessing, trained.chosen)
     assert list(read.tasks) == list(trained.tasks)
     for label, task in trained.tasks.items():
         assert_same_statistics(read.tasks[label], task)
@@ -95,7 +95,7 @@ def test_a_model_without_statistics_says_so(trained, tmp_path):
         ("statistics_mean", lambda a: a[:, :-1]),
         ("aligned_statistics_mean", lambda a: a[:, :-1]),
         ("aligned_examples_weights", lambda a: None),
-        ("timing_lead_std", lambda a: a * 0.0),
+        ("timing_deviation_std", lambda a: a * 0.0),
         ("timing_values", lambda a: a[:-1]),
         ("timing_scale", lambda a: a * np.nan),
         ("statistics_scatter", lambda a: a * np.nan),
@@ -117,11 +117,11 @@ def test_what_is_damaged_is_named(written, tmp_path, name, change):
 @pytest.mark.parametrize(
     "change",
     [
-        lambda s: s.pop("reference"),
-        lambda s: s["reference"]["settings"].update(n_basis="many", colour="red"),
+        lambda s: s.pop("preprocessing"),
+        lambda s: s["preprocessing"]["settings"].update(n_basis="many", colour="red"),
         lambda s: s.update(labels=["other"]),
         lambda s: s.update(chosen={}),
-        lambda s: s["reference"].pop("templates"),
+        lambda s: s["preprocessing"].pop("templates"),
     ],
 )
 def test_a_damaged_header_is_named(written, tmp_path, change):
@@ -150,12 +150,12 @@ def test_priors_changed_after_learning_are_kept(trained, tmp_path):
         ("aligned_weight_covariance", lambda a: a * np.nan),
         ("aligned_noise_variance", lambda a: -a),
         ("aligned_noise_scale", lambda a: None),
-        ("aligned_lead_std", lambda a: -a),
+        ("aligned_deviation_std", lambda a: -a),
         ("aligned", lambda a: None),
     ],
 )
 def test_what_is_damaged_of_aligned_primitives_is_named(trained, tmp_path, name, change):
-    primitives = aligned_primitives(trained.tasks, trained.reference, trained.chosen)
+    primitives = aligned_primitives(trained.tasks, trained.preprocessing, trained.chosen)
     save_model(tmp_path / "m.npz", Model(replace(trained.library, aligned=primitives), DOFS))
     with np.load(tmp_path / "m.npz", allow_pickle=False) as file:
         arrays = {key: file[key] for key in file.files}
@@ -169,3 +169,21 @@ def test_what_is_damaged_of_aligned_primitives_is_named(trained, tmp_path, name,
     np.savez(path, **{key: value for key, value in arrays.items() if value is not None})
     with pytest.raises(ModelError, match=rf"bad\.npz: {name}"):
         load_model(path)
+
+
+def test_a_file_of_version_1_is_read(trained, written, tmp_path):
+    with np.load(written) as file:
+        content = dict(file)
+    header = json.loads(str(content.pop("header")))
+    header["format_version"] = 1
+    statistics = header["statistics"]
+    statistics["reference"] = statistics.pop("preprocessing")
+    settings = statistics["reference"]["settings"]
+    settings["n_forecast_basis"] = settings.pop("n_aligned_basis")
+    content["timing_lead_std"] = content.pop("timing_deviation_std")
+    if "aligned_deviation_std" in content:
+        content["aligned_lead_std"] = content.pop("aligned_deviation_std")
+    np.savez_compressed(tmp_path / "m.npz", header=np.array(json.dumps(header)), **content)
+    model, read = load_trained(tmp_path / "m.npz")
+    assert_identical(model.library, trained.library)
+    assert read.preprocessing == trained.preprocessing

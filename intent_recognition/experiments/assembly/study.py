@@ -167,13 +167,13 @@ def leave_out(demonstrations: Sequence[Demonstration], numbers: Sequence[int], t
     as_recorded = [d for d, part in zip(demonstrations, numbers, strict=True) if part == turn]
     report = learn_with_report(training, TrainingSettings(none_prior=NONE_PRIOR))
     library = report.library
-    reference = report.trained.reference
-    aligned = aligned_primitives(report.trained.tasks, reference, report.chosen)
+    preprocessing = report.trained.preprocessing
+    aligned = aligned_primitives(report.trained.tasks, preprocessing, report.chosen)
     cut, left_out = (
-        [cut_one(d, reference.onset, reference.controlled_onset) for d in part]
+        [cut_one(d, preprocessing.onset, preprocessing.controlled_onset) for d in part]
         for part in (training, as_recorded)
     )
-    return Fold(library, aligned, reference.timing, cut, left_out, as_recorded)
+    return Fold(library, aligned, preprocessing.timing, cut, left_out, as_recorded)
 
 
 def execute(library: TaskLibrary, recording: Demonstration, cut: Demonstration) -> StandInScore:

@@ -8,13 +8,13 @@ from simulation import make_library, simulate
 from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.learning.examples import sample_phases
-from intent_recognition.learning.recognition_choice import least_noise, recognition_losses
+from intent_recognition.learning.held_out_recognition import least_noise, recognition_losses
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.training import learn_with_report
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation
 
-SETTINGS = TrainingSettings(n_basis=6, n_forecast_basis=6, segmentation="recording")
+SETTINGS = TrainingSettings(n_basis=6, n_aligned_basis=6, segmentation="recording")
 
 
 def recordings(n_tasks, n):
@@ -28,7 +28,7 @@ def test_left_out_demonstrations_are_recognised_a_little_less_surely_than_by_the
     library = report.library
     tasks = report.trained.tasks
     strength = report.chosen.recognition_strength
-    found = recognition_losses(library, tasks, report.trained.reference, strength)
+    found = recognition_losses(library, tasks, report.trained.preprocessing, strength)
     hypotheses = make_hypotheses(library)
     expected = []
     for label, task in tasks.items():
@@ -52,7 +52,7 @@ def test_one_task_has_nothing_to_tell_apart():
     report = learn_with_report(recordings(1, 6), SETTINGS)
     library = report.library
     trained = report.trained
-    assert recognition_losses(library, trained.tasks, trained.reference, 1.0).size == 0
+    assert recognition_losses(library, trained.tasks, trained.preprocessing, 1.0).size == 0
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How recordings become examples: basis, onset thresholds, DOFs and templates, settled once.
+
+The `Preprocessing` is fixed before the first example is made, so that statistics accumulated at
+other times, or by other processes, can be merged.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from intent_recognition.errors import TrainingError, describe
+from intent_recognition.learning.examples import TrainingExample, cut_one, make_examples
+from intent_recognition.learning.settings import TrainingSettings
+from intent_recognition.learning.timing import Timing, estimate_timing
+from intent_recognition.promp import NONE, NormalizedRBFBasis
+from intent_recognition.signals import Demonstration, OnsetSettings, Signal, onset_settings
+
+
+class SignalNames(NamedTuple):
+    """The DOFs of one signal and their unit."""
+
+    names: tuple[str, ...]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Preprocessing:
+    """How each recording becomes an example.
+
+    Attributes:
+        settings: basis, ridge and segmentation among them.
+        observed, controlled: DOFs of each signal.
+        onset, controlled_onset: thresholds of the movement for each signal.
+        timing: templates that recordings are aligned with.
+        source: name of the recording that the DOFs are from.
+    """
+
+    settings: TrainingSettings
+    observed: tuple[SignalNames, ...]
+    controlled: tuple[SignalNames, ...]
+    onset: tuple[OnsetSettings, ...]
+    controlled_onset: tuple[OnsetSettings, ...]
+    timing: Timing
+    source: str = ""
+
+    @property
+    def basis(self) -> NormalizedRBFBasis:
+        """The basis functions over recorded phase."""
+        return NormalizedRBFBasis(self.settings.n_basis, self.settings.width)
+
+    @property
+    def aligned_basis(self) -> NormalizedRBFBasis:
+        """The basis functions over reference phase, of the aligned examples."""
+        return NormalizedRBFBasis(self.settings.n_aligned_basis, self.settings.width)
+
+    @property
+    def n_observed(self) -> int:
+        """Number of observed DOFs."""
+        return sum(len(signal.names) for signal in self.observed)
+
+    def cut(self, recorded: Demonstration) -> Demonstration:
+        """The recording cut to the movement, or whole if the settings say so."""
+        if self.settings.segmentation == "movement":
+            return cut_one(recorded, self.onset, self.controlled_onset)
+        return recorded
+
+
+def settle_preprocessing(
+    recordings: Sequence[Demonstration], settings: TrainingSettings
+) -> Preprocessing:
+    """Thresholds, templates and DOFs from usable recordings, at least one."""
+    first = recordings[0]
+    onset = onset_settings([recorded.observed for recorded in recordings])
+    controlled_onset = onset_settings([recorded.controlled for recorded in recordings])
+    if settings.segmentation == "movement":
+        recordings = [cut_one(recorded, onset, controlled_onset) for recorded in recordings]
+    return Preprocessing(
+        settings=settings,
+        observed=_names(first.observed),
+        controlled=_names(first.controlled),
+        onset=onset,
+        controlled_onset=controlled_onset,
+        timing=estimate_timing(recordings),
+        source=first.name,
+    )
+
+
+def examples_of(
+    recordings: Sequence[Demonstration], preprocessing: Preprocessing
+) -> list[TrainingExample | TrainingError]:
+    """Each recording as an example, with its aligned counterpart; or why it cannot be used."""
+    found: list[TrainingExample | TrainingError] = []
+    usable = []
+    for recorded in recordings:
+        reason = reason_against(recorded, preprocessing)
+        found.append(TrainingError(reason))
+        if not reason:
+            usable.append((len(found) - 1, preprocessing.cut(recorded)))
+    settings, fitted = preprocessing.settings, []
+    cut = [recorded for _, recorded in usable]
+    examples = make_examples(cut, preprocessing.basis, settings.ridge)
+    for (index, recorded), example in zip(usable, examples, strict=True):
+        found[index] = example
+        if isinstance(example, TrainingExample):
+            fitted.append((index, example, recorded))
+    cut = [recorded for _, _, recorded in fitted]
+    warps = preprocessing.timing.warps(cut)
+    aligned = make_examples(cut, preprocessing.aligned_basis, settings.ridge, warps)
+    for (index, example, _), counterpart in zip(fitted, aligned, strict=True):
+        if isinstance(counterpart, TrainingError):
+            found[index] = counterpart
+        else:
+            found[index] = example._replace(aligned=counterpart)
+    return found
+
+
+def example_of(recorded: Demonstration, preprocessing: Preprocessing) -> TrainingExample:
+    """One recording as an example.
+
+    Raises:
+        TrainingError: it cannot be used; says why.
+    """
+    (example,) = examples_of([recorded], preprocessing)
+    if isinstance(example, TrainingError):
+        raise TrainingError(f"{recorded.name}: {example}")
+    return example
+
+
+def reason_against(recorded: Demonstration, like: Demonstration | Preprocessing | None) -> str:
+    """Why a recording cannot be learned from together with earlier ones, or an empty string."""
+    if recorded.task is None:
+        return "it has no label `task`"
+    if recorded.task == NONE:
+        return f"the label {NONE!r} is reserved"
+    if like is None:
+        return ""
+    expected, found = _dofs(like), _dofs(recorded)
+    if expected == found:
+        return ""
+    source = like.source if isinstance(like, Preprocessing) else like.name
+    return describe(
+        "DOFs",
+        f"those of {source or 'the model'}, {expected}",
+        found,
+        "Read all recordings with one DOF file.",
+    )
+
+
+def _dofs(model: Demonstration | Preprocessing) -> tuple[tuple[SignalNames, ...], ...]:
+    """Names and unit of each signal, observed and controlled."""
+    if isinstance(model, Preprocessing):
+        return model.observed, model.controlled
+    return _names(model.observed), _names(model.controlled)
+
+
+def _names(signals: Iterable[Signal]) -> tuple[SignalNames, ...]:
+    return tuple(SignalNames(signal.names, signal.unit) for signal in signals)
