@@ -25,9 +25,11 @@ from intent_recognition.gaussian.normal import (
     Gaussian,
     Regression,
     condition,
+    gaussian,
     log_density,
     marginal,
     regression,
+    whiten_innovation,
 )
 from intent_recognition.gaussian.span import affine_span
 from intent_recognition.gaussian.starts import kmeans_starts
@@ -49,6 +51,7 @@ __all__ = [
     "condition",
     "fit_gaussian_mixture",
     "fit_mixture",
+    "gaussian",
     "kmeans_starts",
     "log_density",
     "log_joint",
@@ -64,4 +67,5 @@ __all__ = [
     "symmetrize",
     "tube_faces",
     "tube_rings",
+    "whiten_innovation",
 ]

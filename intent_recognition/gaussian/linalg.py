@@ -4,18 +4,20 @@
 from math import isfinite
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from intent_recognition.errors import ArgumentError, describe
 
 LOG_2_PI = float(np.log(2.0 * np.pi))
 
 
-def symmetrize(matrix: np.ndarray) -> np.ndarray:
+def symmetrize(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean of a matrix and its transpose, (..., d, d)."""
     return 0.5 * (matrix + np.swapaxes(matrix, -1, -2))
 
 
-def cholesky(matrix: np.ndarray, *, name: str = "covariance") -> np.ndarray:
+def cholesky(matrix: NDArray[np.float64], *, name: str = "covariance") -> NDArray[np.float64]:
     """Lower Cholesky factor of symmetric positive definite matrices, (..., d, d).
 
     No jitter is added: a matrix that is not positive definite is the caller's to regularise.
@@ -42,11 +44,13 @@ def cholesky(matrix: np.ndarray, *, name: str = "covariance") -> np.ndarray:
     return factor
 
 
-def solve_lower(factor: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solve L x = b for batches of small lower triangular L (..., d, d) and b (..., d, k).
+def solve_lower(factor: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve L x = b for lower triangular L (..., d, d) and b (..., d, k).
 
-    Forward substitution in d steps, each vectorised over the batch.
+    Batches take d steps of forward substitution, each vectorised over the batch.
     """
+    if factor.ndim == 2:
+        return solve_triangular(factor, right, lower=True, check_finite=False)
     d = factor.shape[-1]
     solution = np.empty(np.broadcast_shapes(factor.shape[:-2], right.shape[:-2]) + right.shape[-2:])
     for i in range(d):
@@ -57,7 +61,7 @@ def solve_lower(factor: np.ndarray, right: np.ndarray) -> np.ndarray:
     return solution
 
 
-def log_normalizer(factor: np.ndarray) -> np.ndarray:
+def log_normalizer(factor: NDArray[np.float64]) -> NDArray[np.float64]:
     """0.5 log det(2 pi S) from the Cholesky factor of S, (...)."""
     diagonal = np.diagonal(factor, axis1=-2, axis2=-1)
     return np.add.reduce(np.log(diagonal), axis=-1) + 0.5 * factor.shape[-1] * LOG_2_PI

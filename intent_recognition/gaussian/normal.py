@@ -4,21 +4,22 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_solve, solve_triangular
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import cho_solve
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.gaussian.linalg import cholesky, log_normalizer, symmetrize
+from intent_recognition.gaussian.linalg import cholesky, log_normalizer, solve_lower, symmetrize
 
 
 class Gaussian(NamedTuple):
     """A normal distribution: mean (d,) and covariance (d, d)."""
 
-    mean: np.ndarray
-    covariance: np.ndarray
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
 
 
-def gaussian(mean, covariance) -> Gaussian:
-    """Check a mean and a covariance once, at the border.
+def gaussian(mean: ArrayLike, covariance: ArrayLike) -> Gaussian:
+    """The normal distribution of a mean (d,) and a covariance (d, d), checked and copied.
 
     Raises:
         ShapeError: the covariance does not fit the mean.
@@ -46,29 +47,69 @@ def gaussian(mean, covariance) -> Gaussian:
     return Gaussian(mean, covariance)
 
 
-def log_density(distribution: Gaussian, value: np.ndarray) -> float:
-    """Log density of `value` (d,) under the distribution."""
+def log_density(distribution: Gaussian, value: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Log density of values (..., d) under distributions, whose arrays may be batches: (...)."""
     factor = cholesky(distribution.covariance)
-    whitened = solve_triangular(factor, value - distribution.mean, lower=True)
-    return float(-0.5 * whitened @ whitened - log_normalizer(factor))
+    whitened = solve_lower(factor, (value - distribution.mean)[..., None])[..., 0]
+    return -0.5 * np.sum(whitened**2, axis=-1) - log_normalizer(factor)
 
 
-def marginal(distribution: Gaussian, index: np.ndarray) -> Gaussian:
+def marginal(distribution: Gaussian, index: NDArray[np.int64]) -> Gaussian:
     """Distribution of some of the elements.
 
     Args:
         distribution: over (d,).
         index: which elements to keep, (m,).
     """
-    index = np.asarray(index)
     return Gaussian(distribution.mean[index], distribution.covariance[np.ix_(index, index)])
+
+
+class WhitenedInnovation(NamedTuple):
+    """What conditioning takes, for an innovation covariance S = L L^T.
+
+    The posterior mean is m + cross^T innovation, its covariance P - cross^T cross.
+
+    Attributes:
+        cross: L^-1 H P, (..., m, d).
+        innovation: L^-1 (y - H m), (..., m).
+        log_density: log N(y; H m, S), (...).
+    """
+
+    cross: NDArray[np.float64]
+    innovation: NDArray[np.float64]
+    log_density: NDArray[np.float64]
+
+
+def whiten_innovation(
+    innovation_covariance: NDArray[np.float64],
+    cross: NDArray[np.float64],
+    innovation: NDArray[np.float64],
+    *,
+    name: str = "innovation covariance",
+) -> WhitenedInnovation:
+    """Whiten an innovation and its covariance with what is conditioned (Maeda et al. 2014, Eq. 6).
+
+    Args:
+        innovation_covariance: S = H P H^T + R, (..., m, m).
+        cross: H P, (..., m, d).
+        innovation: y - H m, (..., m).
+        name: of S, for the error.
+
+    Raises:
+        ArgumentError: S is not positive definite.
+    """
+    factor = cholesky(innovation_covariance, name=name)
+    solved = solve_lower(factor, np.concatenate([cross, innovation[..., None]], axis=-1))
+    whitened = solved[..., -1]
+    log_density = -0.5 * np.sum(whitened**2, axis=-1) - log_normalizer(factor)
+    return WhitenedInnovation(solved[..., :-1], whitened, log_density)
 
 
 def condition(
     prior: Gaussian,
-    observation_matrix: np.ndarray,
-    observation: np.ndarray,
-    noise_covariance: np.ndarray,
+    observation_matrix: NDArray[np.float64],
+    observation: NDArray[np.float64],
+    noise_covariance: NDArray[np.float64],
 ) -> tuple[Gaussian, float]:
     """Condition on y = H w + noise (Maeda et al. 2014, Eq. 6; prior covariance in the gain).
 
@@ -101,26 +142,23 @@ def condition(
                 "Give H one row per observed value and one column per weight.",
             )
         )
-    cross = prior.covariance @ observation_matrix.T
-    factor = cholesky(
-        symmetrize(observation_matrix @ cross) + noise_covariance, name="innovation covariance"
+    cross = observation_matrix @ prior.covariance
+    cross, innovation, log_evidence = whiten_innovation(
+        symmetrize(cross @ observation_matrix.T) + noise_covariance,
+        cross,
+        observation - observation_matrix @ prior.mean,
     )
-    innovation = observation - observation_matrix @ prior.mean
-    whitened = solve_triangular(factor, innovation, lower=True)
-    whitened_cross = solve_triangular(factor, cross.T, lower=True)
-    posterior = Gaussian(
-        prior.mean + whitened_cross.T @ whitened,
-        symmetrize(prior.covariance - whitened_cross.T @ whitened_cross),
-    )
-    return posterior, float(-0.5 * whitened @ whitened - log_normalizer(factor))
+    mean = prior.mean + cross.T @ innovation
+    covariance = symmetrize(prior.covariance - cross.T @ cross)
+    return Gaussian(mean, covariance), float(log_evidence)
 
 
 class Regression(NamedTuple):
     """A linear Gaussian map: target given source is N(offset + matrix source, covariance)."""
 
-    matrix: np.ndarray
-    offset: np.ndarray
-    covariance: np.ndarray
+    matrix: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    covariance: NDArray[np.float64]
 
 
 def regression(joint: Gaussian, n_source: int) -> Regression:

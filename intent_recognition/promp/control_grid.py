@@ -8,9 +8,9 @@ products of matrices. The outcome is the same.
 """
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from numpy.typing import NDArray
 
-from intent_recognition.gaussian import Gaussian, cholesky, symmetrize
+from intent_recognition.gaussian import Gaussian, symmetrize, whiten_innovation
 from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.prediction import StartPosture, Trajectory
 
@@ -28,14 +28,14 @@ class ControlGrid:
         self.phase = np.linspace(1.0, 0.0, n_points)[::-1]
         self._n_controlled = primitives.n_controlled
         self._noise = primitives.control_noise_variance()
-        basis, (matrix, offset, covariance) = primitives.basis, primitives.recovery[task]
+        basis, (matrix, offset, covariance) = primitives.basis, primitives.regressions[task]
         shape = (primitives.n_controlled, basis.n_basis)
         matrix, offset = matrix.reshape(*shape, -1), offset.reshape(shape)
         covariance = covariance.reshape(*shape, *shape)
         design, slope = basis.design_matrix(self.phase), basis.derivative_matrix(self.phase)
         start = basis.design_matrix(np.zeros(1))[0]
 
-        def rows(values: np.ndarray) -> np.ndarray:
+        def rows(values: NDArray[np.float64]) -> NDArray[np.float64]:
             """Values of the DOFs at all phases, and of their slopes, (2, T Q, ...)."""
             parts = [np.tensordot(part, values, axes=(1, 1)) for part in (design, slope)]
             return np.array([part.reshape(-1, *values.shape[2:]) for part in parts])
@@ -65,15 +65,19 @@ class ControlGrid:
         variance = self._variance + np.einsum("ap,ap->a", response @ observed.covariance, response)
         if start is not None:
             toward = observed.covariance @ self._start_response.T
-            spread = symmetrize(self._start_covariance + self._start_response @ toward)
-            spread += np.diag(start.variance + self._noise)
-            factor = cholesky(spread, name="start posture covariance")
+            covariance = symmetrize(self._start_covariance + self._start_response @ toward)
+            covariance += np.diag(start.variance + self._noise)
             expected = self._start_response @ observed.mean + self._start_base
-            innovation = solve_triangular(factor, start.position - expected, lower=True)
             cross = self._response @ toward + self._start_cross
-            values += cross @ solve_triangular(factor, innovation, lower=True, trans="T")
-            scaled = solve_triangular(factor, cross[0].T, lower=True)
-            variance -= np.einsum("qa,qa->a", scaled, scaled)
+            cross, innovation, _ = whiten_innovation(
+                covariance,
+                cross.reshape(-1, self._n_controlled).T,
+                start.position - expected,
+                name="start posture covariance",
+            )
+            values += (innovation @ cross).reshape(values.shape)
+            cross = cross[:, : variance.size]
+            variance -= np.einsum("qa,qa->a", cross, cross)
         positions, slopes = values.reshape(2, -1, self._n_controlled)
         std = np.sqrt(variance).reshape(-1, self._n_controlled)
         return Trajectory(self.phase * duration_s, positions, slopes / duration_s, std)

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.gaussian import Gaussian, cholesky, symmetrize
+from intent_recognition.gaussian import Gaussian, condition, symmetrize
 from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.basis import NormalizedRBFBasis
 
 
 class Trajectory(NamedTuple):
-    """Mean and spread of some DOFs over a grid of times.
+    """Mean and standard deviation of some DOFs over a grid of times.
 
     Attributes:
         times_s: (T,).
@@ -22,17 +22,17 @@ class Trajectory(NamedTuple):
         std: standard deviation of the position, (T, d).
     """
 
-    times_s: np.ndarray
-    positions: np.ndarray
-    velocities: np.ndarray
-    std: np.ndarray
+    times_s: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    std: NDArray[np.float64]
 
 
 class StartPosture(NamedTuple):
     """The controlled agent's measured position at onset: (Q,) and its variance (Q,)."""
 
-    position: np.ndarray
-    variance: np.ndarray
+    position: NDArray[np.float64]
+    variance: NDArray[np.float64]
 
 
 def controlled_weights(
@@ -40,30 +40,26 @@ def controlled_weights(
 ) -> Gaussian:
     """Controlled weights given the task and the filtered observed weights.
 
-    N(A m_o + b, C + A P_o A^T), exact (`AlignedPrimitives.recovery`). A start posture is one more
-    observation of the controlled weights at phase 0; it moves the trajectory only, never the task.
+    N(A m_o + b, C + A P_o A^T), exact (`AlignedPrimitives.regressions`). A start posture is one
+    more observation of the controlled weights at phase 0; it does not bear on the task.
     """
-    matrix, offset, covariance = primitives.recovery[task]
+    matrix, offset, covariance = primitives.regressions[task]
     mean = matrix @ observed.mean + offset
     covariance = symmetrize(covariance + matrix @ observed.covariance @ matrix.T)
     if start is None:
         return Gaussian(mean, covariance)
     row = primitives.basis.design_matrix(np.zeros(1))
     design = np.kron(np.eye(primitives.n_controlled), row)
-    cross = covariance @ design.T
     noise = np.diag(start.variance + primitives.control_noise_variance())
-    factor = cholesky(symmetrize(design @ cross) + noise, name="start posture covariance")
-    scaled = np.linalg.solve(factor, cross.T)
-    innovation = np.linalg.solve(factor, start.position - design @ mean)
-    return Gaussian(mean + scaled.T @ innovation, symmetrize(covariance - scaled.T @ scaled))
+    return condition(Gaussian(mean, covariance), design, start.position, noise)[0]
 
 
 def rollout(
     basis: NormalizedRBFBasis,
     weights: Gaussian,
-    phase: np.ndarray,
+    phase: NDArray[np.float64],
     duration_s: float,
-    noise_variance: np.ndarray,
+    noise_variance: NDArray[np.float64],
 ) -> Trajectory:
     """Trajectory of d DOFs at phases (T,), lasting `duration_s` from phase 0 to 1.
 
@@ -72,7 +68,7 @@ def rollout(
         weights: distribution of the weights, (d N,).
         phase: (T,).
         duration_s: time from phase 0 to 1.
-        noise_variance: residual variance per DOF added to the spread, (d,).
+        noise_variance: residual variance per DOF, added to the variance of the mean, (d,).
     """
     design = basis.design_matrix(phase)
     n_dofs = len(weights.mean) // basis.n_basis
@@ -82,7 +78,9 @@ def rollout(
     return Trajectory(phase * duration_s, design @ per_dof.T, velocities, np.sqrt(variance))
 
 
-def dof_variance(design: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def dof_variance(
+    design: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Variance of each DOF at each row of the design (T, N), given weights' covariance: (T, d)."""
     n_basis = design.shape[1]
     n_dofs = len(covariance) // n_basis
@@ -100,10 +98,10 @@ def largest_by_unit(std: NDArray[np.float64], units: Sequence[str]) -> dict[str,
 
 
 def least_end_std(primitives: AlignedPrimitives, task: int) -> float:
-    """How uncertain the end of a task stays, however much is seen.
+    """Least uncertainty of a task's predicted end, however much is observed.
 
-    Standard deviation of the controlled DOF where it is largest, the observed weights and the
-    controlled agent's start being known exactly: what demonstrations differ in that neither tells.
+    Largest standard deviation over the controlled DOFs, which have one unit, when the observed
+    weights and the controlled agent's start are known exactly.
     """
     n, size = primitives.n_controlled, primitives.n_observed_weights
     known = Gaussian(np.zeros(size), np.zeros((size, size)))

@@ -152,7 +152,7 @@ def test_observed_block_and_regression_equal_a_full_state_kalman_filter(rng):
             covariance[task] = left @ P @ left.T + K @ noise @ K.T
         bank = condition_bank(bank, np.arange(2), row[None], y, noise)
     for task in range(2):
-        matrix, offset, rest = library.primitives.recovery[task]
+        matrix, offset, rest = library.primitives.regressions[task]
         np.testing.assert_allclose(bank.mean[task], mean[task, :split], atol=1e-8)
         np.testing.assert_allclose(
             bank.covariance[task], covariance[task, :split, :split], atol=1e-8

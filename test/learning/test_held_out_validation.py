@@ -134,7 +134,7 @@ def with_deviations(
     noise = np.diag(primitives.noise_variance[: primitives.n_observed] * primitives.noise_scale)
     for phase, values in zip(sample_phases(), seen, strict=False):
         run.observe(float(phase), np.arange(primitives.n_observed), values, noise)
-    matrix, offset, _ = own.recovery[0]
+    matrix, offset, _ = own.regressions[0]
     controlled = (matrix @ run.mean[0] + offset).reshape(primitives.n_controlled, -1)
     deviation, found = run.deviations_at(scored_phases())[0], []
     for share, phase in zip(deviation, scored_phases(), strict=True):

@@ -91,7 +91,7 @@ def test_identical_demonstrations_train(truth, rng):
     one = simulate(truth, 0, rng)
     library = learn([one, replace(one, name="again"), replace(one, name="third")], WHOLE)
     assert np.linalg.eigvalsh(library.weight_covariance[0]).min() > 0
-    assert np.all(np.isfinite(library.primitives.recovery[0].matrix))
+    assert np.all(np.isfinite(library.primitives.regressions[0].matrix))
 
 
 def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
