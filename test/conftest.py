@@ -73,6 +73,29 @@ def shared_data() -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def toolbox_model(repository, tmp_path_factory) -> Path:
+    """A model file learned from the shipped training bags, once for all processes of a run."""
+    own = tmp_path_factory.getbasetemp()
+    path = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "toolbox.npz"
+    with path.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not path.is_file():
+            _learn_toolbox(repository, path)
+    return path
+
+
+def _learn_toolbox(repository: Path, path: Path) -> None:
+    from intent_recognition.demonstrations import load_dofs, read_demonstrations
+    from intent_recognition.learning import TrainingSettings, learn
+    from intent_recognition.model import Model, save_model
+
+    dofs = load_dofs(repository / "config" / "dofs.yaml")
+    demonstrations, rejections = read_demonstrations(repository / "bags/toolbox/train", dofs)
+    assert not rejections and len(demonstrations) == 48
+    save_model(path, Model(learn(demonstrations, TrainingSettings()), dofs))
+
+
 @pytest.fixture
 def harness():
     """A running rclpy with one executor; see ros_harness.Harness."""

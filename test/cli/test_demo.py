@@ -16,7 +16,9 @@ from rich.console import Console
 from intent_recognition.cli import demo
 from intent_recognition.model.file import load_trained
 
-START_S, END_S = 60.0, 300.0
+pytestmark = pytest.mark.slow
+
+START_S, END_S = 120.0, 600.0
 
 
 def command(output: Path, *arguments: str) -> list[str]:
@@ -42,24 +44,11 @@ def alive(pid: int) -> bool:
         return False
 
 
-@pytest.fixture(scope="module")
-def model(tmp_path_factory, repository) -> Path:
-    """A model of the shipped bags."""
-    path = tmp_path_factory.mktemp("model") / "m.npz"
-    bags = repository / "bags/toolbox/train"
-    subprocess.run(
-        [*(sys.executable, "-m", "intent_recognition.cli.main"), "train", bags, "--output", path],
-        check=True,
-        capture_output=True,
-    )
-    return path
-
-
 @pytest.fixture
-def running_demo(tmp_path, model):
+def running_demo(tmp_path, toolbox_model):
     """A demo in the middle of its session, with the pids of its nodes."""
     process = subprocess.Popen(
-        command(tmp_path / "out", "--model", str(model), "--interactions", "3"),
+        command(tmp_path / "out", "--model", str(toolbox_model), "--interactions", "3"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -73,11 +62,11 @@ def running_demo(tmp_path, model):
     process.communicate()
 
 
-def test_recognises_and_helps(tmp_path, model):
+def test_recognises_and_helps(tmp_path, toolbox_model):
     result = subprocess.run(
         command(
             tmp_path / "out",
-            *("--model", str(model), "--task-list", "plate_handover,hold_screwdriver"),
+            *("--model", str(toolbox_model), "--task-list", "plate_handover,hold_screwdriver"),
             *("--json", str(tmp_path / "numbers.json"), "--record", str(tmp_path / "bag")),
         ),
         capture_output=True,
@@ -138,9 +127,9 @@ def test_killed_it_leaves_no_orphan(running_demo):
         (("--rate", "0"), "--rate: expected 0.01 to 50, got 0"),
     ],
 )
-def test_bad_options_are_one_line(tmp_path, model, arguments, message):
+def test_bad_options_are_one_line(tmp_path, toolbox_model, arguments, message):
     if "--model" not in arguments:
-        arguments = (*arguments, "--model", str(model))
+        arguments = (*arguments, "--model", str(toolbox_model))
     result = run(command(tmp_path / "out", "--interactions", "1", *arguments))
     assert result.returncode == (2 if "usage" in result.stderr else 1)
     last = result.stderr.strip().splitlines()[-1]

@@ -3,7 +3,11 @@
 
 import json
 
+import pytest
+
 from intent_recognition.cli.main import main
+
+pytestmark = pytest.mark.slow
 
 
 def test_one_pour_is_told(tmp_path, capfd):

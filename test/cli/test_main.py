@@ -112,6 +112,7 @@ def test_the_commands_need_no_ros(command):
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.slow
 def test_the_commands_run_where_there_is_no_ros(tmp_path):
     """Every import of a ROS package is refused, as on a machine without ROS."""
     write_all(tmp_path)

@@ -66,6 +66,7 @@ def assert_same_bags(found, expected):
     assert found.provenance["bags"] == expected.provenance["bags"]
 
 
+@pytest.mark.slow
 def test_processes_learn_the_same_model(train, recorded, small_parts):
     alone, text = train(recorded / "spoiled")
     together, text_together = train(recorded / "spoiled", "--jobs", 2)

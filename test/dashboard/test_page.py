@@ -14,6 +14,8 @@ from ros_harness import NodeProcess
 from intent_recognition.model.file import load_model
 from intent_recognition.model.task_folder import LEARN, TaskFolder
 
+pytestmark = pytest.mark.slow
+
 REACHES, REACH_S = 4, 20.0
 NODES = {
     "sim_bridge.nodes.lwr_sim": {},

@@ -9,6 +9,8 @@ import sys
 import pytest
 from docs.shown import ROOT, nodes
 
+pytestmark = pytest.mark.slow
+
 PAGES = ("commands", "launch", "nodes")
 
 

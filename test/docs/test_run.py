@@ -23,6 +23,8 @@ from ros_harness import NodeProcess
 from intent_recognition.cli import main as cli
 from intent_recognition.nodes.graph import GRAPHS, NODES, resolve
 
+pytestmark = pytest.mark.slow
+
 LONG_S = 120.0
 WRITTEN = ("--output", "--report", "--json", "--record")
 NOT_RUN = {

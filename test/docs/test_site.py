@@ -10,6 +10,8 @@ from importlib.util import find_spec
 import pytest
 from docs.shown import PAGES, ROOT
 
+pytestmark = pytest.mark.slow
+
 LOADED = re.compile(
     r"<(?:script|img|iframe|source)[^>]+src=\"([^\"]+)\"|<link[^>]+href=\"([^\"]+)\""
 )

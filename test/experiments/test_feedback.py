@@ -17,6 +17,7 @@ def numbers():
     return json.loads(json.dumps(dict(outcome.numbers)))
 
 
+@pytest.mark.slow
 def test_the_arm_varies_as_the_primitive_and_low_gains_do_not(numbers):
     chance = 1.0 / np.sqrt(2.0 * (numbers["n_runs"] - 1))
     ratio = np.array(numbers["std_ratio_stochastic"])

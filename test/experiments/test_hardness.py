@@ -16,6 +16,7 @@ def bags(repository):
     }
 
 
+@pytest.mark.slow
 def test_a_shortcut_on_the_position_fails_where_the_library_does_not(bags):
     for accuracy in (compare(bags["train"], bags["test"]), compare_folds(bags["train"], 4, 0.3)):
         assert accuracy.shortcut <= 0.85

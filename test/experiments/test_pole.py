@@ -34,6 +34,7 @@ def test_shipped_demonstrations_are_unlabelled_and_go_where_their_metadata_say()
         assert float(d.metadata["clearance_m"]) > 0.01
 
 
+@pytest.mark.slow
 def test_one_gaussian_hits_the_pole_and_the_chosen_mixture_does_not(outcome):
     single, mixture, _, end = outcome.numbers["executed"]
     assert outcome.numbers["chosen"] > 1

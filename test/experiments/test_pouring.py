@@ -14,6 +14,7 @@ def outcome():
     return run(Settings(quick=True))
 
 
+@pytest.mark.slow
 def test_warped_pours_spill_little_and_others_more(outcome):
     numbers = outcome.numbers
     mean, unwarped = (np.array(numbers[f"spilled_{m}"]) for m in ("mean", "unwarped"))

@@ -15,6 +15,7 @@ def outcome():
     return toolbox.run(Settings(quick=True))
 
 
+@pytest.mark.slow
 def test_the_three_interactions_are_found(outcome):
     assert outcome.numbers["chosen"] == 3
     assert outcome.numbers["purity"] == 1.0

@@ -73,6 +73,7 @@ def anew(demonstrations: list[Demonstration], like: Trained) -> Trained:
     return Trained(library, like.preprocessing, accumulated.tasks, like.chosen)
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(st.integers(0, 2**32 - 1), st.randoms(use_true_random=False), st.integers(1, 9))
 def test_adding_in_any_order_equals_training_anew(seed, random, n_added):
@@ -143,6 +144,7 @@ def test_what_cannot_be_added_is_refused_by_name_and_reason():
         add_demonstration(trained, replace(one, end_ns=one.start_ns + 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [CUT, WHOLE])
 def test_a_stream_equals_a_list(options):
     demonstrations = recordings(7, 20)
@@ -154,6 +156,7 @@ def test_a_stream_equals_a_list(options):
     assert streamed_report.used == report.used
 
 
+@pytest.mark.slow
 def test_parts_gathered_apart_are_the_whole():
     """As by processes that read a share of the bags each."""
     demonstrations = recordings(8, 25)
@@ -201,6 +204,7 @@ def test_names_in_a_report_are_bounded_and_numbers_are_not(monkeypatch):
     assert (len(report.rejected), report.n_rejected) == (4, 7)
 
 
+@pytest.mark.slow
 def test_hyperparameters_of_very_many_are_chosen_on_a_sample(monkeypatch):
     """Means and covariances are still those of all of them."""
     demonstrations = recordings(13, 30)
@@ -214,6 +218,7 @@ def test_hyperparameters_of_very_many_are_chosen_on_a_sample(monkeypatch):
     assert sampled_report.chosen.score == pytest.approx(report.chosen.score, abs=0.5)
 
 
+@pytest.mark.slow
 def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeypatch):
     trained = learn_with_report(recordings(14, 18), CUT).trained
     asked = []
@@ -262,7 +267,8 @@ def peak_memory(n: int) -> int:
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_demonstrations(monkeypatch):
     monkeypatch.setattr(statistics, "MAX_EXAMPLES", 30)
-    few, many = peak_memory(100), peak_memory(2000)
+    few, many = peak_memory(80), peak_memory(800)
     assert many < 1.1 * few

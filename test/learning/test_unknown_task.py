@@ -42,20 +42,24 @@ def recordings():
     return [simulate(truth, i % 4, rng, name=f"{i:02d}", n_samples=60) for i in range(32)]
 
 
+@pytest.fixture(scope="module")
+def report(recordings):
+    """What was learned from them."""
+    return learn_with_report(recordings, WHOLE)
+
+
 def examples_of(report) -> list:
     return [e for task in report.trained.tasks.values() for e in task.examples]
 
 
-def test_departure_from_statistics_is_that_of_the_demonstrations(recordings):
-    report = learn_with_report(recordings, WHOLE)
+def test_departure_from_statistics_is_that_of_the_demonstrations(report):
     weights = np.array([e.weights[:3] for e in examples_of(report)])
     start = weights[:, :, :1]
     expected = np.mean((weights - start) ** 2, axis=(0, 1)) + np.mean(np.var(start, axis=0))
     assert departure(list(report.trained.tasks.values()), 3) == pytest.approx(expected, rel=1e-9)
 
 
-def test_departure_does_not_depend_on_how_statistics_were_merged(recordings):
-    report = learn_with_report(recordings, WHOLE)
+def test_departure_does_not_depend_on_how_statistics_were_merged(report):
     (first, *rest) = report.trained.tasks["task_0"].examples
     merged = merge_statistics(summarize([first]), summarize(rest))
     whole = departure([summarize([first, *rest])], 3)
@@ -105,8 +109,8 @@ def test_calibration_by_hand():
     assert tuple(calibrate(np.zeros((0,)), np.zeros((0,)))) == IDENTITY_CALIBRATION
 
 
-def test_prefix_evidence_equals_conditioning_sample_by_sample(recordings):
-    library = learn(recordings, WHOLE)
+def test_prefix_evidence_equals_conditioning_sample_by_sample(recordings, report):
+    library = report.library
     recorded, task = recordings[1], 1
     hypotheses = make_hypotheses(library)
     run = MovementFilter(
@@ -132,8 +136,8 @@ def test_prefix_evidence_equals_conditioning_sample_by_sample(recordings):
         assert batch == pytest.approx(stepwise[:, number], rel=1e-8, abs=1e-8)
 
 
-def test_the_calibration_leaves_the_tasks_among_themselves_alone(recordings):
-    library = learn(recordings, WHOLE)
+def test_the_calibration_leaves_the_tasks_among_themselves_alone(recordings, report):
+    library = report.library
     recorded = recordings[2]
     posteriors = []
     for one in (library, replace(library, none_calibration=IDENTITY_CALIBRATION)):
@@ -154,6 +158,7 @@ def test_the_calibration_leaves_the_tasks_among_themselves_alone(recordings):
     assert abs(ours.probabilities.sum() - 1.0) < 1e-12
 
 
+@pytest.mark.slow
 def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
     """Every task in turn is left out; most of its movements stay below the threshold."""
     known, unknown = [], []
@@ -206,6 +211,7 @@ def test_calibrated_again_while_those_who_take_part_are_few(before, now, outdate
     assert is_outdated(before, now) is outdated
 
 
+@pytest.mark.slow
 def test_a_vague_new_task_does_not_make_the_others_wait(recordings, monkeypatch):
     """Its few demonstrations go everywhere, so that every movement might be one of it."""
     rng = np.random.default_rng(8)

@@ -11,6 +11,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from ros_harness import NodeProcess
 
+pytestmark = pytest.mark.slow
+
 EXECUTABLES = {
     "intent",
     "mocap_ingest",

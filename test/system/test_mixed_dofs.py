@@ -21,6 +21,8 @@ from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 
+pytestmark = pytest.mark.slow
+
 MIXTURES = {
     "wrist and glove": make_dofs(WRIST, GLOVE),
     "glove alone": make_dofs(GLOVE),

@@ -20,6 +20,8 @@ from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 
+pytestmark = pytest.mark.slow
+
 LEFT_OUT = ("demo_0003", "demo_0014", "demo_0022", "demo_0035")
 RATE = 4.0
 LONG_S = 300.0

@@ -13,6 +13,8 @@ from system.cell import Cell, recorded
 
 from intent_recognition.nodes.processes import node_environment
 
+pytestmark = pytest.mark.slow
+
 MARK = "INTENT_RECOGNITION_TEST_MARK"
 NODES = {
     "intent_recognition.nodes.mocap_ingest": ("use_sim_time:=true",),

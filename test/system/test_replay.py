@@ -22,6 +22,8 @@ from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 
+pytestmark = pytest.mark.slow
+
 LONG_S = 300.0
 TEST_BAGS = ("plate_handover_01", "screw_handover_02", "hold_screwdriver_03")
 

@@ -3,6 +3,7 @@
 
 from functools import partial
 
+import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from system.pacing import PacedPlayer
@@ -16,6 +17,8 @@ from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.graph import resolve
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
+
+pytestmark = pytest.mark.slow
 
 LONG_S = 300.0
 KINDS = {"mocap_ingest": MocapIngest, "intent_estimator": IntentEstimatorNode}

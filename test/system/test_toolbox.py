@@ -11,6 +11,8 @@ from system.cell import Cell, Wrist, path_distance, recorded, without
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes.conversions import joint_values, stamp_ns, trajectory_arrays
 
+pytestmark = pytest.mark.slow
+
 HELD_OUT = ("plate_handover_00", "screw_handover_01", "hold_screwdriver_02")
 FACTOR = 1.5
 TOLERANCE_M = 0.05

@@ -20,6 +20,8 @@ from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 from sim_bridge.scenarios.toolbox.scene import HOME
 
+pytestmark = pytest.mark.slow
+
 KINDS = {
     "mocap_ingest": MocapIngest,
     "intent_estimator": IntentEstimatorNode,
