@@ -11,7 +11,7 @@ from simulation import make_library, simulate
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.demonstrations.fields import POSITION_FIELDS
-from intent_recognition.learning.training import TrainingSettings, learn
+from intent_recognition.learning import TrainingSettings, learn_with_report
 from intent_recognition.model.file import Model
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.signals.demonstration import Demonstration
@@ -58,8 +58,8 @@ def learned_model(dofs: DofSpec, truth: TaskLibrary | None = None, per_task: int
     """A model learned from simulated recordings, as `intent train` would."""
     truth = truth or true_library(dofs)
     recordings = [perform(truth, i % truth.n_tasks, i) for i in range(per_task * truth.n_tasks)]
-    library = learn(recordings, TrainingSettings(n_basis=10), {"bags": ["simulated"]})
-    return Model(library, dofs)
+    report = learn_with_report(recordings, TrainingSettings(n_basis=10), {"bags": ["simulated"]})
+    return Model(report.library, dofs)
 
 
 def message_of(entry: DofEntry, stamp_ns: int, values: np.ndarray) -> dict:

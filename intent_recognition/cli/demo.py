@@ -11,10 +11,11 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import busy, make_console
-from intent_recognition.cli.demo_session import END_SIGNALS, Session, interrupt, run_session
+from intent_recognition.cli.demo_session import Session, run_session
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, number
 from intent_recognition.cli.output import write_json
+from intent_recognition.cli.session_watch import END_SIGNALS, interrupt
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import load_model, load_trained, save_model

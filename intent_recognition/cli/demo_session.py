@@ -4,27 +4,29 @@
 import argparse
 import os
 import signal
-import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 
+from intent_recognition.cli.session_watch import (
+    COWORKER,
+    END_SIGNALS,
+    NodeWatch,
+    ProgressLine,
+    interrupt,
+)
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, resolve
 
 if TYPE_CHECKING:
-    from rclpy.executors import Executor
-
     from intent_recognition.evaluation import SessionLog
     from intent_recognition.nodes.processes import NodeProcesses
     from intent_recognition.nodes.session_observer import SessionObserver
     from sim_bridge.coworker import SessionPlan
 
-COWORKER = "coworker_sim"
 DISCOVERY_S = 0.5
 """Time to find other graphs in the domain [s]. Convention."""
 GRAPH_DEADLINE_S = 30.0
@@ -35,14 +37,11 @@ LAST_MOTION_S = 3.0
 """Simulated time after the session in which the arm ends its last motion [s]. Convention."""
 PRETRIGGER_THRESHOLD = 0.7
 """Probability of the next task from which on the arm goes ahead (docs/recognition.md)."""
-SLICE_S = 0.1
-"""Longest wait for a callback between two looks at nodes and signals [s]. Convention."""
 PACE_PERIOD_S = 0.2
 """Time between two looks at the lag [s]. Convention."""
 DOMAINS = (1, 101)
 """ROS domains whose ports lie below the ephemeral ports of Linux (ROS 2 documentation, "The
 ROS_DOMAIN_ID")."""
-END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Session(NamedTuple):
@@ -104,14 +103,14 @@ def _run_graph(
     from intent_recognition.nodes.runtime import make_executor
     from intent_recognition.nodes.session_observer import SessionObserver
 
-    progress = _ProgressLine(n_tasks, console)
+    progress = ProgressLine(n_tasks, console)
     simulated_time = [Parameter("use_sim_time", value=True)]
     observer = SessionObserver(
         progress.on_task, progress.on_active, parameter_overrides=simulated_time
     )
     executor = make_executor()
     executor.add_node(observer)
-    watch = _NodeWatch(processes, executor)
+    watch = NodeWatch(processes, executor)
     try:
         _refuse_busy_domain(observer, watch)
         _start_nodes(args, calls, observer, watch)
@@ -144,7 +143,7 @@ def _start_nodes(
     args: argparse.Namespace,
     calls: dict[str, NodeCall],
     observer: "SessionObserver",
-    watch: "_NodeWatch",
+    watch: NodeWatch,
 ) -> None:
     """Start all nodes; the coworker last, when the others have found one another."""
     coworker = calls.pop(COWORKER)
@@ -158,8 +157,8 @@ def _start_nodes(
 def _follow(
     args: argparse.Namespace,
     observer: "SessionObserver",
-    progress: "_ProgressLine",
-    watch: "_NodeWatch",
+    progress: ProgressLine,
+    watch: NodeWatch,
 ) -> float:
     """Show the session until the last motion is over; returns the slowest pace of its time."""
     from rclpy.clock import Clock, ClockType
@@ -181,62 +180,6 @@ def _follow(
         watch.for_seconds(LAST_MOTION_S / args.rate)
     timer.cancel()
     return pace.slowest
-
-
-class _NodeWatch:
-    """Runs the callbacks of this process while the nodes run.
-
-    A callback must not be interrupted halfway: from here on a signal is noted, and ends what is
-    waited for after the callback under way.
-    """
-
-    def __init__(self, processes: "NodeProcesses", executor: "Executor") -> None:
-        self.processes = processes
-        self._executor = executor
-        self._interrupted = False
-        for number in END_SIGNALS:
-            signal.signal(number, self._note)
-
-    def until(self, condition: Callable[[], bool], deadline_s: float, what: str) -> None:
-        """Wait until a condition holds.
-
-        Raises:
-            IntentError: a node died, or the deadline is over.
-            KeyboardInterrupt: a signal came.
-        """
-        end_s = time.monotonic() + deadline_s
-        while not condition():
-            if time.monotonic() > end_s:
-                raise IntentError(
-                    describe(what, f"within {deadline_s:.0f} s", "nothing", "See the nodes' logs.")
-                )
-            self._step()
-
-    def for_seconds(self, seconds: float) -> None:
-        """Wait for a time; raises as `until`."""
-        end_s = time.monotonic() + seconds
-        while time.monotonic() <= end_s:
-            self._step()
-
-    def until_interrupted(self) -> None:
-        """Wait for a signal.
-
-        Raises:
-            IntentError: a node died.
-        """
-        with suppress(KeyboardInterrupt):
-            while True:
-                self._step()
-
-    def _step(self) -> None:
-        if self._interrupted:
-            self._interrupted = False
-            raise KeyboardInterrupt
-        self.processes.check(may_end=(COWORKER,))
-        self._executor.spin_once(timeout_sec=SLICE_S)
-
-    def _note(self, number: int, frame: object) -> None:
-        self._interrupted = True
 
 
 def _calls(args: argparse.Namespace, model: Path, tasks: Sequence[str]) -> dict[str, NodeCall]:
@@ -280,7 +223,7 @@ def _page(args: argparse.Namespace) -> str:
     return f"http://127.0.0.1:{args.port}"
 
 
-def _refuse_busy_domain(observer: "SessionObserver", watch: _NodeWatch) -> None:
+def _refuse_busy_domain(observer: "SessionObserver", watch: NodeWatch) -> None:
     """Make sure that no other graph with such nodes is in this domain."""
     watch.for_seconds(DISCOVERY_S)
     taken = sorted(set(observer.get_node_names()) & set(GRAPHS["demo"].nodes))
@@ -292,48 +235,6 @@ def _refuse_busy_domain(observer: "SessionObserver", watch: _NodeWatch) -> None:
                 ", ".join(taken),
                 "Stop those nodes, or choose another ROS_DOMAIN_ID.",
             )
-        )
-
-
-class _ProgressLine:
-    """One line with the progress of the session."""
-
-    def __init__(self, total: int, console: Console):
-        self.total = total
-        self._number, self._truth, self._active, self._right = 0, "", "", 0
-        self._status = console.status("waiting for the coworker")
-
-    def __enter__(self) -> "_ProgressLine":
-        self._status.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._status.stop()
-
-    @property
-    def over(self) -> bool:
-        """Whether the last movement of the session has ended."""
-        return self._number == self.total and not self._truth
-
-    def on_task(self, label: str) -> None:
-        """Take note of the ground truth: a movement began, or ended."""
-        if label:
-            self._number, self._truth, self._active = self._number + 1, label, ""
-        elif self._truth:
-            self._right += self._active == self._truth
-            self._truth = ""
-        self._show()
-
-    def on_active(self, label: str) -> None:
-        """Take note of the active task."""
-        self._active = self._active or label
-        self._show()
-
-    def _show(self) -> None:
-        truth = self._truth or "-"
-        self._status.update(
-            f"interaction {self._number}/{self.total}, {self._right} right so far;"
-            f" human: {truth}, robot: {self._active or '-'}"
         )
 
 
@@ -351,8 +252,3 @@ def _domain() -> int:
             describe("ROS_DOMAIN_ID", "a number from 0 to 101", chosen, "Set it, or unset it.")
         )
     return int(chosen)
-
-
-def interrupt(number: int, frame: object) -> None:
-    """Turn a signal into a KeyboardInterrupt."""
-    raise KeyboardInterrupt

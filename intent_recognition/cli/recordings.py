@@ -3,10 +3,12 @@
 
 import argparse
 from collections.abc import Sequence
+from datetime import datetime, timezone
 from pathlib import Path
 
 from rich.console import Console
 
+from intent_recognition import __version__
 from intent_recognition.cli.console import progress_bar
 from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
 from intent_recognition.errors import BagError, describe
@@ -115,3 +117,9 @@ def nothing_read(rejections: Sequence[Rejection]) -> BagError:
             "BAG", "recordings with the topics of the DOF file", reasons, "Check path and DOFs."
         )
     )
+
+
+def provenance_of(bags: list[str]) -> dict[str, object]:
+    """Where a model comes from: package version, date and names of the recordings."""
+    created = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    return {"package_version": __version__, "created": created, "bags": bags}

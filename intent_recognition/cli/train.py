@@ -2,7 +2,6 @@
 """`intent train`: learn a library of interaction primitives from bags."""
 
 import argparse
-from datetime import datetime, timezone
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from intent_recognition import __version__
 from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
@@ -18,6 +16,7 @@ from intent_recognition.cli.output import check_output, write_json
 from intent_recognition.cli.recordings import (
     accumulate_all,
     add_recording_options,
+    provenance_of,
     training_settings,
 )
 from intent_recognition.cli.rejections import all_left_out, print_found
@@ -148,11 +147,7 @@ def train(
     """
     dofs = load_dofs(dofs_path)
     found = accumulate_all(bags, dofs, settings, console, run=run)
-    provenance = {
-        "package_version": __version__,
-        "created": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "bags": list(found.accumulated.used),
-    }
+    provenance = provenance_of(list(found.accumulated.used))
     with busy(console, "learning"):
         report = learn_accumulated(found.accumulated, provenance)
     print_found(console, found)

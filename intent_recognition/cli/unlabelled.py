@@ -3,7 +3,6 @@
 
 import argparse
 from collections.abc import Sequence
-from datetime import datetime, timezone
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +10,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from intent_recognition import __version__
 from intent_recognition.cli.console import busy, progress_bar
-from intent_recognition.cli.recordings import read_all
+from intent_recognition.cli.recordings import provenance_of, read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import ArgumentError, describe
@@ -105,12 +103,8 @@ def train_unlabelled(
     dofs = load_dofs(dofs_path)
     demonstrations, rejections = read_all(bags, dofs, console)
     found = find_components(demonstrations, settings, wanted, console)
-    provenance = {
-        "package_version": __version__,
-        "created": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "bags": [recorded.name for recorded in found.demonstrations],
-        "components": [recorded.task for recorded in found.demonstrations],
-    }
+    provenance = provenance_of([recorded.name for recorded in found.demonstrations])
+    provenance["components"] = [recorded.task for recorded in found.demonstrations]
     with busy(console, "learning"):
         report = learn_components(found, settings, provenance)
     print_left_out(console, rejections)

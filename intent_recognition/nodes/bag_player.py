@@ -12,24 +12,17 @@ from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import (
-    QoSDurabilityPolicy,
-    QoSHistoryPolicy,
-    QoSProfile,
-    QoSReliabilityPolicy,
-)
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from intent_recognition.bags import BagReader, RawMessage, TopicInfo, qos_policy
+from intent_recognition.bags import BagReader, RawMessage, TopicInfo
 from intent_recognition.errors import BagError, describe
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
+from intent_recognition.nodes.qos import recorded_profile
 from intent_recognition.nodes.runtime import run
 
-DEPTH = 1000
-"""Messages that a publisher keeps for slow subscribers. Convention."""
 IN_MEMORY_BYTES = 2**26
 """Larger bags are read while they are played [bytes]. Convention."""
 CLOCK_PERIOD_S = 0.01
@@ -40,8 +33,6 @@ SETTLE_S = 0.2
 """Wait after the last subscriber was found, so that its side is ready too [s]. Convention."""
 UNCHANGED_S = 1.0
 """Playing begins when the subscribers have not changed for so long [s]. Convention."""
-LATCHED_TOPICS = ("robot_description", "intent/active_task")
-SENSOR_TOPICS = ("mocap/", "human/")
 
 
 class _Anchor(NamedTuple):
@@ -160,7 +151,7 @@ class BagPlayer(Node):
         name = info.name if topic in ("clock", "diagnostics") else topic
         if topic == "clock" and self._use_clock:
             return
-        self._outputs[info.name] = self.create_publisher(kind, name, player_qos(info))
+        self._outputs[info.name] = self.create_publisher(kind, name, recorded_profile(info))
         fields = list(kind.get_fields_and_field_types().items())
         if fields and fields[0] == ("header", "std_msgs/Header"):
             self._stamped.add(info.name)
@@ -296,29 +287,6 @@ class BagPlayer(Node):
         self._running.set()
         response.success, response.message = True, "playing"
         return response
-
-
-def player_qos(info: TopicInfo) -> QoSProfile:
-    """As the recorded publishers offered; without a record, as the contract has it."""
-    topic = info.name.lstrip("/")
-    latched = topic.endswith(LATCHED_TOPICS)
-    sensor = any(f"/{part}" in f"/{topic}" for part in SENSOR_TOPICS)
-    depth = DEPTH
-    offered = info.offered_qos_profiles
-    if offered:
-        latched = all(qos_policy(p, "durability") == "transient_local" for p in offered)
-        sensor = any(qos_policy(p, "reliability") == "best_effort" for p in offered)
-        depth = max(1, *(int(p.get("depth") or 0) for p in offered)) if latched else DEPTH
-    elif latched:
-        depth = 1
-    return QoSProfile(
-        history=QoSHistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=(QoSReliabilityPolicy.BEST_EFFORT if sensor else QoSReliabilityPolicy.RELIABLE),
-        durability=(
-            QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE
-        ),
-    )
 
 
 def shift_stamp(data: bytes, shift: Callable[[int], int]) -> bytes:

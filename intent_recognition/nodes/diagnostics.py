@@ -5,6 +5,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -58,6 +59,7 @@ class Diagnostics:
         self._latencies_s: deque[float] = deque(maxlen=LATENCY_WINDOW)
         self._values: dict[str, str] = {}
         self._watched: list[tuple[Subscription, str]] = []
+        self._wrong_types: set[tuple[str, str, str]] = set()
         self._logged_s: dict[str, float] = {}
         self._level = bytes([Level.OK])
         self._message = "running"
@@ -97,6 +99,9 @@ class Diagnostics:
 
     def watch(self, subscription: Subscription, stream: str) -> None:
         """Report how many publishers a subscription has, as `publishers <stream>`.
+
+        Publishers of another message type, whose messages never arrive, are rejected once each as
+        `wrong_type`.
 
         They are counted at each report: the EventsExecutor of rclpy 7.1 loses a message of a
         subscription whose `matched` event is listened to.
@@ -140,6 +145,19 @@ class Diagnostics:
 
     def publish(self) -> None:
         """Publish one report."""
+        self._reject_wrong_types()
         message = DiagnosticArray(status=[self.report()])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)
+
+    def _reject_wrong_types(self) -> None:
+        for subscription, _ in self._watched:
+            topic = subscription.topic_name
+            kind: Any = subscription.msg_type  # a class, though rclpy declares an instance
+            expected = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+            for publisher in self._node.get_publishers_info_by_topic(topic):
+                found = (topic, publisher.node_name, publisher.topic_type)
+                if publisher.topic_type != expected and found not in self._wrong_types:
+                    self._wrong_types.add(found)
+                    text = f"{topic} is {publisher.topic_type}, expected {expected}"
+                    self.reject("wrong_type", text)

@@ -39,8 +39,6 @@ STREAM_TIMEOUT_S = 0.5
 `primitive_activation` (contract)."""
 CHECK_PERIOD_S = 0.1
 """Time between two looks at the stream [s]. Convention."""
-CHECKS_PER_TYPE_CHECK = 10
-"""Publishers' types are compared at every so many looks. Convention: once a second."""
 LIVE = ("publish_rate", "transition_prior", "forget_after")
 
 
@@ -104,8 +102,6 @@ class IntentEstimatorNode(ManagedNode):
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/reload_model", self._on_reload)
         self._inputs = ObservationInput(self, self._diagnostics, self._use)
-        self._wrong_types: set[tuple[str, str, str]] = set()
-        self._checks = 0
         self._watchdog = self.create_timer(
             CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
@@ -259,27 +255,10 @@ class IntentEstimatorNode(ManagedNode):
     def _check_stream(self) -> None:
         if not self.active:
             return
-        self._checks += 1
-        if self._checks % CHECKS_PER_TYPE_CHECK == 0:
-            self._check_types()
         silent_s = elapsed_s(self) - self._last_arrival_s
         if self._moving and silent_s > STREAM_TIMEOUT_S:
             self._silent = True
             self._diagnostics.status(Level.WARN, f"human stream stopped {silent_s:.1f} s ago")
-
-    def _check_types(self) -> None:
-        """Report publishers of another type, whose messages never arrive; each one once."""
-        for subscription in self._inputs.subscriptions:
-            topic = subscription.topic_name
-            kind: Any = subscription.msg_type  # a class with a module, whatever rclpy declares
-            expected = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
-            for sender in self.get_publishers_info_by_topic(topic):
-                found = (topic, sender.node_name, sender.topic_type)
-                if sender.topic_type != expected and found not in self._wrong_types:
-                    self._wrong_types.add(found)
-                    self._diagnostics.reject(
-                        "wrong_type", f"{topic} is {sender.topic_type}, expected {expected}"
-                    )
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self.active

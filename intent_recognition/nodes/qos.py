@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The four qualities of service of the topic graph; each topic's one stands in the contract."""
+"""Quality of service: the four profiles of the topic graph, and those of recorded topics."""
 
 from rclpy.qos import (
     QoSDurabilityPolicy,
@@ -7,6 +7,13 @@ from rclpy.qos import (
     QoSProfile,
     QoSReliabilityPolicy,
 )
+
+from intent_recognition.bags import TopicInfo, qos_policy
+
+PLAYBACK_DEPTH = 1000
+"""Messages that a publisher keeps for slow subscribers. Convention."""
+LATCHED_TOPICS = ("robot_description", "intent/active_task")
+SENSOR_TOPICS = ("mocap/", "human/")
 
 
 def _profile(
@@ -31,3 +38,26 @@ COMMAND = _profile(QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.VOLATILE, 
 
 LATCHED = _profile(QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.TRANSIENT_LOCAL, 1)
 """Reliable, transient local: the last value reaches late subscribers (`robot_description`)."""
+
+
+def recorded_profile(info: TopicInfo) -> QoSProfile:
+    """As the recorded publishers offered; without a record, as the contract has it."""
+    topic = info.name.lstrip("/")
+    latched = topic.endswith(LATCHED_TOPICS)
+    sensor = any(f"/{part}" in f"/{topic}" for part in SENSOR_TOPICS)
+    depth = PLAYBACK_DEPTH
+    offered = info.offered_qos_profiles
+    if offered:
+        latched = all(qos_policy(p, "durability") == "transient_local" for p in offered)
+        sensor = any(qos_policy(p, "reliability") == "best_effort" for p in offered)
+        depth = max(1, *(int(p.get("depth") or 0) for p in offered)) if latched else PLAYBACK_DEPTH
+    elif latched:
+        depth = 1
+    return QoSProfile(
+        history=QoSHistoryPolicy.KEEP_LAST,
+        depth=depth,
+        reliability=(QoSReliabilityPolicy.BEST_EFFORT if sensor else QoSReliabilityPolicy.RELIABLE),
+        durability=(
+            QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE
+        ),
+    )

@@ -19,8 +19,8 @@ from intent_recognition.bags.qos_profiles import rosbag2_profile
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.nodes import bag_player
-from intent_recognition.nodes.bag_player import BagPlayer, player_qos, shift_stamp
-from intent_recognition.nodes.qos import LATCHED, SENSOR
+from intent_recognition.nodes.bag_player import BagPlayer, shift_stamp
+from intent_recognition.nodes.qos import LATCHED, SENSOR, recorded_profile
 
 POSE = "geometry_msgs/msg/PoseStamped"
 START_NS = 1_700_000_000_000_000_000
@@ -179,13 +179,13 @@ def test_namespace_and_remapping_apply(harness, bag):
 
 def test_qos_comes_from_the_bag_else_from_the_topic():
     recorded = rosbag2_profile("best_effort", "volatile", 5)
-    best_effort = player_qos(TopicInfo("/joint_states", POSE, 1, "", (recorded,)))
+    best_effort = recorded_profile(TopicInfo("/joint_states", POSE, 1, "", (recorded,)))
     assert best_effort.reliability == QoSReliabilityPolicy.BEST_EFFORT
     old = {"reliability": 1, "durability": 1, "depth": 1}
-    latched = player_qos(TopicInfo("/anything", POSE, 1, "", (old,)))
+    latched = recorded_profile(TopicInfo("/anything", POSE, 1, "", (old,)))
     assert latched.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
-    assert player_qos(TopicInfo("/mocap/a/pose", POSE)).reliability == best_effort.reliability
-    by_name = player_qos(TopicInfo("/robot_description", POSE))
+    assert recorded_profile(TopicInfo("/mocap/a/pose", POSE)).reliability == best_effort.reliability
+    by_name = recorded_profile(TopicInfo("/robot_description", POSE))
     assert by_name.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
 
 

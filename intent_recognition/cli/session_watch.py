@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `intent demo` shows of a session and how it waits: for the nodes, and for signals."""
+
+import signal
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from intent_recognition.errors import IntentError, describe
+
+if TYPE_CHECKING:
+    from rclpy.executors import Executor
+
+    from intent_recognition.nodes.processes import NodeProcesses
+
+COWORKER = "coworker_sim"
+SLICE_S = 0.1
+"""Longest wait for a callback between two looks at nodes and signals [s]. Convention."""
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class NodeWatch:
+    """Runs the callbacks of this process while the nodes run.
+
+    A callback must not be interrupted halfway: from here on a signal is noted, and ends what is
+    waited for after the callback under way.
+    """
+
+    def __init__(self, processes: "NodeProcesses", executor: "Executor") -> None:
+        self.processes = processes
+        self._executor = executor
+        self._interrupted = False
+        for number in END_SIGNALS:
+            signal.signal(number, self._note)
+
+    def until(self, condition: Callable[[], bool], deadline_s: float, what: str) -> None:
+        """Wait until a condition holds.
+
+        Raises:
+            IntentError: a node died, or the deadline is over.
+            KeyboardInterrupt: a signal came.
+        """
+        end_s = time.monotonic() + deadline_s
+        while not condition():
+            if time.monotonic() > end_s:
+                raise IntentError(
+                    describe(what, f"within {deadline_s:.0f} s", "nothing", "See the nodes' logs.")
+                )
+            self._step()
+
+    def for_seconds(self, seconds: float) -> None:
+        """Wait for a time; raises as `until`."""
+        end_s = time.monotonic() + seconds
+        while time.monotonic() <= end_s:
+            self._step()
+
+    def until_interrupted(self) -> None:
+        """Wait for a signal.
+
+        Raises:
+            IntentError: a node died.
+        """
+        with suppress(KeyboardInterrupt):
+            while True:
+                self._step()
+
+    def _step(self) -> None:
+        if self._interrupted:
+            self._interrupted = False
+            raise KeyboardInterrupt
+        self.processes.check(may_end=(COWORKER,))
+        self._executor.spin_once(timeout_sec=SLICE_S)
+
+    def _note(self, number: int, frame: object) -> None:
+        self._interrupted = True
+
+
+class ProgressLine:
+    """One line with the progress of the session."""
+
+    def __init__(self, total: int, console: Console):
+        self.total = total
+        self._number, self._truth, self._active, self._right = 0, "", "", 0
+        self._status = console.status("waiting for the coworker")
+
+    def __enter__(self) -> "ProgressLine":
+        self._status.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._status.stop()
+
+    @property
+    def over(self) -> bool:
+        """Whether the last movement of the session has ended."""
+        return self._number == self.total and not self._truth
+
+    def on_task(self, label: str) -> None:
+        """Take note of the ground truth: a movement began, or ended."""
+        if label:
+            self._number, self._truth, self._active = self._number + 1, label, ""
+        elif self._truth:
+            self._right += self._active == self._truth
+            self._truth = ""
+        self._show()
+
+    def on_active(self, label: str) -> None:
+        """Take note of the active task."""
+        self._active = self._active or label
+        self._show()
+
+    def _show(self) -> None:
+        truth = self._truth or "-"
+        self._status.update(
+            f"interaction {self._number}/{self.total}, {self._right} right so far;"
+            f" human: {truth}, robot: {self._active or '-'}"
+        )
+
+
+def interrupt(number: int, frame: object) -> None:
+    """Turn a signal into a KeyboardInterrupt."""
+    raise KeyboardInterrupt
