@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measure import Result
-from intent_recognition.experiments.pouring.constraint_features import (
+from intent_recognition.experiments.constraints.features import (
     LABEL,
     METHODS,
     POINT,
@@ -26,15 +26,18 @@ from intent_recognition.experiments.pouring.constraint_features import (
     know_all,
     pouring_samples,
 )
-from intent_recognition.experiments.pouring.constraints import AREA, GAIN, NOVEL, TRIALS_FILE, score
-from intent_recognition.experiments.pouring.experiment import BAR_SPILLED, of_manner, read_recorded
+from intent_recognition.experiments.constraints.report import AREA, GAIN
+from intent_recognition.experiments.constraints.study import NOVEL, score
+from intent_recognition.experiments.pouring.report import BAR_SPILLED
+from intent_recognition.experiments.pouring.study import of_manner, read_recorded
 from intent_recognition.share import share_path
 from sim_bridge.balls import (
     COLUMNS,
     FILLING,
     POURING,
+    TRIALS_FILE,
     TRIALS_PER_OBJECT,
-    Block,
+    TrialBlock,
     Trials,
     make,
     read_trials,
@@ -112,7 +115,7 @@ def _fresh_trials(pool: ProcessPoolExecutor, trials: Trials) -> Iterator[Result]
     name = "balls through a wall, shipped trials"
     yield Result(name, through, 0, "at most", "", f"{count} trials")
     todo = [
-        Block(FRESH_SEED, experiment, CONTAINER_NAMES.index(name), 0)
+        TrialBlock(FRESH_SEED, experiment, CONTAINER_NAMES.index(name), 0)
         for experiment, names in FRESH.items()
         for name in names
     ]

@@ -25,33 +25,25 @@ class Experiment:
 
 
 IP, MIP, WP = "Maeda et al. 2014", "Ewerton et al. 2015", "Brandl et al. 2014"
-
-
 EXPERIMENTS = tuple(
-    Experiment(name, f"intent_recognition.experiments.{module}", source, summary)
-    for name, module, source, summary in (
-        ("sparse", "sketches.sparse", f"{IP}, Fig. 2",
-         "conditioning on few, asynchronous, noisy observations"),
-        ("noise", "sketches.noise", f"{IP}, Fig. 3",
-         "prediction error of ProMP and DMP under noise"),
-        ("alignment", "alignment.experiment", f"{IP}, Sec. III-E",
-         "smooth time warps beside dynamic time warping"),
-        ("pointing", "pointing.experiment", f"{IP}, Fig. 4-6",
-         "the arm points where the human points"),
-        ("assembly", "assembly.experiment", f"{IP}, Fig. 7-9",
-         "two humans assemble a box; the arm takes one's place"),
-        ("pole", "pole.experiment", f"{MIP}, Fig. 2-4",
-         "two ways around a pole, from unlabelled demonstrations"),
-        ("toolbox", "toolbox.experiment", f"{MIP}, Fig. 5-8",
-         "three tasks from unlabelled demonstrations"),
-        ("feedback", "feedback.experiment", f"{MIP}, Sec. V (future work)",
-         "the arm reproduces mean and variance of a primitive"),
-        ("constraints", "pouring.constraints", f"{WP}, Fig. 3",
-         "when a cup pours and where it spills, told of others"),
-        ("pouring", "pouring.experiment", f"{WP}, Fig. 4-5",
-         "the arm pours with containers never demonstrated"),
+    Experiment(name, f"intent_recognition.experiments.{name}.experiment", source, summary)
+    for name, source, summary in (
+        ("sparse", f"{IP}, Fig. 2", "conditioning on few, asynchronous, noisy observations"),
+        ("noise", f"{IP}, Fig. 3", "prediction error of ProMP and DMP under noise"),
+        ("alignment", f"{IP}, Sec. III-E", "smooth time warps beside dynamic time warping"),
+        ("pointing", f"{IP}, Fig. 4-6", "the arm points where the human points"),
+        ("assembly", f"{IP}, Fig. 7-9", "two humans assemble a box; the arm takes one's place"),
+        ("pole", f"{MIP}, Fig. 2-4", "two ways around a pole, from unlabelled demonstrations"),
+        ("toolbox", f"{MIP}, Fig. 5-8", "three tasks from unlabelled demonstrations"),
+        (
+            "feedback",
+            f"{MIP}, Sec. V (future work)",
+            "the arm reproduces mean and variance of a primitive",
+        ),
+        ("constraints", f"{WP}, Fig. 3", "when a cup pours and where it spills, told of others"),
+        ("pouring", f"{WP}, Fig. 4-5", "the arm pours with containers never demonstrated"),
     )
-)  # fmt: skip
+)
 """All of them."""
 
 

@@ -4,7 +4,7 @@
 from sim_bridge.balls.collision import HULL_MARGIN_M, wall_pieces, write_obj
 from sim_bridge.balls.fluid import ball_radius_m, hollow_of, settled
 from sim_bridge.balls.hollow import Hollow, offset
-from sim_bridge.balls.table import Trials, read_trials
+from sim_bridge.balls.table import TRIALS_FILE, Trials, read_trials
 from sim_bridge.balls.tilting import WallGuard, level_axes
 from sim_bridge.balls.trials import (
     COLUMNS,
@@ -28,6 +28,7 @@ __all__ = [
     "HULL_MARGIN_M",
     "POURING",
     "SECOND",
+    "TRIALS_FILE",
     "TRIALS_PER_OBJECT",
     "BallWorld",
     "Hollow",

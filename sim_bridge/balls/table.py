@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ModelError, describe
 from sim_bridge.balls.trials import COLUMNS
 
+TRIALS_FILE = "config/pouring_trials.npz"
+"""The shipped trials, below the share folder."""
 FORMAT = 1
 
 

@@ -4,8 +4,19 @@
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.pouring.constraint_features import LABEL, STANDARD, Samples
-from intent_recognition.experiments.pouring.constraints import NOVEL, SAME, run, score
+from intent_recognition.experiments.constraints.experiment import (
+    run,
+)
+from intent_recognition.experiments.constraints.features import (
+    LABEL,
+    STANDARD,
+    Samples,
+)
+from intent_recognition.experiments.constraints.study import (
+    NOVEL,
+    SAME,
+    score,
+)
 from intent_recognition.experiments.settings import Settings
 
 

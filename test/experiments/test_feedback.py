@@ -6,7 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.feedback.experiment import run
+from intent_recognition.experiments.feedback.experiment import (
+    run,
+)
 from intent_recognition.experiments.settings import Settings
 
 

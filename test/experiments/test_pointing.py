@@ -8,7 +8,12 @@ import pytest
 
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.demonstrations.reading import read_demonstrations
-from intent_recognition.experiments.pointing.experiment import condition_on_end, run
+from intent_recognition.experiments.pointing.experiment import (
+    run,
+)
+from intent_recognition.experiments.pointing.study import (
+    condition_on_end,
+)
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.gaussian.normal import Gaussian, marginal, regression
 from intent_recognition.learning.training import learn
@@ -35,7 +40,7 @@ def test_the_arm_does_what_was_predicted(outcome):
 
 def test_conditioning_on_the_end_is_the_joint_gaussian_of_end_and_weights(repository):
     bags = sorted((repository / "bags" / "pointing" / "train").iterdir())[:4]
-    library = learn(read_demonstrations(bags, load_dofs()))
+    library = learn(read_demonstrations(bags, load_dofs())[0])
     primitive, n_basis = library.primitive(0).weights, library.basis.n_basis
     wrist = np.array([0.9, 0.02, 0.03])
     row = library.basis.design_matrix(np.ones(1))[0]

@@ -5,7 +5,14 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import BagError
-from intent_recognition.experiments.pouring.experiment import PAIRS, pair_name, read_recorded, run
+from intent_recognition.experiments.pouring.experiment import (
+    PAIRS,
+    run,
+)
+from intent_recognition.experiments.pouring.study import (
+    pair_name,
+    read_recorded,
+)
 from intent_recognition.experiments.settings import Settings
 
 

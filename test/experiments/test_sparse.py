@@ -6,8 +6,13 @@ import json
 import numpy as np
 import pytest
 
+from intent_recognition.experiments.noise import experiment as noise
+from intent_recognition.experiments.noise.study import (
+    DMP,
+    DMP_CARRIED,
+    PROMP,
+)
 from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.sketches import noise, sparse
 from intent_recognition.experiments.sketches.curves import N_SAMPLES, PHASE, PIXEL, sketch_pairs
 from intent_recognition.experiments.sketches.differentiation import SavitzkyGolay
 from intent_recognition.experiments.sketches.models import (
@@ -19,8 +24,8 @@ from intent_recognition.experiments.sketches.models import (
     prior,
     squared_errors,
 )
-from intent_recognition.experiments.sketches.noise_scores import DMP, DMP_CARRIED, PROMP
-from intent_recognition.experiments.sketches.sparse_conditioning import (
+from intent_recognition.experiments.sparse import experiment as sparse
+from intent_recognition.experiments.sparse.conditioning import (
     CLOSEST,
     SplineChoice,
     curves_of,

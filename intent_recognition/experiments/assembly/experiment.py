@@ -8,11 +8,7 @@ from intent_recognition.experiments.assembly.report import blocks_of
 from intent_recognition.experiments.assembly.scores import N_OBSERVATIONS
 from intent_recognition.experiments.assembly.study import AssemblyStudy, study
 from intent_recognition.experiments.settings import Settings
-from intent_recognition.report import (
-    ExperimentResult,
-    Finding,
-    readable,
-)
+from intent_recognition.report import ExperimentResult, Finding, readable
 from sim_bridge.scenarios.assembly import PERSONAL_STD_M
 
 

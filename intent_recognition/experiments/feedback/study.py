@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.errors import TrainingError, describe
-from intent_recognition.experiments.pointing.experiment import condition_on_end, final_wrist
+from intent_recognition.experiments.pointing.study import condition_on_end, final_wrist
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.kinematics import jacobian

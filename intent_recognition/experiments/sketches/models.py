@@ -228,6 +228,12 @@ def squared_errors(
     return errors
 
 
+def standard_error(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard error of the mean over the first axis."""
+    error: NDArray[np.float64] = values.std(axis=0, ddof=1) / np.sqrt(len(values))
+    return error
+
+
 def folds(n: int, n_folds: int) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Numbers of the demonstrations to learn from, and of those left out, fold by fold."""
     numbers = np.arange(n)

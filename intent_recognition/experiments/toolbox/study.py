@@ -25,11 +25,7 @@ from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox.session import Execution, play
 from intent_recognition.gaussian import Components
 from intent_recognition.kinematics import hand_position
-from intent_recognition.learning import (
-    TrainingSettings,
-    label_by_components,
-    learn_components,
-)
+from intent_recognition.learning import TrainingSettings, label_by_components, learn_components
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
 from sim_bridge.coworker import parse_task_list, plan_session

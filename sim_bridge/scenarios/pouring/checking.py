@@ -16,12 +16,11 @@ from intent_recognition.warping import (
     References,
     spill_risk,
 )
-from sim_bridge.balls import FILLING, FILLING_TILT_RAD, POURING, SECOND, read_trials
+from sim_bridge.balls import FILLING, FILLING_TILT_RAD, POURING, SECOND, TRIALS_FILE, read_trials
 from sim_bridge.containers import CONTAINER_NAMES
 from sim_bridge.scenarios.pouring.novel import Seen
 from sim_bridge.scenarios.pouring.task_space import PourPath
 
-TRIALS_FILE = "config/pouring_trials.npz"
 HALF_FULL = 0.5
 HIGHEST_RISK = 0.5
 """A path is executed if a spill is expected with less than this probability all along."""

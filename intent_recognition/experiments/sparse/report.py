@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Few, asynchronous, noisy observations (Maeda et al. 2014, Fig. 2).
-
-One DOF of each agent. A ProMP is conditioned on the positions as they come. A DMP needs
-accelerations, which three to ten irregular samples do not have; the best one can do is to lay a
-smoothing spline through them and to differentiate that.
-"""
+"""What the experiment on sparse observations says: findings, figures, tables."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,15 +9,13 @@ from numpy.typing import NDArray
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.sketches.curves import PHASE, sketch_pairs
 from intent_recognition.experiments.sketches.differentiation import spline_operators
-from intent_recognition.experiments.sketches.figures_sparse import (
-    Line,
-    Panel,
-    SketchExample,
-    example_figure,
-    sparse_error_figure,
+from intent_recognition.experiments.sketches.models import (
+    learn_dmp,
+    learn_promp,
+    prior,
+    standard_error,
 )
-from intent_recognition.experiments.sketches.models import learn_dmp, learn_promp, prior
-from intent_recognition.experiments.sketches.sparse_conditioning import (
+from intent_recognition.experiments.sparse.conditioning import (
     NOISE_VARIANCE,
     choose_shrinkage,
     choose_splines,
@@ -33,25 +26,15 @@ from intent_recognition.experiments.sketches.sparse_conditioning import (
     spline_predictor,
     true_acceleration,
 )
-from intent_recognition.experiments.sketches.sparse_scores import (
-    DMP_SPLINE,
-    METHODS,
-    N_TEST,
-    N_TRAIN,
-    NOTHING,
-    PROMP,
-    one_data_set,
+from intent_recognition.experiments.sparse.figures import (
+    Line,
+    Panel,
+    SketchExample,
+    example_figure,
+    sparse_error_figure,
 )
-from intent_recognition.report import (
-    Block,
-    Column,
-    ExperimentResult,
-    Figure,
-    Finding,
-    Table,
-    Text,
-    to_svg,
-)
+from intent_recognition.experiments.sparse.study import DMP_SPLINE, N_TEST, N_TRAIN, NOTHING, PROMP
+from intent_recognition.report import Block, Column, Figure, Finding, Table, Text, to_svg
 
 STREAM_VARIANCE = 0.04
 """Of the noisy stream, as in the paper's Fig. 2 (b)."""
@@ -61,56 +44,13 @@ EXAMPLE_COUNT = 4
 EXAMPLE_PHASES = np.array([0.12, 0.3, 0.41, 0.78])
 
 
-def run(settings: Settings) -> ExperimentResult:
-    """Repeat on independent data sets: draw, choose, condition, score."""
-    counts = (4, 10) if settings.quick else (3, 4, 6, 10)
-    repeats = 2 if settings.quick else 6
-    choices, scores = spline_choices(settings.quick), []
-    for repeat in range(repeats):
-        settings.progress(repeat / repeats, f"data set {repeat + 1} of {repeats}")
-        scores.append(one_data_set(settings.rng(repeat), counts, choices))
-    settings.progress(1.0, "figures")
-    rmse = {m: np.array([s.rmse[m] for s in scores]) for m in METHODS}
-    inside = np.array([s.inside for s in scores])
-    acceleration = np.array([s.acceleration for s in scores])
-    return ExperimentResult(
-        title="Sparse, asynchronous, noisy observations",
-        source="Maeda et al. 2014, Fig. 2",
-        question=(
-            "What do a few positions of one agent, at irregular times and with noise, say of both"
-            " agents' movements, and can a DMP be conditioned on them at all?"
-        ),
-        findings=_findings(counts, rmse, inside, acceleration),
-        blocks=_blocks(settings, counts, rmse, inside, acceleration),
-        conditions=(
-            "The paper's sketches are not published; ours are drawn by a generator.",
-            "The noise of the sparse observations, which the paper does not report, has a standard"
-            " deviation of 0.1 on curves that span 2 units and differ by 0.23.",
-            "The paper says that the experiment cannot be done with a DMP; ours is given a"
-            " smoothing spline, drawn out to the start, whose roughness, trust and shrinkage cross"
-            " validation chooses for each number of observations.",
-        ),
-        numbers={
-            "observations": list(counts),
-            "rmse": {m: errors.mean(axis=0).tolist() for m, errors in rmse.items()},
-            "rmse_standard_error": {m: _error(errors).tolist() for m, errors in rmse.items()},
-            "inside_two_sigma": inside.mean(axis=0).tolist(),
-            "acceleration_error": np.median(acceleration, axis=0).tolist(),
-        },
-    )
-
-
-def _error(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard error of the mean over the first axis."""
-    return values.std(axis=0, ddof=1) / np.sqrt(len(values))
-
-
-def _findings(
+def findings(
     counts: Sequence[int],
     rmse: Mapping[str, NDArray[np.float64]],
     inside: NDArray[np.float64],
     acceleration: NDArray[np.float64],
 ) -> tuple[Finding, ...]:
+    """The paper's figures and ours, side by side."""
     four = counts.index(EXAMPLE_COUNT)
     mean = {method: errors.mean(axis=0)[four] for method, errors in rmse.items()}
     share = 100.0 * inside[:, four].mean(axis=0)
@@ -152,13 +92,14 @@ def _findings(
     )
 
 
-def _blocks(
+def blocks(
     settings: Settings,
     counts: Sequence[int],
     rmse: Mapping[str, NDArray[np.float64]],
     inside: NDArray[np.float64],
     acceleration: NDArray[np.float64],
 ) -> tuple[Block, ...]:
+    """Figures, tables and remarks, in order."""
     rng = settings.rng(1000)
     train = sketch_pairs(rng, N_TRAIN)
     pair = sketch_pairs(rng, 1)[0]
@@ -193,7 +134,7 @@ def _blocks(
             spline_operators(ten, dense, best_ten.roughness)[2] @ seen_ten
         ),
     }
-    lines = {m: Line(errors.mean(axis=0), _error(errors)) for m, errors in rmse.items()}
+    lines = {m: Line(errors.mean(axis=0), standard_error(errors)) for m, errors in rmse.items()}
     return (
         Figure(
             to_svg(figure),

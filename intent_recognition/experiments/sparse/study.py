@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from intent_recognition.experiments.sketches.curves import sketch_pairs
 from intent_recognition.experiments.sketches.differentiation import spline_operators
 from intent_recognition.experiments.sketches.models import learn_dmp, learn_promp
-from intent_recognition.experiments.sketches.sparse_conditioning import (
+from intent_recognition.experiments.sparse.conditioning import (
     N_SPLINE,
     SplineChoice,
     choose_shrinkage,

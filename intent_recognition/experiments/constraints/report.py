@@ -1,183 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Task constraints that carry over to other containers (Brandl et al. 2014, Fig. 3).
+"""What the experiment on task constraints says: findings, figures, tables."""
 
-A classifier learns from 50 trials with one object when it pours, and when all that it pours ends
-up in the second container; it is tested on the object's other trials and on nine other objects.
-"""
-
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import NamedTuple
+from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from intent_recognition.errors import TrainingError
-from intent_recognition.evaluation import on_grid, roc_curve
-from intent_recognition.experiments.pouring.constraint_features import (
+from intent_recognition.experiments.constraints.features import (
     LABEL,
     METHODS,
     POINT,
     STANDARD,
-    Samples,
-    annotated_source,
-    filling_samples,
-    know_all,
-    pouring_samples,
+    STANDARDS,
+    THROW,
+    THROW_STANDARD,
+    THROW_UPRIGHT,
+    UPRIGHT,
 )
-from intent_recognition.experiments.pouring.figures_constraints import RocBand, RocPanel, roc_figure
-from intent_recognition.experiments.settings import Settings
-from intent_recognition.report import (
-    Block,
-    Column,
-    ExperimentResult,
-    Figure,
-    Finding,
-    Table,
-    Text,
-    to_svg,
+from intent_recognition.experiments.constraints.figures import RocBand, RocPanel, roc_figure
+from intent_recognition.experiments.constraints.study import (
+    N_TRAINING,
+    NOVEL,
+    SAME,
+    ConstraintScores,
+    ScoreTable,
 )
-from intent_recognition.share import share_path
-from intent_recognition.warping import RIDGE, FillingConstraint, fit_logistic, landing
-from sim_bridge.balls import FILLING, POURING, Trials, read_trials
+from intent_recognition.report import Block, Column, Figure, Finding, Table, Text, to_svg
+from sim_bridge.balls import FILLING, POURING, Trials
 from sim_bridge.containers import CONTAINER_NAMES
 
-TRIALS_FILE = "config/pouring_trials.npz"
-N_TRAINING = 50
-"""Trials that a classifier learns from, as in the paper."""
-SETS_PER_OBJECT = 10
-FEW_FALSE_POSITIVES = 0.01
 GAIN, AREA = 0.05, 0.95
 """By how much warped features are to beat standard ones, and what label mapping is to reach."""
 
-DIFFERENCE, THROW = "label mapping, tilt less reference", "label mapping, and the throw"
-THROW_STANDARD = "standard, and the throw of a usual cup"
-UPRIGHT = "standard, centres of upright cups"
-THROW_UPRIGHT = "standard, upright, and the throw of a usual cup"
-STANDARDS = (STANDARD, UPRIGHT, THROW_STANDARD, THROW_UPRIGHT)
-"""Ways to do without references in filling."""
 
-SAME, NOVEL = "same object", "novel objects"
-
-
-class ConstraintScores(NamedTuple):
-    """Of one method on one test set, over M training sets.
-
-    Attributes:
-        curves: true positive rates on the grid (M, G).
-        areas: below the curves (M,).
-        early: true positive rate at `FEW_FALSE_POSITIVES` (M,).
-        trained_on: index of the training object (M,).
-    """
-
-    curves: NDArray[np.float64]
-    areas: NDArray[np.float64]
-    early: NDArray[np.float64]
-    trained_on: NDArray[np.float64]
-
-    @property
-    def area(self) -> float:
-        """Mean area."""
-        return float(self.areas.mean())
-
-
-ScoreTable = Mapping[str, Mapping[str, ConstraintScores]]
-"""Scores by method and test set (`SAME`, `NOVEL`)."""
-
-
-def run(settings: Settings) -> ExperimentResult:
-    """Score three kinds of features in both experiments."""
-    path = share_path(TRIALS_FILE) if settings.bags is None else settings.bags / Path(TRIALS_FILE)
-    trials = read_trials(path)
-    settings.progress(0.0, "warping the mug onto the other containers")
-    known = know_all(annotated_source(), settings.rng(1), range(len(CONTAINER_NAMES)))
-    sheets = {
-        POURING: {method: pouring_samples(trials, known[method]) for method in METHODS},
-        FILLING: {method: filling_samples(trials, known[method]) for method in METHODS},
-    }
-    sheets[POURING][DIFFERENCE] = pouring_samples(trials, known[LABEL], difference=True)
-    sheets[FILLING][THROW] = filling_samples(trials, known[LABEL], throw=True)
-    for upright, name, thrown in (
-        (False, STANDARD, THROW_STANDARD),
-        (True, UPRIGHT, THROW_UPRIGHT),
-    ):
-        sheets[FILLING][name] = filling_samples(trials, known[STANDARD], upright=upright)
-        sheets[FILLING][thrown] = filling_samples(
-            trials, known[STANDARD], upright=upright, throw=True
-        )
-    n_sets = 1 if settings.quick else SETS_PER_OBJECT
-    scores: dict[str, dict[str, dict[str, ConstraintScores]]] = {POURING: {}, FILLING: {}}
-    todo = [(name, method) for name, sheet in sheets.items() for method in sheet]
-    for done, (name, method) in enumerate(todo):
-        settings.progress(0.2 + 0.8 * done / len(todo), f"{name}, {method}")
-        # The same training sets for every method.
-        stream = 2 if name == POURING else 3
-        scores[name][method] = score(sheets[name][method], n_sets, settings.rng(stream))
-    settings.progress(1.0, "figure")
-    return ExperimentResult(
-        title="Task constraints that carry over to other containers",
-        source="Brandl et al. 2014, Fig. 3",
-        question=(
-            "What 50 trials with one cup tell of when it pours, and of when all of it ends up in"
-            " the second container: does it hold for nine other cups and bowls?"
-        ),
-        findings=_findings(trials, scores),
-        blocks=_blocks(scores),
-        conditions=_conditions(trials),
-        numbers=_numbers(trials, scores),
-    )
-
-
-def score(samples: Samples, n_sets: int, rng: np.random.Generator) -> dict[str, ConstraintScores]:
-    """Learn from `n_sets` training sets per object; test on its other trials and on the others.
-
-    Raises:
-        TrainingError: the trials of one object all have the same label.
-    """
-    rows: dict[str, list[tuple[NDArray[np.float64], float, float, int]]] = {SAME: [], NOVEL: []}
-    for index in np.unique(samples.objects):
-        own = np.flatnonzero(samples.objects == index)
-        others = np.flatnonzero(samples.objects != index)
-        if len(np.unique(samples.labels[own])) < 2:
-            raise TrainingError(f"{CONTAINER_NAMES[index]}: all of its trials have one label.")
-        for _ in range(n_sets):
-            shuffled = _both_labels_first(own, samples.labels, rng)
-            train, rest = shuffled[:N_TRAINING], shuffled[N_TRAINING:]
-            log_odds = _learned(samples, train)
-            for name, test in ((SAME, rest), (NOVEL, others)):
-                odds = log_odds(test)
-                curve = roc_curve(odds, samples.labels[test])
-                early = on_grid(curve, np.array([FEW_FALSE_POSITIVES]))[0]
-                rows[name].append((on_grid(curve), curve.area, float(early), int(index)))
-    return {
-        name: ConstraintScores(*map(np.array, zip(*row, strict=True))) for name, row in rows.items()
-    }
-
-
-def _learned(
-    samples: Samples, train: NDArray[np.integer]
-) -> Callable[[NDArray[np.integer]], NDArray[np.float64]]:
-    """Log odds of rows (n,), learned from the rows `train`."""
-    features, labels, unit = samples.features, samples.labels, samples.unit_throw
-    if unit is None:
-        model = fit_logistic(features[train], labels[train], ridge=RIDGE)
-        return lambda rows: model.log_odds(features[rows])
-    filling = FillingConstraint.learn_throw(features[train], unit[train], labels[train])
-    return lambda rows: filling.model.log_odds(landing(features[rows], filling.throw * unit[rows]))
-
-
-def _both_labels_first(
-    rows: NDArray[np.integer], labels: NDArray[np.float64], rng: np.random.Generator
-) -> NDArray[np.integer]:
-    """Rows in random order, with both labels in the training part and in the rest."""
-    while True:
-        shuffled = rng.permutation(rows)
-        seen, rest = labels[shuffled[:N_TRAINING]], labels[shuffled[N_TRAINING:]]
-        if 0.0 < seen.mean() < 1.0 and 0.0 < rest.mean() < 1.0:
-            return shuffled
-
-
-def _findings(trials: Trials, scores: Mapping[str, ScoreTable]) -> tuple[Finding, ...]:
+def findings(trials: Trials, scores: Mapping[str, ScoreTable]) -> tuple[Finding, ...]:
+    """The paper's figures and ours, side by side."""
     through = sum(int(table["through_wall"].sum()) for table in trials.tables.values())
     pour = {method: by_test[NOVEL] for method, by_test in scores[POURING].items()}
     fill = {method: by_test[NOVEL] for method, by_test in scores[FILLING].items()}
@@ -239,7 +95,8 @@ def _gain_finding(name: str, gain: float) -> Finding:
     )
 
 
-def _blocks(scores: Mapping[str, ScoreTable]) -> tuple[Block, ...]:
+def blocks(scores: Mapping[str, ScoreTable]) -> tuple[Block, ...]:
+    """Figures, tables and remarks, in order."""
     panels = [
         [
             RocPanel(f"{name}, {test}", {m: _band(scores[name][m][test]) for m in METHODS})
@@ -324,7 +181,8 @@ def _object_table(scores: Mapping[str, ScoreTable]) -> Table:
     return Table(columns, rows, "Area on the nine other objects, by the object learned from.")
 
 
-def _conditions(trials: Trials) -> tuple[str, ...]:
+def conditions(trials: Trials) -> tuple[str, ...]:
+    """What differs from the paper, one sentence each."""
     pouring, filling = (
         len(trials.tables[name]["object"]) // len(CONTAINER_NAMES) for name in (POURING, FILLING)
     )
@@ -343,7 +201,8 @@ def _conditions(trials: Trials) -> tuple[str, ...]:
     )
 
 
-def _numbers(trials: Trials, scores: Mapping[str, ScoreTable]) -> dict[str, object]:
+def numbers(trials: Trials, scores: Mapping[str, ScoreTable]) -> dict[str, object]:
+    """Everything a script would want, ready for JSON."""
     return {
         "n_trials": {name: len(table["object"]) for name, table in trials.tables.items()},
         "positive": {

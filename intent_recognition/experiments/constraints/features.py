@@ -41,6 +41,13 @@ LABEL, POINT, STANDARD = METHODS = ("label mapping", "point mapping", "standard 
 MAPPINGS: dict[str, Literal["label", "point"]] = {LABEL: "label", POINT: "point"}
 """How the methods that warp bring the parts of the annotated object onto a scan."""
 
+DIFFERENCE, THROW = "label mapping, tilt less reference", "label mapping, and the throw"
+THROW_STANDARD = "standard, and the throw of a usual cup"
+UPRIGHT = "standard, centres of upright cups"
+THROW_UPRIGHT = "standard, upright, and the throw of a usual cup"
+STANDARDS = (STANDARD, UPRIGHT, THROW_STANDARD, THROW_UPRIGHT)
+"""Ways to do without references in filling."""
+
 SOURCE = "mug"
 OTHER_AHEAD_M = 0.2
 """Where the other container is, from this one's opening, when the lip is chosen."""

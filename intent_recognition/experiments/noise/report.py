@@ -1,11 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prediction error of Interaction DMPs and ProMPs under noise (Maeda et al. 2014, Fig. 3).
-
-One DOF of each agent. The first samples of the observed one's curve are seen through noise, the
-controlled one's whole curve is predicted. Filter, noise variance and shrinkage are chosen by cross
-validation, for each number of samples, in one of two ways: anew for each level of noise, which only
-who knows the level can do, or once, on the clean signal.
-"""
+"""What the experiment on noise says: findings, figures, tables."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -13,35 +7,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.sketches.curves import N_SAMPLES
-from intent_recognition.experiments.sketches.figures_noise import growth_figure, noise_figure
-from intent_recognition.experiments.sketches.models import SMOOTHERS
-from intent_recognition.experiments.sketches.noise_scores import (
+from intent_recognition.experiments.noise.figures import growth_figure, noise_figure
+from intent_recognition.experiments.noise.study import (
     DMP,
     DMP_CARRIED,
     DMP_CLEAN,
     DMP_PLAIN,
-    METHODS,
     N_FOLDS,
     N_TEST,
     N_TRAIN,
     PROMP,
     PROMP_CLEAN,
     Plan,
-    make_plan,
-    one_data_set,
 )
-from intent_recognition.report import (
-    Block,
-    Column,
-    ExperimentResult,
-    Figure,
-    Finding,
-    Table,
-    Text,
-    to_svg,
-)
+from intent_recognition.experiments.sketches.curves import N_SAMPLES
+from intent_recognition.experiments.sketches.models import SMOOTHERS, standard_error
+from intent_recognition.report import Block, Column, Figure, Finding, Table, Text, to_svg
 
 
 class Growth(NamedTuple):
@@ -54,50 +35,10 @@ class Growth(NamedTuple):
         return f"x {self.factor:.1f} \N{PLUS-MINUS SIGN} {self.error:.1f}"
 
 
-def run(settings: Settings) -> ExperimentResult:
-    """Repeat on independent data sets: draw, choose, predict, score."""
-    plan = make_plan(settings.quick)
-    rmse = []
-    for repeat in range(plan.repeats):
-        settings.progress(repeat / plan.repeats, f"data set {repeat + 1} of {plan.repeats}")
-        rmse.append(one_data_set(settings.rng(repeat), plan))
-    table = {method: np.array([run[method] for run in rmse]) for method in METHODS}
-    growth = {method: _growth(errors) for method, errors in table.items()}
-    settings.progress(1.0, "figures")
-    return ExperimentResult(
-        title="Noise: ProMP and DMP",
-        source="Maeda et al. 2014, Fig. 3",
-        question=(
-            "How does the error of the predicted agent grow with the noise of what is seen of the"
-            " other, when the model is made of positions (ProMP) and of accelerations (DMP)?"
-        ),
-        findings=_findings(table, growth, plan),
-        blocks=_blocks(table, growth, plan),
-        conditions=_conditions(plan),
-        numbers={
-            "noise_variance": list(plan.levels),
-            "observed_samples": list(plan.counts),
-            "rmse": {method: errors.mean(axis=0).tolist() for method, errors in table.items()},
-            "rmse_standard_error": {m: _error(errors).tolist() for m, errors in table.items()},
-            "growth": {method: list(value) for method, value in growth.items()},
-        },
-    )
-
-
-def _growth(rmse: NDArray[np.float64]) -> Growth:
-    """Of the full observation; errors (repeats, L, k)."""
-    ratio = rmse[:, -1, -1] / rmse[:, 0, -1]
-    return Growth(float(ratio.mean()), float(_error(ratio)))
-
-
-def _error(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard error of the mean over the first axis."""
-    return values.std(axis=0, ddof=1) / np.sqrt(len(values))
-
-
-def _findings(
+def findings(
     table: Mapping[str, NDArray[np.float64]], growth: Mapping[str, Growth], plan: Plan
 ) -> tuple[Finding, ...]:
+    """The paper's figures and ours, side by side."""
     mean = {method: errors.mean(axis=0) for method, errors in table.items()}
     better = mean[PROMP] < mean[DMP]
     middle = _half(plan)
@@ -147,10 +88,11 @@ def _findings(
     )
 
 
-def _blocks(
+def blocks(
     table: Mapping[str, NDArray[np.float64]], growth: Mapping[str, Growth], plan: Plan
 ) -> tuple[Block, ...]:
-    summary = {m: (errors.mean(axis=0), _error(errors)) for m, errors in table.items()}
+    """Figures, tables and remarks, in order."""
+    summary = {m: (errors.mean(axis=0), standard_error(errors)) for m, errors in table.items()}
     bars = noise_figure({m: summary[m] for m in (PROMP, DMP)}, plan.levels, plan.counts)
     panels = {
         f"{plan.counts[k]} of {N_SAMPLES} samples seen": {
@@ -235,7 +177,8 @@ def _growth_table(
     return Table(columns, rows, "Full observation; mean \N{PLUS-MINUS SIGN} standard error.")
 
 
-def _conditions(plan: Plan) -> tuple[str, ...]:
+def conditions(plan: Plan) -> tuple[str, ...]:
+    """What differs from the paper, one sentence each."""
     return (
         "The paper's sketches are not published; ours are drawn by a generator: smooth curves"
         " through six heights that three causes move together.",

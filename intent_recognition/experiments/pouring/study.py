@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded pours: what became of their balls, with warped and with unwarped references."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.errors import BagError, describe
+from sim_bridge.scenarios.pouring import (
+    MEAN,
+    PAIRS,
+    SAMPLE,
+    UNWARPED,
+    PourOrder,
+    PourPath,
+    Skill,
+    read_pour,
+)
+
+NAMES = {MEAN: "warped, mean", SAMPLE: "warped, drawn", UNWARPED: "not warped"}
+
+
+@dataclass(frozen=True)
+class RecordedPour:
+    """One recorded pour.
+
+    Attributes:
+        order: which pair and path.
+        path: of the lip as the arm's joints tell it.
+        spilled: balls in neither container at the end.
+        kept: balls left in the cup.
+        n_balls: in the cup at the start.
+        through_wall: balls that went into or through a wall.
+        risk: of a spill, expected before it was executed.
+        touched_s: how long the cup touched the second container.
+        strongest_touch_n: how hard at most.
+    """
+
+    order: PourOrder
+    path: PourPath
+    spilled: int
+    kept: int
+    n_balls: int
+    through_wall: int
+    risk: float
+    touched_s: float
+    strongest_touch_n: float
+
+
+def pair_name(pair: int) -> str:
+    """Such as "mug into tumbler"."""
+    return " into ".join(name.replace("_", " ") for name in PAIRS[pair])
+
+
+def read_recorded(folder: Path) -> list[RecordedPour]:
+    """All recorded pours below a folder.
+
+    Raises:
+        BagError: there are none.
+    """
+    found = []
+    for note in sorted(folder.glob("*/metadata.yaml")):
+        path, labels = read_pour(note.parent)
+        order = PourOrder(int(labels["seed"]), int(labels["pair"]), labels["manner"])
+        counts = (int(labels[n]) for n in ("spilled", "kept", "balls", "through_wall"))
+        measured = (float(labels[n]) for n in ("risk", "touched_s", "strongest_touch_n"))
+        found.append(RecordedPour(order, path, *counts, *measured))
+    if not found:
+        cure = "Make them with `python -m sim_bridge.scenarios.generate --scenario pours`."
+        raise BagError(describe(str(folder), "recorded pours", "none", cure))
+    return found
+
+
+def of_manner(pours: Sequence[RecordedPour], manner: str) -> list[RecordedPour]:
+    """Those along one kind of path, in the order of the pairs."""
+    return sorted((p for p in pours if p.order.manner == manner), key=lambda p: p.order.pair)
+
+
+def carried_tilt(skill: Skill) -> float:
+    """Largest tilt ratio, mean and two sigma, before the lip is above the opening."""
+    phase = np.linspace(0.0, 1.0, 400)
+    mean, std = skill.primitive.mean_path(phase), skill.primitive.std_path(phase)
+    above = np.hypot(mean[:, 0], mean[:, 1]) < 1.0
+    before = np.arange(len(phase)) < np.argmax(above)
+    return float((mean[:, 3] + 2.0 * std[:, 3])[before].max())
+
+
+def numbers_of(
+    pours: Sequence[RecordedPour], skill: Skill, repeated: Sequence[tuple[RecordedPour, int, int]]
+) -> dict[str, object]:
+    """Everything a script would want, ready for JSON."""
+    numbers: dict[str, object] = {
+        "pairs": [pair_name(k) for k in range(len(PAIRS))],
+        "through_wall": sum(p.through_wall for p in pours),
+        "carried_tilt_ratio": carried_tilt(skill),
+        "repeated_alike": sum((p.spilled, p.kept) == (s, k) for p, s, k in repeated),
+        "repeated": len(repeated),
+    }
+    for manner in NAMES:
+        chosen = of_manner(pours, manner)
+        numbers[f"spilled_{manner}"] = [p.spilled for p in chosen]
+        numbers[f"kept_{manner}"] = [p.kept for p in chosen]
+        numbers[f"risk_{manner}"] = [p.risk for p in chosen]
+        numbers[f"touched_s_{manner}"] = [p.touched_s for p in chosen]
+        numbers[f"strongest_touch_n_{manner}"] = [p.strongest_touch_n for p in chosen]
+    return numbers
