@@ -3,13 +3,16 @@
 
 from intent_recognition.report.demo_report import write_demo_report
 from intent_recognition.report.drawing import (
+    DASHED,
     INK,
     NONE_COLOUR,
     PALETTE,
     PAPER_COLOUR,
     SOFT,
+    fill_two_sigma,
     new_figure,
     readable,
+    shared_legend,
     styled,
     task_colours,
     task_markers,
@@ -38,6 +41,7 @@ from intent_recognition.report.interaction_table import table_lines
 from intent_recognition.report.warp_report import write_warp_report
 
 __all__ = [
+    "DASHED",
     "INK",
     "NONE_COLOUR",
     "PALETTE",
@@ -53,9 +57,11 @@ __all__ = [
     "Row",
     "Table",
     "Text",
+    "fill_two_sigma",
     "hand_error_figure",
     "new_figure",
     "readable",
+    "shared_legend",
     "styled",
     "table_lines",
     "task_colours",

@@ -9,8 +9,14 @@ from collections.abc import Callable, Iterable, Mapping
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.typing import LineStyleType
 
 NONE = "none"
 NONE_COLOUR = "#8792a0"
@@ -23,6 +29,9 @@ PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#7
 """Okabe and Ito's colours, told apart with every common colour blindness; yellow is darkened."""
 
 MARKERS = "os^Dv<>P"
+
+DASHED: "LineStyleType" = (0, (4, 2))
+"""Of references: truths, baselines, the paper's figures."""
 
 STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -119,6 +128,32 @@ def to_png(figure: "Figure", dpi: float = 150.0) -> bytes:
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
     return stream.getvalue()
+
+
+def fill_two_sigma(
+    axes: "Axes",
+    at: NDArray[np.float64],
+    mean: NDArray[np.float64],
+    std: NDArray[np.float64],
+    colour: str,
+    *,
+    alpha: float = 0.18,
+    label: str | None = None,
+) -> None:
+    """Shade two standard deviations on both sides of a mean; arrays (T,)."""
+    low, high = mean - 2.0 * std, mean + 2.0 * std
+    axes.fill_between(at, low, high, color=colour, alpha=alpha, linewidth=0, label=label)
+
+
+def shared_legend(figure: "Figure", panels: Iterable["Axes"], n_columns: int) -> None:
+    """One legend below the figure for several panels; what they share is named once."""
+    entries: dict[str, Artist] = {}
+    for axes in panels:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    figure.legend(
+        list(entries.values()), list(entries), loc="outside lower center", ncols=n_columns
+    )
 
 
 def task_colours(labels: Iterable[str]) -> dict[str, str]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.report.drawing import (
+    DASHED,
     INK,
     NONE,
     PAPER_COLOUR,
@@ -129,7 +130,7 @@ def timing_figure(
     figure = new_figure(5.6, 3.7)
     axes = figure.subplots()
     longest = max((max(v, default=0.0) for v in movements_s.values()), default=0.0) or 1.0
-    for share, style in ((1.0, "-"), (0.5, (0, (4, 2)))):
+    for share, style in ((1.0, "-"), (0.5, DASHED)):
         axes.plot([0, longest], [0, share * longest], color=SOFT, linewidth=1.1, linestyle=style)
         text = "human's end" if share == 1.0 else "half of it"
         axes.annotate(
@@ -311,7 +312,7 @@ def _mean_handles(with_paper: bool) -> list["Line2D"]:
 
 
 def _vertical(axes: "Axes", x: float, text: str) -> None:
-    axes.axvline(x, color=INK, linewidth=1.3, linestyle=(0, (4, 2)))
+    axes.axvline(x, color=INK, linewidth=1.3, linestyle=DASHED)
     axes.margins(y=0.12)
     axes.annotate(
         text,

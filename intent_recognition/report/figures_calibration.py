@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_figure, readable, styled
+from intent_recognition.report.drawing import (
+    DASHED,
+    INK,
+    PALETTE,
+    SOFT,
+    new_figure,
+    readable,
+    styled,
+)
 from intent_recognition.report.figures_evaluation import PHASE_STYLES
 
 if TYPE_CHECKING:
@@ -23,7 +31,7 @@ def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]
     """
     figure = new_figure(5.6, 3.7)
     axes = figure.subplots()
-    axes.plot([0.4, 1], [0.4, 1], color=SOFT, linewidth=1.2, linestyle=(0, (4, 2)))
+    axes.plot([0.4, 1], [0.4, 1], color=SOFT, linewidth=1.2, linestyle=DASHED)
     for phase, (should, does) in regions.items():
         label, colour, marker = PHASE_STYLES.get(phase, (phase, PALETTE[2], "^"))
         axes.plot(
@@ -87,7 +95,7 @@ def roc_figure(unknown: Sequence[float], known: Sequence[float], area: float) ->
     """Share of known against share of unknown movements that reach each threshold, as steps."""
     figure = new_figure(5.0, 3.9)
     axes = figure.subplots()
-    axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=(0, (4, 2)), label="chance")
+    axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=DASHED, label="chance")
     axes.plot(unknown, known, color=PALETTE[0], label=f"area {area:.3f}")
     axes.fill_between(unknown, known, color=PALETTE[0], alpha=0.08, linewidth=0)
     axes.set_xlim(-0.02, 1.02)

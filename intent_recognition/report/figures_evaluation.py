@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report.drawing import INK, PALETTE, SOFT, new_figure, styled
+from intent_recognition.report.drawing import (
+    DASHED,
+    INK,
+    PALETTE,
+    SOFT,
+    new_figure,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,7 +79,7 @@ def coverage_figure(coverage: Series) -> "Figure":
     """Share of true values within +-2 sigma; 95 % is right."""
     figure = new_figure(5.6, 3.7)
     axes = figure.subplots()
-    axes.axhline(100 * TWO_SIGMA, color=INK, linewidth=1.2, linestyle=(0, (4, 2)))
+    axes.axhline(100 * TWO_SIGMA, color=INK, linewidth=1.2, linestyle=DASHED)
     axes.text(
         0.01,
         100 * TWO_SIGMA + 0.8,
@@ -102,7 +109,7 @@ def reliability_figure(
     counts = np.asarray(counts, dtype=float)
     figure = new_figure(5.6, 3.7)
     axes = figure.subplots()
-    axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=(0, (4, 2)), label="calibrated")
+    axes.plot([0, 1], [0, 1], color=SOFT, linewidth=1.2, linestyle=DASHED, label="calibrated")
     used = counts > 0
     axes.plot(
         np.asarray(confidence)[used],

@@ -11,6 +11,7 @@ from intent_recognition.report.drawing import (
     INK,
     PALETTE,
     SOFT,
+    fill_two_sigma,
     new_figure,
     readable,
     styled,
@@ -70,9 +71,8 @@ def joint_figure(trace: Mapping) -> "Figure":
     grid = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
     for joint, axes in enumerate(grid[:count]):
         if std is not None and mean.size:
-            band = 2 * np.asarray(std, dtype=float)[:, joint]
-            low, high = mean[:, joint] - band, mean[:, joint] + band
-            axes.fill_between(predicted_s, low, high, color=PREDICTED, alpha=0.2, linewidth=0)
+            spread = np.asarray(std, dtype=float)[:, joint]
+            fill_two_sigma(axes, predicted_s, mean[:, joint], spread, PREDICTED, alpha=0.2)
         if mean.size:
             axes.plot(predicted_s, mean[:, joint], color=PREDICTED, linestyle=(0, (4, 1.6)))
         if measured.size:

@@ -7,12 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import INK, PALETTE, new_figure, styled
+from intent_recognition.report import (
+    DASHED,
+    INK,
+    PALETTE,
+    fill_two_sigma,
+    new_figure,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-DASHED = (0, (4, 2))
 
 
 @styled
@@ -67,10 +72,8 @@ def recordings_figure(
     figure = new_figure(3.1 * len(panels), 3.3)
     grid = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for axes, (title, values) in zip(grid, panels.items(), strict=True):
-        mean, spread = values.mean(axis=0), 2.0 * values.std(axis=0, ddof=1)
-        axes.fill_between(
-            phase, mean - spread, mean + spread, color=PALETTE[0], alpha=0.18, linewidth=0
-        )
+        mean, std = values.mean(axis=0), values.std(axis=0, ddof=1)
+        fill_two_sigma(axes, phase, mean, std, PALETTE[0])
         axes.plot(phase, values.T, color=PALETTE[0], linewidth=0.7, alpha=0.6)
         axes.plot(phase, mean, color=INK, linewidth=1.6)
         axes.set_title(title)

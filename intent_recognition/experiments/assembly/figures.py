@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import INK, SOFT, new_figure, readable, styled, task_colours
+from intent_recognition.report import (
+    DASHED,
+    INK,
+    SOFT,
+    new_figure,
+    readable,
+    styled,
+    task_colours,
+)
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -173,7 +181,7 @@ def spread_figure(
     panels = figure.subplots(1, len(before_cm), sharey=True)
     for axes, task in zip(panels, before_cm, strict=True):
         phase = np.linspace(0.0, 100.0, len(before_cm[task]))
-        axes.plot(phase, before_cm[task], color=SOFT, linestyle=(0, (4, 2)), label="as recorded")
+        axes.plot(phase, before_cm[task], color=SOFT, linestyle=DASHED, label="as recorded")
         axes.plot(phase, after_cm[task], color=colours[task], label="aligned")
         axes.set_title(readable(task))
         axes.set_xlabel("phase [%]")

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.report import (
+    DASHED,
     INK,
     SOFT,
+    fill_two_sigma,
     new_figure,
     readable,
     styled,
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.typing import LineStyleType
 
-DASHED: "LineStyleType" = (0, (4, 1.6))
+PREDICTED_LINE: "LineStyleType" = (0, (4, 1.6))
 MINUS = "\N{MINUS SIGN}"
 
 
@@ -70,7 +72,7 @@ def prediction_error_figure(
     for task, errors in known_cm.items():
         at = np.arange(len(errors))
         axes.plot(at, errors, marker=markers[task], color=colours[task], markersize=4)
-        axes.plot(at, unknown_cm[task], linestyle=(0, (4, 2)), lw=1.3, color=colours[task])
+        axes.plot(at, unknown_cm[task], linestyle=DASHED, lw=1.3, color=colours[task])
         axes.axhline(mean_cm[task], color=colours[task], lw=0.9, linestyle=(0, (1, 2)))
     axes.set_ylim(bottom=0.0)
     axes.set_xlim(0, len(at) - 1)
@@ -81,7 +83,7 @@ def prediction_error_figure(
         for t in known_cm
     ]
     handles += [
-        Line2D([], [], color=SOFT, linestyle=(0, (4, 2)), lw=1.3, label="duration unknown"),
+        Line2D([], [], color=SOFT, linestyle=DASHED, lw=1.3, label="duration unknown"),
         Line2D([], [], color=SOFT, linestyle=(0, (1, 2)), lw=0.9, label="mean of the true task"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
@@ -96,10 +98,9 @@ def prediction_figure(examples: Mapping[str, WristPrediction], n_observations: i
     grid = figure.subplots(len(examples), 3, sharex="row", squeeze=False)
     for line, (task, shown) in zip(grid, examples.items(), strict=True):
         for k, axes in enumerate(line):
-            low, high = (shown.mean_m[:, k] + s * 2.0 * shown.std_m[:, k] for s in (-1, 1))
             colour = colours[task]
-            axes.fill_between(shown.times_s, low, high, color=colour, alpha=0.18, lw=0)
-            axes.plot(shown.times_s, shown.mean_m[:, k], color=colour, linestyle=DASHED)
+            fill_two_sigma(axes, shown.times_s, shown.mean_m[:, k], shown.std_m[:, k], colour)
+            axes.plot(shown.times_s, shown.mean_m[:, k], color=colour, linestyle=PREDICTED_LINE)
             axes.plot(shown.times_s, shown.truth_m[:, k], color=INK, lw=1.3)
             axes.set_title(f"{readable(task)}: {'xyz'[k]}")
             axes.set_xlim(shown.times_s[0], shown.times_s[-1])
@@ -169,7 +170,7 @@ def _legend(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    style: LineStyleType = DASHED if dashed else "-"
+    style: LineStyleType = PREDICTED_LINE if dashed else "-"
     handles: list[Artist] = [
         Line2D([], [], color=INK, lw=1.3, label=truth),
         Line2D([], [], color=SOFT, lw=2.6, linestyle=style, label=f"{ours} (coloured)"),

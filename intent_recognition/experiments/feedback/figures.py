@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.motion import FeedbackPolicy
-from intent_recognition.report import PALETTE, SOFT, new_figure, styled
+from intent_recognition.report import (
+    PALETTE,
+    SOFT,
+    fill_two_sigma,
+    new_figure,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,10 +46,7 @@ def distribution_figure(
     figure, panels, corner = _joint_panels(wanted[1].shape[1], 4.9)
     grid, mean, std = wanted
     for k, axes in enumerate(panels):
-        low, high = mean[:, k] - 2 * std[:, k], mean[:, k] + 2 * std[:, k]
-        axes.fill_between(
-            grid, low, high, color=PRIMITIVE, alpha=0.18, lw=0, label="primitive, +-2 sigma"
-        )
+        fill_two_sigma(axes, grid, mean[:, k], std[:, k], PRIMITIVE, label="primitive, +-2 sigma")
         axes.plot(grid, mean[:, k], color=PRIMITIVE, label="primitive, mean")
         for (centre, spread), name, colour, dash in zip(
             moments, NAMES, COLOURS, DASHES, strict=True

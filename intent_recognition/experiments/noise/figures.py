@@ -7,14 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import PALETTE, SOFT, new_figure, styled
+from intent_recognition.report import (
+    DASHED,
+    PALETTE,
+    SOFT,
+    new_figure,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BAND = 2.0
 """Standard errors on both sides of a mean."""
-DASHED = (0, (4, 2))
 TICKS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 
 

@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.promp import Trajectory
-from intent_recognition.report import INK, PALETTE, PAPER_COLOUR, SOFT, new_figure, styled
+from intent_recognition.report import (
+    DASHED,
+    INK,
+    PALETTE,
+    PAPER_COLOUR,
+    SOFT,
+    fill_two_sigma,
+    new_figure,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -121,7 +130,7 @@ def errors_figure(
         zorder=3,
     )
     axes.axhline(
-        100.0 * paper_m, color=PAPER_COLOUR, linestyle=(0, (4, 2)), linewidth=1.3,
+        100.0 * paper_m, color=PAPER_COLOUR, linestyle=DASHED, linewidth=1.3,
         label="largest error in the paper",
     )  # fmt: skip
     for u, error in enumerate(errors_m):
@@ -159,8 +168,7 @@ def conditioned_figure(
     upper, lower = top.subplots(1, 3), bottom.subplots(1, N_JOINTS_SHOWN)
     for k, axes in enumerate((*upper, *lower)):
         for one, colour, name in ((prior, PRIOR, "prior"), (posterior, POSTERIOR, "conditioned")):
-            low, high = (one.positions[:, k] + s * 2.0 * one.std[:, k] for s in (-1, 1))
-            axes.fill_between(phase, low, high, color=colour, alpha=0.18, linewidth=0)
+            fill_two_sigma(axes, phase, one.positions[:, k], one.std[:, k], colour)
             axes.plot(phase, one.positions[:, k], color=colour, label=f"{name}, +-2 sigma")
         if k < 3:
             axes.plot(
@@ -171,7 +179,7 @@ def conditioned_figure(
             axes.set_ylabel(WRIST[k])
         else:
             axes.plot(
-                done[0], done[1][:, k - 3], color=POINTED, linewidth=1.2, linestyle=(0, (4, 2)),
+                done[0], done[1][:, k - 3], color=POINTED, linewidth=1.2, linestyle=DASHED,
                 label="arm as it moved",
             )  # fmt: skip
             axes.set_ylabel(f"joint {k - 2} [rad]")

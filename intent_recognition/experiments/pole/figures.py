@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import INK, PALETTE, PAPER_COLOUR, SOFT, new_figure, styled
+from intent_recognition.report import (
+    DASHED,
+    INK,
+    PALETTE,
+    PAPER_COLOUR,
+    SOFT,
+    fill_two_sigma,
+    new_figure,
+    shared_legend,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -121,10 +131,7 @@ def components_figure(
             at, np.maximum(mean - spread, 0.0), mean + spread, color=PALETTE[0], alpha=0.12, lw=0,
             label="± standard deviation of the tests",
         )  # fmt: skip
-        axes.fill_between(
-            at, mean - 2 * error, mean + 2 * error, color=PALETTE[0], alpha=0.28, lw=0,
-            label="± 2 sigma of the mean",
-        )  # fmt: skip
+        fill_two_sigma(axes, at, mean, error, PALETTE[0], alpha=0.28, label="± 2 sigma of the mean")
         axes.plot(at, mean, "o-", color=PALETTE[0], markersize=4, label="mean of the tests")
         taken = list(numbers).index(chosen)
         axes.plot(
@@ -133,20 +140,14 @@ def components_figure(
         )  # fmt: skip
         if label in paper:
             axes.axhline(
-                paper[label], color=PAPER_COLOUR, linestyle=(0, (4, 2)), linewidth=1.3,
+                paper[label], color=PAPER_COLOUR, linestyle=DASHED, linewidth=1.3,
                 label="paper, plateau",
             )  # fmt: skip
         axes.set_ylim(bottom=0.0)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlabel("components")
         axes.set_ylabel(label)
-    handles, labels = grid[0].get_legend_handles_labels()
-    for axes in grid[1:]:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            if label not in labels:
-                handles.append(handle)
-                labels.append(label)
-    figure.legend(handles, labels, loc="outside lower center", ncols=5)
+    shared_legend(figure, grid, 5)
     return figure
 
 
@@ -204,19 +205,17 @@ def two_answers_figure(
     colours = (WAY_COLOURS["left"], WAY_COLOURS["right"], SOFT)
     for q, (axes, name) in enumerate(zip(grid, names, strict=True)):
         for (label, mean, std), colour in zip(answers, colours, strict=False):
-            low, high = mean[:, q] - 2 * std[:, q], mean[:, q] + 2 * std[:, q]
-            axes.fill_between(phase, low, high, color=colour, alpha=0.2, lw=0)
+            fill_two_sigma(axes, phase, mean[:, q], std[:, q], colour)
             axes.plot(phase, mean[:, q], color=colour, label=label)
         for way, truth in truths.items():
             axes.plot(
                 phase, truth[:, q], color=INK, linewidth=1.2,
-                linestyle=(0, (4, 2)) if way == "left" else (0, (1, 1.5)), label=f"shown: {way}",
+                linestyle=DASHED if way == "left" else (0, (1, 1.5)), label=f"shown: {way}",
             )  # fmt: skip
         axes.set_xlabel("phase")
         axes.set_ylabel(f"{name} [rad]")
         axes.set_xlim(0.0, 1.0)
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=5)
+    shared_legend(figure, grid[:1], 5)
     return figure
 
 

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import NONE_COLOUR, PALETTE, SOFT, new_figure, styled
+from intent_recognition.report import (
+    NONE_COLOUR,
+    PALETTE,
+    SOFT,
+    fill_two_sigma,
+    new_figure,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,8 +101,7 @@ def paths_figure(
 def _band(
     axes: "Axes", band: Band, k: int, colour: str, label: str, dashes: "LineStyleType"
 ) -> None:
-    low, high = band.mean[:, k] - 2.0 * band.std[:, k], band.mean[:, k] + 2.0 * band.std[:, k]
-    axes.fill_between(band.time, low, high, color=colour, alpha=0.2, lw=0)
+    fill_two_sigma(axes, band.time, band.mean[:, k], band.std[:, k], colour, alpha=0.2)
     axes.plot(band.time, band.mean[:, k], color=colour, linestyle=dashes, label=label)
 
 

@@ -7,16 +7,23 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import INK, NONE_COLOUR, PALETTE, SOFT, new_figure, styled
+from intent_recognition.report import (
+    DASHED,
+    INK,
+    NONE_COLOUR,
+    PALETTE,
+    SOFT,
+    fill_two_sigma,
+    new_figure,
+    shared_legend,
+    styled,
+)
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PRIOR, POSTERIOR = PALETTE[0], PALETTE[2]
-BAND = 2.0
-"""Standard deviations, or standard errors, on both sides of a mean."""
 LINES = (PALETTE[1], PALETTE[3], PALETTE[5])
 
 
@@ -57,18 +64,15 @@ def example_figure(phase: NDArray[np.float64], examples: Sequence[SketchExample]
     """
     figure = new_figure(4.6 * len(examples), 6.2)
     grid = figure.subplots(2, len(examples), sharex=True, sharey="row", squeeze=False)
-    handles: dict[str, Artist] = {}
     for column, example in enumerate(examples):
         for axes, panel in zip(grid[:, column], example, strict=True):
             _draw(axes, phase, panel)
             if panel.title:
                 axes.set_title(panel.title)
-            drawn, labels = axes.get_legend_handles_labels()
-            handles |= dict(zip(labels, drawn, strict=True))
         grid[1, column].set_xlabel("phase")
     grid[0, 0].set_ylabel("observed agent [sketch units]")
     grid[1, 0].set_ylabel("controlled agent [sketch units]")
-    figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3)
+    shared_legend(figure, grid.T.ravel(), 3)
     return figure
 
 
@@ -77,11 +81,10 @@ def _draw(axes: "Axes", phase: NDArray[np.float64], panel: Panel) -> None:
         (panel.prior, PRIOR, "prior"),
         (panel.posterior, POSTERIOR, "ProMP given the observations"),
     ):
-        low, high = mean - BAND * std, mean + BAND * std
         label = f"{name}, \N{PLUS-MINUS SIGN} 2 std"
-        axes.fill_between(phase, low, high, color=colour, alpha=0.22, linewidth=0)
+        fill_two_sigma(axes, phase, mean, std, colour, alpha=0.22)
         axes.plot(phase, mean, color=colour, label=label)
-    axes.plot(phase, panel.true, color=INK, linestyle=(0, (4, 2)), linewidth=1.4, label="true")
+    axes.plot(phase, panel.true, color=INK, linestyle=DASHED, linewidth=1.4, label="true")
     for (name, values), colour in zip((panel.others or {}).items(), LINES, strict=False):
         axes.plot(phase, values, color=colour, linestyle=(0, (1, 1)), label=name)
     if panel.seen is not None:
@@ -125,8 +128,7 @@ def sparse_error_figure(
     for (name, line), colour, marker in zip(
         rmse.items(), colours, ("o", "s", "^", ""), strict=True
     ):
-        low, high = line.mean - BAND * line.error, line.mean + BAND * line.error
-        left.fill_between(counts, low, high, color=colour, alpha=0.18, linewidth=0)
+        fill_two_sigma(left, np.asarray(counts), line.mean, line.error, colour)
         left.plot(
             counts,
             line.mean,
@@ -134,7 +136,7 @@ def sparse_error_figure(
             marker=marker,
             markersize=5.5,
             markeredgecolor="white",
-            linestyle="-" if marker else (0, (4, 2)),
+            linestyle="-" if marker else DASHED,
             label=name,
         )
     left.set_xticks(counts)
@@ -143,7 +145,7 @@ def sparse_error_figure(
     left.set_ylabel("RMSE [sketch units]")
     left.set_title("prediction of the controlled agent")
     for number, (name, values) in enumerate(accelerations.items()):
-        style = {"color": INK, "linestyle": (0, (4, 2))} if not number else {}
+        style = {"color": INK, "linestyle": DASHED} if not number else {}
         right.plot(at, values, **({"color": LINES[(number - 1) % len(LINES)]} | style), label=name)
     right.axhline(0.0, color=SOFT, linewidth=0.8)
     right.set_xlabel("phase")

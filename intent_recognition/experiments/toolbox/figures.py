@@ -7,10 +7,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.report import INK, PALETTE, SOFT, new_figure, readable, styled, task_colours
+from intent_recognition.report import (
+    DASHED,
+    INK,
+    PALETTE,
+    SOFT,
+    fill_two_sigma,
+    new_figure,
+    readable,
+    shared_legend,
+    styled,
+    task_colours,
+)
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
 
 PRIOR_COLOUR = "#9aa5b1"
@@ -48,14 +58,13 @@ def components_found_figure(
             mean = members.mean(axis=0)
             std = members.std(axis=0, ddof=1) if len(members) > 1 else np.zeros_like(mean)
             colour = colours[tasks[int(label)]]
-            axes.fill_between(phase, mean - 2 * std, mean + 2 * std, color=colour, alpha=0.18, lw=0)
+            fill_two_sigma(axes, phase, mean, std, colour)
             text = f"component {label + 1}, {len(members)}: {readable(tasks[int(label)])}"
             axes.plot(phase, mean, color=colour, label=text)
         axes.set_ylabel(name)
         axes.set_xlim(0.0, 1.0)
         axes.set_xlabel("phase")
-    handles, texts = flat[0].get_legend_handles_labels()
-    figure.legend(handles, texts, loc="outside lower center", ncols=4)
+    shared_legend(figure, flat[:1], 4)
     return figure
 
 
@@ -89,11 +98,10 @@ def conditioned_figure(
     prior = np.concatenate([prior_observed, prior_controlled], axis=2)
     truth = np.concatenate([observed, controlled], axis=1)
     for dof, (axes, name) in enumerate(zip(flat, names, strict=True)):
-        middle, spread = prior[..., dof].mean(axis=0), 2 * prior[..., dof].std(axis=0, ddof=1)
-        axes.fill_between(
-            phase, middle - spread, middle + spread, color=PRIOR_COLOUR, alpha=0.35, lw=0,
-            label="component ± 2 sigma",
-        )  # fmt: skip
+        middle, spread = prior[..., dof].mean(axis=0), prior[..., dof].std(axis=0, ddof=1)
+        fill_two_sigma(
+            axes, phase, middle, spread, PRIOR_COLOUR, alpha=0.35, label="component ± 2 sigma"
+        )
         if dof < n_observed:
             axes.plot(
                 1.0, observed[-1, dof], "*", color=PALETTE[0], markersize=12, clip_on=False,
@@ -101,23 +109,19 @@ def conditioned_figure(
             )  # fmt: skip
         else:
             q = dof - n_observed
-            low, high = mean[:, q] - 2 * std[:, q], mean[:, q] + 2 * std[:, q]
-            axes.fill_between(
-                phase, low, high, color=POSTERIOR_COLOUR, alpha=0.3, lw=0,
-                label="predicted ± 2 sigma",
+            fill_two_sigma(
+                axes, phase, mean[:, q], std[:, q], POSTERIOR_COLOUR,
+                alpha=0.3, label="predicted ± 2 sigma",
             )  # fmt: skip
             axes.plot(phase, mean[:, q], color=POSTERIOR_COLOUR, label="predicted")
         axes.plot(
             phase, truth[:, dof], color=INK if dof >= n_observed else SOFT, linewidth=1.2,
-            linestyle=(0, (4, 2)), label="truth" if dof >= n_observed else "not conditioned on",
+            linestyle=DASHED, label="truth" if dof >= n_observed else "not conditioned on",
         )  # fmt: skip
         axes.set_ylabel(name)
         axes.set_xlim(0.0, 1.0)
         axes.set_xlabel("phase")
-    found: dict[str, Artist] = {}
-    for axes in (flat[0], flat[-1]):
-        found |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=6)
+    shared_legend(figure, (flat[0], flat[-1]), 6)
     return figure
 
 
