@@ -28,7 +28,7 @@ SCENARIOS = MappingProxyType(
         "pours": "sim_bridge.scenarios.pouring.executed",
     }
 )
-"""Per scenario the module that offers `orders(seed)` and `make(order, output)`."""
+"""Per scenario its module, a `Scenario`."""
 
 
 class RecordingOrder(Protocol):
@@ -39,9 +39,19 @@ class RecordingOrder(Protocol):
         """As toolbox/train/plate_handover_03."""
 
 
-def orders(scenario: str, seed: int) -> list[RecordingOrder]:
-    """Every recording of a scenario."""
-    return importlib.import_module(SCENARIOS[scenario]).orders(seed)
+class Scenario(Protocol):
+    """A module that makes the recordings of one scenario."""
+
+    def orders(self, seed: int) -> list[RecordingOrder]:
+        """Every recording, in order."""
+
+    def make(self, order: RecordingOrder, output: Path) -> Path:
+        """Simulate one recording, write its bag below `output` and return its directory."""
+
+
+def _scenario(name: str) -> Scenario:
+    module: Scenario = importlib.import_module(SCENARIOS[name])  # type: ignore[assignment]
+    return module
 
 
 def generate(
@@ -75,7 +85,7 @@ def generate(
         raise ArgumentError(
             describe("jobs, seed", "jobs >= 1 and seed >= 0", (jobs, seed), "Give such numbers.")
         )
-    todo = orders(scenario, seed)
+    todo = _scenario(scenario).orders(seed)
     for order in todo:
         _make_room(output / order.folder, overwrite)
     written = []
@@ -96,7 +106,7 @@ def _make_room(folder: Path, overwrite: bool) -> None:
 
 
 def _make(scenario: str, order: RecordingOrder, output: Path) -> Path:
-    return importlib.import_module(SCENARIOS[scenario]).make(order, output)
+    return _scenario(scenario).make(order, output)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -15,15 +15,22 @@ from sim_bridge.coworker import WristSamples
 
 POSE_TOPIC, POSE_TYPE = "mocap/wrist/pose", "geometry_msgs/msg/PoseStamped"
 JOINT_TOPIC, JOINT_TYPE = "joint_states", "sensor_msgs/msg/JointState"
-EPOCH_NS = 1_767_225_600_000_000_000  # 2026-01-01 00:00 UTC, the day of all recordings
+EPOCH_NS = 1_767_225_600_000_000_000
+"""2026-01-01 00:00 UTC [ns], the day of all recordings. Convention."""
 SAMPLE_NS = 10_000_000
+"""Time between two samples [ns]: trackers and the arm report 100 times a second."""
 
-# What the sensors can tell apart, as powers of two: encoders and trackers deliver counts.
+# Sensors deliver counts. Powers of two far below the noise, so that files compress well.
 ANGLE_STEP_RAD = 2.0**-20
+"""Resolution of a joint's encoder [rad]. Convention."""
 RATE_STEP_RAD_S = 2.0**-16
+"""Resolution of a joint's velocity [rad/s]. Convention."""
 TORQUE_STEP_NM = 2.0**-10
+"""Resolution of a joint's torque [Nm]. Convention."""
 POSITION_STEP_M = 2.0**-17
+"""Resolution of a tracked position, 8 micrometres [m]. Convention."""
 QUATERNION_STEP = 2.0**-17
+"""Resolution of a tracked quaternion's components. Convention."""
 
 PROVENANCE = {
     "simulated": "true",
@@ -115,6 +122,16 @@ def joint_fields(
         "velocity": qd,
         "effort": torque,
     }
+
+
+def recorded_at_ns(minutes: int) -> int:
+    """Stamp of the first sample of a recording that begins so many minutes after the epoch."""
+    return EPOCH_NS + minutes * 60_000_000_000
+
+
+def metadata_stamp(start_ns: int, time_s: float) -> str:
+    """A time since the first sample as metadata write it: a stamp in ns."""
+    return str(start_ns + round(time_s * 1e9))
 
 
 def metadata_vector(values: NDArray[np.float64]) -> str:

@@ -9,20 +9,19 @@ from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
 from sim_bridge.scenarios.assembly.session import MARGIN_S, SESSIONS, AssemblySession, plan_session
 from sim_bridge.scenarios.assembly.styles import ASSISTANT, WORKER
 from sim_bridge.teaching import (
-    EPOCH_NS,
     POSE_TYPE,
     PROVENANCE,
     SAMPLE_NS,
     pose_fields,
+    recorded_at_ns,
     to_counts,
     write_recording,
 )
 
-HOUR_NS = 3_600_000_000_000
-
-# Coarser than the toolbox's, to keep two bodies small; still far below the markers' noise.
-POSITION_STEP_M = 2.0**-12
-QUATERNION_STEP = 2.0**-9
+COARSE_POSITION_STEP_M = 2.0**-12
+"""Resolution of positions, 0.24 mm [m]: two bodies make small files, far below the noise."""
+COARSE_QUATERNION_STEP = 2.0**-9
+"""Resolution of quaternions' components, for the same reason."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def make(order: AssemblyOrder, output: Path) -> Path:
         "index": str(order.index),
         "bodies": f"{WORKER} {ASSISTANT}",
     }
-    said = messages(plan, EPOCH_NS + order.index * HOUR_NS)
+    said = messages(plan, recorded_at_ns(60 * order.index))
     return write_recording(output / order.folder, metadata, said)
 
 
@@ -69,8 +68,8 @@ def messages(plan: AssemblySession, start_ns: int) -> Iterator[tuple[str, str, i
         (
             f"mocap/{body}/pose",
             samples.visible,
-            to_counts(samples.positions_m, POSITION_STEP_M),
-            to_counts(samples.orientations, QUATERNION_STEP),
+            to_counts(samples.positions_m, COARSE_POSITION_STEP_M),
+            to_counts(samples.orientations, COARSE_QUATERNION_STEP),
         )
         for body, samples in ((WORKER, plan.worker), (ASSISTANT, plan.assistant))
     ]

@@ -15,10 +15,11 @@ from sim_bridge.scenarios.pointing.lesson import TaughtPointing, plan_path, stan
 from sim_bridge.scenarios.pointing.person import PersonPointing, marker_placement, point
 from sim_bridge.scenarios.pointing.scene import SPOTS_M, TASK, spot
 from sim_bridge.teaching import (
-    EPOCH_NS,
     PROVENANCE,
+    metadata_stamp,
     metadata_vector,
     pose_and_joint_messages,
+    recorded_at_ns,
     write_recording,
 )
 
@@ -50,7 +51,7 @@ class PointingOrder:
     def start_ns(self) -> int:
         """Stamp of the first sample: one recording a minute, from a fixed day on."""
         minute = 3000 + 100 * PURPOSES.index(self.purpose) + self.index
-        return EPOCH_NS + minute * 60_000_000_000
+        return recorded_at_ns(minute)
 
     def rng(self, index: int) -> np.random.Generator:
         """Random generator of recording `index` of this set; index 99 is the set's own."""
@@ -98,10 +99,6 @@ def record(order: PointingOrder) -> PointingRecording:
 
 def metadata(shown: PointingRecording) -> dict[str, str]:
     """What metadata.yaml says under custom_data."""
-
-    def stamp(seconds: float) -> str:
-        return str(shown.order.start_ns + round(seconds * 1e9))
-
     known = {
         "task": TASK,
         "set": shown.order.purpose,
@@ -110,14 +107,14 @@ def metadata(shown: PointingRecording) -> dict[str, str]:
         "index": str(shown.order.index),
         "spot_m": metadata_vector(shown.spot_m),
         "marker_placement_m": metadata_vector(shown.placement_m),
-        "human_onset_ns": stamp(shown.person.onset_s),
-        "human_end_ns": stamp(shown.person.end_s),
+        "human_onset_ns": metadata_stamp(shown.order.start_ns, shown.person.onset_s),
+        "human_end_ns": metadata_stamp(shown.order.start_ns, shown.person.end_s),
     }
     if shown.led_s is None:
         return known
     return known | {
-        "robot_start_ns": stamp(shown.led_s[0]),
-        "robot_arrival_ns": stamp(shown.led_s[1]),
+        "robot_start_ns": metadata_stamp(shown.order.start_ns, shown.led_s[0]),
+        "robot_arrival_ns": metadata_stamp(shown.order.start_ns, shown.led_s[1]),
         "robot_pointed_m": metadata_vector(shown.arm.pointed_m),
         "teaching_error_m": f"{np.linalg.norm(shown.arm.pointed_m - shown.spot_m):.6f}",
         "strongest_pull_n": f"{shown.arm.strongest_pull_n:.3f}",

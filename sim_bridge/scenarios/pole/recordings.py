@@ -17,10 +17,11 @@ from sim_bridge.scenarios.pole.lesson import PoleLesson, lead_around
 from sim_bridge.scenarios.pole.person import WandPointing, draw_pointing
 from sim_bridge.scenarios.pole.plan import can_reach, plan_way
 from sim_bridge.teaching import (
-    EPOCH_NS,
     PROVENANCE,
+    metadata_stamp,
     metadata_vector,
     pose_and_joint_messages,
+    recorded_at_ns,
     write_recording,
 )
 
@@ -56,7 +57,7 @@ class PoleOrder:
     @property
     def start_ns(self) -> int:
         """Stamp of the first sample: one demonstration a minute."""
-        return EPOCH_NS + (20_000 + self.index) * 60_000_000_000
+        return recorded_at_ns(20_000 + self.index)
 
 
 @dataclass(frozen=True)
@@ -124,9 +125,6 @@ def metadata(shown: PoleDemonstration) -> dict[str, str]:
     """What metadata.yaml says under custom_data; no task."""
     order, pointing, lesson = shown.order, shown.pointing, shown.lesson
 
-    def stamp(seconds: float) -> str:
-        return str(order.start_ns + round(seconds * 1e9))
-
     missed = fingertip(lesson.true_positions_rad[-1])[:2] - pointing.reach.goal_m[:2]
     return {
         **PROVENANCE,
@@ -136,9 +134,9 @@ def metadata(shown: PoleDemonstration) -> dict[str, str]:
         "spot": str(order.spot),
         "reachable": " ".join(shown.reachable),
         "attempts": str(shown.attempts),
-        "human_onset_ns": stamp(pointing.onset_s),
-        "human_end_ns": stamp(pointing.end_s),
-        "robot_arrival_ns": stamp(pointing.arrival_s),
+        "human_onset_ns": metadata_stamp(order.start_ns, pointing.onset_s),
+        "human_end_ns": metadata_stamp(order.start_ns, pointing.end_s),
+        "robot_arrival_ns": metadata_stamp(order.start_ns, pointing.arrival_s),
         "goal_m": metadata_vector(pointing.reach.goal_m),
         "clearance_m": f"{lesson.clearance_m.min():.6f}",
         "teaching_error_m": f"{np.linalg.norm(missed):.6f}",

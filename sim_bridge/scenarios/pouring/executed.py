@@ -41,7 +41,11 @@ from sim_bridge.scenarios.pouring.recordings import (
     labels_of,
 )
 from sim_bridge.scenarios.pouring.task_space import PourPath
-from sim_bridge.teaching import EPOCH_NS, PROVENANCE, write_recording
+from sim_bridge.teaching import (
+    PROVENANCE,
+    recorded_at_ns,
+    write_recording,
+)
 
 if TYPE_CHECKING:
     from sim_bridge.scenarios.pouring.pour import Poured
@@ -91,7 +95,7 @@ class PourOrder:
     def start_ns(self) -> int:
         """Stamp of the first sample: one pour a minute."""
         place = len(MANNERS) * self.pair + MANNERS.index(self.manner)
-        return EPOCH_NS + (6100 + place) * 60_000_000_000
+        return recorded_at_ns(6100 + place)
 
     def rng(self, purpose: int) -> np.random.Generator:
         """Random numbers for one purpose; how the balls lie is the same for every manner."""

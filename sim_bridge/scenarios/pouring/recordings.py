@@ -21,7 +21,6 @@ from sim_bridge.scenarios.pouring.person import draw_habit, plan_pour
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath, seen_path
 from sim_bridge.teaching import (
     ANGLE_STEP_RAD,
-    EPOCH_NS,
     JOINT_TOPIC,
     JOINT_TYPE,
     PROVENANCE,
@@ -30,6 +29,7 @@ from sim_bridge.teaching import (
     TORQUE_STEP_NM,
     joint_fields,
     metadata_vector,
+    recorded_at_ns,
     to_counts,
     write_recording,
 )
@@ -65,7 +65,7 @@ class DemonstrationOrder:
     @property
     def start_ns(self) -> int:
         """Stamp of the first sample: one recording a minute, from a fixed day on."""
-        return EPOCH_NS + (6000 + self.index) * 60_000_000_000
+        return recorded_at_ns(6000 + self.index)
 
     def rng(self) -> np.random.Generator:
         """All that is random in the demonstration."""

@@ -18,20 +18,19 @@ from intent_recognition.demonstrations import MARKER_TOPIC, MARKER_TYPE
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from sim_bridge.coworker import SessionPlan, parse_task_list, plan_session
 from sim_bridge.teaching import (
-    EPOCH_NS,
     POSE_TOPIC,
     POSE_TYPE,
     POSITION_STEP_M,
     QUATERNION_STEP,
     SAMPLE_NS,
     pose_fields,
+    recorded_at_ns,
     to_counts,
     write_recording,
 )
 
 FIRST_SEED = 1001
 SESSIONS, INTERACTIONS = 8, 10
-HOUR_NS = 3_600_000_000_000
 
 
 def session_messages(plan: SessionPlan, start_ns: int) -> Iterator[tuple[str, str, int, dict]]:
@@ -67,7 +66,7 @@ def record_session(folder: Path, seed: int, number: int, interactions: int) -> P
         "seed": str(seed),
         "tasks": " ".join(tasks),
     }
-    return write_recording(path, metadata, session_messages(plan, EPOCH_NS + number * HOUR_NS))
+    return write_recording(path, metadata, session_messages(plan, recorded_at_ns(60 * number)))
 
 
 def _parser() -> argparse.ArgumentParser:

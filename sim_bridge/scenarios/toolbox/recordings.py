@@ -20,10 +20,11 @@ from sim_bridge.scenarios.toolbox.scene import handover_point
 from sim_bridge.scenarios.toolbox.teaching import TaughtArm, teach
 from sim_bridge.scenarios.toolbox.teaching_path import TeachingPath, plan_teaching
 from sim_bridge.teaching import (
-    EPOCH_NS,
     PROVENANCE,
+    metadata_stamp,
     metadata_vector,
     pose_and_joint_messages,
+    recorded_at_ns,
     write_recording,
 )
 
@@ -53,7 +54,7 @@ class ToolboxOrder:
     def start_ns(self) -> int:
         """Stamp of the first sample: one demonstration a minute, from a fixed day on."""
         minute = 1000 * SETS[self.purpose][0] + 100 * TASKS.index(self.task) + self.index
-        return EPOCH_NS + minute * 60_000_000_000
+        return recorded_at_ns(minute)
 
 
 @dataclass(frozen=True)
@@ -108,9 +109,6 @@ def metadata(shown: ToolboxDemonstration) -> dict[str, str]:
     """What metadata.yaml says under custom_data."""
     wrist, times = shown.wrist, shown.path.times
 
-    def stamp(seconds: float) -> str:
-        return str(shown.order.start_ns + round(seconds * 1e9))
-
     return {
         "task": shown.order.task,
         "simulated": "true",  # before the set, as in the shipped files
@@ -118,11 +116,11 @@ def metadata(shown: ToolboxDemonstration) -> dict[str, str]:
         **PROVENANCE,
         "seed": str(shown.order.seed),
         "index": str(shown.order.index),
-        "human_onset_ns": stamp(wrist.onset_s),
-        "human_end_ns": stamp(wrist.end_s),
-        "robot_start_ns": stamp(times.start_s),
-        "robot_taught_ns": stamp(times.taught_s),
-        "robot_arrival_ns": stamp(times.arrival_s),
+        "human_onset_ns": metadata_stamp(shown.order.start_ns, wrist.onset_s),
+        "human_end_ns": metadata_stamp(shown.order.start_ns, wrist.end_s),
+        "robot_start_ns": metadata_stamp(shown.order.start_ns, times.start_s),
+        "robot_taught_ns": metadata_stamp(shown.order.start_ns, times.taught_s),
+        "robot_arrival_ns": metadata_stamp(shown.order.start_ns, times.arrival_s),
         "tempo_s": f"{wrist.reach.nominal_s:.6f}",
         "hesitations": str(len(wrist.reach.hesitations)),
         "start_m": metadata_vector(wrist.reach.start_m),
