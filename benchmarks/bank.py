@@ -149,7 +149,7 @@ def _beside_peers(library: TaskLibrary, required: dict[str, float]) -> Iterator[
 
 
 def _phases(library: TaskLibrary) -> Result:
-    """As the estimator runs it, over whole movements: negligible tasks are set aside."""
+    """As the estimator runs it, over whole movements: negligible tasks are pruned."""
     one = make_hypotheses(library, n_scales=1)
     ten = make_hypotheses(library, n_scales=N_SCALES)
     all_s, one_s = per_observation(Stream(library, ten), Stream(library, one), 36)
@@ -163,7 +163,7 @@ def _phases(library: TaskLibrary) -> Result:
         "at most",
         "x",
         f"mean of whole movements: {1e6 * many_s:.0f} and {1e6 * one_s:.0f} us an observation,"
-        f" tasks set aside as in the estimator; {1e6 * all_s:.0f} us if none were",
+        f" tasks pruned as in the estimator; {1e6 * all_s:.0f} us if none were",
     )
 
 
@@ -181,7 +181,7 @@ def _many_tasks(rng: np.random.Generator) -> Iterator[Result]:
         5.0,
         "at most",
         "x",
-        f"{1e3 * ours_s:.0f} and {1e3 * copy_s:.0f} ms, shortest of 6; none set aside",
+        f"{1e3 * ours_s:.0f} and {1e3 * copy_s:.0f} ms, shortest of 6; none pruned",
     )
     yield Result(
         "... state",
@@ -196,7 +196,7 @@ def _many_tasks(rng: np.random.Generator) -> Iterator[Result]:
 
 
 def _pruned(library: TaskLibrary, hypotheses: Hypotheses, full_s: float) -> Result:
-    """A movement whose negligible tasks are set aside, its second half against no pruning."""
+    """A movement whose negligible tasks are pruned, its second half against no pruning."""
     stream = movement(library, 0, np.random.default_rng(5))
     run = MovementFilter(library, hypotheses, stream[0].stamp_ns, prune=True)
     times = []
@@ -206,7 +206,7 @@ def _pruned(library: TaskLibrary, hypotheses: Hypotheses, full_s: float) -> Resu
         times.append(time.thread_time() - start)
     late_s = mean(times[len(times) // 2 :])
     return Result(
-        "... mean of the second half, negligible ones set aside",
+        "... mean of the second half, negligible ones pruned",
         late_s / full_s,
         0.2,
         "at most",

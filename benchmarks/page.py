@@ -210,7 +210,7 @@ def _graph(model: Path, seconds: float) -> Iterator[tuple]:
 
 
 class _Reported:
-    """The last rate that the server told in its diagnostics."""
+    """The last rate that the server reported in its diagnostics."""
 
     def __init__(self):
         self._node = Node("page_benchmark")
@@ -229,8 +229,8 @@ class _Reported:
     def _hear(self, message: DiagnosticArray) -> None:
         for status in message.status:
             if status.name == SERVER:
-                told = {pair.key: pair.value for pair in status.values}
-                self._rate_hz = float(told.get("rate page [Hz]", math.nan))
+                reported = {pair.key: pair.value for pair in status.values}
+                self._rate_hz = float(reported.get("rate page [Hz]", math.nan))
 
 
 def _wait_until_served(port: int, processes: NodeProcesses) -> None:

@@ -53,10 +53,10 @@ END_NOISE_STD_M = 0.003
 PATH_NOISE_STD_M = 0.01
 """Of each of the phases of a whole path, whose errors are not independent."""
 PREDICTION_STRENGTH = 1.0
-"""Demonstrations that the diagonal target is worth to predict with.
+"""Equivalent sample size of the diagonal target of a covariance that predicts, in demonstrations.
 
-To tell patterns apart a covariance needs much help (`learning.mixture.STRENGTH`); that much would
-take most of the correlation between the agents away, which is what predicts.
+Telling components apart needs a stronger prior (`learning.mixture.STRENGTH`), but that would remove
+most of the correlation between the agents, which is what predicts.
 """
 
 

@@ -28,7 +28,7 @@ SHOWN_FRACTIONS = ("0.2", "0.5")
 UNKNOWN_EXPLANATION = (
     "Every task is left out in turn, and a library of the others sees its movements with unknown"
     " progress, as the nodes would. The ROC compares the highest odds that one task holds against"
-    " all else, for as many observations on end as the decision asks for; known movements were"
+    " all else, for as many consecutive observations as the decision asks for; known movements were"
     " left out of training one by one or by folds. Recognised means: by the default decision, but"
     " for its demand of a certain end; held back: recognised, and the end never certain enough."
 )

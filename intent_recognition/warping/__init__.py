@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warped parameters: what one annotated object tells about the next."""
 
-from intent_recognition.warping.clipping import half_volume_angle, surface_volume
+from intent_recognition.warping.clipping import half_volume_angle, surface_volume, volume_below
 from intent_recognition.warping.constraints import (
     NO_REFERENCES,
     RIDGE,
@@ -61,6 +61,7 @@ __all__ = [
     "spill_risk",
     "surface_volume",
     "to_warped",
+    "volume_below",
     "warp_object",
     "warped_scale",
     "with_estimated_normals",

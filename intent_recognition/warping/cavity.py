@@ -16,12 +16,19 @@ from intent_recognition.warping.clipping import surface_volume
 from intent_recognition.warping.rim import Rim
 
 N_BINS = 24
+"""Angles, seen from the axis at half depth, at which the profile is averaged."""
 MIN_IN_BIN = 3
+"""Points a bin must have to count."""
 MIN_ON_FLOOR = 6
+"""Points the floor must have to be taken for seen."""
 N_LEVELS = 12
+"""Depths at which the outer wall is averaged."""
 FLOOR_TO_WALL = 1.7
+"""Thickness of a floor in thicknesses of the wall, where the floor was seen from one side only."""
 MIN_DEPTH = 0.08
+"""Least depth of a cavity, in depths of the object."""
 MAX_LID_SHARE = 0.008
+"""Share of the points in the plane of the rim above which the object has a lid."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 N_NEIGHBOURS = 20
+"""Neighbours from which a point's features are computed."""
 
 
 def local_features(

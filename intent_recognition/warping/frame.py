@@ -9,9 +9,13 @@ from numpy.typing import NDArray
 from intent_recognition.warping.opening import OpeningPlane, across
 
 N_LEVELS = 12
+"""Heights at which the outer wall's distance is taken."""
 PROTRUSION = 1.25
+"""Points this many wall distances from the axis belong to the handle."""
 WALL_LIMITS = (0.3, 3.0)
+"""Wall distances beyond these, in radii of the opening, are clipped."""
 MIN_HANDLE_SHARE = 0.006
+"""Share of the points that must stand out for a handle to be there."""
 
 
 @dataclass(frozen=True, eq=False)

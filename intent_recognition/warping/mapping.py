@@ -8,7 +8,9 @@ from scipy.spatial import cKDTree
 from intent_recognition.errors import ArgumentError, describe
 
 LOOKS = (4, 16)
+"""Numbers of neighbours looked at until k of them agree."""
 CHUNK = 64
+"""Rows whose distances to all candidates are held at once."""
 
 
 def agreeing_neighbours(

@@ -9,6 +9,7 @@ from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.warping.object_model import ObjectCloud, checked_points
 
 N_NEIGHBOURS = 10
+"""Neighbours from which a normal is estimated."""
 
 
 def with_estimated_normals(

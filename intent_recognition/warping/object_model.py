@@ -10,6 +10,7 @@ from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.warping.parts import Part
 
 MIN_POINTS = 100
+"""Fewer points describe no object."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,9 @@ from intent_recognition.warping.scan_checks import check_scan
 
 Mapping = Literal["label", "point"]
 N_CLASSIFIED = 600
+"""Points of a target that the first guess of its parts is made from."""
 MAX_ASIDE = 0.7
+"""Greatest distance of the points' middle from the axis, in radii of the opening."""
 
 
 @dataclass(frozen=True, eq=False)

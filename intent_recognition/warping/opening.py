@@ -7,15 +7,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 N_HYPOTHESES = 300
+"""Planes through three probable rim points each that are tried (RANSAC). Convention."""
 N_VERIFIED = 6
+"""Best of them that are looked at closely."""
 N_SECTORS = 24
+"""Directions around the centre in which the rim is looked for."""
 BAND = 0.03
 """Half thickness of the plane, in root mean square distances of the points from their mean."""
 MIN_RIM_POINTS = 8
+"""Fewer points in a plane are no rim."""
 LIKELY_SHARE = 0.15
+"""Share of the points, the most rim-like ones, that hypotheses are drawn from."""
 MIN_SCORE = 0.3
+"""Share of the rim that must be found; with less there is no opening."""
 SURE_SCORE = 0.9
+"""With this share found, no further planes are tried."""
 MAX_RING_SPREAD = 0.25
+"""Greatest standard deviation of a ring's radius, in radii."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,9 @@ from intent_recognition.warping.object_warp import WarpedObject
 
 Parameter = Callable[[WarpedObject], float | NDArray[np.float64]]
 FAR_M = 100.0
+"""Distance [m] of a point that stands for a direction."""
 LEVEL_RAD = 0.05
+"""An opening tilted by less is level [rad]."""
 
 
 class PouringParameters(NamedTuple):

@@ -13,9 +13,13 @@ from intent_recognition.warping.object_model import AnnotatedObject
 from intent_recognition.warping.parts import Part
 
 RIDGE = 1.0
+"""Penalty on weights per standard deviation of a feature: classes overlap little."""
 N_VIEWS = (1, 1, 1, 2, 2, 3, 3, 3)
+"""Numbers of cameras of the partial views that the classifiers are trained on."""
 N_POINTS = 2000
+"""Points of the whole object and of each view, as many as a scan has."""
 GRAZING = 0.17
+"""Cosine between normal and view below which a camera sees nothing: 80 degrees."""
 
 
 class PartClassifiers(NamedTuple):

@@ -11,10 +11,15 @@ from intent_recognition.warping.frame import ObjectFrame
 from intent_recognition.warping.opening import fit_circle, fit_plane
 
 N_CORNERS = 48
+"""Corners of the outline."""
 N_HARMONICS = 8
+"""Harmonics of its radius over the direction: enough for a rounded square."""
 SMOOTHNESS = 0.02
+"""Penalty on the square of a harmonic's order."""
 CREST_QUANTILE = 0.9
+"""Quantile of the heights taken for the crest where too few normals point up."""
 MIN_RIM_POINTS = 8
+"""Fewer points determine no rim."""
 
 
 @dataclass(frozen=True, eq=False)

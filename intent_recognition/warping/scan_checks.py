@@ -10,15 +10,20 @@ from scipy.spatial import cKDTree
 from intent_recognition.errors import ArgumentError, describe
 
 SMALLEST_M = 0.01
+"""Smallest extent of a cup or bowl [m]."""
 LARGEST_M = 1.5
+"""Largest extent of a cup or bowl [m]."""
 FLATTEST = 0.03
+"""A cloud with a smaller ratio of least to largest standard deviation is a plane."""
 N_LOOKED_AT = (500, 4000)
 """A thin rim may be all that joins two walls in one view, and be lost among few points: what looks
 like two pieces is looked at closely."""
 GAP = 5.0
 """Two pieces are apart by more than so many usual distances between neighbours."""
 OTHER_PIECE = 0.25
+"""A second piece of more than this share of the largest is another object."""
 SUSPECT_PIECE = 0.08
+"""Pieces above this share of the largest are named in the message."""
 
 
 def check_scan(points: NDArray[np.float64]) -> None:

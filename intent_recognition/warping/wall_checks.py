@@ -10,10 +10,15 @@ from intent_recognition.warping.object_model import ObjectCloud
 from intent_recognition.warping.object_warp import WarpedObject
 
 N_AROUND = 36
+"""Cells around the axis into which the inside is divided."""
 N_DOWN = 24
+"""Cells from the rim to the floor."""
 USUAL_IN_CELL = 15
+"""An empty cell counts as a hole where its row usually has so many points."""
 FLOOR = 0.35
+"""Radius of the floor's middle, in radii of the rim."""
 MIN_FLOOR_SHARE = 0.3
+"""Share of the expected points that the floor's middle must have."""
 
 
 def check_wall(warped: WarpedObject, surface: ObjectCloud) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-from .arm import TIME_STEP_S, LwrArm, SensorNoise
+from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, LwrArm, SensorNoise
 from .controllers import ControllerGains
 from .feedback_runs import Push, execute
 from .pacing import Pacer
@@ -9,6 +9,7 @@ from .trajectory_follower import TrajectoryFollower
 from .urdf import lwr_urdf
 
 __all__ = [
+    "STEPS_PER_SAMPLE",
     "TIME_STEP_S",
     "ControllerGains",
     "LwrArm",

@@ -22,6 +22,7 @@ from intent_recognition.kinematics import (
     JointLimits,
     check_position,
 )
+from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm.controllers import (
     ControllerGains,
     guiding_torque,
@@ -34,9 +35,12 @@ from sim_bridge.arm.urdf import lwr_urdf
 from sim_bridge.arm.urdf_loading import free_joints, load_urdf
 
 TIME_STEP_S = 0.001
-GRAVITY_M_S2 = 9.81
+"""Physics step of the arm's world [s]; torques are computed anew in each, as the real arm does."""
+STEPS_PER_SAMPLE = 10
+"""Physics steps between two recorded samples: 100 samples a second."""
 # An elbow-up posture with the hand in front of the base, fingers down: all limits are far away.
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
+"""Joint angles [rad] with the elbow bent and the hand in front of the base. Convention."""
 
 
 AccelerationLaw = Callable[[float, NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]

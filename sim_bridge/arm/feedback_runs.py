@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.motion import FeedbackPolicy
-from sim_bridge.arm.arm import TIME_STEP_S, LwrArm
+from sim_bridge.arm.arm import STEPS_PER_SAMPLE, TIME_STEP_S, LwrArm
 from sim_bridge.arm.trajectory_follower import ArmReference
 
 NOISE_STEPS = 5
 """Physics steps for which one draw of the disturbance lasts; far shorter than the arm's motion."""
-_STEPS_PER_SAMPLE = 10
 
 
 @dataclass(frozen=True)
@@ -109,10 +108,10 @@ def execute(
             arm.set_acceleration_law(lambda t, q, qd: policy.acceleration(t, q, qd) + kick)
         arm.before_step.append(before_step)
         positions, hands = [start[:n]], [arm.hand_pose().position]
-        for _ in range(round(length_s / TIME_STEP_S) // _STEPS_PER_SAMPLE):
-            arm.step(_STEPS_PER_SAMPLE)
+        for _ in range(round(length_s / TIME_STEP_S) // STEPS_PER_SAMPLE):
+            arm.step(STEPS_PER_SAMPLE)
             positions.append(arm.state().q)
             hands.append(arm.hand_pose().position)
         saturated = arm.saturated_steps
-    times = np.arange(len(positions), dtype=np.float64) * _STEPS_PER_SAMPLE * TIME_STEP_S
+    times = np.arange(len(positions), dtype=np.float64) * STEPS_PER_SAMPLE * TIME_STEP_S
     return FeedbackRun(times, np.array(positions), np.array(hands), saturated)

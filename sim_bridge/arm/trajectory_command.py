@@ -25,8 +25,10 @@ REASONS = (
     "starts_too_late",
 )
 LONGEST_WAIT_S = 60.0
+"""A trajectory that starts later [s] comes from a sender on another clock. Convention."""
 
 Rows = Sequence[Sequence[float]] | NDArray[np.float64]
+"""One row of values per point of a trajectory, (n, n_joints)."""
 
 
 class RejectedTrajectoryError(TrajectoryError):

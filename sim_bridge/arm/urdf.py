@@ -24,6 +24,7 @@ HAND_LINK = "lwr_hand"
 # Inertia of each rotor seen through its gear [kg m^2]; values of ours, in the range usual for
 # harmonic drives with 1:100 gears in joints of this size.
 ROTOR_INERTIA_KG_M2: tuple[float, ...] = (0.20, 0.20, 0.12, 0.12, 0.08, 0.04, 0.04)
+"""Inertia of each motor behind its gear [kg m^2]: estimates by size, no measurement."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ LINK_BODIES: tuple[LinkBody, ...] = (
     LinkBody(0.3, (0.0, 0.0, 0.06), "z", 0.035, 0.036),
 )
 BASE_MASS_KG = 1.21
+"""Mass of the fixed base; of no effect on the dynamics."""
 
 
 def link_inertia(index: int, rotor_inertia: float) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from sim_bridge.balls.table import TRIALS_FILE, Trials, read_trials
 from sim_bridge.balls.tilting import WallGuard, level_axes
 from sim_bridge.balls.trials import (
     COLUMNS,
+    CONTAINER_SEED,
     FILLING,
     FILLING_TILT_RAD,
     POURING,
@@ -22,6 +23,7 @@ from sim_bridge.balls.world import CONTACT_BREAKING_M, DENSITY_KG_M3, BallWorld
 __all__ = [
     "COLUMNS",
     "CONTACT_BREAKING_M",
+    "CONTAINER_SEED",
     "DENSITY_KG_M3",
     "FILLING",
     "FILLING_TILT_RAD",

@@ -10,12 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_bridge import GRAVITY_M_S2
 from sim_bridge.balls.tilting import Tilted, WallGuard
-from sim_bridge.balls.world import GRAVITY_M_S2, STEP_S, BallWorld
+from sim_bridge.balls.world import STEP_S, BallWorld
 
 LAST_WAIT_S = 0.6
+"""Balls are watched so long after the last one was thrown [s]: several falls from the rim."""
 RADII_BEYOND = 1.5
+"""A ball this many radii beyond the wall has missed the container. Convention."""
 _STEPS_PER_LOOK = 4
+"""Physics steps between two looks at the balls: 17 ms, in which none crosses a wall."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull
 from sim_bridge.balls.hollow import Hollow, offset
 
 WALL_M = 0.006
+"""Thickness of walls that balls collide with [m], drawn outward from the inner surface."""
 HULL_MARGIN_M = 0.001
 """Bullet's hulls reach this much farther than their corners; the wall is drawn back by it."""
 

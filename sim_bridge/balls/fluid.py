@@ -12,8 +12,11 @@ PACKING = 0.6
 """Share of the space that settled balls take up."""
 
 N_HEIGHTS = 7
+"""Heights at which the inner outline is taken. Convention."""
 N_CORNERS = 32
+"""Corners of each outline. Convention."""
 SETTLE_STEPS = 240
+"""Physics steps, one second, in which balls come to rest. Convention."""
 LAYER_PITCH = 2.02
 """Distance of balls when they are put in, in radii."""
 

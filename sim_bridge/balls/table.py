@@ -16,6 +16,7 @@ from sim_bridge.balls.trials import COLUMNS
 TRIALS_FILE = "config/pouring_trials.npz"
 """The shipped trials, below the share folder."""
 FORMAT = 1
+"""Version of the file; another one is not read."""
 
 
 @dataclass(frozen=True)

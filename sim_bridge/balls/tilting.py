@@ -15,9 +15,13 @@ from sim_bridge.balls.hollow import Hollow
 from sim_bridge.balls.world import STEP_S, BallWorld
 
 TURN_RAD_S = 2.0
+"""How fast a container is tilted [rad/s]. Convention."""
 CALM_S = 0.05
+"""Wait between settling and tilting [s]. Convention."""
 HOLD_S = 0.3
+"""The tilt is held so long at its end [s]. Convention."""
 _STEPS_PER_LOOK = 4
+"""Physics steps between two looks at the balls: 17 ms, in which none crosses a wall."""
 
 
 @dataclass(frozen=True)

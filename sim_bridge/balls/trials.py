@@ -16,28 +16,42 @@ from sim_bridge.balls.world import BallWorld
 from sim_bridge.containers import CONTAINER_NAMES, Container, make_container
 
 CONTAINER_SEED = 1
+"""Seed of the shapes of the ten containers. Convention."""
 TRIALS_PER_OBJECT = 1000
+"""Trials of each kind with each container; a classifier learns from 50 of them. Convention."""
 TRIALS_PER_BLOCK = 50
+"""Trials that one process makes before its result is kept. Convention."""
 
 BALLS_FULL = 60
 """Balls that fill a container in the pouring trials: the grain is finer in a smaller cup."""
 FILL_SHARE = (0.05, 0.95)
+"""Least and greatest share of the volume that is filled."""
 TILT_MAX_RAD = np.pi / 2.0
+"""Greatest tilt of a pouring trial [rad]."""
 
 SECOND = "tea_cup"
 """The second container of the filling trials; it remains the same, as in the paper."""
 BALLS_POURED = 10
+"""Balls of a filling trial. Convention."""
 POURED_RADIUS_M = 0.008
+"""Their radius [m]. Convention."""
 SECOND_BALLS_MAX = 55
+"""Most balls in the second container before a filling trial."""
 FILLING_TILT_RAD = np.deg2rad(120.0)
+"""Tilt of every filling trial [rad]: all balls leave."""
 FILLING_HOLD_S = 0.8
+"""How long that tilt is held [s]."""
 PLACES_PER_POUR = 5
 """What leaves the first container does not depend on the second: one pour, several places."""
 LIP_ALONG_RADII = (-2.25, 0.25)
+"""Where the lip is along the direction of pouring, in radii of the second opening."""
 LIP_ACROSS_RADII = (-0.8, 0.8)
+"""Where it is across that direction, in the same radii."""
 LIP_ABOVE_M = (0.01, 0.10)
+"""How high it is above the second opening [m]."""
 
 POURING, FILLING = "pouring", "filling"
+"""The two kinds of trials."""
 COLUMNS = {
     POURING: ("object", "fluid_m3", "tilt_rad", "poured", "through_wall"),
     FILLING: (

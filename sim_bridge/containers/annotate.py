@@ -12,7 +12,9 @@ from sim_bridge.containers.generate import make_container
 from sim_bridge.containers.scanning import Camera, scan
 
 N_AROUND, ALL_AROUND = 8, Camera(elevation_rad=(-0.9, 1.2))
+"""Views from all sides."""
 N_INTO, STRAIGHT_INTO = 4, Camera(elevation_rad=(1.3, 1.55))
+"""Views straight into the container."""
 SHARE_INTO = 0.25
 """From the side a camera hardly sees the floor, and where the source has no points no target
 point has a counterpart."""

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from intent_recognition.warping import Part, half_volume_angle
 
 RIM_BAND_M = 0.0025
+"""Points so near to the crest belong to the rim [m]."""
 HANDLE_GAP_M = 0.0008
+"""Points so far from the outer wall belong to the handle [m]."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ from sim_bridge.containers.container import Container, Sections
 from sim_bridge.containers.surfaces import close_rings, swept_tube
 
 N_CORNERS = 64
+"""Corners of each outline. Convention."""
 SIZE_SPREAD = 0.08
+"""Standard deviation of the log size of a seed's container. Convention."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ SHAPES = {
     "shallow_bowl": ContainerShape(0.046, 0.042, 0.0850, 0.0040, 0.006, 0.60),
     "square_bowl": ContainerShape(0.060, 0.050, 0.0640, 0.0040, 0.006, 0.60, 5.0),
 }
+"""The ten containers by name."""
 CONTAINER_NAMES = tuple(SHAPES)
 
 

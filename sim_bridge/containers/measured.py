@@ -17,9 +17,13 @@ from scipy.optimize import brentq
 from intent_recognition.errors import ArgumentError, describe
 
 N_SECTORS = 72
+"""Directions in which the crest is looked for. Convention."""
 CREST_M = 0.0006
+"""Vertices so near to the highest one in their sector belong to the crest [m]."""
 PINHOLE_M2 = 1e-4
+"""Holes of a mesh smaller than this are closed [m^2]."""
 CUBES_M = (0.001, 0.0005)
+"""Edges of cubes in which a volume is counted [m]: coarse, then fine for small containers."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import trimesh
 from numpy.typing import NDArray
 
 TUBE_CORNERS = 16
+"""Corners of a handle's cross section. Convention."""
 
 
 def close_rings(rings: NDArray[np.float64]) -> trimesh.Trimesh:

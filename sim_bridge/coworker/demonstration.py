@@ -9,6 +9,7 @@ from sim_bridge.coworker.reach import Reach, draw_reach, draw_rest
 from sim_bridge.coworker.timeline import WristSamples, sample_wrist
 
 OCCLUSION_PROBABILITY = 0.4
+"""Share of demonstrations in which the tracker loses the marker now and then. Convention."""
 
 
 @dataclass(frozen=True)

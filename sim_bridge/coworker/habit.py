@@ -11,6 +11,7 @@ import numpy as np
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW
 
 ORDER = (PLATE, SCREW, HOLD)
+"""The tasks of one box, in their usual order."""
 FIRST = np.array([0.8, 0.1, 0.1])
 """Probability of the first task, in ORDER."""
 FOLLOWS = np.array([[0.05, 0.85, 0.10], [0.05, 0.10, 0.85], [0.85, 0.10, 0.05]])

@@ -16,7 +16,9 @@ from sim_bridge.coworker.demonstration import WristDemonstration, plan_demonstra
 from sim_bridge.coworker.styles import TASKS
 
 TRAINING_COUNTS = {TASKS[0]: 15, TASKS[1]: 20, TASKS[2]: 13}
+"""Demonstrations per task to learn from, 48 in all."""
 TEST_COUNTS = dict.fromkeys(TASKS, 4)
+"""Recordings per task that nothing is learned from."""
 
 
 Classifier = Callable[

@@ -10,12 +10,19 @@ from numpy.typing import NDArray
 from sim_bridge.coworker.reach import minimum_jerk
 
 TREMOR_HZ = 10.0
+"""Middle frequency of physiological tremor [Hz]: 8 to 12 Hz are usual."""
 TREMOR_BANDWIDTH_HZ = 1.0
+"""Its bandwidth [Hz]. Convention."""
 TREMOR_STD_M = 0.0004
+"""Its standard deviation per axis [m]: below a millimetre. Convention."""
 SWAY_STD_M = 0.0012
+"""Standard deviation of slow postural sway per axis [m]. Convention."""
 SIGNAL_DEPENDENT_GAIN = 0.06
+"""Standard deviation of the velocity noise in parts of the speed. Convention."""
 MARKER_STD_M = 0.001
+"""Noise of a tracked position per axis [m]. Convention."""
 MARKER_ANGLE_STD_RAD = 0.006
+"""Noise of a tracked orientation per axis [rad]. Convention."""
 
 
 def smooth_noise(

@@ -20,7 +20,9 @@ from sim_bridge.coworker.styles import (
 )
 
 HESITATION_PROBABILITY = 0.35
+"""Share of reaches with a slow-down. Convention."""
 _GRID = 2001
+"""Points at which hesitations are integrated; finer ones change nothing that is recorded."""
 
 
 @dataclass(frozen=True)

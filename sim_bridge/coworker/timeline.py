@@ -20,6 +20,7 @@ from sim_bridge.coworker.orientation import REST_QUATERNION, quaternions
 from sim_bridge.coworker.reach import Reach, progress_at, reach_positions
 
 RATE_HZ = 100.0
+"""Samples of the tracker per second. Convention."""
 
 
 @dataclass(frozen=True)

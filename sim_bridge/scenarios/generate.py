@@ -50,7 +50,7 @@ class Scenario(Protocol):
 
 
 def _scenario(name: str) -> Scenario:
-    module: Scenario = importlib.import_module(SCENARIOS[name])  # type: ignore[assignment]
+    module: Scenario = importlib.import_module(SCENARIOS[name])
     return module
 
 

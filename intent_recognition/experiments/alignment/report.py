@@ -109,8 +109,8 @@ def blocks(
     clean, noisy, truth = movements(settings, 0)
     shown = [name for name in (LOCAL, DTW, DTW_TUNED) if name in methods]
     maps = {TRUE: truth} | {name: methods[name](noisy, 0) for name in shown}
-    lead = np.abs(truth - PHASE).mean(axis=1)
-    one = int(np.argsort(lead)[3 * len(lead) // 4])
+    offset = np.abs(truth - PHASE).mean(axis=1)
+    one = int(np.argsort(offset)[3 * len(offset) // 4])
     figure = warp_figure(
         PHASE,
         {name: found[one] - truth[one] for name, found in maps.items()},

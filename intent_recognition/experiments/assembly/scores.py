@@ -220,10 +220,10 @@ def observations_to_certainty(probabilities: NDArray[np.float64], truth: int) ->
         probabilities: before any and after each observation, (n + 1, K).
         truth: number of the true task.
     """
-    doubtful = np.flatnonzero(probabilities[:, truth] < CERTAIN)
-    if not doubtful.size:
+    uncertain = np.flatnonzero(probabilities[:, truth] < CERTAIN)
+    if not uncertain.size:
         return 0
-    return None if doubtful[-1] + 1 == len(probabilities) else int(doubtful[-1] + 1)
+    return None if uncertain[-1] + 1 == len(probabilities) else int(uncertain[-1] + 1)
 
 
 def _distances(predicted: NDArray[np.float64], truth: NDArray[np.float64]) -> tuple[float, float]:

@@ -67,7 +67,7 @@ def findings(
             "",
             f"{clean:.2f}",
             None,
-            "The paper gives no figure; about one means that the DMP is no straw man.",
+            "The paper gives no figure; about one means that the comparison is fair.",
         ),
         Finding(
             f"the DMP's error over the ProMP's at variance {plan.levels[-1]:g},"
@@ -140,8 +140,8 @@ def _explanation(
     half = _half(plan)
     return (
         "Differentiating twice loses no more than position and velocity at the start, which the DMP"
-        " is told beside. But it makes the noise of neighbouring samples depend on each other, and"
-        " conditioning sample by sample (Eq. 6) takes them for independent. Told the covariance"
+        " receives in addition. But it correlates the noise of neighbouring samples, and"
+        " conditioning sample by sample (Eq. 6) takes them for independent. Given the covariance"
         f" that the derivatives have, the DMP errs {share(DMP_CARRIED, half)} instead of"
         f" {share(DMP, half)} times as much as the ProMP with {plan.counts[half]} samples,"
         f" {share(DMP_CARRIED, -1)} instead of {share(DMP, -1)} times with all (variance"
@@ -183,7 +183,7 @@ def conditions(plan: Plan) -> tuple[str, ...]:
         "The paper's sketches are not published; ours are drawn by a generator: smooth curves"
         " through six heights that three causes move together.",
         "A curve spans 2 units and pairs differ by 0.23 (standard deviation), so that noise of"
-        " variance 0.04 is about as large as what is to be told.",
+        " variance 0.04 is about as large as the differences to be predicted.",
         "The DMP has the ProMP's 20 basis functions, its shrinkage of the covariance and its free"
         " choice of the noise variance; in addition a Savitzky-Golay or zero-phase Butterworth"
         f" filter of {len(SMOOTHERS)} widths. All is chosen by {N_FOLDS}-fold cross validation on"

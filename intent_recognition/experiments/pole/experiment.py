@@ -44,7 +44,7 @@ _CONDITIONS = (
     " `intent train --unlabelled`, the smallest within one standard error of the best left-out"
     " density.",
     "The clusters' covariances are regularised, as everywhere in this package; to predict, the"
-    " regularisation is worth one demonstration.",
+    " regularisation has an equivalent sample size of one demonstration.",
 )
 
 

@@ -57,7 +57,7 @@ def derivative_operators(smoother: Smoother, n_samples: int, step: float) -> NDA
         step: phase from one sample to the next, positive.
 
     Raises:
-        ArgumentError: too few samples, or a filter that is none.
+        ArgumentError: too few samples, or an invalid filter.
     """
     if n_samples < MIN_SAMPLES or not step > 0:
         raise ArgumentError(

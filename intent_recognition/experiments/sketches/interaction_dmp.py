@@ -97,7 +97,7 @@ class DmpModel:
     def start_matrix(self) -> NDArray[np.float64]:
         """Rows that take one DOF's parameters to its position and velocity at phase 0, (2, N + 3).
 
-        A drive tells nothing of them: differentiating twice loses a straight line.
+        A drive holds no information on them: differentiating twice removes a straight line.
         """
         return np.eye(2, self.n_parameters, k=self.n_parameters - 2)
 

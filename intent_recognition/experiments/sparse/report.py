@@ -152,7 +152,7 @@ def blocks(
         _table(counts, lines, inside, acceleration),
         Text(
             "With ten observations the best spline is nearly good enough: ten noisy samples of a"
-            " smooth curve determine it. With three or four, most of what a DMP is told is the"
+            " smooth curve determine it. With three or four, most of what a DMP observes is the"
             " spline's own assumption."
         ),
     )

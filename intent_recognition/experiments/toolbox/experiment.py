@@ -38,7 +38,7 @@ _CONDITIONS = (
     " position does not tell which it is: the component is recognised from the whole movement,"
     " the trajectory conditioned on the final position alone.",
     "The clusters' covariances are regularised, as everywhere in this package; to predict, the"
-    " regularisation is worth one demonstration.",
+    " regularisation has an equivalent sample size of one demonstration.",
     "The executions are recognised online from a stream of positions, with onset, speed and"
     " progress unknown, not from a final position; the session is played before the estimator"
     " without ROS.",

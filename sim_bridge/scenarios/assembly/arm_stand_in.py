@@ -23,7 +23,7 @@ from intent_recognition.motion import make_path, scaled_limits
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition import DecisionSettings, IntentEstimator, start_mean
 from intent_recognition.signals import Demonstration, Observation, merge
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm
 from sim_bridge.scenarios.toolbox import arm_posture, hand_rotation, pose
 from sim_bridge.teaching import SAMPLE_NS
 
@@ -34,8 +34,9 @@ AFTER_S = 1.5
 LARGEST_END_STD_M = 0.1
 """The arm stays where it is while the predicted end is less certain than this."""
 N_POINTS = 41
-STEPS_PER_SAMPLE = 10
+"""Points of a predicted path that is planned with. Convention."""
 HAND = hand_rotation(0.0, -0.25)
+"""Orientation of the hand: level, pointing at the worker."""
 
 
 @dataclass(frozen=True)

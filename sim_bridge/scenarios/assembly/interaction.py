@@ -34,7 +34,9 @@ from sim_bridge.scenarios.assembly.styles import (
 )
 
 Timed = tuple[float, Reach]
+"""Onset on the session's clock [s] and movement."""
 BOW_STD_M = 0.012
+"""Individual deviation of a path from its bow per axis [m]. Convention."""
 HESITANT_SHARE = 0.5
 """Of its about two long reaches a person hesitates in one, as often as in the toolbox assembly."""
 

@@ -17,9 +17,13 @@ SESSIONS, PER_SESSION, PER_TASK = 3, 40, 40
 MARGIN_S = 0.4
 """A demonstration's marks: so long before the worker's onset, and after both have come to rest."""
 IDLE_S = (0.45, 0.6)
+"""Shortest and longest rest between two interactions [s]. Convention."""
 HOLD_S = 0.45
+"""Both hold so long at the end of an interaction [s]. Convention."""
 LAST_S = 0.6
+"""Rest at the end of the session [s]. Convention."""
 GAPS_PER_S = 0.08
+"""Occlusions per second, on average. Convention."""
 FACING_WORKER = np.array([0.0, 0.0, 0.0, 1.0])
 """The assistant's wrist at rest: its x axis toward the worker, its z axis up; quaternion xyzw."""
 

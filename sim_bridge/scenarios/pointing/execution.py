@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.kinematics import JOINT_NAMES
-from sim_bridge.arm import LwrArm, TrajectoryCommand, TrajectoryFollower
+from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm, TrajectoryCommand, TrajectoryFollower
 from sim_bridge.scenarios.pointing.finger import PointingBodies
 from sim_bridge.scenarios.pointing.scene import HOME, pointed_at
 
 REST_S = 1.0
-_STEPS_PER_SAMPLE = 10
+"""The arm is watched so long after the movement [s], in which it comes to rest."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def execute(
         follower.accept(command, 0.0)
         arm.before_step.append(lambda _: arm.set_reference(*follower.sample(arm.time_s)))
         for _ in range(n_samples):
-            arm.step(_STEPS_PER_SAMPLE)
+            arm.step(STEPS_PER_SAMPLE)
             q = arm.state().q
             rows.append(q)
             lag = max(lag, float(np.abs(arm.reference.q - q).max()))

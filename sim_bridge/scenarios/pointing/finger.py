@@ -9,7 +9,9 @@ from sim_bridge.arm import LwrArm
 from sim_bridge.scenarios.pointing.scene import CIRCLE_CENTRE_M, FINGER_LENGTH_M, TABLE_HEIGHT_M
 
 FINGER_MASS_KG = 0.05
+"""Mass of the rod [kg]. Convention."""
 FINGER_RADIUS_M = 0.008
+"""Radius of the rod [m]. Convention."""
 _TABLE_HALF_M = (0.32, 0.45, 0.02)
 _MIDDLE_M = (0.0, 0.0, 0.5 * FINGER_LENGTH_M)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from intent_recognition.kinematics import frame_poses
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm
 from sim_bridge.coworker import bow_profile, minimum_jerk
 from sim_bridge.scenarios.pointing.finger import PointingBodies
 from sim_bridge.scenarios.pointing.scene import (
@@ -19,15 +19,18 @@ from sim_bridge.scenarios.pointing.scene import (
     pointing_pose,
     pointing_rotation,
 )
-from sim_bridge.scenarios.toolbox import HOME_STD_RAD, SENSOR_NOISE, pose
+from sim_bridge.scenarios.toolbox import (
+    HOME_STD_RAD,
+    SENSOR_NOISE,
+    TEACHING_STD_M,
+    TEACHING_STD_RAD,
+    pose,
+)
 from sim_bridge.teaching import Grip, HandTarget, pull
 
-TEACHING_STD_M = 0.005
-"""How exactly a person brings the finger to a spot, per axis of the table."""
-TEACHING_STD_RAD = 0.03
 GRIP = Grip()
+"""How firmly the demonstrator holds the arm."""
 _BOW_M, _BOW_STD_M = np.array([0.0, 0.0, 0.03]), 0.010
-_STEPS_PER_SAMPLE = 10
 _PATH_RATE_HZ = 200.0
 
 
@@ -134,7 +137,7 @@ def teach(rng: np.random.Generator, path: LedPath, n_samples: int) -> TaughtPoin
         arm.before_step.append(lead)
         for k in range(n_samples):
             if k:
-                arm.step(_STEPS_PER_SAMPLE)
+                arm.step(STEPS_PER_SAMPLE)
             states.append(arm.state())
             touched = touched or bodies.touches()
     q, qd, torque = (np.array([state[i] for state in states]) for i in range(3))

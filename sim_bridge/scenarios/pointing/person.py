@@ -15,15 +15,24 @@ from numpy.typing import NDArray
 from sim_bridge.coworker import Reach, WristSamples, sample_wrist
 
 SHOULDER_M = np.array([1.34, 0.18, 0.33])
+"""The person's shoulder [m], world."""
 REST_M = np.array([1.16, 0.12, -0.02])
+"""Where the wrist rests before pointing [m], world."""
 WRIST_TO_TIP_M = 0.18
+"""From the wrist to the tip of the index finger [m]."""
 FINGER_DOWN_RAD = 0.75
+"""Mean angle of the finger below the level [rad]."""
 
 REST_STD_M = 0.03
+"""Scatter of the rest per axis [m]. Convention."""
 TIP_STD_M = 0.003
+"""Scatter of the fingertip about the spot per axis [m]. Convention."""
 POSTURE_STD_RAD = 0.035
+"""Scatter of the finger's two angles [rad]. Convention."""
 BOW_M = np.array([0.0, 0.0, 0.06])
+"""Mean deviation of the path from the straight line where it is largest [m]."""
 BOW_STD_M = 0.015
+"""Its scatter per axis [m]. Convention."""
 MARKER_PLACEMENT_STD_M = 0.005
 """Between sessions: where on the wrist the marker is put, per axis."""
 MARKER_SLIP_STD_M = 0.002

@@ -25,8 +25,11 @@ from sim_bridge.teaching import (
 
 PURPOSES = ("train", "test")
 _STREAM = 31
+"""Keeps this scenario's random numbers apart from those of others with the same seed."""
 SETTLE_S = 0.6
+"""Recordings go on so long after the arm has arrived [s]."""
 TEST_HOLD_S = 1.5
+"""How long the person holds in a test recording [s]."""
 
 
 @dataclass(frozen=True)

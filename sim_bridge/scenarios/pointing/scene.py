@@ -17,9 +17,13 @@ from sim_bridge.scenarios.toolbox import ARM_BRANCH, ARM_SWIVEL_RAD, pose
 
 TASK = "pointing"
 TABLE_HEIGHT_M = -0.10
+"""Height of the table's plane [m], world."""
 CIRCLE_CENTRE_M = (0.72, 0.0)
+"""Middle of the circle of spots on the table [m], world."""
 CIRCLE_DIAMETER_M = 0.30
+"""Its diameter [m] (Maeda et al. 2014, Fig. 4)."""
 FINGER_LENGTH_M = 0.16
+"""From the hand's frame to the tip of the rod [m]. Convention."""
 TIP_ABOVE_TABLE_M = 0.015
 """How high above the spot the demonstrator stops the tip: near it, without a touch."""
 

@@ -13,11 +13,13 @@ from intent_recognition.kinematics import frame_poses
 POLE_M = np.array([0.40, 0.0])
 POLE_M.setflags(write=False)
 POLE_RADIUS_M = 0.02
+"""Its radius [m]."""
 POLE_HEIGHT_M = 1.0
 """Higher than the arm's elbow ever is: there is no way over it."""
 FINGER_M = 0.12
 """From the hand's frame to the finger's tip, along the hand's z axis."""
 FINGER_RADIUS_M = 0.015
+"""Radius of the arm's finger [m]."""
 POINTING_HEIGHT_M = 0.05
 """The fingertip stops so high above the spot on the table."""
 

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.kinematics import frame_poses
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm
 from sim_bridge.scenarios.pole.plan import Way
-from sim_bridge.scenarios.pole.world import STEPS_PER_SAMPLE, Pole
+from sim_bridge.scenarios.pole.world import Pole
 from sim_bridge.scenarios.toolbox import SENSOR_NOISE
 from sim_bridge.teaching import Grip, HandTarget, pull
 
 _RATE_HZ = 200.0
+"""Rate at which the demonstrator's path is laid out [Hz]. Convention."""
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,19 @@ from sim_bridge.coworker import Reach, WristSamples, sample_wrist
 from sim_bridge.scenarios.pole.geometry import LEFT
 
 REST_M = np.array([1.05, 0.0, 0.25])
+"""Middle of the region in which the wand's tip rests [m], world."""
 REST_HALF_WIDTH_M = np.array([0.02, 0.03, 0.02])
+"""Half edges of that region [m]."""
 DURATION_S = (2.4, 4.0)
+"""Shortest and longest movement of the wand [s]."""
 WAND_HEIGHT_M = 0.01
+"""Height of the wand's tip above the spot [m]."""
 BOW_M = np.array([0.0, 0.05, 0.06])
 """Deviation from the straight line where it is largest; y away from the arm."""
 BOW_STD_M = np.array([0.01, 0.02, 0.01])
+"""Its scatter [m]: large enough that some movements say little about the side."""
 OCCLUSION_PROBABILITY = 0.3
+"""Share of recordings in which the tracker loses the wand now and then. Convention."""
 
 
 @dataclass(frozen=True)

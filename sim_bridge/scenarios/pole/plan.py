@@ -29,7 +29,9 @@ CLEARANCE_M = 0.065
 LEAST_CLEARANCE_M = 0.050
 """A way that comes nearer than this is not taken."""
 REACHED_M = 0.005
+"""A finger this near to its target has reached it [m]."""
 LIMIT_MARGIN_RAD = 0.08
+"""Postures keep so far from the joint limits [rad]. Convention."""
 
 _POSTURE = np.array([0.576, -1.078, -0.515, 1.556, -0.392, -0.647, -0.5])
 _SWING = np.array([0.967, -0.123, 0.225, 1.584, -0.267, -1.236, -0.344])

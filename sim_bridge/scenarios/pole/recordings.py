@@ -16,6 +16,7 @@ from sim_bridge.scenarios.pole.geometry import HOME, LEFT, RIGHT, WAYS, fingerti
 from sim_bridge.scenarios.pole.lesson import PoleLesson, lead_around
 from sim_bridge.scenarios.pole.person import WandPointing, draw_pointing
 from sim_bridge.scenarios.pole.plan import can_reach, plan_way
+from sim_bridge.scenarios.toolbox import REACTION_SHARE
 from sim_bridge.teaching import (
     PROVENANCE,
     metadata_stamp,
@@ -27,17 +28,27 @@ from sim_bridge.teaching import (
 
 WAND_TOPIC = "mocap/wand/pose"
 DEPTHS_M = (0.53, 0.57, 0.61)
+"""Distances of the middle spots from the robot [m]."""
 BOTH_WAYS_Y_M = (-0.06, 0.0, 0.06)
+"""Their places to the left of the middle [m]: both ways reach them."""
 ONE_WAY_Y_M = (0.15, 0.18, 0.15, 0.20, 0.17)
+"""How far the other spots are to the side [m]: only one way reaches them."""
 ONE_WAY_X_M = (0.52, 0.55, 0.57, 0.60, 0.62)
+"""Their distances from the robot [m]."""
 JITTER_M = 0.01
+"""Spots are moved by up to so much per axis [m]."""
 START_STD_RAD = 0.004
+"""Scatter of the arm's posture at the start per joint [rad]. Convention."""
 SWING_STD_RAD = 0.03
-TEACHING_STD_M = 0.004
-REACTION_SHARE = 0.12
+"""Scatter of the posture it swings by per joint [rad]. Convention."""
+AIM_STD_M = 0.004
+"""How exactly the demonstrator aims at a spot per axis [m]. Convention."""
 TOUCH_M = 0.01
+"""A demonstration that comes nearer to the pole is shown again [m]."""
 ATTEMPTS = 20
+"""How often one is tried at most."""
 _STREAM = 31
+"""Keeps this scenario's random numbers apart from those of others with the same seed."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +111,7 @@ def demonstrate(order: PoleOrder) -> PoleDemonstration:
         pointing = draw_pointing(rng, spot, order.way)
         start = HOME + START_STD_RAD * rng.standard_normal(7)
         error = SWING_STD_RAD * rng.standard_normal(7)
-        aimed = spot + TEACHING_STD_M * rng.standard_normal(2)
+        aimed = spot + AIM_STD_M * rng.standard_normal(2)
         try:
             way = plan_way(aimed, order.way, start=start, swing_error_rad=error)
         except KinematicsError:

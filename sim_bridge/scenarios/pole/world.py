@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.kinematics import forward_kinematics
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm
 from sim_bridge.scenarios.pole.geometry import (
     POLE_HEIGHT_M,
     POLE_M,
@@ -18,7 +18,7 @@ from sim_bridge.scenarios.pole.geometry import (
 )
 
 LOOK_M = 0.5
-STEPS_PER_SAMPLE = 10
+"""Distances are measured up to here [m]."""
 WATCH_M = 0.05
 """Farther away than this, no touch within the next sample is possible: that were 5 m/s."""
 

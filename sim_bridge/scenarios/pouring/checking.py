@@ -22,6 +22,7 @@ from sim_bridge.scenarios.pouring.novel import Seen
 from sim_bridge.scenarios.pouring.task_space import PourPath
 
 HALF_FULL = 0.5
+"""Share of the volume in the cup before a pour."""
 HIGHEST_RISK = 0.5
 """A path is executed if a spill is expected with less than this probability all along."""
 

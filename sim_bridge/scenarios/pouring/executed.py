@@ -16,6 +16,7 @@ import numpy as np
 
 from intent_recognition.errors import KinematicsError, describe
 from intent_recognition.warping import WarpedPrimitive
+from sim_bridge.balls import CONTAINER_SEED
 from sim_bridge.containers import (
     CONTAINER_NAMES,
     SHAPES,
@@ -33,7 +34,6 @@ from sim_bridge.scenarios.pouring.novel import (
     read_demonstrated,
 )
 from sim_bridge.scenarios.pouring.recordings import (
-    CONTAINER_SEED,
     N_BALLS,
     TASK,
     half_full_radius_m,
@@ -67,10 +67,12 @@ PAIRS = (
 bowl, from the tallest, the smallest and a wide one."""
 
 DRAWS = 20
+"""Paths drawn at most until one is expected to spill nothing. Convention."""
 EVERY = 2
 """Samples of 10 ms per recorded one, to keep the bags small."""
 
 _STREAM = 62
+"""Keeps this scenario's random numbers apart from those of others with the same seed."""
 
 
 @dataclass(frozen=True)

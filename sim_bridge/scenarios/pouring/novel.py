@@ -32,11 +32,14 @@ from sim_bridge.scenarios.pouring.task_space import PourPath
 from sim_bridge.teaching import JOINT_TOPIC
 
 ANNOTATED = "mug"
+"""The shipped object whose parts are annotated."""
 AHEAD_M = 0.2
 """How far from a container's opening the other one is, when its lip is chosen."""
 
 PLAN_STEP_S = 0.05
+"""Time between two points of a planned path [s]. Convention."""
 N_BASIS = 30
+"""Basis functions of the warped primitive. Convention."""
 
 
 class Seen(NamedTuple):

@@ -16,6 +16,7 @@ from sim_bridge.coworker import minimum_jerk
 from sim_bridge.scenarios.pouring.task_space import PourPath
 
 SAMPLE_S = 0.05
+"""Time between two points of a demonstrated path [s]. Convention."""
 
 APPROACH = (0.0, 0.35)
 EARLY_TILT = (0.05, 0.36)

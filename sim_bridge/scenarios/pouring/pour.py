@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.kinematics import frame_poses
-from sim_bridge.arm import TIME_STEP_S, LwrArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, LwrArm
 from sim_bridge.containers import Container
 from sim_bridge.scenarios.pouring.table import PouringTable
 from sim_bridge.scenarios.pouring.task_space import (
@@ -25,9 +25,11 @@ SEED_POSTURE = np.array([0.76, -1.24, 2.02, -1.72, 0.11, -0.92, 0.96])
 """A posture with the cup held from the side; paths of the arm begin near it."""
 
 KNOT_S = 0.1
-SAMPLE_STEPS = 10
+"""Time between two postures of a planned pour [s]; a spline joins them."""
 LAST_WAIT_S = 0.8
+"""Balls are watched so long after the movement [s]."""
 STEADY_GRIP = Grip(stiffness_n_m=2500.0, damping_n_s_m=60.0)
+"""A firm grip: a full cup is not shaken."""
 
 
 @dataclass(frozen=True)
@@ -191,14 +193,14 @@ def _run(arm: LwrArm, table: PouringTable, drive: "_Follow | _Led", duration_s: 
     touches: list[float] = []
     arm.before_step += [drive, lambda _: touches.append(table.touch_n())]
     states, poses, counts = [], [], []
-    samples = round((duration_s + LAST_WAIT_S) * 1000.0 / SAMPLE_STEPS) + 1
+    samples = round((duration_s + LAST_WAIT_S) * 1000.0 / STEPS_PER_SAMPLE) + 1
     for k in range(samples):
         if k:
-            arm.step(SAMPLE_STEPS)
+            arm.step(STEPS_PER_SAMPLE)
         states.append(arm.state())
         poses.append(table.cup_pose())
         counts.append([int(where.sum()) for where in table.look()])
-    times = np.arange(samples, dtype=np.float64) * SAMPLE_STEPS * 1e-3
+    times = np.arange(samples, dtype=np.float64) * STEPS_PER_SAMPLE * 1e-3
     in_cup, in_second = np.array(counts).T
     return Poured(
         times,

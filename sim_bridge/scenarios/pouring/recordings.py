@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.kinematics import forward_kinematics
 from intent_recognition.warping import References
-from sim_bridge.balls import ball_radius_m
+from sim_bridge.balls import CONTAINER_SEED, ball_radius_m
 from sim_bridge.containers import Container, make_container
 from sim_bridge.scenarios.pouring.person import draw_habit, plan_pour
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath, seen_path
@@ -39,10 +39,12 @@ if TYPE_CHECKING:
 
 TASK = "pouring"
 CUP, SECOND = "tall_mug", "shallow_bowl"
-CONTAINER_SEED = 1
 N_DEMONSTRATIONS = 10
+"""Demonstrated pours, as many as in Brandl et al. 2014."""
 N_BALLS = 40
+"""Balls that fill half of a cup. Convention."""
 _STREAM = 61
+"""Keeps this scenario's random numbers apart from those of others with the same seed."""
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,13 @@ from sim_bridge.scenarios.pouring.outside import shell_pieces, solid_pieces
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp
 
 SOLVER_ITERATIONS = 15
+"""Of the contact solver: more than for balls alone, since a cup hangs on the arm."""
 CUP_MASS_KG = 0.25
+"""Mass of an empty cup [kg]. Convention."""
 BALL_DAMPING = 0.05
+"""Bullet's linear damping of the balls. Convention."""
 OUTSIDE_MASS_KG = 1e-3
+"""Mass of the link that carries a cup's outside [kg]: too small to matter."""
 OUTSIDE_LINK, OUTSIDE_GROUP = 0, 64
 """Each container is a body that balls collide with, and a link with its true outside, which
 collides with that of the other container and with nothing else. A filter on one side does not

@@ -11,14 +11,17 @@ from .scene import (
     pose,
 )
 from .teaching import HOME_STD_RAD, SENSOR_NOISE
-from .teaching_path import teaching_times
+from .teaching_path import REACTION_SHARE, TEACHING_STD_M, TEACHING_STD_RAD, teaching_times
 
 __all__ = [
     "ARM_BRANCH",
     "ARM_SWIVEL_RAD",
     "HOME",
     "HOME_STD_RAD",
+    "REACTION_SHARE",
     "SENSOR_NOISE",
+    "TEACHING_STD_M",
+    "TEACHING_STD_RAD",
     "ToolboxObjects",
     "arm_posture",
     "hand_rotation",

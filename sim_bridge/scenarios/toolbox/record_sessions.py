@@ -30,6 +30,7 @@ from sim_bridge.teaching import (
 )
 
 FIRST_SEED = 1001
+"""Seed of the first session; the next has the next one."""
 SESSIONS, INTERACTIONS = 8, 10
 
 

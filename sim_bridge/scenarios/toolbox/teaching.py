@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.arm import LwrArm, SensorNoise
+from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm, SensorNoise
 from sim_bridge.coworker import HOLD
 from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
 from sim_bridge.scenarios.toolbox.scene import HOME, STANDS_M
@@ -18,9 +18,11 @@ from sim_bridge.scenarios.toolbox.teaching_path import TeachingPath
 from sim_bridge.teaching import Grip, HandTarget, pull
 
 HOME_STD_RAD = 0.004
+"""Scatter of the arm's posture at rest per joint [rad]. Convention."""
 RELEASE_AFTER_S = 0.3
+"""The object is let go so long after the arrival [s]."""
 SENSOR_NOISE = SensorNoise(position_std_rad=1e-4, velocity_std_rad_s=2e-3, torque_std_nm=0.05)
-_STEPS_PER_SAMPLE = 10
+"""Noise of the arm's sensors when it is taught. Convention."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,8 @@ class _Lesson:
     def _before_step(self, arm: LwrArm) -> None:
         now = arm.time_s
         times = self.path.times
-        if arm.n_steps % _STEPS_PER_SAMPLE == 0:
-            self.objects.move_worker(self._wrist_m[arm.n_steps // _STEPS_PER_SAMPLE])
+        if arm.n_steps % STEPS_PER_SAMPLE == 0:
+            self.objects.move_worker(self._wrist_m[arm.n_steps // STEPS_PER_SAMPLE])
             self._take_or_release(now)
         if now < times.taught_s:
             self._follow(now)
@@ -134,7 +136,7 @@ def teach(
         lesson = _Lesson(arm, path, wrist_m, grip or Grip())
         for k in range(len(wrist_m)):
             if k:
-                arm.step(_STEPS_PER_SAMPLE)
+                arm.step(STEPS_PER_SAMPLE)
             state = arm.state()
             rows.append(
                 (state, arm.hand_pose().position, lesson.objects.holders[path.task],

@@ -26,11 +26,17 @@ from sim_bridge.scenarios.toolbox.scene import (
 )
 
 REACTION_SHARE = 0.12
+"""Share of the human's movement that passes before the demonstrator begins."""
 GRASP_SHARE = 0.34
+"""Share of the robot's movement after which the object is grasped."""
 LIFTED_SHARE = 0.53
+"""Share after which it has been lifted."""
 TEACHING_STD_M = 0.005
+"""How exactly a person brings the hand to its place per axis [m]. Convention."""
 TEACHING_STD_RAD = 0.03
+"""How exactly a person turns it per axis [rad]. Convention."""
 PATH_RATE_HZ = 200.0
+"""Rate at which the demonstrator's path is laid out [Hz]. Convention."""
 
 _BOW_M = {
     PLATE: np.array([-0.01, -0.01, 0.035]),

@@ -9,7 +9,7 @@ from sim_bridge.scenarios.pouring.pour import Poured, plan_joints
 from sim_bridge.scenarios.pouring.recordings import (
     CUP,
     SECOND,
-    Order,
+    DemonstrationOrder,
     half_full_radius_m,
     messages,
     metadata,
@@ -34,7 +34,7 @@ def poured(order):
 
 
 def test_joints_tell_the_pour():
-    order = Order(1, 0)
+    order = DemonstrationOrder(1, 0)
     path, made = poured(order)
     told = metadata(order, made)
     back = pour_of(made.times_s, made.joints_rad, told)
@@ -47,7 +47,7 @@ def test_joints_tell_the_pour():
 
 
 def test_messages_are_in_order_and_the_same_every_time():
-    order = Order(1, 3)
+    order = DemonstrationOrder(1, 3)
     _, made = poured(order)
     first, again = list(messages(order, made)), list(messages(order, made))
     stamps = [stamp for _, _, stamp, _ in first]
