@@ -11,7 +11,7 @@ from intent_recognition.share import share_path
 
 
 def _silent(share: float, what: str) -> None:
-    """Nobody watches."""
+    """Report no progress."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from intent_recognition.report.experiments_report import (
     write_experiments_report,
     write_figures,
 )
-from intent_recognition.report.figures import hand_error_figure
+from intent_recognition.report.figures_session import hand_error_figure
 from intent_recognition.report.html import (
     Block,
     Column,

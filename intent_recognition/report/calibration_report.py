@@ -7,7 +7,7 @@ import numpy as np
 
 from intent_recognition.report.drawing import readable, to_svg
 from intent_recognition.report.figures_calibration import (
-    confusion_figure,
+    confusion_shares_figure,
     regions_figure,
     roc_figure,
 )
@@ -61,7 +61,9 @@ def confusion_section(result: Mapping) -> Section:
         for fraction in SHOWN_FRACTIONS:
             if fraction in by_fraction:
                 table = by_fraction[fraction]
-                figure = confusion_figure(table["counts"], table["true"], table["recognised"])
+                figure = confusion_shares_figure(
+                    table["counts"], table["true"], table["recognised"]
+                )
                 caption = f"{100 * float(fraction):.0f} % observed, {PHASE_NAMES[phase]}."
                 figures.append(Figure(to_svg(figure), caption))
         if figures:

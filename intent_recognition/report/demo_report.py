@@ -20,8 +20,9 @@ from intent_recognition.evaluation import (
     summary_line,
     usable,
 )
-from intent_recognition.report import figures
-from intent_recognition.report.drawing import NONE, readable, to_svg
+from intent_recognition.promp import NONE
+from intent_recognition.report import figures_session
+from intent_recognition.report.drawing import readable, to_svg
 from intent_recognition.report.figures_evaluation import reliability_figure
 from intent_recognition.report.figures_interaction import (
     joint_figure,
@@ -156,22 +157,22 @@ def _figures_of_records(
             for t, e in PAPER_HAND_ERROR.items()
             if e.mean_cm is not None and e.two_std_cm is not None
         }
-        figure = figures.hand_error_figure(
+        figure = figures_session.hand_error_figure(
             errors_cm, paper, dict.fromkeys(summary.tasks_apart, "(place is fixed)")
         )
         drawn.append(
             _figure(figure, "Measured hand to the place the demonstrator's rule gives, in cm.")
         )
     if shares:
-        figure = figures.decision_share_figure(shares)
+        figure = figures_session.decision_share_figure(shares)
         drawn.append(_figure(figure, "How early: 100 % is the end of the human's movement."))
     if arrivals:
-        figure = figures.arrival_figure(arrivals)
+        figure = figures_session.arrival_figure(arrivals)
         drawn.append(_figure(figure, "Zero is the end of the human's movement."))
     decided = [r for r in records if r.decision_time_s is not None]
     decisions = _per_task(decided, "decision_time_s")
     if decisions:
-        figure = figures.timing_figure(_per_task(decided, "movement_s"), decisions)
+        figure = figures_session.timing_figure(_per_task(decided, "movement_s"), decisions)
         drawn.append(_figure(figure, "Slow movements and quick ones: below the line is before it."))
     return (Row(tuple(drawn)),) if drawn else ()
 
@@ -181,8 +182,10 @@ def _figures_of_posteriors(
 ) -> tuple[Block, ...]:
     if not records:
         return ()
-    figure = figures.confusion_figure(
-        *figures.confusion_counts([r.task for r in records], [r.recognised for r in records])
+    figure = figures_session.confusion_figure(
+        *figures_session.confusion_counts(
+            [r.task for r in records], [r.recognised for r in records]
+        )
     )
     confusion = _figure(figure, "What each task was recognised as.")
     both = [(r, by_index[r.index]) for r in records if _has_posterior(by_index.get(r.index))]
@@ -191,7 +194,7 @@ def _figures_of_posteriors(
     labels = list(both[0][1]["labels"])
     both = [(r, t) for r, t in both if list(t["labels"]) == labels]
     probabilities = [np.asarray(t["probabilities"], dtype=float) for _, t in both]
-    figure = figures.posterior_figure(
+    figure = figures_session.posterior_figure(
         [r.task for r, _ in both],
         labels,
         [np.asarray(t["share"], dtype=float) for _, t in both],

@@ -53,7 +53,7 @@ def regions_figure(regions: Mapping[str, tuple[Sequence[float], Sequence[float]]
 
 
 @styled
-def confusion_figure(
+def confusion_shares_figure(
     counts: NDArray[np.float64], true: Sequence[str], recognised: Sequence[str]
 ) -> "Figure":
     """How often each task (rows) was taken for which (columns), as shares of the row.

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.evaluation.calibration import reliability_bins
-from intent_recognition.report import figures
+from intent_recognition.report import figures_session as figures
 from intent_recognition.report.drawing import (
     NONE_COLOUR,
     PALETTE,

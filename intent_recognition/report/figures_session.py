@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.promp import NONE
 from intent_recognition.report.drawing import (
     DASHED,
     INK,
-    NONE,
     PAPER_COLOUR,
     SOFT,
     new_figure,
