@@ -20,7 +20,7 @@ class Experiment:
     summary: str
 
     def run(self, settings: Settings) -> ExperimentResult:
-        """Run it."""
+        """Run the experiment."""
         return importlib.import_module(self.module).run(settings)
 
 
@@ -44,7 +44,7 @@ EXPERIMENTS = tuple(
         ("pouring", f"{WP}, Fig. 4-5", "the arm pours with containers never demonstrated"),
     )
 )
-"""All of them."""
+"""The experiments, in the order of the papers."""
 
 
 def chosen(names: Iterable[str]) -> list[Experiment]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mixtures of interaction primitives, each demonstration left out: what both their experiments do.
+"""Mixtures of interaction primitives with each demonstration left out, for two experiments.
 
 The mixture is that of `learning.mixture`, fitted in the coordinates of all demonstrations. The one
 left out is predicted as the paper does it: the component that the observation makes most probable,
@@ -47,7 +47,7 @@ PHASES = np.linspace(0.0, 1.0, SAMPLED_PHASES)
 FINAL = np.array([SAMPLED_PHASES - 1])
 """Which of them is the end."""
 WHOLE = np.arange(SAMPLED_PHASES)
-"""All of them."""
+"""The experiments, in the order of the papers."""
 END_NOISE_STD_M = 0.003
 """Of the final position: marker and sway."""
 PATH_NOISE_STD_M = 0.01

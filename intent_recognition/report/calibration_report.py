@@ -43,18 +43,18 @@ def reliability_figures(result: Mapping) -> list[Figure]:
             np.array(bins["share_true"], dtype=float),
             np.array(bins["count"]),
         )
-        caption = f"Are the task probabilities to be believed? {PHASE_NAMES[phase].capitalize()}."
+        caption = f"Are the task probabilities calibrated? {PHASE_NAMES[phase].capitalize()}."
         figures.append(Figure(to_svg(figure), caption))
     regions = _phases(result.get("coverage"))
     if regions:
         figure = regions_figure({p: (r["should"], r["does"]) for p, r in regions.items()})
-        caption = "Are the standard deviations to be believed? Regions of 50 to 99 %."
+        caption = "Are the standard deviations calibrated? Regions of 50 to 99 %."
         figures.append(Figure(to_svg(figure), caption))
     return figures
 
 
 def confusion_section(result: Mapping) -> Section:
-    """Who is taken for whom early on, with none competing."""
+    """Confusion matrices early in the movement, without `none` as an alternative."""
     rows: list[Block] = []
     for phase, by_fraction in _phases(result.get("confusion")).items():
         figures = []
@@ -72,7 +72,7 @@ def confusion_section(result: Mapping) -> Section:
 
 
 def none_section(result: Mapping) -> Section:
-    """What becomes of movements of tasks that the library does not know."""
+    """Recognition of movements of tasks that the library does not know."""
     none = result.get("none") or {}
     blocks: list[Block] = []
     if none.get("area") is not None:
@@ -108,7 +108,7 @@ def _none_numbers(none: Mapping) -> KeyNumbers:
 
 
 def _gates(none: Mapping, kind: str) -> str:
-    """Shares that pass each part of the decision."""
+    """Shares of movements that pass each condition of the decision."""
     text = f"{_percent(none[f'above_threshold_{kind}'])} above the threshold"
     if none.get(f"recognised_{kind}") is None:
         return text
@@ -151,11 +151,11 @@ def _accuracy_table(accuracy: Mapping) -> Table:
             both = table.get(fraction, {})
             row += [f"{100 * both[k]:.1f}" for k in ("without_none", "with_none") if k in both]
         rows.append(tuple(row))
-    return Table(tuple(columns), tuple(rows), "What none costs: accuracy on known tasks")
+    return Table(tuple(columns), tuple(rows), "Cost of none: accuracy on known tasks")
 
 
 def _phases(content: Mapping | None) -> dict[str, Mapping]:
-    """What there is for each kind of phase, in order."""
+    """The content per kind of phase, in order; absent kinds are left out."""
     return {phase: content[phase] for phase in PHASE_NAMES if content and content.get(phase)}
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of what was said beside what was true: regions, confusions, unknown movements."""
+"""Calibration figures: confidence regions, confusion matrices, ROC of unknown movements."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING

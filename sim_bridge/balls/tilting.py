@@ -68,7 +68,7 @@ def tilt(
     """
     world.fill(balls_m)
     world.step(round(CALM_S / STEP_S))
-    watch = _Watch(world)
+    watch = _FallWatch(world)
     turning = round(abs(tilt_rad) / TURN_RAD_S / STEP_S)
     for k in range(turning + round(hold_s / STEP_S)):
         angle = tilt_rad * min((k + 1) / turning, 1.0) if turning else tilt_rad
@@ -113,7 +113,7 @@ class WallGuard:
         return (z < self._opening_m) & (z >= self._hollow.heights_m[0])
 
 
-class _Watch:
+class _FallWatch:
     """Notes when each ball is below the lip and outside for the first time."""
 
     def __init__(self, world: BallWorld) -> None:

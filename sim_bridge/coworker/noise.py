@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What makes a movement human and a measurement a measurement: noise, tremor, occlusions.
+"""Noise of human movement and of the tracker: tremor, sway, measurement noise, occlusions.
 
 All processes are sampled at a fixed rate and drawn from the generator handed in.
 """

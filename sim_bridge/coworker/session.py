@@ -60,7 +60,7 @@ class Interaction:
 
 @dataclass(frozen=True)
 class SessionPlan:
-    """Everything a session will show.
+    """A planned session.
 
     Attributes:
         samples: what the tracker sees, 100 Hz.

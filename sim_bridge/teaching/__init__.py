@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What recordings of the simulation share: a demonstrator's hand, sensors, topics."""
+"""Parts that all recordings of the simulation share: the demonstrator's hand, sensors, topics."""
 
 import lazy_loader
 

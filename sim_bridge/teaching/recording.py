@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all recordings of the simulation have in common: topics, clock, the sensors' resolution."""
+"""Topics, clock and sensor resolution of all recordings of the simulation."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -45,7 +45,7 @@ Message = tuple[str, str, int, dict]
 
 
 class ArmSamples(Protocol):
-    """What the arm's sensors said every 10 ms: positions, velocities, torques, each (T, 7)."""
+    """Measurements of the arm every 10 ms: positions, velocities, torques, each (T, 7)."""
 
     @property
     def positions_rad(self) -> NDArray[np.float64]:
@@ -63,7 +63,7 @@ class ArmSamples(Protocol):
 def pose_and_joint_messages(
     start_ns: int, samples: WristSamples, arm: ArmSamples, topic: str = POSE_TOPIC
 ) -> Iterator[Message]:
-    """Yield what a tracker and the arm say, in order of time; occluded poses are left out.
+    """Yield the messages of tracker and arm, in order of time; occluded poses are left out.
 
     Args:
         start_ns: stamp of the first sample.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the alignment experiment says: findings, figures, tables."""
+"""Report of the alignment experiment: findings, figures, tables."""
 
 from collections.abc import Mapping
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What methods of alignment make of movements of known timing, and of the toolbox recordings."""
+"""Errors of alignment methods on movements of known timing and on the toolbox recordings."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -49,7 +49,7 @@ METHODS: dict[str, Method] = {
 
 
 class MethodScore(NamedTuple):
-    """What a method makes of movements of known timing.
+    """A method's errors on movements of known timing.
 
     Attributes:
         steps: how its maps go forward.
@@ -65,7 +65,7 @@ class MethodScore(NamedTuple):
 
 
 class Recordings(NamedTuple):
-    """What a method makes of one task's recordings.
+    """A method's effect on the recordings of one task.
 
     Attributes:
         steps: how its maps go forward.

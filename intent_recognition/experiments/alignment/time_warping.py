@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Maps of time found by local optimisation and by dynamic time warping, and what is wrong in them.
+"""Time maps by local optimisation and by dynamic time warping, and measures of their defects.
 
 A map holds the recorded phases at even phases of the reference, (T,).
 """

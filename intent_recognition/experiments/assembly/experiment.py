@@ -32,7 +32,7 @@ def run(settings: Settings) -> ExperimentResult:
 
 
 def _findings(n: dict) -> tuple[Finding, ...]:
-    """Paper and ours, side by side."""
+    """The paper's figures and ours, side by side."""
     total, predicted, arm = n["demonstrations"], n["prediction"], n["arm"]
     arm_end = np.concatenate([arm[task]["end_cm"] for task in predicted])
     late = np.concatenate([arm[task]["late_s"] for task in predicted])
@@ -110,7 +110,7 @@ def _certainty_finding(n: dict, way: str) -> Finding:
 
 
 def _conditions(found: AssemblyStudy) -> tuple[str, ...]:
-    """What differs from the paper."""
+    """What differs from the paper, one sentence each."""
     arm = found.executed
     return (
         "The two humans are simulated: minimum-jerk reaches with individual bows, tempo, hesitation"

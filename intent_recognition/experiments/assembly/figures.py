@@ -150,7 +150,7 @@ def certainty_figure(
 def ambiguity_figure(
     labels: Sequence[str], ways: Mapping[str, NDArray[np.float64]], true: str
 ) -> "Figure":
-    """What single observations say, and what the past adds, for the ambiguous task.
+    """Task probabilities from single observations and from all so far, for the ambiguous task.
 
     Args:
         labels: of the tasks, K.

@@ -31,7 +31,7 @@ CHI2_3 = 7.815
 
 
 def numbers_of(found: AssemblyStudy) -> dict[str, object]:
-    """Everything of interest, by name."""
+    """All numbers of the experiment, by name."""
     labels = found.first.library.labels
     counts = {way: _certainty(found.scored, labels, way) for way in NAMES}
     ambiguous = [s for s in found.scored if s.task == FASTENING]

@@ -32,7 +32,7 @@ TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 
 
 class Watched(NamedTuple):
-    """What is believed about one left-out demonstration after each observation.
+    """Estimates for one left-out demonstration after each observation.
 
     Attributes:
         probabilities: of the K tasks, before any and after each of n observations, (n + 1, K).

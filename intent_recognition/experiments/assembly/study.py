@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The box assembly by two humans, cross-validated: what is learned without, and shown, each part.
+"""Cross-validation of the box assembly by two humans.
 
 Every fifth demonstration of each task is left out in turn. Recognition and prediction are scored
 on all of them; those of the first turn are also run on the arm, which takes the assistant's place.
@@ -67,7 +67,7 @@ class StandInScore(NamedTuple):
 
 
 class Fold(NamedTuple):
-    """One part left out: what was learned of the others, and all cut to their movements.
+    """One fold of the cross-validation: what the others taught, and all cut to their movements.
 
     `aligned` are the primitives of aligned demonstrations, `timing` what they were aligned with.
     """
@@ -82,7 +82,7 @@ class Fold(NamedTuple):
 
 @dataclass(frozen=True)
 class AssemblyStudy:
-    """Everything the experiment shows.
+    """Results of the study.
 
     Attributes:
         first: the first fold; examples in figures come from it.
@@ -150,7 +150,7 @@ def read(settings: Settings) -> list[Demonstration]:
 
 
 def fold_numbers(demonstrations: Sequence[Demonstration], n_folds: int) -> list[int]:
-    """Which part each demonstration belongs to: dealt out in turn, task by task."""
+    """Fold of each demonstration: dealt out in turn, task by task."""
     seen: dict[str, int] = {}
     numbers = []
     for demonstration in demonstrations:
@@ -162,7 +162,7 @@ def fold_numbers(demonstrations: Sequence[Demonstration], n_folds: int) -> list[
 
 
 def leave_out(demonstrations: Sequence[Demonstration], numbers: Sequence[int], turn: int) -> Fold:
-    """Learn from all parts but one; thresholds of the movement come from these alone."""
+    """Learn from all folds but one; the thresholds of the movement come from these alone."""
     training = [d for d, part in zip(demonstrations, numbers, strict=True) if part != turn]
     as_recorded = [d for d, part in zip(demonstrations, numbers, strict=True) if part == turn]
     report = learn_with_report(training, TrainingSettings(none_prior=NONE_PRIOR))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the classifiers of the task constraints see of each trial, by method.
+"""Features of the trials for the classifiers of the task constraints, by method.
 
 The trials know where containers and balls truly were. A method knows what it made of a scan:
 reference values, the lip and the centre of the opening; the standard features know none of these,
@@ -94,7 +94,7 @@ def annotated_source() -> ObjectModel:
 def know_all(
     source: ObjectModel, rng: np.random.Generator, indices: Sequence[int]
 ) -> dict[str, dict[int, KnownContainer]]:
-    """Scan containers and learn of them what each method can, by method and object index."""
+    """Scan containers and estimate their parameters, by method and object index."""
     known: dict[str, dict[int, KnownContainer]] = {method: {} for method in METHODS}
     for index in indices:
         cup = container(index)

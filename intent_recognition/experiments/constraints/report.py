@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the experiment on task constraints says: findings, figures, tables."""
+"""Report of the experiment on task constraints: findings, figures, tables."""
 
 from collections.abc import Mapping
 
@@ -202,7 +202,7 @@ def conditions(trials: Trials) -> tuple[str, ...]:
 
 
 def numbers(trials: Trials, scores: Mapping[str, ScoreTable]) -> dict[str, object]:
-    """Everything a script would want, ready for JSON."""
+    """All numbers of the experiment, ready for JSON."""
     return {
         "n_trials": {name: len(table["object"]) for name, table in trials.tables.items()},
         "positive": {

@@ -20,7 +20,7 @@ SAME, NOVEL = "same object", "novel objects"
 
 
 class ConstraintScores(NamedTuple):
-    """Of one method on one test set, over M training sets.
+    """Scores of one method on one test set, over M training sets.
 
     Attributes:
         curves: true positive rates on the grid (M, G).

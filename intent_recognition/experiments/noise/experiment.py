@@ -50,6 +50,6 @@ def run(settings: Settings) -> ExperimentResult:
 
 
 def _growth(rmse: NDArray[np.float64]) -> Growth:
-    """Of the full observation; errors (repeats, L, k)."""
+    """Growth of the error of the full observation; errors (repeats, L, k)."""
     ratio = rmse[:, -1, -1] / rmse[:, 0, -1]
     return Growth(float(ratio.mean()), float(standard_error(ratio)))

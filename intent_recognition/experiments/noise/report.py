@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the experiment on noise says: findings, figures, tables."""
+"""Report of the experiment on noise: findings, figures, tables."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ProMPs and DMPs make of noisy observations, everything chosen by cross validation."""
+"""Prediction errors of ProMPs and DMPs under noise, all settings chosen by cross-validation."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -42,7 +42,7 @@ PROMP, DMP, PROMP_CLEAN, DMP_CLEAN, DMP_PLAIN, DMP_CARRIED = METHODS = (
 
 
 class Plan(NamedTuple):
-    """How much is computed."""
+    """Extent of the computation."""
 
     levels: tuple[float, ...]
     counts: tuple[int, ...]
@@ -51,7 +51,7 @@ class Plan(NamedTuple):
 
 
 def make_plan(quick: bool) -> Plan:
-    """What is tried, and how often."""
+    """The settings tried and the number of repeats."""
     smoothers = SMOOTHERS[::4] if quick else SMOOTHERS
     variances = VARIANCES[::3] if quick else VARIANCES
     shrinkages = SHRINKAGES[:1] if quick else SHRINKAGES

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the pointing experiment says: findings, figures, tables."""
+"""Report of the pointing experiment: findings, figures, tables."""
 
 import numpy as np
 from numpy.typing import NDArray

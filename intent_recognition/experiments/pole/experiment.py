@@ -49,7 +49,7 @@ _CONDITIONS = (
 
 
 def _numbers(study: PoleStudy) -> Mapping[str, object]:
-    """Everything, ready for JSON."""
+    """All numbers of the experiment, ready for JSON."""
     return {
         "names": list(study.pairs.names),
         "ways": list(study.ways),

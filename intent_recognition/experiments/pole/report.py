@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pole's findings, figures and tables, from what `pole_study.investigate` found."""
+"""Report of the pole experiment: findings, figures, tables."""
 
 import numpy as np
 from numpy.typing import NDArray

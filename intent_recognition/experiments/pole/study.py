@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is found out beside the pole: fits, predictions, and what the arm makes of them.
+"""Mixtures of the pole demonstrations, their left-out predictions, and the arm that executes them.
 
 The demonstrations are unlabelled; on which side of the pole the arm was led is known for scoring.
 """
@@ -93,7 +93,7 @@ class Carried:
 
 @dataclass(frozen=True)
 class PoleStudy:
-    """All that came out.
+    """Results of the study.
 
     Attributes:
         demonstrations: in the order of all arrays.
@@ -120,7 +120,7 @@ class PoleStudy:
 
     @property
     def taken(self) -> PoleMixture:
-        """What was tried with the number taken."""
+        """Results with the number of components chosen."""
         return self.tried[self.chosen - 1]
 
     @property
@@ -130,7 +130,7 @@ class PoleStudy:
 
 
 def investigate(settings: Settings) -> PoleStudy:
-    """Fit, predict and execute; the report is made of what this returns."""
+    """Fit, predict and execute."""
     settings.progress(0.0, "reading")
     dofs = load_dofs(share_path("config/dofs_pole.yaml"))
     demonstrations, _ = read_demonstrations([settings.recordings("pole")], dofs)
@@ -158,7 +158,7 @@ def investigate(settings: Settings) -> PoleStudy:
 
 
 def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[PoleMixture, ...], int]:
-    """Every number of components up to the largest, and the one taken."""
+    """Results with each number of components up to the largest, and the number chosen."""
     fits = try_numbers(
         pairs,
         range(1, largest + 1),

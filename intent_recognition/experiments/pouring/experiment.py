@@ -14,7 +14,7 @@ from sim_bridge.scenarios.pouring import MEAN, PAIRS, UNWARPED, execute, learn_s
 REPEATED = ((2, MEAN), (6, UNWARPED))
 QUICK = ((1, MEAN),)
 SEED = 1
-"""Of the recorded pours."""
+"""Seed of the recorded pours."""
 
 
 def run(settings: Settings) -> ExperimentResult:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the pouring experiment says: findings, figures, tables."""
+"""Report of the pouring experiment: findings, figures, tables."""
 
 from collections.abc import Sequence
 from pathlib import Path

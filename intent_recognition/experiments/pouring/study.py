@@ -90,7 +90,7 @@ def carried_tilt(skill: Skill) -> float:
 def numbers_of(
     pours: Sequence[RecordedPour], skill: Skill, repeated: Sequence[tuple[RecordedPour, int, int]]
 ) -> dict[str, object]:
-    """Everything a script would want, ready for JSON."""
+    """All numbers of the experiment, ready for JSON."""
     numbers: dict[str, object] = {
         "pairs": [pair_name(k) for k in range(len(PAIRS))],
         "through_wall": sum(p.through_wall for p in pours),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the experiment on sparse observations says: findings, figures, tables."""
+"""Report of the experiment on sparse observations: findings, figures, tables."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ProMPs and DMPs make of a few irregular positions, over one set of sketches."""
+"""Prediction errors of ProMPs and DMPs from a few irregular positions, on one set of sketches."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -32,7 +32,7 @@ PROMP, DMP_SPLINE, DMP_THROUGH, NOTHING = METHODS = (
 
 
 class SparseScores(NamedTuple):
-    """Of one data set, k numbers of observations.
+    """Scores on one data set for k numbers of observations.
 
     Attributes:
         rmse: of the controlled curve, per method, (k,).

@@ -46,7 +46,7 @@ _CONDITIONS = (
 
 
 def _numbers(study: ToolboxStudy) -> Mapping[str, object]:
-    """Everything, ready for JSON."""
+    """All numbers of the experiment, ready for JSON."""
     right = [e.recognised == e.task and not e.wrong_first for e in study.executions]
     return {
         "tasks": study.tasks.tolist(),

@@ -61,7 +61,7 @@ class ToolboxMixture:
 
 @dataclass(frozen=True)
 class ToolboxStudy:
-    """All that came out.
+    """Results of the study.
 
     Attributes:
         demonstrations: in the order of all arrays.
@@ -88,7 +88,7 @@ class ToolboxStudy:
 
     @property
     def taken(self) -> ToolboxMixture:
-        """What was tried with the number taken."""
+        """Results with the number of components chosen."""
         return self.tried[self.chosen - 1]
 
     def hand_error_m(self, predicted: LeftOutPrediction) -> NDArray[np.float64]:
@@ -103,7 +103,7 @@ class ToolboxStudy:
 
 
 def investigate(settings: Settings) -> ToolboxStudy:
-    """Fit, predict and play the session; the report is made of what this returns."""
+    """Fit, predict and play the session."""
     settings.progress(0.0, "reading")
     demonstrations, _ = read_demonstrations([settings.recordings("toolbox/train")], load_dofs())
     pairs = pairs_of(demonstrations)
@@ -152,7 +152,7 @@ def learn_unlabelled(
 def _try_all(
     pairs: Pairs, largest: int, settings: Settings
 ) -> tuple[tuple[ToolboxMixture, ...], int]:
-    """Every number of components up to the largest, and the one taken."""
+    """Results with each number of components up to the largest, and the number chosen."""
     fits = try_numbers(
         pairs,
         range(1, largest + 1),

@@ -30,7 +30,7 @@ FACING_WORKER = np.array([0.0, 0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class AssemblySession:
-    """Everything a session will show.
+    """A planned session.
 
     Attributes:
         interactions: what is done, in order.

@@ -66,7 +66,7 @@ class LedPath:
 
 @dataclass(frozen=True)
 class TaughtPointing:
-    """What the arm's sensors said, every 10 ms.
+    """Measurements of the arm, every 10 ms.
 
     Attributes:
         positions_rad, velocities_rad_s, torques_nm: (T, 7).

@@ -101,7 +101,7 @@ def record(order: PointingOrder) -> PointingRecording:
 
 
 def metadata(shown: PointingRecording) -> dict[str, str]:
-    """What metadata.yaml says under custom_data."""
+    """Entries of metadata.yaml under custom_data."""
     known = {
         "task": TASK,
         "set": shown.order.purpose,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the pole is, which way a path goes around it, and how near a posture comes: pure geometry.
+"""Geometry of the pole: on which side a path passes it, and the clearance of a posture.
 
 World frame as everywhere: the arm's base at the origin on the table, x toward the person, y to the
 robot's left, z up; metres, radians. The arm points with a finger along the hand's z axis.

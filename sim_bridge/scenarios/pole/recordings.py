@@ -133,7 +133,7 @@ def demonstrate(order: PoleOrder) -> PoleDemonstration:
 
 
 def metadata(shown: PoleDemonstration) -> dict[str, str]:
-    """What metadata.yaml says under custom_data; no task."""
+    """Entries of metadata.yaml under custom_data, without a task."""
     order, pointing, lesson = shown.order, shown.pointing, shown.lesson
 
     missed = fingertip(lesson.true_positions_rad[-1])[:2] - pointing.reach.goal_m[:2]

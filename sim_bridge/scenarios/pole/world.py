@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pole in the arm's physics world: how near the arm comes, and whether it touches."""
+"""The pole in the arm's physics world: clearance and contact of the arm."""
 
 from dataclasses import dataclass
 

@@ -56,7 +56,7 @@ def learn_constraints(cup: str, seen_as: Callable[[str], Seen]) -> Constraints:
 
     Args:
         cup: name of the container.
-        seen_as: what a scan of a container tells.
+        seen_as: parameters of a container, estimated from a scan.
     """
     tables, index = read_trials(share_path(TRIALS_FILE)).tables, CONTAINER_NAMES.index(cup)
     own, second = seen_as(cup).references, seen_as(SECOND).references

@@ -154,7 +154,7 @@ def container_named(name: str) -> Container:
 
 @cache
 def seen_as(name: str, seed: int) -> Seen:
-    """What a scan tells of a container."""
+    """Parameters of a container, estimated from a scan."""
     index = (*CONTAINER_NAMES, BIG_BOWL).index(name)
     rng = np.random.default_rng([seed, _STREAM, 1000, index])
     return look_at(annotated_source(), container_named(name), rng)
@@ -214,7 +214,7 @@ def execute(order: PourOrder, plan_: Planned) -> "Poured":
 
 
 def metadata(order: PourOrder, plan_: Planned, poured: "Poured") -> dict[str, str]:
-    """What metadata.yaml says under custom_data."""
+    """Entries of metadata.yaml under custom_data."""
     cup, second = PAIRS[order.pair]
     return {
         "task": TASK,
@@ -232,7 +232,7 @@ def metadata(order: PourOrder, plan_: Planned, poured: "Poured") -> dict[str, st
 
 
 def messages(order: PourOrder, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
-    """What the arm's sensors said."""
+    """Messages of the arm's noisy sensors."""
     noise = order.rng(2 + MANNERS.index(order.manner))
     return joint_messages(order.start_ns, poured, noise, every=EVERY)
 

@@ -43,7 +43,7 @@ N_BASIS = 30
 
 
 class Seen(NamedTuple):
-    """What the robot made of a scan of one container.
+    """Parameters of one container, estimated from a scan.
 
     Attributes:
         references: warped parameters that variables are divided by.

@@ -113,7 +113,7 @@ def record(order: DemonstrationOrder) -> "Poured":
 
 
 def metadata(order: DemonstrationOrder, poured: "Poured") -> dict[str, str]:
-    """What metadata.yaml says under custom_data."""
+    """Entries of metadata.yaml under custom_data."""
     return {
         "task": TASK,
         "set": "train",
@@ -156,7 +156,7 @@ def pour_of(
 
 
 def messages(order: DemonstrationOrder, poured: "Poured") -> Iterator[tuple[str, str, int, dict]]:
-    """What the arm's noisy sensors said."""
+    """Messages of the arm's noisy sensors."""
     noise = np.random.default_rng([order.seed, _STREAM, order.index, 1])
     return joint_messages(order.start_ns, poured, noise)
 

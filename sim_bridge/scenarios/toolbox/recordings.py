@@ -106,7 +106,7 @@ def demonstrate(order: ToolboxOrder) -> ToolboxDemonstration:
 
 
 def metadata(shown: ToolboxDemonstration) -> dict[str, str]:
-    """What metadata.yaml says under custom_data."""
+    """Entries of metadata.yaml under custom_data."""
     wrist, times = shown.wrist, shown.path.times
 
     return {
