@@ -10,7 +10,7 @@ from intent_recognition.experiments.pole.report import blocks, findings
 from intent_recognition.experiments.pole.study import Carried, PoleStudy, investigate
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.learning import purity
-from intent_recognition.report import ExperimentResult, Finding
+from intent_recognition.report import ExperimentResult
 
 
 def run(settings: Settings) -> ExperimentResult:
@@ -25,7 +25,7 @@ def run(settings: Settings) -> ExperimentResult:
             " the right, or both. Nobody said which demonstration is which. How many components"
             " does a mixture need to predict the arm's motion, and does that motion pass the pole?"
         ),
-        findings=tuple(Finding(*row) for row in findings(study)),
+        findings=findings(study),
         blocks=blocks(study),
         conditions=_CONDITIONS,
         numbers=_numbers(study),

@@ -20,6 +20,7 @@ from intent_recognition.report import (
     Block,
     Column,
     Figure,
+    Finding,
     KeyNumber,
     KeyNumbers,
     Table,
@@ -34,32 +35,30 @@ SHOWN_JOINTS = (0, 2, 4)
 TIP_ERROR = "error of the fingertip's path [cm]"
 JOINT_ERROR = "error of the joints [rad]"
 
-Row = tuple[str, str, str, bool | None, str]
 
-
-def findings(study: PoleStudy) -> tuple[Row, ...]:
-    """Fields of `Finding`, paper and ours."""
+def findings(study: PoleStudy) -> tuple[Finding, ...]:
+    """The paper's figures and ours, side by side."""
     one, taken = study.tried[0], study.taken
     error = 100.0 * taken.tip_rms_m.mean()
     n = len(study.single.runs)
     single, mixture, single_end, end = (int(c.hits.sum()) for c in study.carried)
     same = sum(a == study.ways[i] for a, i in _ways(study.mixture))
     return (
-        (
+        Finding(
             "error of the predicted path, leave-one-out [cm]",
             "about 4",
             f"{error:.1f} ± {100 * taken.tip_rms_m.std(ddof=1):.1f}",
             bool(error <= PAPER_PLATEAU_CM),
             "" if error <= PAPER_PLATEAU_CM else "A path on the other side counts in full.",
         ),
-        (
+        Finding(
             "... with a single Gaussian [cm]",
             "",
             f"{100 * one.tip_rms_m.mean():.1f} ± {100 * one.tip_rms_m.std(ddof=1):.1f}",
             None,
             "The paper shows it in its Fig. 4 without a number.",
         ),
-        (
+        Finding(
             "components",
             "sharp fall up to 6, 8 taken",
             f"sharp fall to {study.chosen}, {study.chosen} taken",
@@ -67,28 +66,28 @@ def findings(study: PoleStudy) -> tuple[Row, ...]:
             "With regularised covariances one component per side is enough; more have too few"
             " members each.",
         ),
-        (
+        Finding(
             "motions of a single Gaussian that hit the pole",
             "several cross the middle",
             f"{single} of {n}; told the wand's end only {single_end} of {n}",
             True if single else None,
             "" if single else "None of this subset did.",
         ),
-        (
+        Finding(
             f"motions of {study.chosen} components that hit the pole",
             "",
             f"{mixture} of {n}",
             not mixture,
             "" if not mixture else "They must not.",
         ),
-        (
+        Finding(
             "... told the wand's end only",
             "",
             f"{end} of {n}",
             not end,
             "" if not end else "They must not.",
         ),
-        (
+        Finding(
             "motions on the side that was shown",
             "",
             f"{same} of {n}",

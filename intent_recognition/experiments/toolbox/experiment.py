@@ -9,7 +9,7 @@ from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox.report import blocks, findings
 from intent_recognition.experiments.toolbox.study import ToolboxStudy, investigate
 from intent_recognition.learning import purity
-from intent_recognition.report import ExperimentResult, Finding
+from intent_recognition.report import ExperimentResult
 
 
 def run(settings: Settings) -> ExperimentResult:
@@ -24,7 +24,7 @@ def run(settings: Settings) -> ExperimentResult:
             " patterns are found, how well does the wrist's final position tell where the hand"
             " must go, and is the right one recognised in 40 executions?"
         ),
-        findings=tuple(Finding(*row) for row in findings(study)),
+        findings=findings(study),
         blocks=blocks(study),
         conditions=_CONDITIONS,
         numbers=_numbers(study),

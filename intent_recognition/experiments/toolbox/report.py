@@ -17,6 +17,7 @@ from intent_recognition.report import (
     Block,
     Column,
     Figure,
+    Finding,
     KeyNumber,
     KeyNumbers,
     Row,
@@ -32,23 +33,21 @@ PAPER_CM = {"plate_handover": (3.2, 2.6), "hold_screwdriver": (2.1, 2.3)}
 N_JOINTS_SHOWN = 4
 WRIST = ("wrist x [m]", "wrist y [m]", "wrist z [m]")
 
-Fields = tuple[str, str, str, bool | None, str]
 
-
-def findings(study: ToolboxStudy) -> tuple[Fields, ...]:
-    """Fields of `Finding`, paper and ours."""
+def findings(study: ToolboxStudy) -> tuple[Finding, ...]:
+    """The paper's figures and ours, side by side."""
     found = purity(study.tasks.tolist(), study.taken.labels)
     right, n = _right(study), len(study.executions)
     seen = int(study.recognised(study.from_end).sum())
     return (
-        (
+        Finding(
             "components, by left-out prediction",
             "3",
             str(study.chosen),
             study.chosen == 3,
             "" if study.chosen == 3 else "There are three interactions.",
         ),
-        (
+        Finding(
             "demonstrations in a component of their own interaction",
             "48 of 48 (Fig. 7)",
             f"{round(found * len(study.tasks))} of {len(study.tasks)}",
@@ -56,14 +55,14 @@ def findings(study: ToolboxStudy) -> tuple[Fields, ...]:
             "" if found == 1.0 else "Some recordings lie between two components.",
         ),
         *(_hand_finding(study, task) for task in HAND_TASKS),
-        (
+        Finding(
             "left-out demonstrations recognised",
             "",
             f"{seen} of {len(study.tasks)}",
             None,
             "Not in the paper, where executions were counted.",
         ),
-        (
+        Finding(
             "executions with the right component",
             "100 % of more than 40",
             f"{right} of {n}",
@@ -73,11 +72,11 @@ def findings(study: ToolboxStudy) -> tuple[Fields, ...]:
     )
 
 
-def _hand_finding(study: ToolboxStudy, task: str) -> Fields:
+def _hand_finding(study: ToolboxStudy, task: str) -> Finding:
     errors = 100.0 * study.hand_error_m(study.from_end)[study.tasks == task]
     mean, spread = PAPER_CM[task]
     holds = bool(errors.mean() <= mean)
-    return (
+    return Finding(
         f"error of the hand, {readable(task)}, mean ± 2 sigma [cm]",
         f"{mean} ± {spread}",
         f"{errors.mean():.1f} ± {2 * errors.std(ddof=1):.1f}",
