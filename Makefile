@@ -46,7 +46,7 @@ $(VENV)/.bench: requirements-bench.txt $(VENV)/.runtime
 	$(PIP) install --quiet -r requirements-bench.txt
 	@touch $@
 
-$(VENV)/.docs: requirements-docs.txt | $(BIN)/python
+$(VENV)/.docs: requirements-docs.txt $(VENV)/.runtime
 	$(PIP) install --quiet -r requirements-docs.txt
 	@touch $@
 

@@ -13,7 +13,7 @@ from sphinx.application import Sphinx
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
-sys.path.insert(0, str(DOCS / "tools"))
+sys.path[:0] = [str(ROOT), str(DOCS / "tools")]
 
 project = "intent_recognition"
 author = "the maintainers of intent_recognition"
@@ -24,12 +24,28 @@ release = re.search(
     re.MULTILINE,
 )[1]
 
-extensions = ["myst_parser", "formulae"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx_gallery.gen_gallery",
+    "formulae",
+]
 root_doc = "docs/index"
-include_patterns = ["docs/**", "README.md", "CONTRIBUTING.md", "CHANGELOG.rst", "bags/README.md"]
+include_patterns = [
+    "docs/**",
+    "README.md",
+    "CONTRIBUTING.md",
+    "SECURITY.md",
+    "CHANGELOG.rst",
+    "bags/README.md",
+]
 exclude_patterns = [
     "docs/tools",
     "docs/images",
+    "docs/templates",
+    "docs/gallery/*.ipynb",
     ".*",
     "out",
     "venv",
@@ -42,6 +58,35 @@ exclude_patterns = [
 myst_heading_anchors = 4
 myst_fence_as_directive = ["math"]
 html_math_renderer = "drawings"
+
+# The API: one page for each name of `import intent_recognition as ir`, from its docstring.
+templates_path = ["templates"]
+default_role = "py:obj"  # `learn` links to its page; what has no page is shown as code
+add_module_names = False
+autodoc_typehints = "description"
+autodoc_typehints_format = "short"
+autodoc_typehints_description_target = "documented"
+python_use_unqualified_type_names = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+
+# The gallery: `examples/` is run while the site is built.
+sphinx_gallery_conf = {
+    "examples_dirs": "examples",
+    "gallery_dirs": "docs/gallery",
+    "filename_pattern": "/",
+    "within_subsection_order": "FileNameSortKey",
+    "reset_modules": ("matplotlib", "gallery_style.apply"),
+    "image_srcset": ["2x"],
+    "write_computation_times": False,
+    "doc_module": ("intent_recognition",),
+    "reference_url": {"intent_recognition": None},
+    "backreferences_dir": "docs/gallery/backreferences",
+    "show_memory": False,
+    "min_reported_time": 10.0,
+    "remove_config_comments": True,
+    "abort_on_example_error": True,
+}
 
 highlight_language = "text"
 smartquotes_action = "qe"  # but not dashes: `--json` is an option
@@ -67,11 +112,14 @@ def picture_for_mermaid(app: Sphinx, name: str, source: list[str]) -> None:
 
 
 def text_for_folders(app: Sphinx, name: str, source: list[str]) -> None:
-    """GitHub shows a folder where a link leads to one; a site has no page of it."""
+    """GitHub shows a folder where a link leads to one; of these the site has the examples only."""
     here = (ROOT / name).parent
 
     def shown(link: re.Match) -> str:
-        return link[1] if (here / link[2]).is_dir() else link[0]
+        folder = (here / link[2]).resolve()
+        if folder == ROOT / "examples":
+            return f"[{link[1]}](/docs/gallery/index.rst)"
+        return link[1] if folder.is_dir() else link[0]
 
     source[0] = re.sub(r"\[([^\]]+)\]\(([^)#\s:]+)\)", shown, source[0])
 

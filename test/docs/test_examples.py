@@ -3,6 +3,7 @@
 
 import ast
 import re
+import runpy
 
 import pytest
 from docs.shown import PAGES, ROOT
@@ -20,6 +21,38 @@ def test_what_it_imports_is_there(block):
     tree = ast.parse(block)
     imports = [node for node in tree.body if isinstance(node, (ast.Import, ast.ImportFrom))]
     exec(compile(ast.Module(imports, []), "example", "exec"), {})
+
+
+def test_the_library_works_as_the_readme_shows(capsys):
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    part = text.split("## Use it as a library\n", 1)[1].split("\n## ", 1)[0]
+    (block,) = BLOCK.findall(part)
+    (shown,) = re.findall(r"^```text\n(.*?)^```", part, re.MULTILINE | re.DOTALL)
+    exec(block, {})
+    printed = capsys.readouterr().out
+    task = re.compile(r"s: (\w+), ")
+    assert task.search(printed)[1] == task.search(shown)[1]
+    numbers = [
+        [float(number) for number in re.findall(r"-?\d+\.\d+", line)] for line in (printed, shown)
+    ]
+    assert numbers[0] == pytest.approx(numbers[1], abs=0.03)
+
+
+GALLERY = sorted((ROOT / "examples").glob("*.py"))
+
+
+@pytest.mark.parametrize("example", GALLERY, ids=lambda path: path.stem)
+def test_an_example_of_the_gallery_runs(example, monkeypatch):
+    """The site runs them, too; here without drawing anything to a file."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    monkeypatch.syspath_prepend(str(example.parent))
+    monkeypatch.chdir(example.parent)
+    monkeypatch.setattr(pyplot, "show", lambda: None)
+    try:
+        runpy.run_path(str(example), run_name="__main__")
+        assert pyplot.get_fignums() or example.stem == "10_a_real_recording"
+    finally:
+        pyplot.close("all")
 
 
 def test_reading_columns_works_as_shown(tmp_path, monkeypatch):

@@ -10,6 +10,8 @@ from importlib.util import find_spec
 import pytest
 from docs.shown import PAGES, ROOT
 
+import intent_recognition as ir
+
 pytestmark = pytest.mark.slow
 
 LOADED = re.compile(
@@ -20,12 +22,13 @@ STYLE = re.compile(r"url\([\"']?(?!data:)([^)\"']+)|@import[^;]+")
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    if not all(map(find_spec, ("sphinx", "myst_parser", "furo"))):
+    if not all(map(find_spec, ("sphinx", "myst_parser", "furo", "sphinx_gallery"))):
         if os.environ.get("CI"):
             pytest.fail("no Sphinx: pip install -r requirements-docs.txt")
         pytest.skip("no Sphinx (requirements-docs.txt)")
     folder = tmp_path_factory.mktemp("site")
     options = ["-W", "--keep-going", "-q", "-c", "docs", "-b", "html", "-d", f"{folder}/trees"]
+    options += ["-D", "plot_gallery=0"]  # test_examples.py runs the examples
     command = [sys.executable, "-m", "sphinx", *options, ".", f"{folder}/html"]
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
@@ -46,6 +49,19 @@ def test_every_page_is_in_the_navigation(site):
         if page.name != "index.md":
             path = os.path.relpath(page.with_suffix(".html"), ROOT / "docs")
             assert f'href="{path}"' in tree, path
+
+
+def test_the_reference_has_a_page_of_every_public_name(site):
+    index = (ROOT / "docs" / "api" / "index.rst").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^   (\w+)$", index, re.MULTILINE)) == sorted(ir.__all__)
+    for name in ir.__all__:
+        page = site / "docs" / "api" / "generated" / f"intent_recognition.{name}.html"
+        assert f'id="intent_recognition.{name}"' in page.read_text(encoding="utf-8")
+
+
+def test_the_gallery_has_a_page_of_every_example(site):
+    for example in sorted((ROOT / "examples").glob("*.py")):
+        assert (site / "docs" / "gallery" / f"{example.stem}.html").is_file()
 
 
 def test_nothing_is_fetched(site):

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+An online loop
+==============
+
+`IntentEstimator` takes one measurement after the other from a running stream. It finds the onset of
+each movement, recognises the task, predicts the robot's movement, and notices the end. `decide`
+says when a task is certain enough to act on. The ROS nodes do the same with messages.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from simulated_handover import TASKS, simulate
+
+import intent_recognition as ir
+
+rng = np.random.default_rng(1)
+demonstrations = [
+    ir.Demonstration.from_arrays(*simulate(task, rng), task=task, controlled_unit="m")
+    for task in TASKS
+    for _ in range(8)
+]
+library = ir.learn(demonstrations)
+
+# %%
+# A stream of three movements. In between, the tracker does not see the person for some seconds.
+
+stream, movements, start_s = [], [], 0.0
+for task in ("plate", "screw", "screwdriver"):
+    times_s, wrist, hand = simulate(task, rng)
+    stream += zip(start_s + times_s, wrist, strict=True)
+    movements.append((start_s + 0.6, start_s + times_s[-1] - 0.6, hand[-1]))
+    start_s += times_s[-1] + 2.5
+
+# %%
+# The loop. `decide` keeps what it must remember in a value that goes in and comes out.
+
+estimator = ir.IntentEstimator(library)
+settings, state = ir.DecisionSettings(), ir.DecisionState()
+stamps, probabilities, predicted, active = [], [], [], []
+for stamp_s, position in stream:
+    estimate = estimator.observe(stamp_s, position)
+    prediction = estimator.predict_controlled()  # None at rest, and while none leads
+    state, task = ir.decide(
+        settings,
+        state,
+        estimate.labels,
+        estimate.probabilities,
+        estimator.predicted_end_std(),
+        estimate.log_evidence,
+    )
+    stamps.append(stamp_s)
+    probabilities.append(estimate.probabilities)
+    active.append(task)
+    end = np.full((2, 3), np.nan)
+    if prediction is not None:
+        end = prediction.trajectory.positions[-1], prediction.trajectory.std[-1]
+    predicted.append(end)
+
+# %%
+# Top: probabilities. Shaded: times in which a task was certain enough to act on. Bottom: where the
+# robot's hand is predicted to end, beside where it went in that recording (dashed).
+
+stamps, probabilities = np.array(stamps), np.array(probabilities)
+mean, std = np.array(predicted).transpose(1, 0, 2)
+figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 5.4), sharex=True)
+for task, label in enumerate((*library.labels, "none")):
+    colour = "0.6" if label == "none" else f"C{task}"
+    top.plot(stamps, probabilities[:, task], color=colour, label=label)
+    on = np.array(active) == label
+    for axes in (top, bottom):
+        axes.fill_between(
+            stamps,
+            0,
+            1,
+            where=on,
+            color=colour,
+            alpha=0.12,
+            lw=0,
+            transform=axes.get_xaxis_transform(),
+        )
+for dof, name in enumerate("xyz"):
+    colour = f"C{dof + 4}"
+    low, high = mean[:, dof] - 2 * std[:, dof], mean[:, dof] + 2 * std[:, dof]
+    bottom.fill_between(stamps, low, high, color=colour, alpha=0.25, lw=0)
+    bottom.plot(stamps, mean[:, dof], color=colour, label=f"{name}, ±2σ")
+    for onset_s, end_s, goal in movements:
+        bottom.hlines(goal[dof], onset_s, end_s, color=colour, lw=1.2, ls="--")
+top.set(ylabel="probability", ylim=(-0.03, 1.05))
+bottom.set(xlabel="time [s]", ylabel="robot's hand at the end [m]", ylim=(-0.5, 1.1))
+top.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
+bottom.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+plt.show()
