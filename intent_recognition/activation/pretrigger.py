@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.promp import NONE
@@ -36,7 +37,7 @@ class PretriggerSettings:
 
     threshold: float = 0.0
     timeout_s: float = 10.0
-    starts: Mapping[str, np.ndarray] = field(default_factory=dict)
+    starts: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     near_rad: float = 0.02
 
     def __post_init__(self) -> None:
@@ -85,7 +86,7 @@ class Pretrigger:
         return f"{self._expected.label} ({self._expected.probability:.2f})"
 
     def take_expectation(
-        self, stamp_ns: int, labels: Sequence[str], probabilities: np.ndarray
+        self, stamp_ns: int, labels: Sequence[str], probabilities: NDArray[np.float64]
     ) -> None:
         """Take p(s) of the next movement, as it was known at a stamp.
 
@@ -121,11 +122,11 @@ class Pretrigger:
             return ""
         return expected.label if expected.label in settings.starts else ""
 
-    def start(self, label: str) -> np.ndarray:
+    def start(self, label: str) -> NDArray[np.float64]:
         """Where a task begins, (n,) [rad]."""
         return np.asarray(self.settings.starts[label], dtype=np.float64)
 
-    def is_near(self, position: np.ndarray, label: str) -> bool:
+    def is_near(self, position: NDArray[np.float64], label: str) -> bool:
         """Whether a posture is as good as a task's start."""
         return bool(np.abs(position - self.start(label)).max() <= self.settings.near_rad)
 
@@ -140,7 +141,7 @@ class Pretrigger:
         self.label = ""
 
     def observe(
-        self, decision: DecisionState, labels: Sequence[str], probabilities: np.ndarray
+        self, decision: DecisionState, labels: Sequence[str], probabilities: NDArray[np.float64]
     ) -> None:
         """Take one observation of the movement under way into account."""
         if not self.label or decision.idle:

@@ -4,6 +4,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 # Rows: what one unit of start position, velocity (times T) and acceleration (times T^2) leaves
 # at the share tau = t / T of the way; columns: powers tau^0 .. tau^5. All end at zero position,
@@ -20,7 +21,9 @@ _FIRST = _BASIS[:, 1:] * _POWERS[1:]
 _SECOND = _FIRST[:, 1:] * _POWERS[1:5]
 
 
-def _tables(tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _tables(
+    tau: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Basis, first and second derivative in tau at shares tau (T,), each (3, T)."""
     powers = tau[None, :] ** _POWERS[:, None]
     return _BASIS @ powers, _FIRST @ powers[:5], _SECOND @ powers[:4]
@@ -35,12 +38,14 @@ class Offset(NamedTuple):
     `position`, `velocity`, `acceleration` are its values at time 0, each (n,).
     """
 
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
     duration_s: float
 
-    def sample(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def sample(
+        self, times_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Position and velocity at times_s (T,), each (T, n); zero from duration_s on."""
         span = self.duration_s
         tau = np.minimum(np.asarray(times_s) / span, 1.0)
@@ -51,7 +56,7 @@ class Offset(NamedTuple):
         v[tau >= 1.0] = 0.0
         return q, v
 
-    def largest(self) -> tuple[np.ndarray, np.ndarray]:
+    def largest(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Largest speed and acceleration of each joint, each (n,), on a grid of 25 samples."""
         speed, acceleration = _largest(
             self.position, self.velocity, self.acceleration, np.array([self.duration_s])
@@ -59,7 +64,12 @@ class Offset(NamedTuple):
         return speed[0], acceleration[0]
 
 
-def _largest(position, velocity, acceleration, durations_s):
+def _largest(
+    position: NDArray[np.float64],
+    velocity: NDArray[np.float64],
+    acceleration: NDArray[np.float64],
+    durations_s: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Largest speed and acceleration (M, n) for each of the durations (M,)."""
     span = durations_s[:, None, None]
     start = np.stack(
@@ -77,12 +87,12 @@ def _largest(position, velocity, acceleration, durations_s):
 
 
 def decay(
-    position: np.ndarray,
-    velocity: np.ndarray,
-    acceleration: np.ndarray,
+    position: NDArray[np.float64],
+    velocity: NDArray[np.float64],
+    acceleration: NDArray[np.float64],
     *,
-    max_velocity: np.ndarray,
-    max_acceleration: np.ndarray,
+    max_velocity: NDArray[np.float64],
+    max_acceleration: NDArray[np.float64],
     shortest_s: float,
     longest_s: float = 8.0,
     n_candidates: int = 28,

@@ -29,9 +29,12 @@ the state gets two terms of its own, with which everything above stays exact:
   It enters with Cov(a, q) -= F and Cov(a, v) += dF/dt / 2.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.gaussian import Gaussian, symmetrize
@@ -64,7 +67,7 @@ class FeedbackSettings:
                 describe("FeedbackSettings", "positive numbers, n_times >= 3", self, "Check them.")
             )
 
-    def density(self, n_joints: int) -> np.ndarray:
+    def density(self, n_joints: int) -> NDArray[np.float64]:
         """S per joint, (Q,)."""
         return np.broadcast_to(np.array(self.disturbance, dtype=np.float64), (n_joints,))
 
@@ -83,13 +86,13 @@ class FeedbackPolicy:
         rest: gain and offset after the end: hold the mean's last position.
     """
 
-    times_s: np.ndarray
-    gain: np.ndarray
-    offset: np.ndarray
-    mean: np.ndarray
-    covariance: np.ndarray
-    disturbance: np.ndarray
-    rest: tuple[np.ndarray, np.ndarray]
+    times_s: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    disturbance: NDArray[np.float64]
+    rest: tuple[NDArray[np.float64], NDArray[np.float64]]
 
     @property
     def n_joints(self) -> int:
@@ -97,20 +100,20 @@ class FeedbackPolicy:
         return len(self.disturbance)
 
     @property
-    def std(self) -> np.ndarray:
+    def std(self) -> NDArray[np.float64]:
         """Standard deviation of each joint's position, (T, Q) [rad]."""
         diagonal = np.diagonal(self.covariance, axis1=1, axis2=2)
         return np.sqrt(diagonal[:, : self.n_joints])
 
     @property
-    def stiffness(self) -> np.ndarray:
+    def stiffness(self) -> NDArray[np.float64]:
         """Each joint's own restoring acceleration per deviation, (T, Q) [1/s^2].
 
         Negative where the primitive lets deviations grow.
         """
         return -np.diagonal(self.gain[:, :, : self.n_joints], axis1=1, axis2=2)
 
-    def at(self, time_s: float) -> tuple[np.ndarray, np.ndarray]:
+    def at(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """K (Q, 2 Q) and k (Q,) at a time since the start, between the grid's by a line."""
         if time_s >= self.times_s[-1]:
             return self.rest
@@ -120,7 +123,9 @@ class FeedbackPolicy:
         gain = self.gain[low] + share * (self.gain[low + 1] - self.gain[low])
         return gain, self.offset[low] + share * (self.offset[low + 1] - self.offset[low])
 
-    def acceleration(self, time_s: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    def acceleration(
+        self, time_s: float, q: NDArray[np.float64], qd: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """What the joints shall do, u = K x + k, (Q,) [rad/s^2]."""
         gain, offset = self.at(time_s)
         return gain @ np.concatenate((q, qd)) + offset
@@ -155,7 +160,9 @@ def feedback_policy(
     return _policy(times, mean, covariance, settings.density(n_joints), n_joints)
 
 
-def resting_gains(std: np.ndarray, settings: FeedbackSettings) -> tuple[np.ndarray, np.ndarray]:
+def resting_gains(
+    std: NDArray[np.float64], settings: FeedbackSettings
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Stiffness [1/s^2] and damping [1/s] of joints that are to stay within a spread, each alone.
 
     What the controller comes to where a distribution changes slowly and correlations of the joints
@@ -173,14 +180,14 @@ def resting_gains(std: np.ndarray, settings: FeedbackSettings) -> tuple[np.ndarr
     return frequency**2, 2.0 * frequency
 
 
-def initial_state(policy: FeedbackPolicy, rng: np.random.Generator) -> np.ndarray:
+def initial_state(policy: FeedbackPolicy, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draw a state (2 Q,) from the distribution at the start."""
     return rng.multivariate_normal(policy.mean[0], policy.covariance[0], method="eigh")
 
 
 def propagate(
     policy: FeedbackPolicy, n_steps: int, start: Gaussian | None = None
-) -> tuple[np.ndarray, Gaussian]:
+) -> tuple[NDArray[np.float64], Gaussian]:
     """Mean and covariance of the controlled double integrator at the end of each step.
 
     Args:
@@ -203,17 +210,30 @@ def propagate(
         flow = np.zeros((2 * n, 2 * n))
         flow[:n, n:], flow[n:] = np.eye(n), gain
         drift = np.concatenate((np.zeros(n), offset))
-        mean.append(_runge_kutta(lambda m, f=flow, d=drift: f @ m + d, mean[-1], step))
-        covariance.append(
-            symmetrize(
-                _runge_kutta(lambda c, f=flow: f @ c + c @ f.T + noise, covariance[-1], step)
-            )
-        )
+        mean.append(_runge_kutta(partial(_mean_slope, flow, drift), mean[-1], step))
+        following = _runge_kutta(partial(_covariance_slope, flow, noise), covariance[-1], step)
+        covariance.append(symmetrize(following))
     times = step * np.arange(n_steps + 1)
     return times, Gaussian(np.array(mean), np.array(covariance))
 
 
-def _runge_kutta(slope, value: np.ndarray, step: float) -> np.ndarray:
+def _mean_slope(
+    flow: NDArray[np.float64], drift: NDArray[np.float64], mean: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return flow @ mean + drift
+
+
+def _covariance_slope(
+    flow: NDArray[np.float64], noise: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    return flow @ covariance + covariance @ flow.T + noise
+
+
+def _runge_kutta(
+    slope: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    value: NDArray[np.float64],
+    step: float,
+) -> NDArray[np.float64]:
     """One classical step of fourth order."""
     k1 = slope(value)
     k2 = slope(value + 0.5 * step * k1)
@@ -225,10 +245,10 @@ def _runge_kutta(slope, value: np.ndarray, step: float) -> np.ndarray:
 def _moments(
     basis: NormalizedRBFBasis,
     weights: Gaussian,
-    phase: np.ndarray,
+    phase: NDArray[np.float64],
     duration_s: float,
     n_joints: int,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean (T, 3, Q) and covariance (T, 3, Q, 3, Q) of positions, velocities, accelerations."""
     rows = np.stack(
         (
@@ -244,11 +264,11 @@ def _moments(
 
 
 def _controllable(
-    moments: tuple[np.ndarray, np.ndarray],
-    times_s: np.ndarray,
+    moments: tuple[NDArray[np.float64], NDArray[np.float64]],
+    times_s: NDArray[np.float64],
     settings: FeedbackSettings,
     n_joints: int,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same with the two terms that make the state one that can be controlled."""
     mean, covariance = moments
     covariance = covariance.copy()
@@ -264,7 +284,9 @@ def _controllable(
     return mean, covariance
 
 
-def _rest_velocity(position: np.ndarray, density: np.ndarray) -> np.ndarray:
+def _rest_velocity(
+    position: NDArray[np.float64], density: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """F = (S/4)^(2/3) C^(1/3) for covariances C (..., Q, Q), in coordinates where S is one."""
     scale = np.sqrt(density)
     values, vectors = np.linalg.eigh(position / np.outer(scale, scale))
@@ -274,10 +296,10 @@ def _rest_velocity(position: np.ndarray, density: np.ndarray) -> np.ndarray:
 
 
 def _policy(
-    times_s: np.ndarray,
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    density: np.ndarray,
+    times_s: NDArray[np.float64],
+    mean: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    density: NDArray[np.float64],
     n_joints: int,
 ) -> FeedbackPolicy:
     """Gains from the moments."""
@@ -293,7 +315,9 @@ def _policy(
     return FeedbackPolicy(times_s, gain, offset, state_mean, state, density, rest)
 
 
-def _rest_gains(position: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _rest_gains(
+    position: NDArray[np.float64], density: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Stiffness and damping (Q, Q) that hold a distribution of positions (Q, Q) at rest."""
     velocity = _rest_velocity(position, density)
     stiffness = np.linalg.solve(position, velocity).T

@@ -2,15 +2,20 @@
 """A predicted joint path over the phase of its interaction, smooth and inside the limits."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.errors import TrajectoryError, describe
 from intent_recognition.kinematics import JointLimits
 
 POSITION_MARGIN_RAD = 0.01
+"""Paths keep this far away from position limits [rad]. Convention: far more than a cubic strays
+between samples (0.4 mrad at 8 rad/s^2 and 20 ms)."""
 SOFT_BAND_RAD = 0.06
+"""Width of the band in which a joint is bent back inside [rad]. Convention: 3.4 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +34,16 @@ class JointPath:
     duration_s: float
     clamped: tuple[int, ...]
 
-    def at(self, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def at(self, phase: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Positions and derivatives with respect to phase, each (..., n)."""
         return self.spline(phase), self.derivative(phase)
 
 
 def make_path(
-    times_s: np.ndarray,
-    positions: np.ndarray,
+    times_s: NDArray[np.float64],
+    positions: NDArray[np.float64],
     limits: JointLimits,
-    velocities: np.ndarray | None = None,
+    velocities: NDArray[np.float64] | None = None,
 ) -> JointPath:
     """Turn the samples of a predicted trajectory into a path over phase.
 
@@ -62,7 +67,7 @@ def make_path(
     phase = (times_s - times_s[0]) / duration_s
     phase[-1] = 1.0
     bent, clamped = _bend_inside(positions, limits)
-    ends = "natural"
+    ends: Any = "natural"
     if velocities is not None:
         slopes = np.asarray(velocities, float)[[0, -1]] * duration_s
         slopes[:, list(clamped)] = 0.0
@@ -71,7 +76,9 @@ def make_path(
     return JointPath(spline, spline.derivative(), duration_s, clamped)
 
 
-def _bend_inside(positions: np.ndarray, limits: JointLimits) -> tuple[np.ndarray, tuple[int, ...]]:
+def _bend_inside(
+    positions: NDArray[np.float64], limits: JointLimits
+) -> tuple[NDArray[np.float64], tuple[int, ...]]:
     """Saturate the joints that leave their limits, and say which."""
     lower, upper = limits.lower + POSITION_MARGIN_RAD, limits.upper - POSITION_MARGIN_RAD
     outside = np.any((positions < lower) | (positions > upper), axis=0)
@@ -85,7 +92,12 @@ def _bend_inside(positions: np.ndarray, limits: JointLimits) -> tuple[np.ndarray
     return np.where(outside, bent, positions), joints
 
 
-def _check(times_s, positions, velocities, n_joints: int) -> None:
+def _check(
+    times_s: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    velocities: NDArray[np.float64] | None,
+    n_joints: int,
+) -> None:
     """Raise TrajectoryError if the samples are not a trajectory of n_joints."""
     shape = (times_s.size, n_joints)
     if times_s.ndim != 1 or times_s.size < 2 or positions.shape != shape:

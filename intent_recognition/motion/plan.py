@@ -2,9 +2,10 @@
 """A joint-space plan as its receiver sees it: samples joined by cubics, and checks on those."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.kinematics import JointLimits
 
@@ -15,12 +16,12 @@ _RETURN_ROOM_RAD = 1e-3
 class JointReference(NamedTuple):
     """What a plan asks of the arm at one time, each array (n_joints,)."""
 
-    position: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
 
     @classmethod
-    def at_rest(cls, position: np.ndarray) -> "JointReference":
+    def at_rest(cls, position: NDArray[np.float64]) -> "JointReference":
         """Standing still at `position` [rad]."""
         q = np.array(position, dtype=np.float64)
         return cls(q, np.zeros_like(q), np.zeros_like(q))
@@ -64,11 +65,11 @@ class JointPlan:
         slowed: the prediction at its own speed would break a velocity or acceleration limit.
     """
 
-    times_s: np.ndarray
-    positions: np.ndarray
-    velocities: np.ndarray
-    phase: np.ndarray
-    phase_rate: np.ndarray
+    times_s: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    phase: NDArray[np.float64]
+    phase_rate: NDArray[np.float64]
     kind: str
     clamped: tuple[int, ...] = ()
     slowed: bool = False
@@ -86,7 +87,7 @@ class JointPlan:
         return float(self.times_s[-1])
 
     @property
-    def end(self) -> np.ndarray:
+    def end(self) -> NDArray[np.float64]:
         """Where it comes to rest, (n,) [rad]."""
         return self.positions[-1]
 
@@ -125,8 +126,11 @@ class JointPlan:
         return i, h, (time_s - float(self.times_s[i])) / h
 
 
-def _hermite(h, tau, q0, v0, q1, v1):
-    """Position, velocity and acceleration of the cubic at the share tau of an interval h [s]."""
+def _hermite(h: Any, tau: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> tuple[Any, Any, Any]:
+    """Position, velocity and acceleration of the cubic at the share tau of an interval h [s].
+
+    Of numbers or arrays alike.
+    """
     begin, end = _end_accelerations(h, q0, v0, q1, v1)
     slope = (end - begin) / h
     t = tau * h
@@ -137,15 +141,18 @@ def _hermite(h, tau, q0, v0, q1, v1):
     )
 
 
-def _end_accelerations(h, q0, v0, q1, v1):
+def _end_accelerations(h: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> tuple[Any, Any]:
     """Accelerations at both ends of the cubic; it is linear, hence largest, there."""
     mean = (q1 - q0) / h
     return (6.0 * mean - 4.0 * v0 - 2.0 * v1) / h, (-6.0 * mean + 2.0 * v0 + 4.0 * v1) / h
 
 
 def interval_use(
-    times_s: np.ndarray, positions: np.ndarray, velocities: np.ndarray, limits: JointLimits
-) -> tuple[np.ndarray, np.ndarray]:
+    times_s: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    velocities: NDArray[np.float64],
+    limits: JointLimits,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Share of the velocity and of the acceleration limits each interval uses, each (T - 1,).
 
     Exact extremes of the cubics through the samples, worst joint.
@@ -164,7 +171,10 @@ def interval_use(
 
 
 def excess(
-    times_s: np.ndarray, positions: np.ndarray, velocities: np.ndarray, limits: JointLimits
+    times_s: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    velocities: NDArray[np.float64],
+    limits: JointLimits,
 ) -> Excess:
     """How much of each limit the cubics through the samples use, at their own extremes.
 

@@ -31,9 +31,8 @@ from intent_recognition.motion.settings import (
 
 RISE_TIME_S = 0.1
 """Shortest time in which an acceleration rises from zero to its limit [s]; the jerk limit is the
-acceleration limit divided by it: 80 rad/s^3 at 8 rad/s^2. KUKA publishes none for the LWR. A
-minimum-jerk motion of one second has this ratio of peak jerk to peak acceleration (10.4 / s); the
-Franka arm allows fifty times as much (500 / s, libfranka, rate_limiting.h)."""
+acceleration limit divided by it: 80 rad/s^3 at 8 rad/s^2. Measurement: docs/decisions,
+"Ruckig goes home and brakes"."""
 HOME_SHARE = 0.6
 """Share of the velocity and acceleration limits for a motion that is in no hurry. Convention."""
 _INTERPOLATION = 8.0 / 27.0

@@ -10,11 +10,14 @@ pass over a grid (time-optimal path parametrisation by reachability, Pham and Ph
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.motion.path import JointPath
 
 N_GRID = 100
+"""Intervals of the grid over the phase. Convention: 1 % of an interaction each."""
 _TINY = 1e-6
+"""Slope of a joint over the phase [rad] below which it counts as standing still. Convention."""
 
 
 class NominalTiming(NamedTuple):
@@ -35,26 +38,26 @@ class SpeedLimits(NamedTuple):
     s'' is allowed, `cap` (G + 1,) the largest from which the end can be reached at rest.
     """
 
-    a: np.ndarray
-    b: np.ndarray
-    ceiling: np.ndarray
+    a: NDArray[np.float64]
+    b: NDArray[np.float64]
+    ceiling: NDArray[np.float64]
     cap: tuple[float, ...]
 
 
 class PathProgress(NamedTuple):
     """Phase and phase rate at increasing times, each (T,); the last rate is zero."""
 
-    times_s: np.ndarray
-    phase: np.ndarray
-    rate: np.ndarray
+    times_s: NDArray[np.float64]
+    phase: NDArray[np.float64]
+    rate: NDArray[np.float64]
 
 
 def speed_limits(
     path: JointPath,
-    max_velocity: np.ndarray,
-    max_acceleration: np.ndarray,
+    max_velocity: NDArray[np.float64],
+    max_acceleration: NDArray[np.float64],
     *,
-    share: np.ndarray | float = 1.0,
+    share: NDArray[np.float64] | float = 1.0,
     max_rate_ratio: float = 6.0,
     rate_ratio_per_s: float = 15.0,
 ) -> SpeedLimits:
@@ -86,7 +89,9 @@ def speed_limits(
     return SpeedLimits(a, b, ceiling, tuple(_backward(a, b, ceiling).tolist()))
 
 
-def _largest_with_room(a: np.ndarray, b: np.ndarray, own: float) -> np.ndarray:
+def _largest_with_room(
+    a: NDArray[np.float64], b: NDArray[np.float64], own: float
+) -> NDArray[np.float64]:
     """Largest x (G + 1,) at which every lower bound on s'' lies below every upper bound.
 
     a, b are those of the joints at the grid points, (G + 1, n); own bounds s'' itself.
@@ -98,7 +103,9 @@ def _largest_with_room(a: np.ndarray, b: np.ndarray, own: float) -> np.ndarray:
         return ((a[:, :, None] + a[:, None, :]) / difference).min(axis=(1, 2))
 
 
-def _backward(a: np.ndarray, b: np.ndarray, ceiling: np.ndarray) -> np.ndarray:
+def _backward(
+    a: NDArray[np.float64], b: NDArray[np.float64], ceiling: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Largest x (G + 1,) from which braking stays allowed until rest at the end."""
     step = 2.0 / N_GRID
     gain = 1.0 - step * b
@@ -172,7 +179,15 @@ def run(
     return PathProgress(np.array(times), np.array(phases), np.array(rates))
 
 
-def _next_rate(limits, s, v, t, nominal, step_s, gain) -> float:
+def _next_rate(
+    limits: SpeedLimits,
+    s: float,
+    v: float,
+    t: float,
+    nominal: NominalTiming | None,
+    step_s: float,
+    gain: float,
+) -> float:
     """The phase rate one step later."""
     low, high = _phase_acceleration(limits, s, v, step_s)
     wanted = 0.0
@@ -201,7 +216,9 @@ def _under_cap(limits: SpeedLimits, s: float, v_next: float, half_step_s: float)
     return low
 
 
-def _phase_acceleration(limits: SpeedLimits, s: float, v: float, step_s: float):
+def _phase_acceleration(
+    limits: SpeedLimits, s: float, v: float, step_s: float
+) -> tuple[float, float]:
     """Lowest and highest s'' that keep the limits in every interval the step will touch."""
     first = min(int(s * N_GRID), N_GRID - 1)
     last = min(int((s + v * step_s) * N_GRID), N_GRID - 1) + 1

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of the node `primitive_activation`, and the settings made of them."""
 
+from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -32,7 +35,11 @@ class RejectionError(IntentError):
         self.reason = reason
 
 
-def check_trajectory(times_s: np.ndarray, positions: np.ndarray, rest) -> None:
+def check_trajectory(
+    times_s: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    rest: Mapping[str, NDArray[np.float64]],
+) -> None:
     """Raise what is wrong with a predicted trajectory, under the reason it is counted by."""
     if len(times_s) < 2:
         raise RejectionError("too_few_points", f"intent/robot_trajectory of {len(times_s)} points")
@@ -45,9 +52,9 @@ def check_trajectory(times_s: np.ndarray, positions: np.ndarray, rest) -> None:
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """What is declared of a parameter, but its name."""
+    """Default, description and range of a parameter, as `parameter` takes them."""
 
-    default: object
+    default: Any
     description: str
     minimum: float | None = None
     maximum: float | None = None
@@ -61,7 +68,7 @@ FIXED = {
     "upper": ParameterSpec(DOUBLES, "Upper position limits [rad]; empty: the LWR's."),
     "velocity": ParameterSpec(DOUBLES, "Velocity limits [rad/s]; empty: the LWR's."),
 }
-"""Read once, at the start."""
+"""Parameters by name that are read once, at the start."""
 
 AT_REST = {
     "home": ParameterSpec(DOUBLES, "Posture to return to [rad]; empty: the first seen."),
@@ -70,7 +77,7 @@ AT_REST = {
     ),
     "velocity_scale": ParameterSpec(0.9, "Share of the velocity limits to use.", 0.01, 1.0),
 }
-"""May change while no motion is under way: a plan is made for one set of limits."""
+"""Parameters that may change while no motion is under way: a plan is made for one set of limits."""
 
 ANY_TIME = {
     "threshold": ParameterSpec(0.9, "Probability a task must reach.", 0.501, 1.0),
@@ -96,30 +103,22 @@ ANY_TIME = {
     ),
     "return_home": ParameterSpec(True, "Go home after each interaction."),
 }
-"""May change at any time, and hold from the next observation or plan on."""
+"""Parameters that may change at any time, with effect from the next observation or plan on."""
 
 
 class ActivationParameters:
-    """Declares all of them on a node, and makes settings of their values.
+    """The node's parameters, declared, and the settings made of their values.
 
     Attributes:
         rate_hz: updates of a running motion a second.
     """
 
     def __init__(self, node: Node):
-        self._values = {
-            name: parameter(
-                node,
-                name,
-                said.default,
-                said.description,
-                minimum=said.minimum,
-                maximum=said.maximum,
-                read_only=name in FIXED,
-            )
-            for name, said in (FIXED | AT_REST | ANY_TIME).items()
+        self._values: dict[str, Any] = {
+            name: parameter(node, name, *astuple(spec), read_only=name in FIXED)
+            for name, spec in (FIXED | AT_REST | ANY_TIME).items()
         }
-        self.rate_hz = self._values["command_rate"]
+        self.rate_hz: float = self._values["command_rate"]
         self._least_end_std: dict[str, float] = {}
 
     def changed(self, changes: Changes) -> "ActivationParameters":
@@ -134,7 +133,7 @@ class ActivationParameters:
         other._check_pretrigger()
         return other
 
-    def joints(self) -> tuple[tuple[str, ...], dict[str, np.ndarray]]:
+    def joints(self) -> tuple[tuple[str, ...], dict[str, NDArray[np.float64]]]:
         """Joint names, empty where they are not known yet, and where each task begins.
 
         Raises:
@@ -152,7 +151,9 @@ class ActivationParameters:
         limit = self._values["max_end_std"]
         return {label: std for label, std in self._least_end_std.items() if std > limit}
 
-    def settings(self, names: tuple[str, ...], starts: dict[str, np.ndarray]) -> ActivationSettings:
+    def settings(
+        self, names: tuple[str, ...], starts: dict[str, NDArray[np.float64]]
+    ) -> ActivationSettings:
         """How to act, for these joints.
 
         Args:
@@ -167,7 +168,9 @@ class ActivationParameters:
         home = np.array(value["home"], dtype=np.float64) if value["home"] else None
         if home is not None and (home.shape != (len(names),) or not np.all(np.isfinite(home))):
             raise ArgumentError(
-                describe("home", f"{len(names)} finite angles", value["home"], "One a joint [rad].")
+                describe(
+                    "home", f"{len(names)} finite angles", value["home"], "One per joint [rad]."
+                )
             )
         return ActivationSettings(
             limits=self._limits_of(names),
@@ -211,14 +214,14 @@ class ActivationParameters:
         given = [self._values[name] for name in ("lower", "upper", "velocity")]
         acceleration = np.full(len(names), self._values["acceleration_limit"])
         if all(given):
-            limits = JointLimits(
-                *(np.array(values) for values in given), acceleration, np.full(len(names), 1e9)
-            )
+            lower, upper, velocity = (np.array(values) for values in given)
+            no_limit = np.full(len(names), 1e9)  # plans know nothing of torques
+            limits = JointLimits(lower, upper, velocity, acceleration, no_limit)
         elif set(names) <= set(JOINT_NAMES) and len(set(names)) == len(names) > 0:
             at = [JOINT_NAMES.index(name) for name in names]
-            arrays = (LWR_LIMITS.lower, LWR_LIMITS.upper, LWR_LIMITS.velocity)
+            lwr = LWR_LIMITS
             limits = JointLimits(
-                *(array[at] for array in arrays), acceleration, LWR_LIMITS.torque[at]
+                lwr.lower[at], lwr.upper[at], lwr.velocity[at], acceleration, lwr.torque[at]
             )
         else:
             text = f"{list(names)}: set lower, upper and velocity for joints not of the LWR"
@@ -228,7 +231,7 @@ class ActivationParameters:
 
 def _read_model(
     path: str, names: tuple[str, ...]
-) -> tuple[tuple[str, ...], dict[str, np.ndarray], dict[str, float]]:
+) -> tuple[tuple[str, ...], dict[str, NDArray[np.float64]], dict[str, float]]:
     """Joint names of a model file, where each task begins, and how uncertain its end stays.
 
     Begins are label to (n,) [rad], ends label to the least standard deviation [rad].

@@ -3,8 +3,10 @@
 
 import time
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -42,7 +44,7 @@ class PrimitiveActivation(ManagedNode):
     is given. All times are those of the node's clock, so that it works on simulated time.
     """
 
-    def __init__(self, **kwargs):
+    def __init__(self, **kwargs: Any) -> None:
         super().__init__("primitive_activation", **kwargs)
         self.diagnostics = Diagnostics(self)
         self._settings = ActivationParameters(self)
@@ -62,7 +64,7 @@ class PrimitiveActivation(ManagedNode):
             subscription = self.create_subscription(kind, topic, handle, profile)
             self.diagnostics.watch(subscription, topic)
         self.create_service(Trigger, "~/reset", self._on_reset)
-        self._starts: dict[str, np.ndarray] = {}
+        self._starts: dict[str, NDArray[np.float64]] = {}
         keep_live(self, (*ANY_TIME, *AT_REST), self._changed, self._change)
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
         self.start()
@@ -78,8 +80,8 @@ class PrimitiveActivation(ManagedNode):
             self.diagnostics.value(f"never certain enough: {task} [rad]", f"{std:.2f}")
             self.get_logger().warning(
                 f"{task} will not be acted on: its predicted end is never surer than {std:.2f} rad"
-                " (standard deviation), and max_end_std asks for less. Teach it more alike, or"
-                " raise max_end_std where such a spread is safe."
+                " (standard deviation), and max_end_std asks for less. Teach it more"
+                " consistently, or raise max_end_std where that is safe."
             )
 
     def activate(self) -> None:
@@ -98,19 +100,20 @@ class PrimitiveActivation(ManagedNode):
 
     def _on_tasks(self, message: JointState) -> None:
         self.diagnostics.tick("intent/tasks")
-        if not self.active or self.activation is None:
+        activation = self.activation
+        if not self.active or activation is None:
             return
         start_s = time.perf_counter()
         probabilities = np.array(message.position, dtype=np.float64)
         evidence = np.array(message.effort, dtype=np.float64) if message.effort else None
         try:
-            self.activation.take_tasks(
+            activation.take_tasks(
                 self._now_ns(), stamp_ns(message), list(message.name), probabilities, evidence
             )
         except IntentError as error:
             self.diagnostics.reject("bad_tasks", str(error))
             return
-        if self._step():
+        if self._step(activation):
             self.diagnostics.latency(time.perf_counter() - start_s)
 
     def _on_prediction(self, message: JointTrajectory) -> None:
@@ -118,11 +121,11 @@ class PrimitiveActivation(ManagedNode):
         if not self.active:
             return
         start_s = time.perf_counter()
-        prediction = self._read_prediction(message)
-        if prediction is None:
+        prediction, activation = self._read_prediction(message), self.activation
+        if prediction is None or activation is None:
             return
-        self.activation.take_prediction(self._now_ns(), prediction)
-        if self._step():
+        activation.take_prediction(self._now_ns(), prediction)
+        if self._step(activation):
             self.diagnostics.latency(time.perf_counter() - start_s)
 
     def _read_prediction(self, message: JointTrajectory) -> PredictedInteraction | None:
@@ -191,21 +194,20 @@ class PrimitiveActivation(ManagedNode):
 
     def _on_timer(self) -> None:
         if self.active and self.activation is not None:
-            self._step()
+            self._step(self.activation)
 
     # Messages out
 
-    def _step(self) -> bool:
+    def _step(self, activation: Activation) -> bool:
         """Let the state machine act; whether a command was sent."""
-        now_ns = self._now_ns()
-        command = self.activation.step(now_ns)
+        command = activation.step(self._now_ns())
         self._publish(command)
         self._publish_task()
-        self._report()
+        self._report(activation)
         return command is not None
 
     def _publish(self, command: Command | None) -> None:
-        if command is None:
+        if command is None or self._builder is None:
             return
         plan = command.plan
         message = self._builder.build(
@@ -223,10 +225,9 @@ class PrimitiveActivation(ManagedNode):
         ahead = "" if self.activation is None else self.activation.pretrigger.label
         if ahead != self._ahead:
             self._ahead = ahead
-            self.get_logger().info(f"gone ahead for {ahead}" if ahead else "not ahead any more")
+            self.get_logger().info(f"gone ahead for {ahead}" if ahead else "no longer ahead")
 
-    def _report(self) -> None:
-        activation = self.activation
+    def _report(self, activation: Activation) -> None:
         self.diagnostics.value("mode", activation.mode.value)
         self.diagnostics.value("active task", activation.active_task or "none")
         for name, count in activation.counts.items():
@@ -269,7 +270,11 @@ class PrimitiveActivation(ManagedNode):
             self.activation.change(settings)
 
     def _set_joints(self, names: tuple[str, ...]) -> None:
-        """Fix the joints and start from a clean state; raises if their limits are unknown."""
+        """Fix the joints and start from a clean state.
+
+        Raises:
+            IntentError: their limits are not known.
+        """
         settings = self._settings.settings(names, self._starts)
         self._limits = settings.limits
         self.activation = Activation(settings, self.diagnostics.reject)
