@@ -16,13 +16,14 @@ samples of a scalar curvature. Nothing passes from one demonstration to another.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.alignment.warp import MAX_LOG_RATE
 
 ROUNDING = 0.3
-"""Where |x| is rounded: sqrt(x^2 + ROUNDING^2), x in units of the deviations' scale."""
+"""Rounding of |x|: sqrt(x^2 + ROUNDING^2), x in units of the deviations' scale. Convention."""
 CONVERGED = 0.05
-"""A step that promises to lower the cost (in nats) by less ends a demonstration's descent."""
+"""Smallest expected decrease of the cost [nats] for which a descent goes on. Convention."""
 
 
 class Curves(NamedTuple):
@@ -32,21 +33,21 @@ class Curves(NamedTuple):
         coefficients: of 1, f, f^2, f^3 in each interval, (4, n, T - 1, D); f runs from 0 to 1.
     """
 
-    coefficients: np.ndarray
+    coefficients: NDArray[np.float64]
 
     @classmethod
-    def through(cls, samples: np.ndarray) -> "Curves":
+    def through(cls, samples: NDArray[np.float64]) -> "Curves":
         """Hermite cubics through samples (n, T, D) with central differences as slopes."""
         slope = np.gradient(samples, axis=1)
         y0, m0, m1 = samples[:, :-1], slope[:, :-1], slope[:, 1:]
         rise = samples[:, 1:] - y0
         return cls(np.stack([y0, m0, 3 * rise - 2 * m0 - m1, m0 + m1 - 2 * rise]))
 
-    def of(self, which: np.ndarray) -> "Curves":
+    def of(self, which: NDArray[np.intp]) -> "Curves":
         """Those of some demonstrations."""
         return Curves(self.coefficients.take(which, axis=1))
 
-    def at(self, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def at(self, phase: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Values and d value / d phase at phases (n, T'), each (n, T', D); held outside [0, 1]."""
         _, n, intervals, n_dofs = self.coefficients.shape
         position = np.clip(phase, 0.0, 1.0) * intervals
@@ -75,22 +76,24 @@ class WarpProblem(NamedTuple):
     """
 
     curves: Curves
-    reference: np.ndarray
-    basis: np.ndarray
-    prior_precision: np.ndarray
+    reference: NDArray[np.float64]
+    basis: NDArray[np.float64]
+    prior_precision: NDArray[np.float64]
     end_std: float
     n_independent: float
 
 
-class Local(NamedTuple):
+class LocalCost(NamedTuple):
     """The cost around some parameters: (n,), (n, K + 1) and (n, K + 1, K + 1)."""
 
-    cost: np.ndarray
-    gradient: np.ndarray
-    curvature: np.ndarray
+    cost: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    curvature: NDArray[np.float64]
 
 
-def recorded_phase(basis: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def recorded_phase(
+    basis: NDArray[np.float64], parameters: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """h at the reference phases, (n, T), and the rate between them, (n, T - 1) (Eq. 15).
 
     Args:
@@ -107,7 +110,7 @@ def recorded_phase(basis: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarra
     return phase, rate
 
 
-def local_cost(problem: WarpProblem, parameters: np.ndarray) -> Local:
+def local_cost(problem: WarpProblem, parameters: NDArray[np.float64]) -> LocalCost:
     """Cost, its exact gradient, and the Gauss-Newton curvature (Eq. 16 with priors).
 
     Args:
@@ -143,18 +146,18 @@ def local_cost(problem: WarpProblem, parameters: np.ndarray) -> Local:
     curvature[:, 0, 0] += precision
     curvature[:, 1:, 1:] += problem.prior_precision
     curvature += precision * end_jacobian[:, :, None] * end_jacobian[:, None, :]
-    return Local(_cost(problem, parameters, phase, distance), gradient, curvature)
+    return LocalCost(_cost(problem, parameters, phase, distance), gradient, curvature)
 
 
-def total_cost(problem: WarpProblem, parameters: np.ndarray) -> np.ndarray:
+def total_cost(problem: WarpProblem, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """The cost alone, (n,); arguments as of `local_cost`."""
     phase, _ = recorded_phase(problem.basis, parameters)
     return _cost(problem, parameters, phase, _deviations(problem, phase)[2])
 
 
 def _deviations(
-    problem: WarpProblem, phase: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    problem: WarpProblem, phase: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """d value / d phase, deviation less its mean, and its rounded absolute value, (n, T, D)."""
     values, slope = problem.curves.at(phase)
     values -= problem.reference
@@ -163,8 +166,11 @@ def _deviations(
 
 
 def _cost(
-    problem: WarpProblem, parameters: np.ndarray, phase: np.ndarray, distance: np.ndarray
-) -> np.ndarray:
+    problem: WarpProblem,
+    parameters: NDArray[np.float64],
+    phase: NDArray[np.float64],
+    distance: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """Deviations and priors added up, (n,)."""
     weights = parameters[:, 1:]
     ends = parameters[:, 0] ** 2 + (phase[:, -1] - 1.0) ** 2
@@ -175,8 +181,8 @@ def _cost(
 
 
 def descend(
-    problem: WarpProblem, start: np.ndarray, n_iterations: int
-) -> tuple[np.ndarray, np.ndarray]:
+    problem: WarpProblem, start: NDArray[np.float64], n_iterations: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Parameters (n, K + 1) and costs (n,) after damped Gauss-Newton steps; no cost ever rises.
 
     Args:
@@ -192,7 +198,11 @@ def descend(
     for _ in range(n_iterations):
         step = _step(local, damping[active])
         going = -0.5 * np.sum(step * local.gradient, axis=1) > CONVERGED
-        active, step, local = active[going], step[going], Local(*(part[going] for part in local))
+        active, step, local = (
+            active[going],
+            step[going],
+            LocalCost(*(part[going] for part in local)),
+        )
         if not active.size:
             break
         part = problem
@@ -203,17 +213,19 @@ def descend(
         parameters[active[better]] += step[better]
         cost[active[better]] = tried.cost[better]
         damping[active] *= np.where(better, 0.2, 10.0)
-        local = Local(*(_merge(better, new, old) for new, old in zip(tried, local)))
+        local = LocalCost(*(_merge(better, new, old) for new, old in zip(tried, local)))
     return parameters, cost
 
 
-def _step(local: Local, damping: np.ndarray) -> np.ndarray:
+def _step(local: LocalCost, damping: NDArray[np.float64]) -> NDArray[np.float64]:
     """Levenberg-Marquardt steps, (n, K + 1)."""
     diagonal = np.einsum("nkk->nk", local.curvature)
     damped = local.curvature + np.eye(diagonal.shape[1]) * (damping[:, None] * diagonal)[:, None]
     return -np.linalg.solve(damped, local.gradient[..., None])[..., 0]
 
 
-def _merge(better: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
+def _merge(
+    better: NDArray[np.bool_], new: NDArray[np.float64], old: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Rows of `new` where `better`, else of `old`."""
     return np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old)

@@ -6,13 +6,15 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.signals import Signal
 
 MIN_SAMPLES = 4
+"""Fewest samples of a trajectory that local linear regression can smooth. Convention."""
 SMALLEST_SCALE = 0.01
-"""Smallest typical deviation of a DOF after alignment, in parts of its range."""
+"""Smallest typical deviation of a DOF after alignment, as a share of its range. Convention."""
 
 
 class Template(NamedTuple):
@@ -24,13 +26,13 @@ class Template(NamedTuple):
             infinite for a DOF that never moves, which tells nothing.
     """
 
-    values: np.ndarray
-    scale: np.ndarray
+    values: NDArray[np.float64]
+    scale: NDArray[np.float64]
 
 
 def even_trajectory(
     signals: Sequence[Signal], start_ns: int, end_ns: int, n_samples: int = 200
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """All DOFs of a recording at even phases from its start to its end, (n_samples, D).
 
     Gaps are bridged and ends held, for the comparison only: weights are learned from the samples
@@ -57,7 +59,9 @@ def even_trajectory(
     return np.stack(columns, axis=1)
 
 
-def resample(trajectories: Sequence[np.ndarray], n_grid: int, smoothing: float) -> np.ndarray:
+def resample(
+    trajectories: Sequence[NDArray[np.float64]], n_grid: int, smoothing: float
+) -> NDArray[np.float64]:
     """Checked, smoothed and at even phases, (n, n_grid, D).
 
     Args:
@@ -95,7 +99,7 @@ def resample(trajectories: Sequence[np.ndarray], n_grid: int, smoothing: float) 
 
 
 @lru_cache(maxsize=64)
-def _smoother(n_samples: int, n_grid: int, width: float) -> np.ndarray:
+def _smoother(n_samples: int, n_grid: int, width: float) -> NDArray[np.float64]:
     """Local linear regression with a Gaussian kernel, (n_grid, n_samples): exact on lines."""
     at = np.linspace(0.0, 1.0, n_grid)[:, None]
     offset = np.linspace(0.0, 1.0, n_samples) - at
@@ -104,7 +108,9 @@ def _smoother(n_samples: int, n_grid: int, width: float) -> np.ndarray:
     return kernel * (s2 - s1 * offset) / (s0 * s2 - s1**2)
 
 
-def typical_deviation(samples: np.ndarray, deviations: np.ndarray) -> np.ndarray:
+def typical_deviation(
+    samples: NDArray[np.float64], deviations: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Scale of each DOF, (D,): median over demonstrations of their mean absolute deviations.
 
     Deviations count from their mean in each demonstration, as in the cost of a warp.
@@ -120,7 +126,7 @@ def typical_deviation(samples: np.ndarray, deviations: np.ndarray) -> np.ndarray
     return np.where(moving, np.maximum(typical, SMALLEST_SCALE * extent), np.inf)
 
 
-def medoid(samples: np.ndarray) -> int:
+def medoid(samples: NDArray[np.float64]) -> int:
     """Which demonstration of (n, G, D) has the least L1 distance to all others, DOFs scaled."""
     extent = np.ptp(samples, axis=(0, 1))
     scaled = samples / np.where(extent > 0, extent, 1.0)
@@ -129,8 +135,8 @@ def medoid(samples: np.ndarray) -> int:
 
 
 def choose_reference(
-    samples: np.ndarray, reference: str | int | np.ndarray, smoothing: float
-) -> tuple[np.ndarray, int | None]:
+    samples: NDArray[np.float64], reference: str | int | NDArray[np.float64], smoothing: float
+) -> tuple[NDArray[np.float64], int | None]:
     """Values (G, D) of the reference asked for, and which demonstration it is.
 
     Args:

@@ -7,22 +7,24 @@ cost, deviations and rates alike, for all demonstrations at once.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.alignment.fit import WarpProblem
 from intent_recognition.alignment.warp import midpoints
 
 STEPS = 32
-"""Reference intervals of the lattice."""
+"""Reference intervals of the lattice. Convention: bounds the time of the search."""
 FINENESS = 4
-"""Recorded intervals for each reference interval."""
+"""Recorded intervals for each reference interval. Convention."""
 MOVES = np.array([1, 2, 3, 4, 5, 6, 8, 11])
 """Recorded intervals a reference interval may take: rates from 1/4 to 11/4."""
 
 ABSOLUTE_PER_ROOT = 0.8
-"""Mean absolute over root mean square deviation of a Gaussian: L1 over DOFs from their L2."""
+"""Mean absolute over root mean square deviation of a Gaussian, sqrt(2 / pi), rounded: estimates the
+L1 norm over DOFs from the L2 norm."""
 
 
-def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> np.ndarray:
+def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> NDArray[np.float64]:
     """Parameters (n, K + 1) of smooth warps near the best coarse paths.
 
     Args:
@@ -47,8 +49,8 @@ def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> np
 
 
 def _best_paths(
-    distance: np.ndarray, rate_std: float, rate_correlation: float, end_std: float
-) -> np.ndarray:
+    distance: NDArray[np.float64], rate_std: float, rate_correlation: float, end_std: float
+) -> NDArray[np.float64]:
     """Recorded index at each reference step, (n, STEPS + 1), of least total cost.
 
     Args:
@@ -83,7 +85,7 @@ def _best_paths(
     return path
 
 
-def _smoothed(problem: WarpProblem, paths: np.ndarray) -> np.ndarray:
+def _smoothed(problem: WarpProblem, paths: NDArray[np.float64]) -> NDArray[np.float64]:
     """Parameters of smooth warps along coarse paths (n, STEPS + 1).
 
     The log rates of the path, regressed on the basis with the prior's shape as ridge.
@@ -94,7 +96,7 @@ def _smoothed(problem: WarpProblem, paths: np.ndarray) -> np.ndarray:
     precision = problem.prior_precision
     rates = np.diff(paths, axis=1) * STEPS
     ridge = precision * (np.trace(design.T @ design) / np.trace(precision))
-    # Rates of single steps are quantised; their running mean over three steps is not far off.
+    # Rates of single steps are quantised: their running mean over three steps is used.
     mean = np.stack([np.interp(middle, middle, r) for r in rates])
     mean[:, 1:-1] = (rates[:, :-2] + rates[:, 1:-1] + rates[:, 2:]) / 3.0
     regression = np.linalg.solve(design.T @ design + 0.3 * ridge, design.T)

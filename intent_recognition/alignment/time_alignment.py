@@ -12,6 +12,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.alignment.fit import (
     Curves,
@@ -31,9 +32,11 @@ from intent_recognition.alignment.warp import MAX_LOG_RATE, Warp, slope_basis
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 
 ROUGH_ITERATIONS = 4
-"""Steps of a descent that is there to tell the scales only."""
-ENOUGH_FOR_SCALES = 16
-"""Demonstrations, evenly picked, that tell them: a scale is a median over demonstrations."""
+"""Steps of the descent that estimates the scales only. Convention: scales need no converged warps.
+"""
+SCALE_DEMONSTRATIONS = 16
+"""Demonstrations, evenly drawn, that scales are estimated from: each is a median over
+demonstrations. Convention."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class AlignmentSettings:
     n_iterations: int = 10
     n_means: int = 4
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("rate_std", "rate_correlation", "end_std", "n_independent", "smoothing"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
@@ -81,7 +84,7 @@ class AlignmentSettings:
                 )
 
     @property
-    def basis(self) -> np.ndarray:
+    def basis(self) -> NDArray[np.float64]:
         """Basis functions of the log rate between grid points, (G - 1, K)."""
         return slope_basis(self.n_basis, self.n_grid)
 
@@ -92,16 +95,18 @@ class Alignment(NamedTuple):
     Attributes:
         warps: one per demonstration.
         template: the reference; a later demonstration is brought onto it by `align_to`.
-        index: which demonstration the reference is, None if it is none of them.
+        reference_index: number of the demonstration that is the reference, None if none is.
         aligned: the smoothed demonstrations at even reference phases, (n, G, D).
     """
 
     warps: tuple[Warp, ...]
     template: Template
-    index: int | None
-    aligned: np.ndarray
+    reference_index: int | None
+    aligned: NDArray[np.float64]
 
-    def reference_phase(self, demonstration: int, recorded: np.ndarray) -> np.ndarray:
+    def reference_phase(
+        self, demonstration: int, recorded: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
         """Phases to learn a demonstration's samples at, same shape as its recorded phases.
 
         What was recorded before the reference begins or after it ends lies outside [0, 1].
@@ -110,8 +115,8 @@ class Alignment(NamedTuple):
 
 
 def align(
-    trajectories: Sequence[np.ndarray],
-    reference: str | int | np.ndarray = "mean",
+    trajectories: Sequence[NDArray[np.float64]],
+    reference: str | int | NDArray[np.float64] = "mean",
     settings: AlignmentSettings | None = None,
 ) -> Alignment:
     """Bring the demonstrations of one task onto a common timing.
@@ -137,7 +142,7 @@ def align(
     if isinstance(reference, str) and reference == "mean":
         template, index = _mean_template(samples, rough, settings), None
     else:
-        some = samples[:: -(-len(samples) // ENOUGH_FOR_SCALES)]
+        some = samples[:: -(-len(samples) // SCALE_DEMONSTRATIONS)]
         parameters = _fit(some, rough, settings, ROUGH_ITERATIONS)
         deviations = _warped(some, parameters, settings) - values
         template = Template(values, typical_deviation(samples, deviations))
@@ -148,7 +153,7 @@ def align(
 
 def align_to(
     template: Template,
-    trajectories: Sequence[np.ndarray],
+    trajectories: Sequence[NDArray[np.float64]],
     settings: AlignmentSettings | None = None,
 ) -> tuple[Warp, ...]:
     """Warps that bring demonstrations onto a known template.
@@ -180,8 +185,8 @@ def align_to(
 
 
 def _fit(
-    samples: np.ndarray, template: Template, settings: AlignmentSettings, n_iterations: int
-) -> np.ndarray:
+    samples: NDArray[np.float64], template: Template, settings: AlignmentSettings, n_iterations: int
+) -> NDArray[np.float64]:
     """Parameters of the warps, (n, K + 1), none of higher cost than the identity."""
     problem = _problem(samples, template, settings)
     start = search(problem, settings.rate_std, settings.rate_correlation)
@@ -191,7 +196,7 @@ def _fit(
 
 
 def _mean_template(
-    samples: np.ndarray, template: Template, settings: AlignmentSettings
+    samples: NDArray[np.float64], template: Template, settings: AlignmentSettings
 ) -> Template:
     """Mean and scales of the aligned demonstrations, from a first template on.
 
@@ -210,7 +215,9 @@ def _mean_template(
     return template
 
 
-def _problem(samples: np.ndarray, template: Template, settings: AlignmentSettings) -> WarpProblem:
+def _problem(
+    samples: NDArray[np.float64], template: Template, settings: AlignmentSettings
+) -> WarpProblem:
     """What warps onto a template are fitted to."""
     return WarpProblem(
         Curves.through(samples / template.scale),
@@ -222,19 +229,21 @@ def _problem(samples: np.ndarray, template: Template, settings: AlignmentSetting
     )
 
 
-def _warps(parameters: np.ndarray, settings: AlignmentSettings) -> tuple[Warp, ...]:
+def _warps(parameters: NDArray[np.float64], settings: AlignmentSettings) -> tuple[Warp, ...]:
     """Warps of parameters (n, K + 1)."""
     rates = np.clip(parameters[:, 1:] @ settings.basis.T, -MAX_LOG_RATE, MAX_LOG_RATE)
     return tuple(Warp(row[0], rate) for row, rate in zip(parameters, rates, strict=True))
 
 
-def _warped(samples: np.ndarray, parameters: np.ndarray, settings: AlignmentSettings) -> np.ndarray:
+def _warped(
+    samples: NDArray[np.float64], parameters: NDArray[np.float64], settings: AlignmentSettings
+) -> NDArray[np.float64]:
     """Demonstrations (n, G, D) at even reference phases."""
     return Curves.through(samples).at(recorded_phase(settings.basis, parameters)[0])[0]
 
 
 @lru_cache(maxsize=16)
-def _rate_precision(settings: AlignmentSettings) -> np.ndarray:
+def _rate_precision(settings: AlignmentSettings) -> NDArray[np.float64]:
     """Prior precision of the weights, (K, K): a Matern 3/2 process of the log rate."""
     centers = np.linspace(0.0, 1.0, settings.n_basis)
     lag = np.sqrt(3.0) * np.abs(centers[:, None] - centers) / settings.rate_correlation

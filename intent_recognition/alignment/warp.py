@@ -8,10 +8,11 @@ basis model, so the warp increases whatever the weights:
     recorded phase h(z) = v0 + integral from 0 to z of exp(g(x)^T v) dx.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.promp import NormalizedRBFBasis
@@ -20,13 +21,13 @@ MAX_LOG_RATE = 6.0
 """Largest absolute log rate of a warp: beyond it, double precision would no longer tell phases."""
 
 
-def midpoints(n_grid: int) -> np.ndarray:
+def midpoints(n_grid: int) -> NDArray[np.float64]:
     """Middles of the intervals between `n_grid` even phases from 0 to 1, (n_grid - 1,)."""
     return (np.arange(n_grid - 1) + 0.5) / (n_grid - 1)
 
 
 @lru_cache(maxsize=8)
-def slope_basis(n_basis: int, n_grid: int) -> np.ndarray:
+def slope_basis(n_basis: int, n_grid: int) -> NDArray[np.float64]:
     """Basis functions of the log rate amid `n_grid` even phases, (n_grid - 1, K), read-only."""
     design = NormalizedRBFBasis(n_basis, 1.0).design_matrix(midpoints(n_grid))
     design.setflags(write=False)
@@ -51,9 +52,10 @@ class Warp:
     """
 
     shift: float
-    log_rate: np.ndarray
+    log_rate: NDArray[np.float64]
+    _recorded: NDArray[np.float64] = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         log_rate = np.array(self.log_rate, dtype=np.float64)
         if log_rate.ndim != 1 or log_rate.size < 1:
             raise ShapeError(
@@ -87,24 +89,24 @@ class Warp:
         return cls(0.0, np.zeros(n_grid - 1))
 
     @property
-    def grid(self) -> np.ndarray:
+    def grid(self) -> NDArray[np.float64]:
         """Reference phases of the grid, (G,)."""
         return np.linspace(0.0, 1.0, self.log_rate.size + 1)
 
     @property
-    def recorded(self) -> np.ndarray:
+    def recorded(self) -> NDArray[np.float64]:
         """Recorded phases at the grid, strictly increasing, (G,), read-only."""
         return self._recorded
 
-    def apply(self, phase: np.ndarray) -> np.ndarray:
+    def apply(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Recorded phases of reference phases, same shape."""
         return _interpolate(np.asarray(phase, dtype=np.float64), self.grid, self.recorded)
 
-    def inverse(self, phase: np.ndarray) -> np.ndarray:
+    def inverse(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Reference phases of recorded phases, same shape: what a demonstration is learned at."""
         return _interpolate(np.asarray(phase, dtype=np.float64), self.recorded, self.grid)
 
-    def rate(self, phase: np.ndarray) -> np.ndarray:
+    def rate(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """d recorded phase / d reference phase at reference phases, same shape; positive.
 
         Between the middles of the intervals its logarithm is linear.
@@ -112,7 +114,9 @@ class Warp:
         return np.exp(np.interp(phase, midpoints(self.log_rate.size + 1), self.log_rate))
 
 
-def _interpolate(at: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _interpolate(
+    at: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Piecewise linear through increasing points, going on beyond both ends."""
     left = np.minimum(at - x[0], 0.0) * ((y[1] - y[0]) / (x[1] - x[0]))
     right = np.maximum(at - x[-1], 0.0) * ((y[-1] - y[-2]) / (x[-1] - x[-2]))

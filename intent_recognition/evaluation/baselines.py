@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a prediction must beat: the task's mean and the most similar demonstration."""
+"""Baselines of prediction: the task's mean and the most similar demonstration."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.signals import Demonstration, Signal
 
 
-def sample(signals: Sequence[Signal], start_ns: int, times_s: np.ndarray) -> np.ndarray:
+def sample(
+    signals: Sequence[Signal], start_ns: int, times_s: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """All DOFs of the signals at times after `start_ns`, held at both ends, (T, d)."""
     columns = [
         np.interp(times_s, signal.seconds(start_ns), column)
@@ -19,16 +22,16 @@ def sample(signals: Sequence[Signal], start_ns: int, times_s: np.ndarray) -> np.
 
 
 def _times(
-    recorded: Demonstration, test: Demonstration, phases: np.ndarray, known: bool
-) -> np.ndarray:
+    recorded: Demonstration, test: Demonstration, phases: NDArray[np.float64], known: bool
+) -> NDArray[np.float64]:
     """Times in `recorded` that correspond to phases of the test: by phase, or by the clock."""
     reference = recorded if known else test
     return phases * (reference.end_ns - reference.start_ns) * 1e-9
 
 
 def mean_of_task(
-    training: Sequence[Demonstration], test: Demonstration, phases: np.ndarray, known: bool
-) -> np.ndarray:
+    training: Sequence[Demonstration], test: Demonstration, phases: NDArray[np.float64], known: bool
+) -> NDArray[np.float64]:
     """Mean of the controlled agent over the demonstrations of a task, (T, Q)."""
     return np.mean(
         [sample(r.controlled, r.start_ns, _times(r, test, phases, known)) for r in training], axis=0
@@ -38,10 +41,10 @@ def mean_of_task(
 def nearest_neighbour(
     training: Sequence[Demonstration],
     test: Demonstration,
-    phases: np.ndarray,
+    phases: NDArray[np.float64],
     fraction: float,
     known: bool,
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Controlled agent of the demonstration whose observed agent moved most alike, (T, Q)."""
     seen = phases[phases <= fraction + 1e-9]
     observed = sample(test.observed, test.start_ns, _times(test, test, seen, known))

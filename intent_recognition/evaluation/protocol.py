@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well recognition and prediction do on recordings left out of training."""
+"""Cross-validation of recognition and prediction on recordings left out of training."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,7 +12,7 @@ from intent_recognition.evaluation.scoring import (
     PREDICTION_FRACTIONS,
     PREDICTION_NAMES,
     RECOGNITION_FRACTIONS,
-    Collected,
+    EvaluationRecords,
     collect,
     score_demonstration,
 )
@@ -65,9 +65,9 @@ def evaluate(
         demonstrations: labelled recordings with the same DOFs.
         protocol: "loo" (leave one out), "kfold:K", or pairs of the indices to train and to test on.
         settings: how to learn; `TrainingSettings()` when None.
-        start_posture: condition trajectories on the controlled agent's position at the start.
-        both_starts: predict with the start posture, too, under a key of its own.
-        unknown_tasks: leave every task out in turn, too, and see what becomes of its movements.
+        start_posture: condition predictions on the controlled agent's position at the start.
+        both_starts: also predict with the start posture, under `prediction_with_start_posture`.
+        unknown_tasks: also leave out every task in turn and score its movements as unknown.
         progress: called with the number of demonstrations scored so far.
 
     Returns:
@@ -85,7 +85,8 @@ def evaluate(
         demonstrations = cut_to_movement(demonstrations)
         settings = replace(settings, segmentation="recording")
     collected = collect(both_starts)
-    done, units, labels = 0, (), set()
+    done, labels = 0, set[str]()
+    units: tuple[str, ...] = ()
     for train, test in folds:
         training = [demonstrations[i] for i in train]
         library = learn(training, settings)
@@ -118,14 +119,14 @@ def evaluate(
     }
 
 
-def _miss(collected: Collected) -> None:
-    """A task that could not be learned without the recording left out is not recognised."""
+def _miss(collected: EvaluationRecords) -> None:
+    """Score a recording whose task could not be learned without it as not recognised."""
     for phase in PHASES:
         for fraction in RECOGNITION_FRACTIONS:
             collected.scores.add(phase, fraction, accuracy=0.0, log_loss=-np.log(1e-12))
 
 
-def _tables(collected: Collected, units: Sequence[str]) -> dict[str, object]:
+def _tables(collected: EvaluationRecords, units: Sequence[str]) -> dict[str, object]:
     """Means over the recordings, and calibration."""
     scores, again = collected.scores, collected.with_start
     content: dict[str, object] = {
@@ -144,6 +145,6 @@ def _tables(collected: Collected, units: Sequence[str]) -> dict[str, object]:
             for phase in PHASES
         }
     content["reliability"] = collected.recognitions.reliability()
-    content["coverage"] = collected.spreads.table()
+    content["coverage"] = collected.normalised_errors.table()
     content["confusion"] = collected.recognitions.confusion()
     return content

@@ -26,14 +26,14 @@ def replay(
     settings: DecisionSettings | None = None,
     held_back: dict[str, str] | None = None,
 ) -> Iterator[dict]:
-    """One dictionary per observation: stamp, probabilities, phase, active task.
+    """One dictionary per observation: stamp [ns], probabilities, phase, active task.
 
     Args:
         reader: the recording.
         model: the trained model; its own DOF file says what is read.
-        rejected: counts what is dropped, by reason.
-        settings: of the activation's decision; the node's defaults when None.
-        held_back: takes, by task, the last reason for which a recognised one was not active.
+        rejected: filled with the number of dropped observations, by reason.
+        settings: of the decision; the node's defaults when None.
+        held_back: filled with the last reason why a recognised task was not active, by task.
     """
     rejected = Counter() if rejected is None else rejected
     settings = settings or DecisionSettings()

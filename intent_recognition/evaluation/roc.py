@@ -4,6 +4,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 
@@ -20,12 +21,12 @@ class RocCurve(NamedTuple):
         area: below the curve: how often a positive scores above a negative, ties counted half.
     """
 
-    false_positive: np.ndarray
-    true_positive: np.ndarray
+    false_positive: NDArray[np.float64]
+    true_positive: NDArray[np.float64]
     area: float
 
 
-def roc_curve(scores: np.ndarray, labels: np.ndarray) -> RocCurve:
+def roc_curve(scores: NDArray[np.float64], labels: NDArray[np.float64]) -> RocCurve:
     """The curve of scores (n,), higher for positives, against labels (n,), 0 or 1.
 
     Raises:
@@ -46,7 +47,7 @@ def roc_curve(scores: np.ndarray, labels: np.ndarray) -> RocCurve:
     return RocCurve(false_positive, true_positive, area)
 
 
-def on_grid(curve: RocCurve, grid: np.ndarray = GRID) -> np.ndarray:
+def on_grid(curve: RocCurve, grid: NDArray[np.float64] = GRID) -> NDArray[np.float64]:
     """True positive rate at given false positive rates; the upper one where the curve is steep."""
     low = np.searchsorted(curve.false_positive, grid, side="right") - 1
     high = np.minimum(low + 1, len(curve.false_positive) - 1)

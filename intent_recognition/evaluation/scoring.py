@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scores of one recording left out of training, and their means over all of them."""
+"""ScoreTable of one recording left out of training, and their means over all of them."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import IntentError, describe
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
-from intent_recognition.evaluation.calibration import Recognitions, Spreads
-from intent_recognition.evaluation.unknown_movements import Outcome, Watch
+from intent_recognition.evaluation.calibration import NormalisedErrors, RecognitionRecords
+from intent_recognition.evaluation.unknown_movements import DecisionMonitor, MovementOutcome
 from intent_recognition.filtering import (
     Hypotheses,
     MovementFilter,
@@ -22,12 +23,15 @@ from intent_recognition.recognition import TaskPosterior, task_posterior
 from intent_recognition.signals import Demonstration, merge
 
 RECOGNITION_FRACTIONS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0)
+"""Shares of the movement after which recognition is scored. Convention."""
 PREDICTION_FRACTIONS = (0.25, 0.5, 0.75, 1.0)
+"""Shares of the movement after which prediction is scored. Convention."""
 TRUTH_PHASES = np.linspace(0.0, 1.0, 100)
 PHASES = ("known_phase", "unknown_phase")
 SMALLEST_PROBABILITY = 1e-300
+"""Bounds the log loss. Numerical safeguard."""
 UNLIKELY = 1e-3
-"""Tasks less probable than this are left out of the marginal prediction."""
+"""Tasks less probable than this are left out of the marginal prediction. Convention."""
 PREDICTION_NAMES = (
     "rmse",
     "rmse_inferred_task",
@@ -40,13 +44,13 @@ PREDICTION_NAMES = (
 )
 
 
-class Scores:
+class ScoreTable:
     """Sums of what is averaged over demonstrations, by phase knowledge, fraction and name."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._values: dict[tuple[str, float, str], list] = defaultdict(list)
 
-    def add(self, phase: str, fraction: float, **values) -> None:
+    def add(self, phase: str, fraction: float, **values: float | NDArray[np.float64]) -> None:
         """Add one demonstration's numbers (scalars, or (U,) arrays with one number per unit)."""
         for name, value in values.items():
             self._values[phase, fraction, name].append(value)
@@ -63,7 +67,8 @@ class Scores:
         }
 
 
-def _number(values: list, units: Sequence[str]):
+def _number(values: list, units: Sequence[str]) -> float | dict[str, float | None] | None:
+    """Mean over demonstrations; of several units one number each, None where there is none."""
     if not values:
         return None
     mean = np.mean(np.array(values, dtype=np.float64), axis=0)
@@ -73,31 +78,32 @@ def _number(values: list, units: Sequence[str]):
     return numbers[0] if len(units) == 1 else dict(zip(units, numbers, strict=True))
 
 
-class Collected(NamedTuple):
-    """What is gathered over all recordings left out.
+class EvaluationRecords(NamedTuple):
+    """What is recorded over all left-out recordings.
 
     Attributes:
         scores: means by phase knowledge, share observed and name.
         with_start: of predictions that know the controlled agent's start posture; None: not asked.
-        recognitions: what was said about tasks.
-        spreads: errors in predicted standard deviations.
-        outcomes: what the decision made of each movement, progress unknown.
+        recognitions: recognised and true tasks.
+        normalised_errors: errors in predicted standard deviations.
+        outcomes: the decision about each movement, its duration unknown.
     """
 
-    scores: Scores
-    with_start: Scores | None
-    recognitions: Recognitions
-    spreads: Spreads
-    outcomes: list[Outcome]
+    scores: ScoreTable
+    with_start: ScoreTable | None
+    recognitions: RecognitionRecords
+    normalised_errors: NormalisedErrors
+    outcomes: list[MovementOutcome]
 
 
-def collect(both_starts: bool = False) -> Collected:
+def collect(both_starts: bool = False) -> EvaluationRecords:
     """An empty collection."""
-    return Collected(Scores(), Scores() if both_starts else None, Recognitions(), Spreads(), [])
+    again = ScoreTable() if both_starts else None
+    return EvaluationRecords(ScoreTable(), again, RecognitionRecords(), NormalisedErrors(), [])
 
 
 def score_demonstration(
-    collected: Collected,
+    collected: EvaluationRecords,
     library: TaskLibrary,
     training: Sequence[Demonstration],
     test: Demonstration,
@@ -114,12 +120,12 @@ def score_demonstration(
     times = TRUTH_PHASES * duration
     truth = sample(test.controlled, test.start_ns, times)
     posture = StartPosture(truth[0], np.zeros(library.n_controlled))
-    label = library.labels.index(test.task)
+    label = library.labels.index(str(test.task))
     for phase in PHASES:
         known = phase == "known_phase"
         hypotheses = fixed_hypotheses(library, duration) if known else make_hypotheses(library)
-        watch = None if known else Watch(library)
-        for fraction, run in _snapshots(library, hypotheses, test, duration, watch):
+        monitor = None if known else DecisionMonitor(library)
+        for fraction, run in _snapshots(library, hypotheses, test, duration, monitor):
             posterior = task_posterior(run.log_evidence, hypotheses, fraction * duration)
             probabilities = _without_none(posterior, hypotheses)
             if fraction in RECOGNITION_FRACTIONS:
@@ -131,51 +137,54 @@ def score_demonstration(
                 )
                 none = posterior.probabilities[-1] > posterior.probabilities[:-1].max()
                 collected.recognitions.add(
-                    phase, fraction, test.task, library.labels, probabilities, bool(none)
+                    phase, fraction, str(test.task), library.labels, probabilities, bool(none)
                 )
             if fraction in PREDICTION_FRACTIONS:
-                case = _Case(library, run, posterior, label, times, truth)
+                case = _PredictionCase(library, run, posterior, label, times, truth)
                 baselines = _baseline_scores(library, training, test, fraction, truth, known)
                 mean, std = case.given_task(posture if start_posture else None)
                 own = _prediction_scores(
                     case, mean, std, probabilities, fraction, posture if start_posture else None
                 )
                 collected.scores.add(phase, fraction, **own, **baselines)
-                collected.spreads.add(phase, (mean - truth) / std)
+                collected.normalised_errors.add(phase, (mean - truth) / std)
                 if collected.with_start is not None:
                     mean, std = case.given_task(posture)
                     own = _prediction_scores(case, mean, std, probabilities, fraction, posture)
                     collected.with_start.add(phase, fraction, **own, **baselines)
-        if watch is not None:
-            collected.outcomes.append(watch.outcome(str(test.task)))
+        if monitor is not None:
+            collected.outcomes.append(monitor.outcome(str(test.task)))
 
 
-class _Case(NamedTuple):
-    """One recording at one share observed: what is believed, and what was true."""
+class _PredictionCase(NamedTuple):
+    """One recording at one share observed: the posterior, and the truth."""
 
     library: TaskLibrary
     run: MovementFilter
     posterior: TaskPosterior
     label: int
-    times: np.ndarray
-    truth: np.ndarray
+    times: NDArray[np.float64]
+    truth: NDArray[np.float64]
 
     def predict(
-        self, task_weights: np.ndarray, start: StartPosture | None
-    ) -> tuple[np.ndarray, np.ndarray]:
+        self, task_weights: NDArray[np.float64], start: StartPosture | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and standard deviation (T, Q) of the mixture over tasks (K,) and durations."""
         likely = np.flatnonzero(task_weights > UNLIKELY)
-        moments = [self.run.task_filters[task].mixture_at(self.times, start) for task in likely]
+        filters = self.run.task_filters
+        moments = [filters[int(k)].mixture_at(self.times, start) for k in likely]
         share = task_weights[likely] / task_weights[likely].sum()
         mean, square = (np.tensordot(share, part, axes=1) for part in map(np.array, zip(*moments)))
         return mean, np.sqrt(np.maximum(square - mean**2, 0.0))
 
-    def given_task(self, start: StartPosture | None) -> tuple[np.ndarray, np.ndarray]:
+    def given_task(
+        self, start: StartPosture | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The same given the true task."""
         return self.predict(np.eye(self.library.n_tasks)[self.label], start)
 
 
-def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> np.ndarray:
+def _without_none(posterior: TaskPosterior, hypotheses: Hypotheses) -> NDArray[np.float64]:
     """Probabilities of the K tasks, renormalised in logs: none may outweigh all by far, (K,)."""
     log_task = (hypotheses.log_task_prior + posterior.log_evidence)[:-1]
     return np.exp(log_task - np.logaddexp.reduce(log_task))
@@ -186,9 +195,9 @@ def _snapshots(
     hypotheses: Hypotheses,
     test: Demonstration,
     duration_s: float,
-    watch: Watch | None,
+    monitor: DecisionMonitor | None,
 ) -> Iterator[tuple[float, MovementFilter]]:
-    """The bank after each share of the movement's time, in order."""
+    """The filter after each share of the movement's time, in order."""
     fractions = sorted({*RECOGNITION_FRACTIONS, *PREDICTION_FRACTIONS})
     run = MovementFilter(library, hypotheses, test.start_ns)
     for observation in merge(test.observed):
@@ -198,13 +207,13 @@ def _snapshots(
         while fractions and elapsed > fractions[0] * duration_s + 1e-9:
             yield fractions.pop(0), run
         run.observe(observation)
-        if watch is not None:
-            watch.observe(run, elapsed)
+        if monitor is not None:
+            monitor.observe(run, elapsed)
     for fraction in fractions:
         yield fraction, run
 
 
-def per_unit(library: TaskLibrary, values: np.ndarray) -> np.ndarray:
+def per_unit(library: TaskLibrary, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Means over the samples and the DOFs of each controlled unit, (U,), from (T, Q)."""
     units = np.array(library.controlled_units)
     if not values.size:
@@ -213,13 +222,13 @@ def per_unit(library: TaskLibrary, values: np.ndarray) -> np.ndarray:
 
 
 def _prediction_scores(
-    case: _Case,
-    mean: np.ndarray,
-    std: np.ndarray,
-    probabilities: np.ndarray,
+    case: _PredictionCase,
+    mean: NDArray[np.float64],
+    std: NDArray[np.float64],
+    probabilities: NDArray[np.float64],
     fraction: float,
     start: StartPosture | None,
-) -> dict[str, np.ndarray]:
+) -> dict[str, NDArray[np.float64]]:
     library, truth = case.library, case.truth
     inferred, _ = case.predict(probabilities, start)
     error = mean - truth
@@ -240,9 +249,9 @@ def _baseline_scores(
     training: Sequence[Demonstration],
     test: Demonstration,
     fraction: float,
-    truth: np.ndarray,
+    truth: NDArray[np.float64],
     known: bool,
-) -> dict[str, np.ndarray]:
+) -> dict[str, NDArray[np.float64]]:
     same = [recorded for recorded in training if recorded.task == test.task]
     guesses = {
         "rmse_mean_of_task": mean_of_task(same, test, TRUTH_PHASES, known),

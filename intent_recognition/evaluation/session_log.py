@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
@@ -23,13 +24,13 @@ class SessionLog:
     """
 
     labels: tuple[str, ...]
-    wrist_ns: np.ndarray
-    wrist_m: np.ndarray
-    tasks_ns: np.ndarray
-    probabilities: np.ndarray
-    active_ns: np.ndarray
+    wrist_ns: NDArray[np.float64]
+    wrist_m: NDArray[np.float64]
+    tasks_ns: NDArray[np.float64]
+    probabilities: NDArray[np.float64]
+    active_ns: NDArray[np.float64]
     active: tuple[str, ...]
-    joint_ns: np.ndarray
-    joint_rad: np.ndarray
+    joint_ns: NDArray[np.float64]
+    joint_rad: NDArray[np.float64]
     predictions: Sequence[tuple]
     paths: Sequence[tuple]

@@ -2,9 +2,10 @@
 """What was on the topics during one interaction, as arrays for the report."""
 
 from collections.abc import Sequence
-from typing import TypedDict
+from typing import Any, TypedDict, cast
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ShapeError, describe
 
@@ -16,19 +17,19 @@ class Trace(TypedDict, total=False):
     """
 
     index: int  # of the record it belongs to
-    share: np.ndarray  # (T,) share of the human's movement passed at each posterior
+    share: NDArray[np.float64]  # (T,) share of the human's movement passed at each posterior
     labels: Sequence[str]  # of the K + 1 columns of the probabilities, `none` last
-    probabilities: np.ndarray  # (T, K + 1)
-    wrist_s: np.ndarray  # (W,)
-    wrist_m: np.ndarray  # (W, 3) observed, world frame
-    predicted_wrist_m: np.ndarray  # (V, 3) predicted at the decision
-    predicted_wrist_std_m: np.ndarray  # (V, 3)
+    probabilities: NDArray[np.float64]  # (T, K + 1)
+    wrist_s: NDArray[np.float64]  # (W,)
+    wrist_m: NDArray[np.float64]  # (W, 3) observed, world frame
+    predicted_wrist_m: NDArray[np.float64]  # (V, 3) predicted at the decision
+    predicted_wrist_std_m: NDArray[np.float64]  # (V, 3)
     joint_names: Sequence[str]
-    joint_s: np.ndarray  # (M,)
-    joint_rad: np.ndarray  # (M, Q) measured
-    predicted_s: np.ndarray  # (L,)
-    predicted_rad: np.ndarray  # (L, Q) mean predicted at the decision
-    predicted_std_rad: np.ndarray  # (L, Q)
+    joint_s: NDArray[np.float64]  # (M,)
+    joint_rad: NDArray[np.float64]  # (M, Q) measured
+    predicted_s: NDArray[np.float64]  # (L,)
+    predicted_rad: NDArray[np.float64]  # (L, Q) mean predicted at the decision
+    predicted_std_rad: NDArray[np.float64]  # (L, Q)
     decision_s: float
     end_s: float  # end of the human's movement
 
@@ -38,7 +39,7 @@ GROUPS = (
     ("joint_s", "joint_rad"),
     ("predicted_s", "predicted_rad"),
 )
-"""Keys that say something only together; all but the labels have equal length."""
+"""Keys that are meaningful only together; all but the labels have equal length."""
 
 EQUAL_LENGTHS = (
     ("share", "probabilities"),
@@ -50,12 +51,15 @@ EQUAL_LENGTHS = (
 
 
 def usable(trace: Trace) -> Trace:
-    """A copy without what is empty or says nothing alone.
+    """A copy without empty entries and without incomplete groups.
 
     Raises:
         ShapeError: arrays that belong together have different lengths.
     """
-    kept = {key: value for key, value in trace.items() if value is not None and np.size(value)}
+    kept: dict[str, Any] = {}
+    for key, value in trace.items():
+        if value is not None and np.size(cast(ArrayLike, value)):
+            kept[key] = value
     for group in GROUPS:
         if not all(key in kept for key in group):
             kept = {key: value for key, value in kept.items() if key not in group}
@@ -66,7 +70,7 @@ def usable(trace: Trace) -> Trace:
         columns = np.shape(kept["probabilities"])[-1]
         if columns != len(kept["labels"]):
             _refuse(trace, "probabilities", f"{len(kept['labels'])} columns", columns)
-    return kept
+    return cast(Trace, kept)
 
 
 def _refuse(trace: Trace, key: str, expected: str, got: object) -> None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Does `none` hold its ground? Movements of tasks that a library knows, and of tasks it does not.
+"""Decisions about movements of known tasks and of tasks that a library does not know.
 
-Every task is left out in turn and its movements are shown to a library of the others; known
-movements are those left out of training one by one (or by folds). Progress is unknown throughout,
-and the decision is the nodes' own, with its default settings.
+Every task is left out in turn, and a library of the others filters its movements; known movements
+are those left out of training one by one (or by folds). Durations are unknown throughout, and the
+decision is the nodes' own, with its default settings.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,6 +12,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.filtering import MovementFilter, make_hypotheses
 from intent_recognition.learning import TrainingSettings, learn
@@ -26,16 +27,16 @@ from intent_recognition.recognition import (
 from intent_recognition.signals import Demonstration, merge
 
 
-class Outcome(NamedTuple):
-    """What became of one movement.
+class MovementOutcome(NamedTuple):
+    """The decision about one movement.
 
     Attributes:
-        task: what it was.
+        task: the true one.
         log_odds: highest log odds that one known task held against all else for as many
-            consecutive observations as the decision asks for; minus infinity if it was never asked.
+            consecutive observations as the decision requires; minus infinity if there were too few.
         above_threshold: whether they passed the decision's threshold.
         activated: the task that became active first, empty if none did.
-        recognised: the task that would have first, were no certain end asked for.
+        recognised: the first without the limit on the uncertainty of the predicted end.
         end_std: standard deviation of the predicted end of what was recognised, at the end of the
             movement, the largest over the controlled DOFs of the unit in which it is least certain;
             NaN where nothing was recognised.
@@ -50,12 +51,12 @@ class Outcome(NamedTuple):
 
     @property
     def held_back(self) -> bool:
-        """Whether it was recognised, and not acted on since its end was too uncertain."""
+        """Whether it was recognised but not acted on, because its end was too uncertain."""
         return bool(self.recognised) and not self.activated
 
 
-class Watch:
-    """Follows one movement as the activation node would.
+class DecisionMonitor:
+    """Follows one movement and decides as the activation node does.
 
     Args:
         library: the learned tasks.
@@ -72,7 +73,7 @@ class Watch:
         self._end_std: Callable[[], dict[str, float]] = dict
 
     def observe(self, run: MovementFilter, elapsed_s: float) -> None:
-        """Look at the bank after one more observation."""
+        """Decide after one more observation."""
         posterior = task_posterior(run.log_evidence, run.hypotheses, elapsed_s)
         log_joint = run.hypotheses.log_task_prior + posterior.log_evidence
         best = int(np.argmax(log_joint[:-1]))
@@ -82,11 +83,11 @@ class Watch:
         full = len(self._recent) == self._settings.n_observations
         if full and all(task == best for task, _ in self._recent):
             self._highest = max(self._highest, min(odds for _, odds in self._recent))
-        said = self._labels, posterior.probabilities
+        current = self._labels, posterior.probabilities
         evidence = posterior.log_evidence
         if not self._recognised:
             settings, state = self._certain_or_not, self._recognising
-            self._recognising, self._recognised = decide(settings, state, *said, None, evidence)
+            self._recognising, self._recognised = decide(settings, state, *current, None, evidence)
         if self._recognised:
             task = self._labels.index(self._recognised)
             self._end_std = partial(run.task_filters.end_std, task)
@@ -95,48 +96,50 @@ class Watch:
         ready = self._state.n_for + 1 >= self._settings.n_observations
         sure = posterior.probabilities[best] >= self._settings.threshold
         end_std = run.task_filters.end_std(best) if ready and sure else None
-        self._state, self._activated = decide(self._settings, self._state, *said, end_std, evidence)
+        self._state, self._activated = decide(
+            self._settings, self._state, *current, end_std, evidence
+        )
 
-    def outcome(self, task: str) -> Outcome:
-        """What became of the movement, which was of this task."""
+    def outcome(self, task: str) -> MovementOutcome:
+        """The decision about the movement, which was of this task."""
         threshold = self._settings.threshold
         limit = np.log(threshold) - np.log1p(-threshold) if threshold < 1.0 else np.inf
         above = bool(self._highest >= limit)
         end_std = self._end_std()
         worst = end_std[least_certain_unit(self._settings, end_std)] if end_std else np.nan
         found = self._activated, self._recognised, worst
-        return Outcome(task, self._highest, above, *found)
+        return MovementOutcome(task, self._highest, above, *found)
 
 
-def follow(library: TaskLibrary, recorded: Demonstration) -> Outcome:
-    """What a library makes of a whole recording, its progress unknown."""
+def follow(library: TaskLibrary, recorded: Demonstration) -> MovementOutcome:
+    """The decision about a whole recording, its duration unknown."""
     run = MovementFilter(library, make_hypotheses(library), recorded.start_ns)
-    watch = Watch(library)
+    monitor = DecisionMonitor(library)
     for observation in merge(recorded.observed):
         if recorded.start_ns <= observation.stamp_ns <= recorded.end_ns:
             run.observe(observation)
-            watch.observe(run, (observation.stamp_ns - recorded.start_ns) * 1e-9)
-    return watch.outcome(str(recorded.task))
+            monitor.observe(run, (observation.stamp_ns - recorded.start_ns) * 1e-9)
+    return monitor.outcome(str(recorded.task))
 
 
 def follow_unknown(
     demonstrations: Sequence[Demonstration],
     settings: TrainingSettings,
     progress: Callable[[int], None] = lambda done: None,
-) -> list[Outcome]:
-    """Every task left out in turn: what a library of the others makes of its movements.
+) -> list[MovementOutcome]:
+    """Every task left out in turn: the decisions of a library of the others about its movements.
 
-    Tasks without which nothing can be learned are passed over.
+    Tasks without which nothing can be learned are skipped.
 
     Args:
-        demonstrations: labelled recordings, their start and end taken as they are.
+        demonstrations: labelled recordings, used from their start to their end.
         settings: how to learn.
         progress: called with the number of demonstrations followed so far.
 
     Raises:
         TrainingError: a library of the others cannot be learned.
     """
-    outcomes: list[Outcome] = []
+    outcomes: list[MovementOutcome] = []
     for task in sorted({str(d.task) for d in demonstrations}):
         rest = [d for d in demonstrations if d.task != task]
         if len(rest) < 2 or len(rest) == len({d.task for d in rest}):
@@ -148,13 +151,15 @@ def follow_unknown(
     return outcomes
 
 
-def compare(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[str, object]:
+def compare(
+    known: Sequence[MovementOutcome], unknown: Sequence[MovementOutcome]
+) -> dict[str, object]:
     """The JSON of known against unknown movements; None where there are none of either.
 
-    `area` is the probability that a known movement reaches higher odds than an unknown one; `roc`
-    the shares of both that reach as much, for every threshold that makes a difference.
-    `recognised` are those that pass the decision but for its demand of a certain end, `held_back`
-    those of them that never pass that, `activated` the others.
+    `area` is the probability that a known movement reaches higher odds than an unknown one, the
+    area under `roc`, which has one point per threshold.
+    `recognised` counts movements that pass the decision without its limit on the uncertainty of the
+    end, `held_back` those of them that never pass this limit, `activated` the others.
     """
     score = {
         name: np.array([o.log_odds for o in outcomes])
@@ -175,30 +180,31 @@ def compare(known: Sequence[Outcome], unknown: Sequence[Outcome]) -> dict[str, o
         "activated_wrong_task": _share([o.activated not in ("", o.task) for o in known]),
         "above_threshold_known": _share([o.above_threshold for o in known]),
         "above_threshold_unknown": _share([o.above_threshold for o in unknown]),
-        "left_out": {},
     }
+    left_out: dict[str, object] = {}
     for task in sorted({o.task for o in unknown}):
         own = [o for o in unknown if o.task == task]
-        content["left_out"][task] = {
+        left_out[task] = {
             "n": len(own),
             "area": area(score["known"], np.array([o.log_odds for o in own])),
             "recognised": _share([bool(o.recognised) for o in own]),
             "activated": _share([bool(o.activated) for o in own]),
             "above_threshold": _share([o.above_threshold for o in own]),
         }
+    content["left_out"] = left_out
     content["roc"] = roc(score["known"], score["unknown"]) if known and unknown else None
     return content
 
 
-def end_std(recognised: Sequence[Outcome]) -> dict[str, float] | None:
-    """How uncertain the ends are once all was seen: quantiles over movements; None without one."""
+def end_std(recognised: Sequence[MovementOutcome]) -> dict[str, float] | None:
+    """Quantiles of the ends' uncertainty after the whole movement; None without a movement."""
     if not recognised:
         return None
     values = [o.end_std for o in recognised]
     return {f"{q:g}": float(np.quantile(values, q)) for q in (0.1, 0.5, 0.9)}
 
 
-def area(known: np.ndarray, unknown: np.ndarray) -> float | None:
+def area(known: NDArray[np.float64], unknown: NDArray[np.float64]) -> float | None:
     """Share of pairs in which the known one is higher, ties half; None without a pair."""
     if not len(known) or not len(unknown):
         return None
@@ -207,7 +213,7 @@ def area(known: np.ndarray, unknown: np.ndarray) -> float | None:
     return float(np.mean(above + 0.5 * equal))
 
 
-def roc(known: np.ndarray, unknown: np.ndarray) -> dict[str, list[float]]:
+def roc(known: NDArray[np.float64], unknown: NDArray[np.float64]) -> dict[str, list[float]]:
     """Shares of known and of unknown ones at or above each threshold, from (0, 0) to (1, 1)."""
     thresholds = np.unique(np.r_[known, unknown])[::-1]
     return {

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from intent_recognition.errors import ArgumentError, describe
@@ -39,9 +40,9 @@ class ComponentTrial(NamedTuple):
     """
 
     n_components: int
-    labels: np.ndarray
-    nll: np.ndarray
-    rmse: np.ndarray
+    labels: NDArray[np.int64]
+    nll: NDArray[np.float64]
+    rmse: NDArray[np.float64]
 
 
 class ComponentChoice(NamedTuple):
@@ -66,10 +67,10 @@ class LeftOutPrediction(NamedTuple):
         freedom: its degrees of freedom, (n, K).
     """
 
-    log_posterior: np.ndarray
-    mean: np.ndarray
-    variance: np.ndarray
-    freedom: np.ndarray
+    log_posterior: NDArray[np.float64]
+    mean: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    freedom: NDArray[np.float64]
 
 
 def choose_components(
@@ -170,7 +171,9 @@ def predict_left_out(
     )
 
 
-def score(prediction: LeftOutPrediction, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def score(
+    prediction: LeftOutPrediction, truth: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Negative log density per sample, and error of the mixture's mean, each (n,).
 
     Args:
@@ -188,14 +191,16 @@ def score(prediction: LeftOutPrediction, truth: np.ndarray) -> tuple[np.ndarray,
     return nll + 0.5 * np.log(n_samples), rmse
 
 
-def _log_student(squared: np.ndarray, freedom: np.ndarray, size: int) -> np.ndarray:
+def _log_student(
+    squared: NDArray[np.float64], freedom: NDArray[np.float64], size: int
+) -> NDArray[np.float64]:
     """Log density of a Student t of `size` dimensions and unit scale at a squared distance."""
     constant = gammaln(0.5 * (freedom + size)) - gammaln(0.5 * freedom)
     constant = constant - 0.5 * size * np.log(np.pi * freedom)
     return constant - 0.5 * (freedom + size) * np.log1p(squared / freedom)
 
 
-def smallest_within_one_error(scores: np.ndarray) -> int:
+def smallest_within_one_error(scores: NDArray[np.float64]) -> int:
     """First of c candidates within one paired standard error of the best, scores (c, n)."""
     best = int(np.argmin(scores.mean(axis=1)))
     if scores.shape[1] < 2:
@@ -205,7 +210,7 @@ def smallest_within_one_error(scores: np.ndarray) -> int:
     return int(np.flatnonzero(excess.mean(axis=1) <= error)[0])
 
 
-def purity(labels: Sequence[object], components: np.ndarray) -> float:
+def purity(labels: Sequence[object], components: NDArray[np.int64]) -> float:
     """Share of demonstrations whose label is the most frequent one of their component."""
     _, number = np.unique(np.array([str(label) for label in labels]), return_inverse=True)
     most = [np.bincount(number[components == k]).max() for k in np.unique(components)]

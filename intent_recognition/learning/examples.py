@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.alignment import Warp
 from intent_recognition.errors import TrainingError, describe
@@ -47,20 +48,20 @@ class TrainingExample(NamedTuple):
 
     name: str
     task: str
-    weights: np.ndarray
-    residual_variance: np.ndarray
+    weights: NDArray[np.float64]
+    residual_variance: NDArray[np.float64]
     duration_s: float
-    observed: np.ndarray
-    controlled: np.ndarray
+    observed: NDArray[np.float64]
+    controlled: NDArray[np.float64]
     aligned: "TrainingExample | None" = None
 
 
-def sample_phases() -> np.ndarray:
+def sample_phases() -> NDArray[np.float64]:
     """Phases of the samples that hyperparameters are scored on, (m,)."""
     return (np.arange(SAMPLES_PER_MOVEMENT) + 0.5) / SAMPLES_PER_MOVEMENT
 
 
-def scored_phases() -> np.ndarray:
+def scored_phases() -> NDArray[np.float64]:
     """Phases at which the controlled agent's prediction is scored, (s,)."""
     return np.linspace(0.0, 1.0, SCORED_PHASES)
 
@@ -115,8 +116,8 @@ def make_examples(
 class _Part(NamedTuple):
     """One signal during the movement: phases (T,) and values (T, d)."""
 
-    phase: np.ndarray
-    values: np.ndarray
+    phase: NDArray[np.float64]
+    values: NDArray[np.float64]
 
 
 def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
@@ -168,7 +169,7 @@ def _assemble(
     )
 
 
-def _at(phases: np.ndarray, part: _Part) -> np.ndarray:
+def _at(phases: NDArray[np.float64], part: _Part) -> NDArray[np.float64]:
     """Values at other phases, between samples by a line, (len(phases), d)."""
     columns = [np.interp(phases, part.phase, column) for column in part.values.T]
     return np.stack(columns, axis=1)

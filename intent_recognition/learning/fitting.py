@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import TypedDict
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
 from intent_recognition.learning.held_out_recognition import recognition_covariance
@@ -36,19 +37,19 @@ SMALLEST_DURATION_STD = 0.05
 class LearnedFields(TypedDict):
     """The fields of a `TaskLibrary` that change with every demonstration."""
 
-    weight_mean: np.ndarray
-    weight_covariance: np.ndarray
-    noise_variance: np.ndarray
+    weight_mean: NDArray[np.float64]
+    weight_covariance: NDArray[np.float64]
+    noise_variance: NDArray[np.float64]
     noise_scale: float
-    n_demonstrations: np.ndarray
-    log_duration_mean: np.ndarray
-    log_duration_std: np.ndarray
+    n_demonstrations: NDArray[np.float64]
+    log_duration_mean: NDArray[np.float64]
+    log_duration_std: NDArray[np.float64]
     correlation_time_s: float
-    recognition_covariance: np.ndarray
+    recognition_covariance: NDArray[np.float64]
     recognition_noise_scale: float
-    none_mean: np.ndarray
-    none_covariance: np.ndarray
-    none_log_duration: np.ndarray
+    none_mean: NDArray[np.float64]
+    none_covariance: NDArray[np.float64]
+    none_log_duration: NDArray[np.float64]
     aligned: AlignedPrimitives | None
 
 
@@ -146,7 +147,9 @@ def aligned_primitives(
     )
 
 
-def predictive_covariances(tasks: Mapping[str, TaskStatistics], strength: float) -> np.ndarray:
+def predictive_covariances(
+    tasks: Mapping[str, TaskStatistics], strength: float
+) -> NDArray[np.float64]:
     """Predictive covariance of each task's next demonstration, (K, D N, D N)."""
     floor, _ = variance_scales(tasks)
     pooled = pooled_moments(tasks.values())
@@ -157,7 +160,7 @@ def predictive_covariances(tasks: Mapping[str, TaskStatistics], strength: float)
     return np.array(covariances)
 
 
-def _durations(tasks: Sequence[TaskStatistics]) -> tuple[np.ndarray, np.ndarray]:
+def _durations(tasks: Sequence[TaskStatistics]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean and predictive standard deviation of each task's log duration, (K,) each.
 
     The variance is shrunk towards the one pooled over all tasks.

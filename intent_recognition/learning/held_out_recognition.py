@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.learning.examples import sample_phases
@@ -53,7 +54,7 @@ T = TypeVar("T")
 
 def recognition_covariance(
     tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing, strength: float
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Covariances of the observed weights that tasks are recognised by, (K, P N, P N).
 
     Args:
@@ -111,7 +112,7 @@ def recognition_losses(
     tasks: Mapping[str, TaskStatistics],
     preprocessing: Preprocessing,
     strength: float,
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Log loss of held-out demonstrations, mean over their samples, natural logarithm, (n,).
 
     The duration is unknown, and `none` does not compete. Empty where there is one task only.
@@ -133,7 +134,7 @@ def recognition_losses(
     return np.array(losses)
 
 
-def least_noise(losses: np.ndarray) -> int:
+def least_noise(losses: NDArray[np.float64]) -> int:
     """The first of several models whose loss is within one paired standard error of the least.
 
     With models in the order of their noise it is the one that recognises earliest.
@@ -159,8 +160,8 @@ class HeldOut(NamedTuple):
     """
 
     task: int
-    times_s: np.ndarray
-    values: np.ndarray
+    times_s: NDArray[np.float64]
+    values: NDArray[np.float64]
     own: Gaussian | None
 
 
@@ -207,13 +208,15 @@ def held_out(
         yield HeldOut(number, times_s, example.observed, own)
 
 
-def own_evidence(library: TaskLibrary, one: HeldOut, own: Gaussian) -> np.ndarray:
+def own_evidence(library: TaskLibrary, one: HeldOut, own: Gaussian) -> NDArray[np.float64]:
     """Log evidence of its own task, learned without it, along the movement, (m,)."""
     timing = np.array([library.log_duration_mean[one.task], library.log_duration_std[one.task]])
     return prefix_log_evidence(library, own, timing, one.times_s, one.values)
 
 
-def others_evidence(library: TaskLibrary, one: HeldOut, others: np.ndarray) -> list[np.ndarray]:
+def others_evidence(
+    library: TaskLibrary, one: HeldOut, others: NDArray[np.int64]
+) -> list[NDArray[np.float64]]:
     """Log evidence of the nearest of the other tasks along the movement, each (m,)."""
     return [
         prefix_log_evidence(
@@ -227,12 +230,12 @@ def others_evidence(library: TaskLibrary, one: HeldOut, others: np.ndarray) -> l
     ]
 
 
-def total_evidence(evidence: Sequence[np.ndarray], n_tasks: int) -> np.ndarray:
+def total_evidence(evidence: Sequence[NDArray[np.float64]], n_tasks: int) -> NDArray[np.float64]:
     """Log evidence of all tasks under equal priors, (m,); those left out are too far to count."""
     return np.logaddexp.reduce(np.array(evidence), axis=0) - np.log(n_tasks)
 
 
-def _nearest(library: TaskLibrary, one: HeldOut, others: np.ndarray) -> np.ndarray:
+def _nearest(library: TaskLibrary, one: HeldOut, others: NDArray[np.int64]) -> NDArray[np.int64]:
     """The tasks whose means come nearest to the movement, at most `MAX_RIVALS`."""
     if len(others) <= MAX_RIVALS:
         return others

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.filtering import PhaseDeviationFilter
 from intent_recognition.gaussian import symmetrize
@@ -89,8 +90,8 @@ def validate_held_out(
     tried: Sequence[AlignedCandidate],
     tasks: Mapping[str, TaskStatistics],
     recorded: Mapping[str, TaskStatistics],
-    floor: np.ndarray,
-) -> np.ndarray:
+    floor: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """Mean squared error of the controlled agent of held-out demonstrations, (c,).
 
     Each DOF counts in parts of its variance over all demonstrations; mean over DOFs, phases and
@@ -107,7 +108,7 @@ def validate_held_out(
     pooled = pooled_moments(tasks.values())
     truths = [e.controlled for task in recorded.values() for e in task.examples]
     scale = np.maximum(np.var(np.concatenate(truths), axis=0), 1e-12)
-    errors: list[list[np.ndarray]] = [[] for _ in tried]
+    errors: list[list[NDArray[np.float64]]] = [[] for _ in tried]
     for label, task in tasks.items():
         if task.n < 2:
             continue
@@ -135,18 +136,18 @@ class _LeftOut(NamedTuple):
     """
 
     n: int
-    mean: np.ndarray
-    scatter: np.ndarray
-    target: np.ndarray
-    samples: np.ndarray
-    truth: np.ndarray
+    mean: NDArray[np.float64]
+    scatter: NDArray[np.float64]
+    target: NDArray[np.float64]
+    samples: NDArray[np.float64]
+    truth: NDArray[np.float64]
 
 
 def _leave_out(
     task: TaskStatistics,
     pooled: Scatter,
     pairs: Sequence[tuple[TrainingExample, TrainingExample]],
-    floor: np.ndarray,
+    floor: NDArray[np.float64],
 ) -> _LeftOut:
     """What does not depend on how it is predicted."""
     deviation = np.array([example.weights for example, _ in pairs]) - task.mean
@@ -161,7 +162,9 @@ def _leave_out(
     )
 
 
-def _regressions(size: int, left_out: _LeftOut, strength: float) -> tuple[np.ndarray, np.ndarray]:
+def _regressions(
+    size: int, left_out: _LeftOut, strength: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Covariances of the observed weights (n, P N, P N) and gains on the rest (n, Q N, P N)."""
     covariance = shrunk_covariance(left_out.scatter, left_out.n - 1, left_out.target, strength)
     covariance = symmetrize(covariance)
@@ -170,8 +173,10 @@ def _regressions(size: int, left_out: _LeftOut, strength: float) -> tuple[np.nda
 
 
 def _task_errors(
-    primitives: AlignedPrimitives, regressions: tuple[np.ndarray, np.ndarray], left_out: _LeftOut
-) -> np.ndarray:
+    primitives: AlignedPrimitives,
+    regressions: tuple[NDArray[np.float64], NDArray[np.float64]],
+    left_out: _LeftOut,
+) -> NDArray[np.float64]:
     """Mean squared error of each DOF of each demonstration of one task, (n, Q)."""
     (covariance, gain), mean = regressions, left_out.mean
     n, size = len(mean), primitives.n_observed_weights
@@ -188,7 +193,9 @@ def _task_errors(
     return np.mean(errors, axis=(0, 2))
 
 
-def _predicted(run: PhaseDeviationFilter, mean: np.ndarray, gain: np.ndarray) -> np.ndarray:
+def _predicted(
+    run: PhaseDeviationFilter, mean: NDArray[np.float64], gain: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Mean of the controlled agent at the scored phases, (n, s, Q)."""
     primitives, size = run.primitives, run.primitives.n_observed_weights
     change = np.matmul(gain, (run.mean - mean[:, :size])[..., None])[..., 0]

@@ -9,6 +9,7 @@ affine span of all demonstrations, each agent in its own. The mixture is fitted 
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.gaussian import (
@@ -58,10 +59,10 @@ class Features(NamedTuple):
         loadings: `controlled = coordinates[:, n_observed:] @ loadings`, (r - n_observed, s).
     """
 
-    coordinates: np.ndarray
+    coordinates: NDArray[np.float64]
     n_observed: int
-    controlled: np.ndarray
-    loadings: np.ndarray
+    controlled: NDArray[np.float64]
+    loadings: NDArray[np.float64]
 
     @property
     def prior(self) -> CovariancePrior:
@@ -70,7 +71,9 @@ class Features(NamedTuple):
         return CovariancePrior(FLOOR * (variance or 1.0), STRENGTH, SHARED)
 
 
-def mixture_features(weights: np.ndarray, n_observed: int, basis: NormalizedRBFBasis) -> Features:
+def mixture_features(
+    weights: NDArray[np.float64], n_observed: int, basis: NormalizedRBFBasis
+) -> Features:
     """Coordinates of demonstrations for a mixture.
 
     Scaling: every DOF is divided by its standard deviation over all demonstrations and phases (one
@@ -122,7 +125,7 @@ class Clustering(NamedTuple):
         left_out: for each demonstration, the mixture fitted without it, a batch of n.
     """
 
-    labels: np.ndarray
+    labels: NDArray[np.int64]
     log_likelihood: float
     left_out: Components
 
@@ -172,7 +175,10 @@ def cluster(
 
 
 def leave_each_out(
-    points: np.ndarray, labels: np.ndarray, n_components: int, prior: CovariancePrior
+    points: NDArray[np.float64],
+    labels: NDArray[np.int64],
+    n_components: int,
+    prior: CovariancePrior,
 ) -> Components:
     """For each of n points the mixture without it, started from the labels of the rest.
 
@@ -184,7 +190,7 @@ def leave_each_out(
     return Components(*(field[fold] for field in fits.components))
 
 
-def left_out_labels(points: np.ndarray, left_out: Components) -> np.ndarray:
+def left_out_labels(points: NDArray[np.float64], left_out: Components) -> NDArray[np.int64]:
     """Most probable component of each point under the mixture that was fitted without it, (n,)."""
     labels = np.empty(len(points), dtype=np.int64)
     n_components = left_out.count.shape[1]
@@ -201,7 +207,7 @@ def _rank(fits: MixtureFit, index: int, n_components: int) -> tuple[bool, float]
     return bool(sizes.min() >= MIN_MEMBERS), float(fits.log_likelihood[index])
 
 
-def _ordered(labels: np.ndarray) -> np.ndarray:
+def _ordered(labels: NDArray[np.int64]) -> NDArray[np.int64]:
     """The labels renumbered: larger components first, of equal ones that with the first member."""
     found, first, sizes = np.unique(labels, return_index=True, return_counts=True)
     order = sorted(range(len(found)), key=lambda k: (-sizes[k], first[k]))

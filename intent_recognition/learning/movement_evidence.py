@@ -2,6 +2,7 @@
 """Log evidence of a Gaussian over weights, after each sample of a movement of unknown duration."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from intent_recognition.filtering import N_SCALES, SCALE_SPAN
@@ -15,10 +16,10 @@ MIN_NOISE_SHARE = 1e-12
 def prefix_log_evidence(
     library: TaskLibrary,
     primitive: Gaussian,
-    log_duration: np.ndarray,
-    times_s: np.ndarray,
-    values: np.ndarray,
-) -> np.ndarray:
+    log_duration: NDArray[np.float64],
+    times_s: NDArray[np.float64],
+    values: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """Log density of the first 1, 2, ... m samples, durations summed out, (m,).
 
     The sums of squares of one Cholesky factor per duration; equals conditioning on one sample
@@ -52,8 +53,8 @@ def prefix_log_evidence(
 
 
 def _at_samples(
-    primitive: Gaussian, design: np.ndarray, n_dofs: int
-) -> tuple[np.ndarray, np.ndarray]:
+    primitive: Gaussian, design: NDArray[np.float64], n_dofs: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean (S, m P) and covariance (S, m P, m P) of samples in order, from designs (S, m, N)."""
     n_scales, m, n_basis = design.shape
     mean = np.einsum("smn,pn->smp", design, primitive.mean.reshape(n_dofs, n_basis))
@@ -65,7 +66,7 @@ def _at_samples(
     return mean.reshape(n_scales, -1), full.reshape(shape)
 
 
-def _noise(library: TaskLibrary, times_s: np.ndarray, n_dofs: int) -> np.ndarray:
+def _noise(library: TaskLibrary, times_s: NDArray[np.float64], n_dofs: int) -> NDArray[np.float64]:
     """Noise variance of each value, in the order of the samples, (m P,)."""
     dofs = np.arange(n_dofs)
     intervals = np.r_[np.inf, np.diff(times_s)]

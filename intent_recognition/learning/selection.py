@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.gaussian import symmetrize
 from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
@@ -73,23 +74,23 @@ class TaskSamples(NamedTuple):
         controlled: truth of the controlled DOFs at the scored phases, (n, s, Q).
     """
 
-    mean: np.ndarray
+    mean: NDArray[np.float64]
     scatter: Scatter
-    weights: np.ndarray
-    observed: np.ndarray
-    design: np.ndarray
-    phase: np.ndarray
-    controlled: np.ndarray
+    weights: NDArray[np.float64]
+    observed: NDArray[np.float64]
+    design: NDArray[np.float64]
+    phase: NDArray[np.float64]
+    controlled: NDArray[np.float64]
 
 
 def leave_one_out_scores(
     samples: TaskSamples,
-    targets: np.ndarray,
-    noise_variance: np.ndarray,
-    scored_design: np.ndarray,
+    targets: NDArray[np.float64],
+    noise_variance: NDArray[np.float64],
+    scored_design: NDArray[np.float64],
     strength: float,
     noise_scales: Sequence[float] = NOISE_SCALES,
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Mean squared error of each demonstration's controlled samples, (len(noise_scales), n).
 
     Each DOF counts in parts of its variance along the task and between demonstrations.
@@ -146,9 +147,9 @@ def leave_one_out_scores(
 
 def select(
     tasks: Iterable[TaskSamples],
-    targets: Iterable[np.ndarray],
-    noise_variance: np.ndarray,
-    scored_design: np.ndarray,
+    targets: Iterable[NDArray[np.float64]],
+    noise_variance: NDArray[np.float64],
+    scored_design: NDArray[np.float64],
 ) -> tuple[Hyperparameters, tuple[Hyperparameters, ...]]:
     """The best pair of strength and noise scale, and all that were tried.
 
@@ -212,8 +213,8 @@ def choose_steady(
 def _targets(
     parts: Iterable[tuple[TaskStatistics, Sequence[TrainingExample]]],
     tasks: Mapping[str, TaskStatistics],
-    floor: np.ndarray,
-) -> Iterator[np.ndarray]:
+    floor: NDArray[np.float64],
+) -> Iterator[NDArray[np.float64]]:
     """Target covariances without each demonstration in turn, part after part."""
     pooled = pooled_moments(tasks.values())
     for task, examples in parts:

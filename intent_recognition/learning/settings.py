@@ -36,7 +36,7 @@ class TrainingSettings:
     none_prior: float = 0.11
     duration_evidence: float = 0.1
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.segmentation not in SEGMENTATIONS:
             raise ArgumentError(
                 describe(

@@ -13,6 +13,7 @@ from functools import reduce
 from hashlib import blake2b
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, describe
 from intent_recognition.learning.examples import TrainingExample
@@ -40,11 +41,11 @@ class TaskStatistics:
     """
 
     n: int
-    mean: np.ndarray
-    scatter: np.ndarray
-    lowest: np.ndarray
-    highest: np.ndarray
-    residual_sum: np.ndarray
+    mean: NDArray[np.float64]
+    scatter: NDArray[np.float64]
+    lowest: NDArray[np.float64]
+    highest: NDArray[np.float64]
+    residual_sum: NDArray[np.float64]
     log_duration_mean: float
     log_duration_scatter: float
     duration_sum_s: float
@@ -121,7 +122,9 @@ def pooled_moments(tasks: Iterable[TaskStatistics]) -> Scatter:
     return Scatter(matrix, sum(task.n - 1 for task in tasks))
 
 
-def variance_scales(tasks: Mapping[str, TaskStatistics]) -> tuple[np.ndarray, np.ndarray]:
+def variance_scales(
+    tasks: Mapping[str, TaskStatistics],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Variance floor and noise variance of each DOF over all demonstrations, (D,) each."""
     statistics = tasks.values()
     lowest = np.min([task.lowest for task in statistics], axis=0)

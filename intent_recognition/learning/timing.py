@@ -15,6 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.alignment import Template, Warp, align, align_to, even_trajectory
 from intent_recognition.promp import OWN_COVARIANCE_SHARE, NormalizedRBFBasis, PhaseDeviation
@@ -47,7 +48,7 @@ class Timing:
     """
 
     templates: Mapping[str, Template]
-    deviation_std: np.ndarray
+    deviation_std: NDArray[np.float64]
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Timing) or self.templates.keys() != other.templates.keys():
@@ -92,13 +93,13 @@ def estimate_timing(recordings: Sequence[Demonstration]) -> Timing:
     return Timing(dict(sorted(templates.items())), _deviation_std(deviations))
 
 
-def _deviations(warps: Iterable[Warp]) -> np.ndarray:
+def _deviations(warps: Iterable[Warp]) -> NDArray[np.float64]:
     """Reference phase less recorded phase of each warp at even recorded phases, (n, U)."""
     recorded = np.linspace(0.0, 1.0, N_DEVIATION_PHASES)
     return np.array([np.clip(warp.inverse(recorded), 0.0, 1.0) for warp in warps]) - recorded
 
 
-def _deviation_std(deviations: Sequence[np.ndarray]) -> np.ndarray:
+def _deviation_std(deviations: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Standard deviation of the phase deviation, pooled over tasks, (U,).
 
     Recordings begin and end with the movement, where the deviation is zero: the variance is that
@@ -130,15 +131,15 @@ def _has_samples(recorded: Demonstration) -> bool:
     )
 
 
-def _path(recorded: Demonstration) -> np.ndarray:
+def _path(recorded: Demonstration) -> NDArray[np.float64]:
     """All DOFs at even recorded phases, (T, D)."""
     signals = (*recorded.observed, *recorded.controlled)
     return even_trajectory(signals, recorded.start_ns, recorded.end_ns)
 
 
 def timing_covariance(
-    basis: NormalizedRBFBasis, mean: np.ndarray, phase_deviation: PhaseDeviation
-) -> np.ndarray:
+    basis: NormalizedRBFBasis, mean: NDArray[np.float64], phase_deviation: PhaseDeviation
+) -> NDArray[np.float64]:
     """Covariance of the weights that comes from the phase deviation alone, (P N, P N).
 
     Positive semidefinite, by the Schur product theorem.
@@ -160,14 +161,16 @@ def timing_covariance(
 
 
 def mean_timing_covariance(
-    basis: NormalizedRBFBasis, means: Sequence[np.ndarray], phase_deviation: PhaseDeviation
-) -> np.ndarray:
+    basis: NormalizedRBFBasis, means: Sequence[NDArray[np.float64]], phase_deviation: PhaseDeviation
+) -> NDArray[np.float64]:
     """The mean of `timing_covariance` over tasks of these mean weights, (P N, P N)."""
     first, *others = (timing_covariance(basis, mean, phase_deviation) for mean in means)
     return sum(others, first) / len(means)
 
 
-def unshown_timing_covariance(own: np.ndarray, shared: np.ndarray) -> np.ndarray:
+def unshown_timing_covariance(
+    own: NDArray[np.float64], shared: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """The part of the timing covariance that a task's demonstrations have not shown.
 
     Half is the task's own and half is shared, as in the covariance that it is added to.

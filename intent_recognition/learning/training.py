@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, TypedDict
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
@@ -218,8 +219,8 @@ def _calibrated(
 class _Priors(TypedDict):
     """The priors of a `TaskLibrary`."""
 
-    task_prior: np.ndarray
-    transition_prior: np.ndarray
+    task_prior: NDArray[np.float64]
+    transition_prior: NDArray[np.float64]
 
 
 def _priors(before: TaskLibrary, labels: tuple[str, ...]) -> _Priors:

@@ -4,6 +4,7 @@
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from intent_recognition.errors import ShapeError, describe
@@ -11,7 +12,9 @@ from intent_recognition.errors import ShapeError, describe
 _PSEUDO_COUNTS = np.geomspace(0.1, 100.0, 61)
 
 
-def count_transitions(sequences: Iterable[Sequence[str]], labels: Sequence[str]) -> np.ndarray:
+def count_transitions(
+    sequences: Iterable[Sequence[str]], labels: Sequence[str]
+) -> NDArray[np.float64]:
     """How often which task followed which, (K + 1, K); the last row counts first tasks.
 
     A label that is none of the tasks is passed over, as online, where it is `none`.
@@ -27,7 +30,7 @@ def count_transitions(sequences: Iterable[Sequence[str]], labels: Sequence[str])
     return counts
 
 
-def smoothed_transitions(counts: np.ndarray) -> np.ndarray:
+def smoothed_transitions(counts: NDArray[np.float64]) -> NDArray[np.float64]:
     """p(next | last) from counts, (K + 1, K): Dirichlet smoothing, its strength from the data.
 
     Row k is (n_kj + a) / (n_k + K a) under a symmetric Dirichlet prior with a pseudo-counts a

@@ -16,6 +16,7 @@ movement counts, and the lowest of a known one; values between them decide nothi
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.learning.examples import sample_phases
@@ -64,7 +65,7 @@ N_SIMULATED = 40
 Convention."""
 
 
-def departure(tasks: Sequence[TaskStatistics], n_observed: int) -> np.ndarray:
+def departure(tasks: Sequence[TaskStatistics], n_observed: int) -> NDArray[np.float64]:
     """Mean square distance of movements from where they start, per basis function, (N,).
 
     The variance of the starts is added; mean over the P observed DOFs.
@@ -88,7 +89,9 @@ def departure(tasks: Sequence[TaskStatistics], n_observed: int) -> np.ndarray:
     return total / (count.sum() * n_observed)
 
 
-def none_primitive(means: np.ndarray, covariances: np.ndarray, departed: np.ndarray) -> Gaussian:
+def none_primitive(
+    means: NDArray[np.float64], covariances: NDArray[np.float64], departed: NDArray[np.float64]
+) -> Gaussian:
     """Observed weights of a movement that is none of K tasks but of their kind.
 
     Args:
@@ -110,7 +113,7 @@ def none_primitive(means: np.ndarray, covariances: np.ndarray, departed: np.ndar
     return Gaussian(centre.ravel(), symmetrize(covariances.mean(axis=0) + between))
 
 
-def none_timing(log_mean: np.ndarray, log_std: np.ndarray) -> np.ndarray:
+def none_timing(log_mean: NDArray[np.float64], log_std: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean and standard deviation of its log duration, (2,), from the tasks' (K,) and (K,)."""
     return np.array([log_mean.mean(), np.sqrt(np.mean(log_std**2) + log_mean.var())])
 
@@ -118,10 +121,10 @@ def none_timing(log_mean: np.ndarray, log_std: np.ndarray) -> np.ndarray:
 def evidence_of_none(
     library: TaskLibrary,
     one: HeldOut,
-    tasks: np.ndarray,
+    tasks: NDArray[np.int64],
     own: Gaussian | None,
-    departed: np.ndarray,
-) -> np.ndarray:
+    departed: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """Log evidence of none as a library of these tasks would have it, (m,).
 
     Args:
@@ -143,7 +146,7 @@ def evidence_of_none(
     return prefix_log_evidence(library, none, timing, one.times_s, one.values)
 
 
-def calibrate(known: np.ndarray, unknown: np.ndarray) -> np.ndarray:
+def calibrate(known: NDArray[np.float64], unknown: NDArray[np.float64]) -> NDArray[np.float64]:
     """The calibration of the log Bayes factor of the known tasks over none, (4,).
 
     Slope and threshold above which it speaks for a known task, then slope and threshold below
@@ -179,7 +182,7 @@ def calibrate_none(
     tasks: Mapping[str, TaskStatistics],
     preprocessing: Preprocessing,
     strength: float,
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """The calibration of a library's none, from `MAX_CALIBRATED` of its demonstrations, (4,).
 
     Args:
@@ -211,7 +214,7 @@ def calibrate_none(
     return calibrate(np.array(known), np.array(unknown))
 
 
-def calibrating_tasks(counts: Sequence[int]) -> np.ndarray:
+def calibrating_tasks(counts: Sequence[int]) -> NDArray[np.int64]:
     """Numbers of the tasks with `MIN_DEMONSTRATIONS`; of all where fewer than two have as many."""
     enough = np.flatnonzero(np.asarray(counts) >= MIN_DEMONSTRATIONS)
     return enough if len(enough) > 1 else np.arange(len(counts))
@@ -231,7 +234,9 @@ def is_outdated(before: Mapping[str, int], now: Mapping[str, int]) -> bool:
     return used(before) != used(now)
 
 
-def _simulated_unknown(library: TaskLibrary, departed: np.ndarray) -> list[np.ndarray]:
+def _simulated_unknown(
+    library: TaskLibrary, departed: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
     """Factors along movements drawn from none itself, where no task can be left out."""
     rng = np.random.default_rng(N_SIMULATED)
     every = np.arange(library.n_tasks)

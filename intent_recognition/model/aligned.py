@@ -3,8 +3,10 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ModelError, describe
 from intent_recognition.model.arrays import RETRAIN, check_arrays, check_positive, from_upper, upper
@@ -23,7 +25,9 @@ ALIGNED = tuple(
 """Names of the arrays in the file."""
 
 
-def pack_aligned(primitives: AlignedPrimitives) -> tuple[dict[str, object], dict[str, np.ndarray]]:
+def pack_aligned(
+    primitives: AlignedPrimitives,
+) -> tuple[dict[str, object], dict[str, NDArray[Any]]]:
     """An entry of the JSON header, and arrays by name; of each covariance the upper triangle."""
     phase_deviation = primitives.phase_deviation
     header = {
@@ -44,7 +48,7 @@ def pack_aligned(primitives: AlignedPrimitives) -> tuple[dict[str, object], dict
 def unpack_aligned(
     path: str,
     header: Mapping,
-    arrays: Mapping[str, np.ndarray],
+    arrays: Mapping[str, NDArray[Any]],
     n_tasks: int,
     n_observed: int,
     n_dofs: int,

@@ -3,8 +3,10 @@
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ModelError, describe
 
@@ -13,7 +15,7 @@ RETRAIN = "Train it again with `intent train`."
 
 def check_arrays(
     path: str | Path,
-    arrays: Mapping[str, np.ndarray],
+    arrays: Mapping[str, NDArray[Any]],
     shapes: Mapping[str, tuple[int, ...]],
     whole: Collection[str] = (),
 ) -> None:
@@ -42,7 +44,7 @@ def check_arrays(
             raise ModelError(describe(place, "finite numbers", "NaN or inf", RETRAIN))
 
 
-def check_positive(path: str | Path, arrays: Mapping[str, np.ndarray], *names: str) -> None:
+def check_positive(path: str | Path, arrays: Mapping[str, NDArray[Any]], *names: str) -> None:
     """Make sure that all numbers of some arrays are above zero.
 
     Raises:
@@ -53,13 +55,13 @@ def check_positive(path: str | Path, arrays: Mapping[str, np.ndarray], *names: s
             raise ModelError(describe(f"{path}: {name}", "above zero", arrays[name], RETRAIN))
 
 
-def upper(matrices: np.ndarray) -> np.ndarray:
+def upper(matrices: NDArray[Any]) -> NDArray[Any]:
     """Upper triangles of symmetric matrices (..., n, n), row after row, (..., n (n + 1) / 2)."""
     rows, columns = np.triu_indices(matrices.shape[-1])
     return matrices[..., rows, columns]
 
 
-def from_upper(triangles: np.ndarray, size: int) -> np.ndarray:
+def from_upper(triangles: NDArray[Any], size: int) -> NDArray[Any]:
     """The symmetric matrices (..., size, size) of such triangles."""
     rows, columns = np.triu_indices(size)
     matrices = np.zeros((*triangles.shape[:-1], size, size))

@@ -7,8 +7,10 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofSpec
 from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
@@ -144,7 +146,7 @@ def load_model(path: str | Path) -> Model:
             raise ModelError(f"{path}: {error}") from error
         raise ModelError(describe(f"{path}: header", "a complete one", error, RETRAIN)) from error
     check_arrays(path, content, _shapes(len(labels), dofs, basis.n_basis), ("observed_groups",))
-    numbers = {name: content[name] for name in NUMBERS}
+    numbers: dict[str, Any] = {name: content[name] for name in NUMBERS}
     _check_values(path, numbers)
     _check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
     for name in SCALARS:
@@ -205,7 +207,7 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> None:
             )
 
 
-def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, np.ndarray]:
+def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Header and wanted arrays that the file holds, under their present names."""
     try:
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
@@ -228,7 +230,7 @@ def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, np.ndarray]:
         ) from error
 
 
-def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
+def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> NDArray[Any]:
     try:
         return file[name]
     except Exception as error:  # pickled objects, bad checksums, headers that are none
@@ -237,7 +239,7 @@ def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> np.n
         ) from error
 
 
-def _header(path: str | Path, content: dict[str, np.ndarray]) -> dict:
+def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
     try:
         header = json.loads(str(content["header"]))
         version = header["format_version"]
@@ -310,7 +312,7 @@ def _shapes(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int, .
     }
 
 
-def _check_values(path: str | Path, numbers: dict[str, np.ndarray]) -> None:
+def _check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
     check_positive(
         path,
         numbers,
@@ -330,7 +332,7 @@ def _check_values(path: str | Path, numbers: dict[str, np.ndarray]) -> None:
         )
 
 
-def _check_groups(path: str | Path, groups: np.ndarray, n_observed: int, n_onset: int) -> None:
+def _check_groups(path: str | Path, groups: NDArray[Any], n_observed: int, n_onset: int) -> None:
     if (groups.sum(), n_onset) != (n_observed, len(groups)) or np.any(groups < 1):
         raise ModelError(
             describe(

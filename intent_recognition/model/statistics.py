@@ -9,9 +9,10 @@ header under `statistics`.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.alignment import Template
 from intent_recognition.errors import ArgumentError, ModelError, describe
@@ -50,13 +51,13 @@ class Packed(NamedTuple):
     """What goes into the file: an entry of the JSON header, and arrays by name."""
 
     header: dict[str, object]
-    arrays: dict[str, np.ndarray]
+    arrays: dict[str, NDArray[Any]]
 
 
 def pack_statistics(trained: Trained) -> Packed:
     """Statistics, preprocessing and hyperparameters as they are written."""
     preprocessing, tasks = trained.preprocessing, list(trained.tasks.values())
-    header = {
+    header: dict[str, object] = {
         "preprocessing": _plain(preprocessing),
         "chosen": trained.chosen._asdict(),
         "labels": list(trained.tasks),
@@ -64,7 +65,7 @@ def pack_statistics(trained: Trained) -> Packed:
     }
     arrays = {
         **_pack_tasks(tasks, STEADY),
-        **_pack_tasks([task.aligned for task in tasks], ALIGNED),
+        **_pack_tasks([task.aligned for task in tasks if task.aligned is not None], ALIGNED),
         **_pack_timing(preprocessing.timing),
         COUNT: np.array([len(task.examples) for task in tasks]),
     }
@@ -72,7 +73,7 @@ def pack_statistics(trained: Trained) -> Packed:
 
 
 def unpack_statistics(
-    path: str, library: TaskLibrary, header: Mapping, arrays: Mapping[str, np.ndarray]
+    path: str, library: TaskLibrary, header: Mapping, arrays: Mapping[str, NDArray[Any]]
 ) -> Trained:
     """The same read back and checked against the library they belong to.
 
@@ -113,7 +114,7 @@ def unpack_statistics(
     return Trained(library, preprocessing, tasks, chosen)
 
 
-def _pack_tasks(tasks: Sequence[TaskStatistics], kind: str) -> dict[str, np.ndarray]:
+def _pack_tasks(tasks: Sequence[TaskStatistics], kind: str) -> dict[str, NDArray[Any]]:
     """Arrays of the statistics and of the examples kept whole, task after task."""
     sums = {name: np.array([getattr(task, name) for task in tasks]) for name in SUMS}
     sums["scatter"] = upper(sums["scatter"])
@@ -127,7 +128,7 @@ def _pack_tasks(tasks: Sequence[TaskStatistics], kind: str) -> dict[str, np.ndar
 def _unpack_tasks(
     labels: Sequence[str],
     names: Sequence[str],
-    arrays: Mapping[str, np.ndarray],
+    arrays: Mapping[str, NDArray[Any]],
     kind: str,
     aligned: Mapping[str, TaskStatistics] | None = None,
 ) -> dict[str, TaskStatistics]:
@@ -147,11 +148,12 @@ def _unpack_tasks(
     return tasks
 
 
-def _plain_value(value: np.ndarray) -> np.ndarray | float | int:
+def _plain_value(value: NDArray[Any]) -> Any:
+    """A row of an array: a number where the array has one dimension."""
     return value.item() if np.ndim(value) == 0 else value
 
 
-def _pack_timing(timing: Timing) -> dict[str, np.ndarray]:
+def _pack_timing(timing: Timing) -> dict[str, NDArray[Any]]:
     """Templates label after label, and the phase deviations."""
     templates = list(timing.templates.values())
     parts = (
@@ -163,14 +165,15 @@ def _pack_timing(timing: Timing) -> dict[str, np.ndarray]:
 
 
 def _timing(
-    path: str, labels: Sequence[str], arrays: Mapping[str, np.ndarray], n_dofs: int
+    path: str, labels: Sequence[str], arrays: Mapping[str, NDArray[Any]], n_dofs: int
 ) -> Timing:
     """The same read back and checked."""
     values, scale, deviation_std = (arrays.get(name, np.zeros(0)) for name in TIMING)
     n_phases, n_deviations = np.shape(values)[1:2], max(len(np.atleast_1d(deviation_std)), 2)
-    shapes = ((len(labels), *(n_phases or (2,)), n_dofs), (len(labels), n_dofs), (n_deviations,))
-    if not labels:  # nothing was recorded twice
-        shapes = ((0,), (0,), (n_deviations,))
+    shapes: tuple[tuple[int, ...], ...] = ((0,), (0,), (n_deviations,))
+    if labels:  # else no task has two recordings
+        values_shape = (len(labels), *(n_phases or (2,)), n_dofs)
+        shapes = (values_shape, (len(labels), n_dofs), (n_deviations,))
     bounded = {name: arrays[name] for name in TIMING if name in arrays}
     if "timing_scale" in bounded and scale.dtype.kind == "f":  # infinite for what never moves
         bounded["timing_scale"] = np.where(np.isposinf(scale), 1.0, scale)

@@ -104,7 +104,7 @@ def test_the_mean_keeps_the_average_timing(rng):
     alignment = align(timed.trajectories)
     average = np.mean([warp.apply(PHASE) for warp in alignment.warps], axis=0)
     np.testing.assert_allclose(average, PHASE, atol=0.02)
-    assert alignment.index is None
+    assert alignment.reference_index is None
     np.testing.assert_allclose(alignment.aligned.mean(axis=0), alignment.template.values, atol=0.03)
 
 
@@ -137,7 +137,7 @@ def test_the_medoid_is_the_one_most_like_the_others(rng):
     timed = demonstrations(rng, n=6, rate_std=0.05, noise=0.01)
     odd = timed.trajectories.copy()
     odd[[0, 2]] = odd[[0, 2], ::-1]
-    assert align(odd, "medoid").index in (1, 3, 4, 5)
+    assert align(odd, "medoid").reference_index in (1, 3, 4, 5)
 
 
 def test_phases_to_learn_at_are_the_inverse(rng):

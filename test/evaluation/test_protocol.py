@@ -15,7 +15,7 @@ from intent_recognition.evaluation.protocol import evaluate, make_folds
 from intent_recognition.evaluation.scoring import (
     PREDICTION_FRACTIONS,
     RECOGNITION_FRACTIONS,
-    Scores,
+    ScoreTable,
     collect,
     per_unit,
     score_demonstration,
@@ -188,7 +188,7 @@ def test_per_unit_is_the_mean_over_the_dofs_of_a_unit(rng):
 
 
 def test_scores_by_hand():
-    scores = Scores()
+    scores = ScoreTable()
     scores.add("known_phase", 0.5, rmse=np.array([1.0, 10.0]), accuracy=1.0)
     scores.add("known_phase", 0.5, rmse=np.array([3.0, 30.0]), accuracy=0.0)
     table = scores.table("known_phase", (0.5,), ("rad", "m"), ("rmse", "accuracy"))

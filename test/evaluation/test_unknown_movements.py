@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The watch over a movement decides as the nodes do, and says which gate kept one back."""
+"""The monitor over a movement decides as the nodes do, and says which gate kept one back."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from intent_recognition.evaluation.unknown_movements import Watch, compare
+from intent_recognition.evaluation.unknown_movements import DecisionMonitor, compare
 from intent_recognition.filtering.hypotheses import Hypotheses
 
 
@@ -20,11 +20,11 @@ def test_a_movement_that_speaks_for_none_activates_nothing_however_probable(
         log_evidence=np.array([1.0, -5.0, none_evidence]),
         task_filters=SimpleNamespace(end_std=lambda task: {"rad": 0.01}),
     )
-    watch = Watch(SimpleNamespace(labels=("a", "b")))
+    monitor = DecisionMonitor(SimpleNamespace(labels=("a", "b")))
     for k in range(10):
-        watch.observe(run, 0.1 * k)
-    assert watch.outcome("a").above_threshold
-    assert watch.outcome("a").activated == activated
+        monitor.observe(run, 0.1 * k)
+    assert monitor.outcome("a").above_threshold
+    assert monitor.outcome("a").activated == activated
 
 
 def followed(end_std, task="a"):
@@ -34,10 +34,10 @@ def followed(end_std, task="a"):
         log_evidence=np.array([5.0, -5.0, -3.0]),
         task_filters=SimpleNamespace(end_std=lambda task: {"rad": end_std.pop(0)}),
     )
-    watch = Watch(SimpleNamespace(labels=("a", "b")))
+    monitor = DecisionMonitor(SimpleNamespace(labels=("a", "b")))
     for k in range(8):
-        watch.observe(run, 0.1 * k)
-    return watch.outcome(task)
+        monitor.observe(run, 0.1 * k)
+    return monitor.outcome(task)
 
 
 def test_what_is_recognised_and_held_back_by_its_uncertain_end_is_told_apart():
