@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many components: by left-out prediction of the controlled agent given the observed one.
+"""The number of components, by left-out prediction of the controlled agent given the observed one.
 
 Every demonstration is left out in turn, the mixture is fitted to the rest, and the controlled
 agent's trajectory is predicted from the observed agent's. The score is the mean negative log
-density of the true trajectory, as in `selection.py`: an error in units of what the component lets
-one expect. Of all numbers of components within one paired standard error of the best, the smallest
-is taken (Ewerton et al. 2015 read the same off a curve of errors).
+density of the true trajectory. Of all numbers of components within one paired standard error of the
+best, the smallest is taken (Ewerton et al. 2015 choose it from a curve of errors).
 """
 
 from collections.abc import Callable, Sequence
@@ -27,6 +26,7 @@ from intent_recognition.gaussian import (
 from intent_recognition.learning.mixture import MIN_MEMBERS, Features, cluster
 
 MAX_COMPONENTS = 10
+"""Most components that are tried (docs/mixture.md)."""
 
 
 class ComponentTrial(NamedTuple):
@@ -53,7 +53,7 @@ class ComponentChoice(NamedTuple):
 
     @property
     def n_components(self) -> int:
-        """How many components have members; fewer than asked for if there was no more to find."""
+        """How many components have members; fewer than asked for if some are empty."""
         return int(self.chosen.labels.max()) + 1
 
 
@@ -129,7 +129,7 @@ def predict_left_out(
     """Predict each demonstration's controlled trajectory from its observed one.
 
     The prior on the covariance is taken as inverse Wishart, so what is left out has a Student t
-    distribution: a component of few members is not sure of its own width.
+    distribution: the covariance of a component with few members is uncertain.
 
     Args:
         features: the demonstrations.

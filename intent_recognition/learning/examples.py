@@ -42,8 +42,8 @@ class TrainingExample(NamedTuple):
         duration_s: of the interaction.
         observed: samples at evenly spaced phases, (m, P).
         controlled: at the scored phases, (s, Q).
-        aligned: the same over the reference phase of its task, with basis functions of its own;
-            None where nothing was aligned.
+        aligned: the example over the reference phase of its task, with another basis; None where
+            nothing was aligned.
     """
 
     name: str
@@ -86,7 +86,7 @@ def make_examples(
     ridge: float,
     warps: Sequence[Warp] | None = None,
 ) -> list[TrainingExample | TrainingError]:
-    """The same of many, for each the error if it cannot be used.
+    """Weights of many demonstrations; the error of each that cannot be used.
 
     Signals that were sampled at the same phases, as in aligned demonstrations, are fitted together.
 
@@ -147,7 +147,7 @@ def _movement(recorded: Demonstration) -> list[_Part] | TrainingError:
 
 
 def _warped(parts: list[_Part] | TrainingError, warp: Warp) -> list[_Part] | TrainingError:
-    """The same over reference phase; what lies beyond its ends is taken for them."""
+    """The parts over reference phase, clipped to [0, 1]."""
     if isinstance(parts, TrainingError):
         return parts
     return [part._replace(phase=np.clip(warp.inverse(part.phase), 0.0, 1.0)) for part in parts]
@@ -170,7 +170,7 @@ def _assemble(
 
 
 def _at(phases: NDArray[np.float64], part: _Part) -> NDArray[np.float64]:
-    """Values at other phases, between samples by a line, (len(phases), d)."""
+    """Values interpolated linearly at other phases, (len(phases), d)."""
     columns = [np.interp(phases, part.phase, column) for column in part.values.T]
     return np.stack(columns, axis=1)
 

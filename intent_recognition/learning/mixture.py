@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mixture of interaction primitives from demonstrations without labels (Ewerton et al. 2015).
 
-Each demonstration's weights stand for a trajectory of every DOF. These trajectories, sampled at
-evenly spaced phases, are brought to common units and written in orthonormal coordinates of the
-affine span of all demonstrations, each agent in its own. The mixture is fitted there.
+Each demonstration's weights describe a trajectory of every DOF. These trajectories, sampled at
+evenly spaced phases, are scaled to common units and expressed in orthonormal coordinates of the
+affine span of all demonstrations, separately for each agent. The mixture is fitted in these.
 """
 
 from typing import NamedTuple
@@ -26,27 +26,32 @@ from intent_recognition.gaussian import (
 from intent_recognition.promp import NormalizedRBFBasis
 
 BASIS = NormalizedRBFBasis(30, 1.0)
+"""Basis functions of the trajectories that are clustered. More than `learn` uses: the difference
+between a waved and a shaken hand is in the fast part of the movement (docs/mixture.md)."""
 RIDGE = 1e-3
-"""How trajectories are described to tell tasks apart: finer than to predict them.
-
-What makes a shaken hand another task than a waving one is in the fast part of the movement.
-"""
+"""Relative curvature penalty of their regression, weaker than in `learn` for the same reason."""
 SAMPLED_PHASES = 40
-"""Phases at which trajectories are compared."""
+"""Phases at which trajectories are compared (docs/mixture.md)."""
 FLOOR = 1e-2
-"""Variance floor, in parts of the mean variance of a coordinate over all demonstrations."""
+"""Variance floor, as a share of the mean variance of a coordinate over all demonstrations.
+Convention."""
 STRENGTH = 24.0
-"""Demonstrations that the diagonal target is worth in a component's covariance."""
+"""Equivalent sample size of the diagonal target of a component's covariance, in demonstrations
+(docs/mixture.md)."""
 SHARED = 5.0
-"""Demonstrations that all components together are worth in a component's target."""
+"""Equivalent sample size of the components' pooled variance in this target, in demonstrations
+(docs/mixture.md)."""
 MIN_MEMBERS = 3
-"""Smallest component worth having: leaving one out, two remain to say how they vary."""
+"""Fewest demonstrations of a component: with one left out, two remain to estimate a variance."""
 MAX_FOLDS = 100
-"""Up to so many demonstrations each is left out by itself, of more every hundredth together."""
+"""Up to this number, each demonstration is left out alone; beyond it, every hundredth together.
+Convention: it bounds the time."""
 MAX_DEMONSTRATIONS = 2000
-"""Beyond this, memory and time of a mixture over all of them are out of proportion."""
+"""Most demonstrations that a mixture is fitted to. Convention: it bounds memory and time."""
 N_STARTS = 30
+"""Runs of k-means that EM starts from. Convention."""
 REASSIGNMENTS = 10
+"""Rounds of reassignment by the mixtures without each demonstration, at most. Convention."""
 
 
 class Features(NamedTuple):
@@ -77,8 +82,8 @@ def mixture_features(
     """Coordinates of demonstrations for a mixture.
 
     Scaling: every DOF is divided by its standard deviation over all demonstrations and phases (one
-    that never varies is left alone), and every agent by the square root of how many numbers
-    describe it, so that metres and radians, three DOFs and seven, count alike.
+    that never varies is left alone), and every agent by the square root of its number of
+    values, so that units and numbers of DOFs do not matter.
 
     Args:
         weights: (n, D, N), observed DOFs first.
@@ -94,7 +99,7 @@ def mixture_features(
                 "demonstrations",
                 f"1 to {MAX_DEMONSTRATIONS} to find components in",
                 len(weights),
-                "Use a part of them, label the rest with what was learned.",
+                "Use a part of them and label the rest with the resulting model.",
             )
         )
     trajectories = weights @ basis.design_matrix(np.linspace(0.0, 1.0, SAMPLED_PHASES)).T
@@ -138,13 +143,12 @@ def cluster(
     prior: CovariancePrior | None = None,
     n_starts: int = N_STARTS,
 ) -> Clustering:
-    """Fit a mixture from many starts and keep the likeliest whose components can stand alone.
+    """Fit a mixture from many starts and keep the likeliest without small components.
 
     A fit with a component of fewer than `MIN_MEMBERS` is kept only if every start led to one: the
-    likelihood is fond of components that hold one odd demonstration. A demonstration has shaped
-    the component it is in, and in many dimensions it stays there for that reason alone; so each is
-    also assigned by the fit it was left out of, and EM started from there, as long as the
-    likelihood rises.
+    likelihood favours components that hold a single outlier. In many dimensions a demonstration
+    also stays in a component because it shaped it. Each is therefore reassigned by the mixture
+    fitted without it, and EM restarted from there, as long as the likelihood rises.
 
     Args:
         features: the demonstrations.
@@ -158,9 +162,9 @@ def cluster(
     n_starts = n_starts if n_components > 1 else 1
     starts = np.unique(kmeans_starts(points, n_components, n_starts, rng), axis=0)
     fits = fit_mixture(points, one_hot(starts, n_components), prior)
-    worth = [_rank(fits, b, n_components) for b in range(len(starts))]
-    best = max(range(len(starts)), key=lambda b: worth[b])
-    labels, value = fits.labels[best], worth[best]
+    ranks = [_rank(fits, b, n_components) for b in range(len(starts))]
+    best = max(range(len(starts)), key=lambda b: ranks[b])
+    labels, value = fits.labels[best], ranks[best]
     left_out = leave_each_out(points, labels, n_components, prior)
     for _ in range(REASSIGNMENTS):
         moved = left_out_labels(points, left_out)
@@ -202,13 +206,13 @@ def left_out_labels(points: NDArray[np.float64], left_out: Components) -> NDArra
 
 
 def _rank(fits: MixtureFit, index: int, n_components: int) -> tuple[bool, float]:
-    """What fits are compared by: all components can stand alone, then the likelihood."""
+    """Fits are ranked by whether all components are large enough, then by the likelihood."""
     sizes = np.bincount(fits.labels[index], minlength=n_components)
     return bool(sizes.min() >= MIN_MEMBERS), float(fits.log_likelihood[index])
 
 
 def _ordered(labels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The labels renumbered: larger components first, of equal ones that with the first member."""
+    """The labels renumbered by decreasing size of the components, then by their first member."""
     found, first, sizes = np.unique(labels, return_index=True, return_counts=True)
     order = sorted(range(len(found)), key=lambda k: (-sizes[k], first[k]))
     rank = {int(found[k]): number for number, k in enumerate(order)}

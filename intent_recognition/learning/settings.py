@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a user may set about learning."""
+"""Settings of learning."""
 
 from dataclasses import dataclass
 
@@ -14,13 +14,13 @@ class TrainingSettings:
 
     Attributes:
         n_basis: basis functions per DOF.
-        n_aligned_basis: the same of the aligned primitives that trajectories are predicted from.
+        n_aligned_basis: basis functions per DOF of the aligned primitives.
         width: their width in units of their spacing.
         ridge: relative curvature penalty of the weights' regression.
         segmentation: "movement" cuts each recording to the interaction, as the online detector
             would; "recording" takes it whole.
         none_prior: prior probability that a movement is none of the tasks; above one less the
-            decision's threshold, no task is acted on before something speaks against none.
+            decision's threshold, no task is acted on without evidence against none.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration, in
             (0, 1]; on real recordings 0.1 predicts better than 1 (docs/method.md).
 

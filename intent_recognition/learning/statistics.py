@@ -3,8 +3,9 @@
 
 Means, covariances, noise, timing and the none model are functions of these sums. They are kept
 about their own means and merged pairwise (Chan, Golub & LeVeque 1983, Eq. 2.1), which loses no
-digits where the spread is small beside the mean. Only the choice of hyperparameters needs single
-demonstrations; of these a bounded sample is kept, the same one in whatever order they came.
+digits where the standard deviation is small compared to the mean. Only the choice of
+hyperparameters needs single demonstrations; of these a bounded sample is kept, the same one in
+whatever order they came.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,12 +21,13 @@ from intent_recognition.learning.examples import TrainingExample
 from intent_recognition.promp import Scatter, weight_floor
 
 MAX_EXAMPLES = 200
-"""Demonstrations of one task that are kept whole, to choose hyperparameters on."""
+"""Demonstrations of one task that are kept whole, to choose hyperparameters on. Convention: it
+bounds the size of a model file."""
 
 
 @dataclass(frozen=True)
 class TaskStatistics:
-    """What learning needs to know of n demonstrations of one task.
+    """Sufficient statistics of n demonstrations of one task.
 
     Attributes:
         n: how many.
@@ -37,7 +39,7 @@ class TaskStatistics:
         log_duration_scatter: sum of their squared deviations from it.
         duration_sum_s: sum of the durations.
         examples: all demonstrations, or `MAX_EXAMPLES` of them drawn by a hash of their names.
-        aligned: the same of the aligned examples; None where nothing was aligned.
+        aligned: statistics of the aligned examples; None where nothing was aligned.
     """
 
     n: int
@@ -89,7 +91,7 @@ def summarize(examples: Sequence[TrainingExample]) -> TaskStatistics:
 
 
 def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStatistics:
-    """Statistics of the demonstrations of both."""
+    """Statistics of the demonstrations of both (Chan, Golub & LeVeque 1983, Eq. 2.1)."""
     n = first.n + second.n
     share, pairs = second.n / n, first.n * second.n / n
     step = second.mean - first.mean

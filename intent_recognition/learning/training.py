@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From demonstrations to a `TaskLibrary`, all at once or one by one."""
+"""Learning a `TaskLibrary` from demonstrations, all at once or one by one."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ from intent_recognition.signals import Demonstration
 
 @dataclass(frozen=True)
 class Trained:
-    """A library with what it takes to add demonstrations to it.
+    """A library with the statistics that are needed to add demonstrations to it.
 
     Attributes:
         library: the tasks.
@@ -49,7 +49,7 @@ class Trained:
 
 
 class TrainingReport(NamedTuple):
-    """What was learned, and what became of the demonstrations.
+    """The learned library, and which demonstrations were used and left out.
 
     Attributes:
         used: names of those learned from, of very many the first 1000.
@@ -152,7 +152,7 @@ def choose(
 
 
 def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained:
-    """The same with one more labelled demonstration, of a known task or a new one.
+    """Add one labelled demonstration, of a known task or a new one.
 
     Equals training anew with the same preprocessing and hyperparameters, which `choose_again`
     chooses again.
@@ -168,7 +168,7 @@ def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained
 def add_statistics(
     trained: Trained, tasks: Mapping[str, TaskStatistics], names: Sequence[str] = ()
 ) -> Trained:
-    """The same with more demonstrations, whose statistics come from its preprocessing.
+    """Add demonstrations, whose statistics come from the same preprocessing.
 
     Args:
         trained: what to add to; it stays as it is.
@@ -193,7 +193,7 @@ def add_statistics(
 
 
 def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]]:
-    """The same with hyperparameters chosen on all it has by now, and all that were tried."""
+    """Choose the hyperparameters again on all demonstrations; also all that were tried."""
     chosen, tried = choose(trained.tasks, trained.preprocessing)
     library = replace(
         trained.library,

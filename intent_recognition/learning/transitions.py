@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which task follows which: learned from recorded sequences."""
+"""Transition probabilities between tasks, learned from recorded sequences."""
 
 from collections.abc import Iterable, Sequence
 
@@ -10,6 +10,7 @@ from scipy.special import gammaln
 from intent_recognition.errors import ShapeError, describe
 
 _PSEUDO_COUNTS = np.geomspace(0.1, 100.0, 61)
+"""Pseudo-counts a task over which the Dirichlet prior is averaged. Convention."""
 
 
 def count_transitions(
@@ -17,7 +18,7 @@ def count_transitions(
 ) -> NDArray[np.float64]:
     """How often which task followed which, (K + 1, K); the last row counts first tasks.
 
-    A label that is none of the tasks is passed over, as online, where it is `none`.
+    A label that is none of the tasks is skipped, as online, where it is `none`.
     """
     index = {label: k for k, label in enumerate(labels)}
     counts = np.zeros((len(labels) + 1, len(labels)))
@@ -35,8 +36,8 @@ def smoothed_transitions(counts: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Row k is (n_kj + a) / (n_k + K a) under a symmetric Dirichlet prior with a pseudo-counts a
     task. The rows are averaged over a, weighted by the evidence of all counts (the
-    Dirichlet-multinomial likelihood, flat in log a from 0.1 to 100), so that a habit seen often
-    is believed and one seen twice is not. A row without counts is uniform.
+    Dirichlet-multinomial likelihood, flat in log a from 0.1 to 100), so that many counts move the
+    probabilities more than few do. A row without counts is uniform.
 
     Raises:
         ShapeError: counts are not (K + 1, K).

@@ -45,7 +45,7 @@ EXTREME_STDS = 2.0
 """Standard deviations from the mean extreme at which a log Bayes factor begins to count
 (docs/recognition.md)."""
 LOWER_TAIL_PROBABILITY = 0.005
-"""Share of known movements that may speak for none: one in two hundred (docs/recognition.md)."""
+"""Share of known movements whose factor may count as evidence for none (docs/recognition.md)."""
 TAIL_SHARE = 0.1
 """Share of known movements, those with the lowest factors, that an exponential tail is fitted to.
 Convention."""
@@ -149,9 +149,9 @@ def evidence_of_none(
 def calibrate(known: NDArray[np.float64], unknown: NDArray[np.float64]) -> NDArray[np.float64]:
     """The calibration of the log Bayes factor of the known tasks over none, (4,).
 
-    Slope and threshold above which it speaks for a known task, then slope and threshold below
-    which it speaks against one, as `recognition` applies them. Slopes are at most 1: evidence is
-    never made stronger than Bayes' rule has it.
+    Slope and threshold above which it is evidence for a known task, then slope and threshold below
+    which it is evidence against one, as `recognition` applies them. Slopes are at most 1: evidence
+    is never made stronger than Bayes' rule has it.
 
     Args:
         known: factors along movements of known tasks, (n, m).

@@ -32,7 +32,7 @@ class Relabelled(NamedTuple):
     Attributes:
         demonstrations: the same recordings, `task` being `component_1`, the largest, and so on.
         rejected: (name, reason) of those left out.
-        choice: number of components, and what was tried.
+        choice: number of components, and all numbers that were tried.
         purity: agreement with the labels of those recordings that had one, None if none had.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The model file and the folder of tasks."""
+"""Model files, and folders of tasks that grow by one recording at a time."""
 
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags

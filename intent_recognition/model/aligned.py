@@ -53,11 +53,11 @@ def unpack_aligned(
     n_observed: int,
     n_dofs: int,
 ) -> AlignedPrimitives:
-    """The same read back and checked.
+    """The aligned primitives of a model file, checked.
 
     Args:
         path: of the file, for messages.
-        header: what stands under `aligned`.
+        header: its entry `aligned`.
         arrays: those of `ALIGNED` that the file holds.
         n_tasks: K of the library it belongs to.
         n_observed: its P.

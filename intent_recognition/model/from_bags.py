@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags into statistics, some here and some elsewhere: no recording is held longer than needed.
+"""Statistics of the demonstrations in bags, accumulated in this process or in others.
 
-A bounded part of the bags, spread evenly over all, is read first: its recordings settle what the
-examples of all are made by. The rest is then turned into statistics where it is read. Bags are cut
-into the same parts whoever does the work, so the result does not depend on it.
+A bounded, evenly spaced part of the bags is read first: its recordings settle the preprocessing.
+The other bags are turned into statistics where they are read. They are divided into the same parts
+whoever does the work, so the result does not depend on it.
 """
 
 from collections import Counter
@@ -28,11 +28,11 @@ from intent_recognition.signals import Demonstration, Rejection
 T = TypeVar("T")
 R = TypeVar("R")
 Run = Callable[[Callable[[T], R], Iterable[T]], Iterator[R]]
-"""Applies a function to items somewhere and hands out the results in their order, as `map` does."""
+"""Applies a function to items, here or elsewhere, and yields the results in order, as `map`."""
 
 
 class FromBags(NamedTuple):
-    """What came of bags.
+    """Statistics of bags, and what was left out.
 
     Attributes:
         accumulated: statistics of their demonstrations.
@@ -70,9 +70,9 @@ def accumulate_bags(
     Args:
         paths: bags, folders of bags or session bags, any number.
         dofs: topics and fields to read.
-        settings: how to learn; those of the preprocessing count where one is given.
+        settings: how to learn; ignored where a preprocessing is given, which has its own.
         preprocessing: how examples are made, None to settle it here.
-        run: where the work is done.
+        run: applies the work to the bags, `map` or the like.
         progress: called with the number of bags that were dealt with since the last call.
 
     Raises:
@@ -81,7 +81,7 @@ def accumulate_bags(
     bags, empty = list_bags(paths)
     total = FromBags(Accumulated(preprocessing, {}), tuple(empty)[:NAMES_KEPT], len(empty))
     while total.accumulated.preprocessing is None and bags:
-        head, bags = spread(bags, REFERENCE_RECORDINGS)
+        head, bags = split_evenly(bags, REFERENCE_RECORDINGS)
         total = total.plus(_collect(run(partial(read_bag, dofs), head), settings, progress))
     parts = [bags[start : start + BATCH] for start in range(0, len(bags), BATCH)]
     work = partial(accumulate_part, dofs, total.accumulated.preprocessing)
@@ -106,7 +106,7 @@ def list_bags(paths: Iterable[Path]) -> tuple[list[Path], list[Rejection]]:
     return bags, empty
 
 
-def spread(items: Sequence[T], n: int) -> tuple[list[T], list[T]]:
+def split_evenly(items: Sequence[T], n: int) -> tuple[list[T], list[T]]:
     """At most n of the items, evenly spaced, and the others; both in order."""
     if len(items) <= n:
         return list(items), []
@@ -132,7 +132,7 @@ def _collect(
     progress: Callable[[int], None],
     preprocessing: Preprocessing | None = None,
 ) -> FromBags:
-    """Statistics of what was read of each bag."""
+    """Statistics of the demonstrations read from each bag."""
     rejections: list[Rejection] = []
     dropped: Counter[str] = Counter()
 

@@ -2,9 +2,9 @@
 """Statistics of the demonstrations inside a model file, so that a later session can add to it.
 
 The file holds the arrays of `TaskStatistics`, one row per task, with the upper triangle of each
-scatter matrix; those of the examples kept whole, task after task; the same of the aligned examples;
-and the templates these were aligned with. Names, preprocessing and hyperparameters are in the
-header under `statistics`.
+scatter matrix; those of the examples kept whole, task after task; both also for the aligned
+examples; and the templates these were aligned with. Names, preprocessing and hyperparameters are in
+the header under `statistics`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -75,12 +75,12 @@ def pack_statistics(trained: Trained) -> Packed:
 def unpack_statistics(
     path: str, library: TaskLibrary, header: Mapping, arrays: Mapping[str, NDArray[Any]]
 ) -> Trained:
-    """The same read back and checked against the library they belong to.
+    """Statistics of a model file, checked against the library they belong to.
 
     Args:
         path: of the file, for messages.
         library: the model's.
-        header: what stands under `statistics`.
+        header: its entry `statistics`.
         arrays: those of `ARRAYS` that the file holds.
 
     Raises:
@@ -167,7 +167,7 @@ def _pack_timing(timing: Timing) -> dict[str, NDArray[Any]]:
 def _timing(
     path: str, labels: Sequence[str], arrays: Mapping[str, NDArray[Any]], n_dofs: int
 ) -> Timing:
-    """The same read back and checked."""
+    """Timing of a model file, checked."""
     values, scale, deviation_std = (arrays.get(name, np.zeros(0)) for name in TIMING)
     n_phases, n_deviations = np.shape(values)[1:2], max(len(np.atleast_1d(deviation_std)), 2)
     shapes: tuple[tuple[int, ...], ...] = ((0,), (0,), (n_deviations,))

@@ -130,7 +130,7 @@ class TaskFolder:
         """Directory for the next recording of a task; nothing is made yet.
 
         Raises:
-            BagError: the label cannot be the name of a folder, or stands for no task.
+            BagError: the label cannot be the name of a folder, or means no task.
         """
         if not task or task.startswith(".") or task == "none" or FORBIDDEN & set(task):
             cure = "Give a label such as give_cup."
