@@ -31,7 +31,7 @@ class PhaseDeviationFilter:
 
     Attributes:
         mean, covariance: filtered observed weights, (S, P N) and (S, P N, P N).
-        phase_deviation: probability of each deviation by now, (S, E).
+        phase_deviation: present probability of each deviation, (S, E).
         log_evidence: of all observations, the deviation marginalised, (S,).
         elapsed_s: when the last observation was made, None before the first.
     """

@@ -239,8 +239,8 @@ class RunningBank:
         n_scales = self.shape[1]
         one, other = (slice(p * n_scales, (p + 1) * n_scales) for p in (a, b))
         for array in (self._state, self._evidence, self._hypothesis_at):
-            held = array[one].copy()
+            copy = array[one].copy()
             array[one] = array[other]
-            array[other] = held
+            array[other] = copy
         self._task_at[[a, b]] = self._task_at[[b, a]]
         self._place_of[self._task_at[[a, b]]] = [a, b]

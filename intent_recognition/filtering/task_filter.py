@@ -104,7 +104,8 @@ class TaskFilter:
             ),
             n_rows * N_PHASES,
         )
-        return table.reshape(len(durations), len(times_s), N_PHASES)
+        shape = len(durations), len(times_s), N_PHASES
+        return np.asarray(table, dtype=np.float64).reshape(shape)
 
     def mixture_at(
         self, times_s: NDArray[np.float64], start: StartPosture | None = None
@@ -138,7 +139,7 @@ class TaskFilter:
         Args:
             n_points: T.
             start: measured posture of the controlled agent at onset.
-            grid: `control_grid` of this task, if it is at hand.
+            grid: `control_grid` of this task, if there is one.
         """
         grid = grid or control_grid(self.library.primitives, self.task)
         duration_s = self.duration_s

@@ -12,25 +12,33 @@ H S that the next observation needs are corrected for what is pending.
 from math import isfinite
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.gaussian.linalg import LOG_2_PI, cholesky
 
 PENDING_ROWS = 24
+"""Rows of V kept before they are subtracted. Measured: about the least time (docs/speed.md)."""
 CACHE_FLOATS = 2**16
-"""So many numbers at a time are subtracted from covariances: they stay in the core's cache."""
+"""Numbers subtracted from covariances at a time. Convention: half a megabyte fits the core's cache.
+"""
+
+Run = tuple[slice, slice, NDArray[np.float64]]
+"""Observed values that are projected together: which values, which DOFs, and their row (n, N)."""
 
 
 class GaussianBatch:
     """n Gaussians over the weights of P DOFs with N basis functions each.
 
-    Between `fold`s, `mean` and `covariance` lag behind what was observed.
+    `mean` and `covariance` lack what is pending until `apply_downdates`.
 
     Attributes:
         mean: (n, P N), a part of the state.
         covariance: (n, P N, P N), the rest of it; symmetric to the last bit.
     """
 
-    def __init__(self, state: np.ndarray, n_basis: int, pending: np.ndarray | None = None):
+    def __init__(
+        self, state: NDArray[np.float64], n_basis: int, pending: NDArray[np.float64] | None = None
+    ):
         """Take over the arrays.
 
         Args:
@@ -47,7 +55,7 @@ class GaussianBatch:
             pending = np.empty((n, *pending_shape(size // n_basis, n_basis)))
         self._take_memory(pending)
 
-    def _take_memory(self, pending: np.ndarray) -> None:
+    def _take_memory(self, pending: NDArray[np.float64]) -> None:
         # A row holds one of V, the negative whitened innovation, and one of L^T: what turns H S
         # into V turns H m - y and the innovation covariance into these.
         n, n_rows, n_columns = pending.shape
@@ -57,8 +65,12 @@ class GaussianBatch:
         self._pending_by_dof = by_dof.transpose(0, 2, 1, 3)
 
     def condition(
-        self, dofs: np.ndarray, rows: np.ndarray, values: np.ndarray, noise_covariance: np.ndarray
-    ) -> np.ndarray:
+        self,
+        dofs: NDArray[np.int64],
+        rows: NDArray[np.float64],
+        values: NDArray[np.float64],
+        noise_covariance: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
         """Condition on one observation; on an error nothing has changed.
 
         Args:
@@ -82,12 +94,12 @@ class GaussianBatch:
                 self._take_memory(np.empty((len(self.mean), m, max(columns, self._width))))
         runs = _runs(dofs, rows)
         first, new = self._n_pending, self._project(runs, values)
-        spread = new[:, :, self._size + 1 : self._size + 1 + m]
-        self._times_rows(runs, slice(first, first + m), spread)
-        spread += noise_covariance
+        own = new[:, :, self._size + 1 : self._size + 1 + m]  # the innovation covariance
+        self._times_rows(runs, slice(first, first + m), own)
+        own += noise_covariance
         with np.errstate(invalid="ignore", divide="ignore"):
-            _whiten(new, spread)
-            log_scale = np.add.reduce(np.log(np.diagonal(spread, axis1=1, axis2=2)), axis=1)
+            _whiten(new, own)
+            log_scale = np.add.reduce(np.log(np.diagonal(own, axis1=1, axis2=2)), axis=1)
         if not isfinite(np.add.reduce(log_scale)):
             self._refuse(runs, values, noise_covariance)
         self._n_pending = first + m
@@ -95,15 +107,17 @@ class GaussianBatch:
         squares = np.matmul(whitened[:, None, :], whitened[:, :, None])[:, 0, 0]
         return -0.5 * squares - log_scale - 0.5 * m * LOG_2_PI
 
-    def _refuse(self, runs: list, values: np.ndarray, noise_covariance: np.ndarray) -> None:
-        """Say what is wrong with an innovation covariance."""
+    def _refuse(
+        self, runs: list[Run], values: NDArray[np.float64], noise_covariance: NDArray[np.float64]
+    ) -> None:
+        """Raise the error of an innovation covariance that is not positive definite."""
         m = len(values)
         self._project(runs, values)
-        spread = np.empty((len(self.mean), m, m))
-        self._times_rows(runs, slice(self._n_pending, self._n_pending + m), spread)
-        cholesky(spread + noise_covariance, name="innovation covariance")
+        own = np.empty((len(self.mean), m, m))
+        self._times_rows(runs, slice(self._n_pending, self._n_pending + m), own)
+        cholesky(own + noise_covariance, name="innovation covariance")
 
-    def _project(self, runs: list, values: np.ndarray) -> np.ndarray:
+    def _project(self, runs: list[Run], values: NDArray[np.float64]) -> NDArray[np.float64]:
         """H S and, after it, H m - y of the distributions in force: (n, m, columns)."""
         first, m = self._n_pending, len(values)
         new = self._pending[:, first : first + m]
@@ -117,7 +131,7 @@ class GaussianBatch:
             known -= np.matmul(product, self._pending[:, :first, : self._width])
         return new
 
-    def _times_rows(self, runs: list, pending: slice, out: np.ndarray) -> None:
+    def _times_rows(self, runs: list[Run], pending: slice, out: NDArray[np.float64]) -> None:
         """H V^T for some of the pending rows V, (n, m, rows)."""
         for observed, dofs, row in runs:
             np.matmul(
@@ -135,17 +149,19 @@ class GaussianBatch:
         for start in range(0, len(self.mean), step):
             some = slice(start, start + step)
             mean, covariance = self.mean[some], self.covariance[some]
-            change, shrink = self._pending_change(some, out=work[: len(mean)])
+            change, downdate = self._pending_change(some, out=work[: len(mean)])
             mean -= change
-            covariance -= shrink
+            covariance -= downdate
         self._n_pending, self._limit = 0, self._pending.shape[1]
 
-    def current(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def current(self, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Means (k, P N) and covariances (k, P N, P N) of some, up to date; nothing changes."""
-        change, shrink = self._pending_change(index)
-        return self.mean[index] - change, self.covariance[index] - shrink
+        change, downdate = self._pending_change(index)
+        return self.mean[index] - change, self.covariance[index] - downdate
 
-    def mixed(self, some: slice, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def mixed(
+        self, some: slice, weights: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Means (k, P N) of some and the weighted sum of their covariances (P N, P N), up to date.
 
         Args:
@@ -159,17 +175,17 @@ class GaussianBatch:
         return means, np.einsum("k,kij->ij", weights, self.covariance[some]) - rows.T @ rows
 
     def _pending_change(
-        self, some: slice | np.ndarray, out: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
+        self, some: slice | NDArray[np.int64], out: NDArray[np.float64] | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """What is still to be subtracted from means and covariances."""
         pending = self._pending[some, : self._n_pending]
         weights = pending[:, :, : self._size]
         # numpy forms A^T A from one triangle, so that it is exactly symmetric.
-        shrink = np.matmul(weights.transpose(0, 2, 1), weights, out=out)
-        return np.matmul(pending[:, None, :, self._size], weights)[:, 0], shrink
+        downdate = np.matmul(weights.transpose(0, 2, 1), weights, out=out)
+        return np.matmul(pending[:, None, :, self._size], weights)[:, 0], downdate
 
     def first_downdate_at(self, share: float) -> None:
-        """Fold for the first time when a share of the working memory is in use."""
+        """Apply the first downdates when this share of the working memory is in use."""
         self._limit = max(1, round(share * self._pending.shape[1]))
 
 
@@ -183,15 +199,17 @@ def pending_shape(n_dofs: int, n_basis: int) -> tuple[int, int]:
     return max(PENDING_ROWS, 2 * n_dofs), state_width(n_dofs, n_basis)
 
 
-def make_state(mean: np.ndarray, covariance: np.ndarray, n_basis: int) -> np.ndarray:
-    """Means (n, P N) and covariances (n, P N, P N) as the state of a block, a copy."""
+def make_state(
+    mean: NDArray[np.float64], covariance: NDArray[np.float64], n_basis: int
+) -> NDArray[np.float64]:
+    """Means (n, P N) and covariances (n, P N, P N) as the state of a batch, a copy."""
     n, size = mean.shape
     state = np.zeros((n, size, state_width(size // n_basis, n_basis)))
     state[:, :, :size], state[:, :, size] = covariance, mean
     return state
 
 
-def _whiten(rows: np.ndarray, spread: np.ndarray) -> None:
+def _whiten(rows: NDArray[np.float64], innovation_covariance: NDArray[np.float64]) -> None:
     """Multiply rows (n, m, k) by L^-1 from the left, in place.
 
     L L^T = S is the innovation covariance, itself m of their columns, which become L^T: steps of
@@ -199,17 +217,18 @@ def _whiten(rows: np.ndarray, spread: np.ndarray) -> None:
 
     Args:
         rows: changed.
-        spread: view of the columns that hold S, (n, m, m); only its upper triangle is used.
+        innovation_covariance: view of the columns that hold S, (n, m, m); only its upper triangle
+            is used.
     """
     m = rows.shape[1]
     for i in range(m):
         row = rows[:, i]
-        row /= np.sqrt(spread[:, i, i])[:, None]
+        row /= np.sqrt(innovation_covariance[:, i, i])[:, None]
         if i + 1 < m:
-            rows[:, i + 1 :] -= spread[:, i, i + 1 :, None] * row[:, None, :]
+            rows[:, i + 1 :] -= innovation_covariance[:, i, i + 1 :, None] * row[:, None, :]
 
 
-def _runs(dofs: np.ndarray, rows: np.ndarray) -> list[tuple[slice, slice, np.ndarray]]:
+def _runs(dofs: NDArray[np.int64], rows: NDArray[np.float64]) -> list[Run]:
     """Observed values that are projected together: neighbouring DOFs which share one row.
 
     Returns:

@@ -41,7 +41,7 @@ def cholesky(matrix: NDArray[np.float64], *, name: str = "covariance") -> NDArra
         raise ArgumentError(
             describe(name, "finite numbers", "NaN or infinity", "Leave such measurements out.")
         )
-    return factor
+    return np.asarray(factor, dtype=np.float64)
 
 
 def solve_lower(factor: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,15 +18,17 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.gaussian.linalg import LOG_2_PI, cholesky, solve_lower
 
 MEMBER = 1e-13
-"""Responsibilities below this are taken for zero in a covariance."""
+"""Responsibilities below this count as zero in a covariance. Convention."""
 NUMBERS_AT_ONCE = 250_000
-"""Size of one array: what is in work fits the cache, and other fits wait for their turn."""
+"""Largest size of one array, in numbers; more fits are computed in batches. Convention."""
 EMPTY = 1e-8
-"""A component responsible for less than this is dropped: its weight is zero from then on."""
+"""Responsibility below which a component is dropped: its weight is zero from then on. Convention.
+"""
 
 
 class CovariancePrior(NamedTuple):
@@ -34,8 +36,8 @@ class CovariancePrior(NamedTuple):
 
     Attributes:
         floor: variance added along every axis, positive.
-        strength: points' worth of T.
-        shared: within T, points' worth of the variance over all components together.
+        strength: equivalent sample size of T, in points.
+        shared: equivalent sample size, within T, of the variance over all components together.
     """
 
     floor: float
@@ -57,14 +59,14 @@ class Components(NamedTuple):
         row_weight: weights of their outer products, zero where rows only fill up, (B, K, M).
     """
 
-    log_weight: np.ndarray
-    count: np.ndarray
-    mean: np.ndarray
-    diagonal: np.ndarray
-    rows: np.ndarray
-    row_weight: np.ndarray
+    log_weight: NDArray[np.float64]
+    count: NDArray[np.float64]  # type: ignore[assignment]  # hides tuple.count
+    mean: NDArray[np.float64]
+    diagonal: NDArray[np.float64]
+    rows: NDArray[np.int64]
+    row_weight: NDArray[np.float64]
 
-    def covariance(self, points: np.ndarray) -> np.ndarray:
+    def covariance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The covariances as matrices, (B, K, r, r)."""
         root = np.sqrt(self.row_weight)[..., None] * (points[self.rows] - self.mean[:, :, None, :])
         low_rank = np.swapaxes(root, -1, -2) @ root
@@ -81,24 +83,24 @@ class MixtureFit(NamedTuple):
         n_iterations: (B,).
     """
 
-    responsibilities: np.ndarray
-    log_likelihood: np.ndarray
+    responsibilities: NDArray[np.float64]
+    log_likelihood: NDArray[np.float64]
     components: Components
-    n_iterations: np.ndarray
+    n_iterations: NDArray[np.int64]
 
     @property
-    def labels(self) -> np.ndarray:
+    def labels(self) -> NDArray[np.int64]:
         """Most responsible component of each point, (B, n)."""
         return np.argmax(self.responsibilities, axis=2)
 
 
-def one_hot(labels: np.ndarray, n_components: int) -> np.ndarray:
+def one_hot(labels: NDArray[np.int64], n_components: int) -> NDArray[np.float64]:
     """Responsibilities 0 and 1 from labels (..., n), (..., n, K)."""
     return (labels[..., None] == np.arange(n_components)).astype(float)
 
 
 def maximisation(
-    points: np.ndarray, responsibilities: np.ndarray, prior: CovariancePrior
+    points: NDArray[np.float64], responsibilities: NDArray[np.float64], prior: CovariancePrior
 ) -> Components:
     """M step (Ewerton et al. 2015, Eq. 8-10) of B mixtures at once.
 
@@ -132,7 +134,7 @@ def maximisation(
     )
 
 
-def log_joint(points: np.ndarray, components: Components) -> np.ndarray:
+def log_joint(points: NDArray[np.float64], components: Components) -> NDArray[np.float64]:
     """log p(k) + log density of each point under component k, (B, n, K)."""
     n_axes = points.shape[1]
     small = components.rows.shape[2] <= n_axes
@@ -141,7 +143,9 @@ def log_joint(points: np.ndarray, components: Components) -> np.ndarray:
     return np.swapaxes(constant[..., None] - 0.5 * squared, 1, 2)
 
 
-def _by_axes(points: np.ndarray, components: Components) -> tuple[np.ndarray, np.ndarray]:
+def _by_axes(
+    points: NDArray[np.float64], components: Components
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Squared Mahalanobis distances (B, K, n) and log determinants (B, K)."""
     factor = cholesky(components.covariance(points), name="covariance of a component")
     errors = np.swapaxes(points - components.mean[:, :, None, :], 2, 3)
@@ -149,7 +153,9 @@ def _by_axes(points: np.ndarray, components: Components) -> tuple[np.ndarray, np
     return np.einsum("bkrn,bkrn->bkn", whitened, whitened), _log_det(factor)
 
 
-def _by_members(points: np.ndarray, components: Components) -> tuple[np.ndarray, np.ndarray]:
+def _by_members(
+    points: NDArray[np.float64], components: Components
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same by the matrix inversion lemma, for fewer members than axes."""
     if components.diagonal.size and np.ptp(components.diagonal) == 0:
         cross, squared = _by_inner_products(points, components)
@@ -166,12 +172,14 @@ def _by_members(points: np.ndarray, components: Components) -> tuple[np.ndarray,
     return squared, np.log(components.diagonal).sum(axis=2) + _log_det(factor)
 
 
-def _log_det(factor: np.ndarray) -> np.ndarray:
+def _log_det(factor: NDArray[np.float64]) -> NDArray[np.float64]:
     """Log determinant from a Cholesky factor."""
     return 2.0 * np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
 
 
-def _by_coordinates(points: np.ndarray, components: Components) -> tuple[np.ndarray, np.ndarray]:
+def _by_coordinates(
+    points: NDArray[np.float64], components: Components
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Scaled inner products of members with points (B, K, M, n), and squared norms (B, K, n)."""
     scale = 1.0 / np.sqrt(components.diagonal)[:, :, None, :]
     scaled = (points - components.mean[:, :, None, :]) * scale
@@ -179,7 +187,9 @@ def _by_coordinates(points: np.ndarray, components: Components) -> tuple[np.ndar
     return members @ np.swapaxes(scaled, 2, 3), np.einsum("bknr,bknr->bkn", scaled, scaled)
 
 
-def _by_inner_products(points: np.ndarray, components: Components) -> tuple[np.ndarray, np.ndarray]:
+def _by_inner_products(
+    points: NDArray[np.float64], components: Components
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same where all diagonals are one number: from the points' inner products alone."""
     inner = points @ points.T
     to_mean = components.mean @ points.T
@@ -193,8 +203,8 @@ def _by_inner_products(points: np.ndarray, components: Components) -> tuple[np.n
 
 
 def fit_mixture(
-    points: np.ndarray,
-    responsibilities: np.ndarray,
+    points: NDArray[np.float64],
+    responsibilities: NDArray[np.float64],
     prior: CovariancePrior,
     *,
     n_iterations: int = 100,
@@ -230,12 +240,12 @@ def batches(n_items: int, numbers_each: int) -> Iterator[slice]:
 
 
 def _iterate(
-    points: np.ndarray,
-    responsibilities: np.ndarray,
+    points: NDArray[np.float64],
+    responsibilities: NDArray[np.float64],
     prior: CovariancePrior,
     n_iterations: int,
     tolerance: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """EM of one batch: responsibilities, log likelihoods and numbers of iterations."""
     found = responsibilities.copy()
     included = found.sum(axis=2) > 0

@@ -4,9 +4,10 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 RANK_TOLERANCE = 1e-10
-"""Singular values below this part of the largest one are rounding."""
+"""Singular values below this part of the largest one count as zero. Convention: rounding."""
 
 
 class Span(NamedTuple):
@@ -20,12 +21,12 @@ class Span(NamedTuple):
         coordinates: (n, r), zero on average.
     """
 
-    mean: np.ndarray
-    axes: np.ndarray
-    coordinates: np.ndarray
+    mean: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    coordinates: NDArray[np.float64]
 
 
-def affine_span(vectors: np.ndarray) -> Span:
+def affine_span(vectors: NDArray[np.float64]) -> Span:
     """Coordinates of vectors (n, d) along their principal axes; r is their rank, 0 if all equal."""
     mean = vectors.mean(axis=0)
     left, values, axes = np.linalg.svd(vectors - mean, full_matrices=False)

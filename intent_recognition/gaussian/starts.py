@@ -2,13 +2,15 @@
 """Starts of a mixture: k-means from k-means++ centres, many times over."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 LLOYD_STEPS = 10
+"""Steps of Lloyd's algorithm from each start. Convention: EM refines what comes of it."""
 
 
 def kmeans_starts(
-    points: np.ndarray, n_components: int, n_starts: int, rng: np.random.Generator
-) -> np.ndarray:
+    points: NDArray[np.float64], n_components: int, n_starts: int, rng: np.random.Generator
+) -> NDArray[np.int64]:
     """Labels of n points (n, r) from `n_starts` independent runs, (n_starts, n).
 
     Centres are drawn by k-means++ (Arthur and Vassilvitskii 2007): each next one with probability
@@ -30,7 +32,9 @@ def kmeans_starts(
     return labels
 
 
-def _plus_plus(distance: np.ndarray, n_components: int, rng: np.random.Generator) -> list[int]:
+def _plus_plus(
+    distance: NDArray[np.float64], n_components: int, rng: np.random.Generator
+) -> list[int]:
     """Indices of the points drawn as centres, from squared distances (n, n)."""
     centers = [int(rng.integers(len(distance)))]
     nearest = distance[centers[0]].copy()
@@ -44,7 +48,9 @@ def _plus_plus(distance: np.ndarray, n_components: int, rng: np.random.Generator
     return centers
 
 
-def _lloyd(distance: np.ndarray, labels: np.ndarray, n_components: int) -> np.ndarray:
+def _lloyd(
+    distance: NDArray[np.float64], labels: NDArray[np.int64], n_components: int
+) -> NDArray[np.int64]:
     """One step of k-means by distances alone: |x - mean|^2 from those between the points."""
     share = (labels == np.arange(n_components)[:, None]).astype(float)
     count = share.sum(axis=1)

@@ -2,26 +2,29 @@
 """The region of some standard deviations about a path, as triangles to draw."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 N_RINGS = 16
+"""Rings of a tube. Convention."""
 N_SIDES = 10
+"""Corners of a ring. Convention."""
 
 
 def tube_rings(
-    path: np.ndarray,
-    std: np.ndarray,
+    path: NDArray[np.float64],
+    std: NDArray[np.float64],
     n_std: float = 2.0,
     *,
     n_rings: int = N_RINGS,
     n_sides: int = N_SIDES,
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """Rings about a path, each on the ellipsoid of `n_std` standard deviations of its point.
 
     Args:
         path: (T, 3) [m], T >= 1.
         std: standard deviations along the axes (T, 3) [m].
         n_std: how many.
-        n_rings: rings, spread evenly over the path.
+        n_rings: rings, evenly spaced along the path.
         n_sides: points of a ring.
 
     Returns:
@@ -40,7 +43,7 @@ def tube_rings(
     return centre[:, None] + n_std * radius[:, None] * circle
 
 
-def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> np.ndarray:
+def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> NDArray[np.float64]:
     """Triangles of the rings' flattened vertices, seen from outside counter-clockwise.
 
     Returns:
@@ -53,11 +56,11 @@ def tube_faces(n_rings: int = N_RINGS, n_sides: int = N_SIDES) -> np.ndarray:
     return np.stack((a, b, d, a, d, c), axis=-1).reshape(-1, 3)
 
 
-def _across(centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _across(centre: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Two unit vectors across the path at each of its points, turning as little as possible."""
     along = np.gradient(centre, axis=0) if len(centre) > 1 else np.zeros_like(centre)
-    spread = centre - centre.mean(axis=0)
-    flattest = np.linalg.svd(spread, full_matrices=True)[2][-1]
+    centred = centre - centre.mean(axis=0)
+    flattest = np.linalg.svd(centred, full_matrices=True)[2][-1]
     length = np.linalg.norm(along, axis=1, keepdims=True)
     along = np.where(length > 1e-9, along / np.maximum(length, 1e-9), np.eye(3)[_other(flattest)])
     first = np.cross(along, flattest)
@@ -67,6 +70,6 @@ def _across(centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return first, np.cross(along, first)
 
 
-def _other(axis: np.ndarray) -> int:
+def _other(axis: NDArray[np.float64]) -> int:
     """The coordinate axis least along a vector."""
     return int(np.argmin(np.abs(axis)))

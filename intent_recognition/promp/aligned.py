@@ -19,7 +19,7 @@ from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.phase_deviation import PhaseDeviation
 
 N_KEPT = 16
-"""Regressions held in memory. Convention: of 300 tasks few lead within one movement."""
+"""Regressions held in memory. Convention: few tasks become the most probable in one movement."""
 
 
 @dataclass(frozen=True)

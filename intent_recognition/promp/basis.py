@@ -5,10 +5,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 
 NARROW = 0.05
+"""Width, in spacings, below which exponents are shifted before `exp`.
+
+Convention: between narrow centres all of them would underflow.
+"""
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,8 @@ class NormalizedRBFBasis:
     n_basis: int = 20
     width: float = 1.5
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        """Check the arguments."""
         if self.n_basis < 3 or not self.width > 0:
             raise ArgumentError(
                 describe(
@@ -38,7 +44,7 @@ class NormalizedRBFBasis:
             )
 
     @cached_property
-    def centers(self) -> np.ndarray:
+    def centers(self) -> NDArray[np.float64]:
         """Phases of the centres, (N,)."""
         return np.linspace(0.0, 1.0, self.n_basis)
 
@@ -47,8 +53,8 @@ class NormalizedRBFBasis:
         """Standard deviation of each Gaussian, in phase."""
         return self.width / (self.n_basis - 1)
 
-    def design_matrix(self, phase: np.ndarray) -> np.ndarray:
-        """Basis functions at phases (...,): (..., N); outside [0, 1] the ends are held."""
+    def design_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Basis functions at phases (...,): (..., N); outside [0, 1] those of the nearer end."""
         phase = np.minimum(np.maximum(phase, 0.0), 1.0)
         values = (phase[..., None] - self.centers) / self.scale
         values *= values
@@ -59,7 +65,7 @@ class NormalizedRBFBasis:
         values /= np.add.reduce(values, axis=-1, keepdims=True)
         return values
 
-    def derivative_matrix(self, phase: np.ndarray) -> np.ndarray:
+    def derivative_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """d basis / d phase at phases (...,): (..., N); zero outside [0, 1].
 
         A velocity is this times the phase rate dz/dt, so it depends on the movement's duration.
@@ -71,12 +77,12 @@ class NormalizedRBFBasis:
         inside = (phase >= 0.0) & (phase <= 1.0)
         return gradient * inside[..., None]
 
-    def second_derivative_matrix(self, phase: np.ndarray) -> np.ndarray:
+    def second_derivative_matrix(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """d^2 basis / d phase^2 at phases (...,): (..., N); zero outside [0, 1]."""
         values = self.design_matrix(phase)
         phase = np.asarray(phase, dtype=np.float64)
         slope = -(np.clip(phase, 0.0, 1.0)[..., None] - self.centers) / self.scale**2
         slope -= np.sum(values * slope, axis=-1, keepdims=True)
-        spread = np.sum(values * slope**2, axis=-1, keepdims=True)
+        variance = np.sum(values * slope**2, axis=-1, keepdims=True)
         inside = (phase >= 0.0) & (phase <= 1.0)
-        return values * (slope**2 - spread) * inside[..., None]
+        return values * (slope**2 - variance) * inside[..., None]

@@ -100,7 +100,7 @@ class InteractionProMP:
             self.weights,
             self.observation_matrix(_finite("phase", phases, phases.shape), index),
             observed.ravel(),
-            np.kron(np.eye(phases.size), noise),
+            np.kron(np.eye(phases.size), noise).astype(np.float64, copy=False),
         )
         return replace(self, weights=posterior), log_evidence
 

@@ -1,65 +1,72 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a person is ahead of, or behind, steady progress.
+"""The phase deviation: how far a person is ahead of, or behind, steady progress.
 
-Nobody moves through a task at one speed. At a recorded phase u, the share of the movement's
-duration that has passed, a person has progressed to the reference phase u + s(u) e. The lead e is
-a stationary Ornstein-Uhlenbeck process of unit variance along u, so that hesitations and hurries
-pass again; its scale s(u) is learned from how demonstrations had to be warped onto one another
-(`timing.py`). The lead is followed on a grid, beside the Gaussian over the weights.
+At a recorded phase u, the share of the movement's duration that has passed, a person has reached
+the reference phase u + s(u) e. The phase deviation e is a stationary Ornstein-Uhlenbeck process of
+unit variance along u, so that hesitations and hurries pass again; its scale s(u) is learned from
+the warps that align the demonstrations (`learning.timing`). The deviation is filtered on a grid,
+beside the Gaussian over the weights.
 """
 
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 N_DEVIATIONS = 15
+"""Values of the phase deviation on its grid. Convention."""
 DEVIATION_SPAN = 2.5
-"""Grid of the lead: how many values, and how many standard deviations it reaches to either side."""
+"""Reach of that grid to either side, in standard deviations. Convention: it holds 98.8 %."""
 JUMP = 1e-12
-"""Probability that the lead is drawn anew between two observations: no lead is ever ruled out."""
+"""Probability that the deviation is drawn anew between two observations, so that none is ruled out.
+
+Convention.
+"""
 
 
 class PhaseDeviation(NamedTuple):
-    """Prior of a person's lead.
+    """Prior of a person's phase deviation.
 
     Attributes:
         deviation_std: standard deviation at even recorded phases from 0 to 1, (U,); with
             zeros, progress is steady and there is a single deviation.
-        correlation: recorded phase after which the lead's autocorrelation has fallen to 1/e.
-        evidence: exponent of an observation's likelihood in the posterior of the lead; deviations
-            from the mean last along a movement, so that its samples are not independent.
+        correlation: recorded phase after which the autocorrelation has fallen to 1/e.
+        evidence: exponent of an observation's likelihood in the posterior of the deviation;
+            residuals last along a movement, so that its samples are not independent.
     """
 
-    deviation_std: np.ndarray
+    deviation_std: NDArray[np.float64]
     correlation: float
     evidence: float
 
 
 STEADY = PhaseDeviation(np.zeros(2), 1.0, 1.0)
-"""Progress without leads."""
+"""Steady progress: no phase deviation."""
 
 
-def deviation_grid(phase_deviation: PhaseDeviation) -> np.ndarray:
-    """Values of the lead in its standard deviations, (E,)."""
+def deviation_grid(phase_deviation: PhaseDeviation) -> NDArray[np.float64]:
+    """Values of the phase deviation in its standard deviations, (E,)."""
     if not np.any(phase_deviation.deviation_std):
         return np.zeros(1)
     return np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, N_DEVIATIONS)
 
 
-def deviation_prior(phase_deviation: PhaseDeviation) -> np.ndarray:
+def deviation_prior(phase_deviation: PhaseDeviation) -> NDArray[np.float64]:
     """Probability of each of them before anything is seen, (E,)."""
     return _normal(deviation_grid(phase_deviation))
 
 
-def deviation_transition(phase_deviation: PhaseDeviation, passed: np.ndarray) -> np.ndarray:
-    """Transition of the lead while so much recorded phase passes, (..., E, E), rows sum to one.
+def deviation_transition(
+    phase_deviation: PhaseDeviation, passed: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Transition of the phase deviation while recorded phase passes, (..., E, E), rows sum to one.
 
     It keeps the prior, and two transitions one after the other equal that of their sum, however
-    short they are: with signals of several stamps, leads must not spread for being looked at often.
+    short they are, so that it does not matter how often one looks.
 
     Args:
-        phase_deviation: prior of the lead.
+        phase_deviation: prior of the phase deviation.
         passed: recorded phase, (...); less than zero counts as zero.
     """
     grid = deviation_grid(phase_deviation)
@@ -72,8 +79,10 @@ def deviation_transition(phase_deviation: PhaseDeviation, passed: np.ndarray) ->
     return kernel / kernel.sum(axis=-1, keepdims=True)
 
 
-def reference_phase(phase_deviation: PhaseDeviation, recorded: np.ndarray) -> np.ndarray:
-    """Reference phases of all leads at recorded phases (...), clipped to [0, 1]: (..., E)."""
+def reference_phase(
+    phase_deviation: PhaseDeviation, recorded: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Reference phases of all deviations at recorded phases (...), clipped to [0, 1]: (..., E)."""
     recorded = np.clip(recorded, 0.0, 1.0)
     at = np.linspace(0.0, 1.0, len(phase_deviation.deviation_std))
     scale = np.interp(recorded, at, phase_deviation.deviation_std)
@@ -82,21 +91,23 @@ def reference_phase(phase_deviation: PhaseDeviation, recorded: np.ndarray) -> np
     )
 
 
-def _normal(grid: np.ndarray) -> np.ndarray:
-    """Probabilities of leads under their prior, (E,)."""
+def _normal(grid: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Probabilities of deviations under their prior, (E,)."""
     weight = np.exp(-0.5 * grid**2)
     return weight / weight.sum()
 
 
 @lru_cache(maxsize=4)
-def _modes(n_leads: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _modes(
+    n_deviations: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Modes of an Ornstein-Uhlenbeck process on a grid: decay (E,), left and right, (E, E) each.
 
     Neighbours i and j change places at a rate of sqrt(p_j / p_i), which keeps the prior p by
-    detailed balance; rates are in parts of that of the slowest mode, the lead's own.
+    detailed balance; rates are relative to that of the slowest mode, the process's own.
     """
-    root = np.sqrt(_normal(np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, n_leads)))
-    generator = np.eye(n_leads, k=1) + np.eye(n_leads, k=-1)
+    root = np.sqrt(_normal(np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, n_deviations)))
+    generator = np.eye(n_deviations, k=1) + np.eye(n_deviations, k=-1)
     generator -= np.diag(generator @ root / root)
     rate, vectors = np.linalg.eigh(generator)
     rate = np.maximum(-rate[::-1], 0.0)

@@ -49,7 +49,7 @@ def controlled_weights(
     if start is None:
         return Gaussian(mean, covariance)
     row = primitives.basis.design_matrix(np.zeros(1))
-    design = np.kron(np.eye(primitives.n_controlled), row)
+    design = np.kron(np.eye(primitives.n_controlled), row).astype(np.float64, copy=False)
     noise = np.diag(start.variance + primitives.control_noise_variance())
     return condition(Gaussian(mean, covariance), design, start.position, noise)[0]
 

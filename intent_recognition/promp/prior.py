@@ -13,35 +13,42 @@ with a the amplitudes, R_k (D, D) the correlation over DOFs near phase k and C (
 correlation along the phase. It is positive semidefinite by the Schur product theorem, and the
 coupling of the agents at one phase is not diluted by other phases, as it is in a Kronecker product.
 
-`strength` is the target's worth in demonstrations, as in an inverse-Wishart prior. It is chosen by
-leave-one-out prediction (`selection.py`), never by hand.
+`strength` is the equivalent sample size of the target in demonstrations, as in an inverse-Wishart
+prior. `learn` chooses it by leave-one-out prediction (`learning.selection`).
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.gaussian import symmetrize
 
 FLOOR_OF_RANGE = 1e-3
 """Smallest standard deviation of a weight, in parts of its DOF's range over all demonstrations.
 
-It keeps the covariance positive definite when demonstrations are identical or very few.
+Convention. It keeps the covariance positive definite when demonstrations are identical or very few.
 """
 
 OTHERS_SAMPLE_SIZE = 5.0
-"""Demonstrations that all other tasks together are worth in a task's target."""
+"""Equivalent sample size of all other tasks together in a task's target, in demonstrations.
+
+Convention.
+"""
 PHASE_WIDTH = 0.15
-"""How far in phase the correlation over DOFs is averaged."""
+"""Width in phase over which the correlation over DOFs is averaged. Convention."""
 OWN_COVARIANCE_SHARE = 0.5
 """Share of a task's own covariance in the one it is recognised by (docs/prediction.md)."""
 AMPLITUDE_SAMPLE_SIZE = 4.0
-"""Demonstrations' worth of the assumption that a DOF varies alike at all phases."""
+"""Equivalent sample size of the assumption that a DOF varies alike at all phases.
+
+In demonstrations. Convention.
+"""
 FEW = 3.5
-"""Demonstrations below which their scatter tells little, neither how much varies nor how long."""
+"""Equivalent sample size below which the scatter is inflated (`structured_target`). Convention."""
 DEVIATION_WIDTH = 0.1
-"""How long in phase deviations are taken to last then."""
+"""Correlation length in phase that deviations are given then. Convention."""
 
 
 class Scatter(NamedTuple):
@@ -52,7 +59,7 @@ class Scatter(NamedTuple):
         freedom: demonstrations less means taken from them.
     """
 
-    matrix: np.ndarray
+    matrix: NDArray[np.float64]
     freedom: int
 
 
@@ -66,12 +73,12 @@ class StructuredTarget(NamedTuple):
         floor: variance added to every weight of a DOF, (D,).
     """
 
-    amplitude: np.ndarray
-    dofs: np.ndarray
-    basis: np.ndarray
-    floor: np.ndarray
+    amplitude: NDArray[np.float64]
+    dofs: NDArray[np.float64]
+    basis: NDArray[np.float64]
+    floor: NDArray[np.float64]
 
-    def covariance(self) -> np.ndarray:
+    def covariance(self) -> NDArray[np.float64]:
         """The target as one matrix, (D N, D N), weights grouped by DOF."""
         n_basis, size = len(self.basis), self.amplitude.size
         values, vectors = np.linalg.eigh(self.dofs)
@@ -84,7 +91,7 @@ class StructuredTarget(NamedTuple):
         return symmetrize(covariance) + np.diag(np.repeat(self.floor, n_basis))
 
 
-def weight_extent(weights: np.ndarray) -> np.ndarray:
+def weight_extent(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Range of the weights of each DOF over all demonstrations, 1 where there is none, (D,).
 
     Args:
@@ -94,17 +101,19 @@ def weight_extent(weights: np.ndarray) -> np.ndarray:
     return np.where(extent > 0, extent, 1.0)
 
 
-def weight_floor(weights: np.ndarray) -> np.ndarray:
+def weight_floor(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Variance floor per DOF from the range of its weights (n, D, N), (D,)."""
     return (FLOOR_OF_RANGE * weight_extent(weights)) ** 2
 
 
-def structured_target(own: Scatter, pooled: Scatter, floor: np.ndarray) -> StructuredTarget:
+def structured_target(
+    own: Scatter, pooled: Scatter, floor: NDArray[np.float64]
+) -> StructuredTarget:
     """Fit a task's target to the deviations of all demonstrations from their tasks' means.
 
     The task's own demonstrations count fully; all others together count `OTHERS_SAMPLE_SIZE`.
-    Where they are fewer than `FEW` in all, deviations are taken to be larger than was seen, and
-    smooth.
+    Where their equivalent sample size is below `FEW`, the amplitudes are inflated and the
+    correlation along the phase is mixed with a smooth one (small-sample inflation).
 
     Args:
         own: scatter of the task the target is for.
@@ -116,7 +125,7 @@ def structured_target(own: Scatter, pooled: Scatter, floor: np.ndarray) -> Struc
     variance = np.diag(scatter).reshape(n_dofs, -1)
     typical = variance.mean(axis=1, keepdims=True)
     weight = demonstrations / (demonstrations + AMPLITUDE_SAMPLE_SIZE)
-    doubt = (FEW / max(demonstrations, 2.0)) ** 6
+    inflation = (FEW / max(demonstrations, 2.0)) ** 6
     amplitude = np.sqrt(weight * variance + (1 - weight) * typical + floor[:, None])
     n_basis = amplitude.shape[1]
     scale = amplitude.ravel()
@@ -127,20 +136,20 @@ def structured_target(own: Scatter, pooled: Scatter, floor: np.ndarray) -> Struc
     kernel /= kernel.sum(axis=1, keepdims=True)
     local = np.einsum("dkek->kde", scaled)
     dofs = np.einsum("kl,lde->kde", kernel, local)
-    spread = np.sqrt(np.einsum("kdd->kd", dofs) + FLOOR_OF_RANGE**2)
-    dofs /= spread[:, :, None] * spread[:, None, :]
+    scale = np.sqrt(np.einsum("kdd->kd", dofs) + FLOOR_OF_RANGE**2)
+    dofs /= scale[:, :, None] * scale[:, None, :]
     basis = np.einsum("dkdl->kl", scaled) / n_dofs
-    spread = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
-    basis /= np.outer(spread, spread)
+    scale = np.sqrt(np.diag(basis) + FLOOR_OF_RANGE**2)
+    basis /= np.outer(scale, scale)
     smooth = np.exp(-0.5 * (distance / DEVIATION_WIDTH) ** 2)
-    basis = (basis + doubt * smooth) / (1.0 + doubt)
-    amplitude = amplitude * np.sqrt(1.0 + doubt)
+    basis = (basis + inflation * smooth) / (1.0 + inflation)
+    amplitude = amplitude * np.sqrt(1.0 + inflation)
     return StructuredTarget(amplitude, symmetrize(dofs), symmetrize(basis), floor)
 
 
 def leave_one_out_targets(
-    own: Scatter, pooled: Scatter, deviations: np.ndarray, floor: np.ndarray
-) -> np.ndarray:
+    own: Scatter, pooled: Scatter, deviations: NDArray[np.float64], floor: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """The task's target covariance without each of some demonstrations in turn, (m, d, d).
 
     Where nothing would be left to estimate it from (two demonstrations in all), it is the same
@@ -158,16 +167,16 @@ def leave_one_out_targets(
     if pooled.freedom < 2:
         target = structured_target(own, pooled, floor).covariance()
         return np.repeat(target[None], len(deviations), axis=0)
-    targets = []
+    targets: list[NDArray[np.float64]] = []
     for deviation in deviations:
         part = leave_one_out_scatter(own, deviation.ravel())
         rest = Scatter(pooled.matrix - (own.matrix - part), pooled.freedom - 1)
-        target = structured_target(Scatter(part, own.freedom - 1), rest, floor)
-        targets.append(target.covariance())
+        one = structured_target(Scatter(part, own.freedom - 1), rest, floor)
+        targets.append(one.covariance())
     return np.array(targets)
 
 
-def leave_one_out_scatter(own: Scatter, deviations: np.ndarray) -> np.ndarray:
+def leave_one_out_scatter(own: Scatter, deviations: NDArray[np.float64]) -> NDArray[np.float64]:
     """Scatter without one demonstration, for each of those given, (..., d, d).
 
     Args:
@@ -181,18 +190,18 @@ def leave_one_out_scatter(own: Scatter, deviations: np.ndarray) -> np.ndarray:
 
 
 def recognition_covariances(
-    own: Sequence[Scatter], pooled: Scatter, floor: np.ndarray, strength: float
-) -> np.ndarray:
-    """Covariances that tasks are told apart by, (K, d, d): half their own, half all tasks' alike.
+    own: Sequence[Scatter], pooled: Scatter, floor: NDArray[np.float64], strength: float
+) -> NDArray[np.float64]:
+    """Covariances that tasks are told apart by, (K, d, d): half their own, half shared by all.
 
-    Differences between covariances of few demonstrations are chance for the most part, and what is
-    chance tells tasks apart wrongly (regularised discriminant analysis, Friedman 1989).
+    Differences between covariances of few demonstrations are mostly due to chance, which would tell
+    tasks apart wrongly (regularised discriminant analysis, Friedman 1989).
 
     Args:
         own: scatter of each task.
         pooled: their sum, some of two demonstrations.
         floor: variance floor per DOF, (D,).
-        strength: the targets' worth in demonstrations.
+        strength: equivalent sample size of the targets, in demonstrations.
     """
     target = structured_target(pooled, pooled, floor).covariance()
     shared = (pooled.matrix + strength * target) / (pooled.freedom + strength)
@@ -212,22 +221,22 @@ def observed_block(scatter: Scatter, size: int) -> Scatter:
     return Scatter(scatter.matrix[:size, :size], scatter.freedom)
 
 
-def _borrow(own: Scatter, pooled: Scatter) -> tuple[np.ndarray, float]:
-    """Covariance of a task from its own and all demonstrations, and how many it is worth.
+def _borrow(own: Scatter, pooled: Scatter) -> tuple[NDArray[np.float64], float]:
+    """Covariance of a task from its own and all demonstrations, and its equivalent sample size.
 
     Each task's outer products are divided by its degrees of freedom, so that they estimate a
-    covariance without bias; these estimates are averaged by the demonstrations they are worth.
+    covariance without bias; these estimates are averaged by their equivalent sample sizes.
     """
     others = float(pooled.freedom - own.freedom)
     borrowed = min(OTHERS_SAMPLE_SIZE, others)
     share = borrowed / others if others else 0.0
-    worth = own.freedom + borrowed
-    return ((1.0 - share) * own.matrix + share * pooled.matrix) / worth, worth
+    size = own.freedom + borrowed
+    return ((1.0 - share) * own.matrix + share * pooled.matrix) / size, size
 
 
 def shrunk_covariance(
-    scatter: np.ndarray, n: int, target: np.ndarray, strength: float
-) -> np.ndarray:
+    scatter: NDArray[np.float64], n: int, target: NDArray[np.float64], strength: float
+) -> NDArray[np.float64]:
     """Predictive covariance of one more weight vector of a task, (..., d, d).
 
     (scatter + strength * target) / (n - 1 + strength), times 1 + 1/n for the uncertain mean.
@@ -236,6 +245,6 @@ def shrunk_covariance(
         scatter: sum of outer products of the deviations from the mean, (..., d, d).
         n: number of demonstrations behind it, at least 1.
         target: (d, d).
-        strength: the target's worth in demonstrations, positive.
+        strength: equivalent sample size of the target, in demonstrations, positive.
     """
     return (scatter + strength * target) * ((1.0 + 1.0 / n) / (n - 1.0 + strength))

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from intent_recognition.errors import ArgumentError, TrainingError, describe
@@ -20,12 +21,15 @@ class WeightFit(NamedTuple):
         residual_variance: mean squared residual per DOF, (d,), squared units of the DOF.
     """
 
-    weights: np.ndarray
-    residual_variance: np.ndarray
+    weights: NDArray[np.float64]
+    residual_variance: NDArray[np.float64]
 
 
 def fit_weights(
-    basis: NormalizedRBFBasis, phase: np.ndarray, values: np.ndarray, ridge: float = 1e-4
+    basis: NormalizedRBFBasis,
+    phase: NDArray[np.float64],
+    values: NDArray[np.float64],
+    ridge: float = 1e-4,
 ) -> WeightFit:
     """Ridge regression of trajectories on the basis (Maeda et al. 2014, Eq. 1).
 
@@ -66,8 +70,8 @@ def fit_weights(
 
 def fit_weights_together(
     basis: NormalizedRBFBasis,
-    phases: Sequence[np.ndarray],
-    values: Sequence[np.ndarray],
+    phases: Sequence[NDArray[np.float64]],
+    values: Sequence[NDArray[np.float64]],
     ridge: float = 1e-4,
 ) -> list[WeightFit]:
     """`fit_weights` of many signals; those sampled at the same phases share one factorisation.
@@ -85,7 +89,7 @@ def fit_weights_together(
     groups: dict[bytes, list[int]] = {}
     for index, phase in enumerate(phases):
         groups.setdefault(np.ascontiguousarray(phase).tobytes(), []).append(index)
-    fits: list[WeightFit] = [None] * len(phases)
+    fits: dict[int, WeightFit] = {}
     for members in groups.values():
         fit = fit_weights(
             basis, phases[members[0]], np.hstack([values[index] for index in members]), ridge
@@ -96,4 +100,4 @@ def fit_weights_together(
         )
         for index, (weights, residual_variance) in zip(members, parts, strict=True):
             fits[index] = WeightFit(weights.copy(), residual_variance.copy())
-    return fits
+    return [fits[index] for index in range(len(phases))]

@@ -47,7 +47,7 @@ class DecisionSettings:
         max_end_std_m: the same over the controlled DOFs in metres.
         release_below: probability below which the active task is let go, in [0, threshold).
         min_evidence: least share of the likelihood among the tasks, in [0, 1): what the task's
-            probability would be if all tasks had been expected alike.
+            probability would be if all tasks were equally probable beforehand.
         idle_margin: idle means probability of `none` >= 1 - idle_margin.
     """
 
@@ -132,10 +132,10 @@ def decide(
         event = "over" if state.active else ""
         return DecisionState(event=event, idle=True), ""
     best = int(np.argmax(p))
-    leads = labels[best] != NONE and p[best] >= settings.threshold
-    leads = leads and evidence_share(labels, best, log_evidence) >= settings.min_evidence
-    leads = leads and not speaks_for_none(labels, log_evidence)
-    candidate = labels[best] if leads else ""
+    sure = labels[best] != NONE and p[best] >= settings.threshold
+    sure = sure and evidence_share(labels, best, log_evidence) >= settings.min_evidence
+    sure = sure and not favours_none(labels, log_evidence)
+    candidate = labels[best] if sure else ""
     n_for = (state.n_for + 1 if candidate == state.candidate else 1) if candidate else 0
     certain = is_certain(settings, end_std)
     ready = candidate if n_for >= settings.n_observations and certain else ""
@@ -169,11 +169,11 @@ def evidence_share(
     return float(share[task] / share.sum())
 
 
-def speaks_for_none(labels: Sequence[str], log_evidence: NDArray[np.float64] | None) -> bool:
+def favours_none(labels: Sequence[str], log_evidence: NDArray[np.float64] | None) -> bool:
     """Whether none explains a movement better than the tasks do on average; no where unknown.
 
     The estimator's evidence of none is as its calibration reads it, so that the early part of a
-    reach, which looks like many tasks, speaks for neither side.
+    reach, which looks like many tasks, favours neither side.
     """
     if log_evidence is None or np.shape(log_evidence) != (len(labels),):
         return False

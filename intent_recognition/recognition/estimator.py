@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The online estimator: onset, recognition and prediction from one observation after the other.
 
-The node and `intent replay` run this same object, so that their numbers are equal. It knows no
-clock: all times are stamps of measurements.
+The node and `intent replay` run this class, so that their numbers are equal. It reads no clock: all
+times are stamps of measurements.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
 from intent_recognition.filtering import N_SCALES, MovementFilter, make_hypotheses, make_memory
@@ -55,7 +55,7 @@ class _Movement:
         self.filter.observe(observation)
         if not observation.derivative:
             dofs = self.filter.library.observed_dofs(observation.group, observation.dofs)
-            self.hysteresis.see(dofs, observation.values)
+            self.hysteresis.observe(dofs, observation.values)
         self.observations.append(observation)
         if len(self.observations) > MAX_OBSERVATIONS:
             self.observations = every_second(self.observations)
@@ -74,7 +74,7 @@ class IntentEstimator:
             before (`transitions`).
         n_scales: durations per task in the phase bank.
         transitions: use the transition prior; else p(s) is the library's task prior.
-        forget_after_s: so long after a movement the task before tells nothing any more.
+        forget_after_s: time after a movement from which the task before tells nothing any more.
         start_posture: condition trajectories on the controlled agent's posture at onset, where
             `observe_controlled` has shown it.
     """
@@ -82,7 +82,7 @@ class IntentEstimator:
     def __init__(
         self,
         library: TaskLibrary,
-        task_prior: np.ndarray | None = None,
+        task_prior: NDArray[np.float64] | None = None,
         n_scales: int = N_SCALES,
         *,
         transitions: bool = True,
@@ -203,7 +203,7 @@ class IntentEstimator:
         if covariance is None:
             return None
         fits = np.shape(covariance) == (expected, expected)
-        return None if fits and past.trusts(covariance) else "bad_covariance"
+        return None if fits and past.is_covariance(covariance) else "bad_covariance"
 
     def update(self, observation: Observation) -> Estimate:
         """Take one observation that `reason_to_reject` has nothing against."""
@@ -218,8 +218,8 @@ class IntentEstimator:
         if self._movement is None:
             return self._idle(observation.stamp_ns)
         posterior = self._movement.posterior(observation.stamp_ns)
-        self._posterior = self.expectation.weigh(self._movement.hysteresis.hold(posterior))
-        self._movement.hysteresis.believe(self._posterior.probabilities)
+        self._posterior = self.expectation.weigh(self._movement.hysteresis.apply(posterior))
+        self._movement.hysteresis.update(self._posterior.probabilities)
         elapsed_s = (observation.stamp_ns - self._movement.onset_ns) * 1e-9
         if self._detector.is_over(elapsed_s, self._posterior):
             self.expectation.remember(observation.stamp_ns, self._posterior)
@@ -283,7 +283,7 @@ class IntentEstimator:
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """The controlled agent's whole interaction from onset, under the most probable task.
 
-        None while idle or while `none` leads.
+        None while idle or while `none` is the most probable.
         """
         if self._movement is None or self._posterior is None:
             return None
@@ -329,7 +329,7 @@ class IntentEstimator:
             self._posture.clear()
         self._detector.clear()
 
-    def swap(self, library: TaskLibrary, task_prior: np.ndarray | None = None) -> None:
+    def swap(self, library: TaskLibrary, task_prior: NDArray[np.float64] | None = None) -> None:
         """Go on with another library; the movement under way is filtered anew from its onset.
 
         Raises:

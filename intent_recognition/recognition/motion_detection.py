@@ -69,7 +69,7 @@ class MotionDetector:
             return None
         onsets = []
         for settings, past in zip(self.settings, self.pasts, strict=True):
-            for history in past.speaking(settings.rest_s):
+            for history in past.active_histories(settings.rest_s):
                 onset = detect_onset(settings, *history.arrays())
                 if onset is not None:
                     onsets.append(history.first_ns + round(onset * 1e9))
@@ -88,8 +88,8 @@ class MotionDetector:
         if elapsed_s > duration_s + OVERTIME_S and phase >= FINISHED_PHASE:
             self._needs_rest = not self._at_rest()
             return True
-        none_leads = int(np.argmax(probabilities)) == len(probabilities) - 1
-        if phase >= FINISHED_PHASE or none_leads:
+        none_is_best = int(np.argmax(probabilities)) == len(probabilities) - 1
+        if phase >= FINISHED_PHASE or none_is_best:
             return self._at_rest()
         return self._at_rest(min(max(PAUSE_S, PAUSE_SHARE * duration_s), HISTORY_S - 0.1))
 
@@ -99,5 +99,5 @@ class MotionDetector:
             is_slow(settings, *history.arrays(settings.window_s))
             and at_rest(settings, *history.arrays(), rest_s)
             for settings, past in zip(self.settings, self.pasts, strict=True)
-            for history in past.speaking(settings.rest_s)
+            for history in past.active_histories(settings.rest_s)
         )

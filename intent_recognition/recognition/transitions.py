@@ -7,7 +7,7 @@ task, not a decision: after each movement
     belief'(k) = p(k) + p(none) belief(k)
 
 with the movement's task posterior p, so that a movement that is none of the tasks leaves the
-memory as it was, and one that might have been two tasks speaks for both. The next movement's prior
+memory as it was, and one that might have been two tasks counts for both. The next movement's prior
 is
 
     p(s) = trust sum_k belief(k) T(k, s) + (1 - trust) p0(s)
@@ -15,25 +15,27 @@ is
 with the task prior p0, since habits are broken. The last row of T, and the last entry of the
 belief, stand for "no last task": the beginning of a session, after a reset, after a long silence.
 
-What is expected may speak for a known movement, never against one: where the movement is not the
-expected task, none keeps the probability it has without the habit, so that a task out of the habit
-is not taken for none of them.
+An expectation may raise the probability of known tasks together, never lower it: where the movement
+is not the expected task, none keeps the probability it has without the habit, so that a task out of
+the habit is not taken for none of them.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition.posterior import TaskPosterior
 
 FORGET_AFTER_S = 60.0
-"""So long after the end of a movement the last task tells nothing about the next."""
+"""Time after the end of a movement from which it tells nothing about the next [s]. Convention."""
 HABIT_TRUST = 0.8
 """Share of the learned habit in p(s); the rest is the task prior (docs/anticipation.md)."""
 COMPLETED_PHASE = 0.9
-"""A movement that ended before this expected phase was broken off: it is no last task."""
+"""Expected phase before which a movement that ended was broken off: it is no last task. Convention.
+"""
 
 
 class TaskMemory(NamedTuple):
@@ -44,7 +46,7 @@ class TaskMemory(NamedTuple):
         ended_ns: when the last movement ended, 0 when there was none.
     """
 
-    belief: np.ndarray
+    belief: NDArray[np.float64]
     ended_ns: int = 0
 
     @classmethod
@@ -73,7 +75,10 @@ class TaskMemory(NamedTuple):
 
 
 def remember(
-    memory: TaskMemory, probabilities: np.ndarray, phase: np.ndarray, ended_ns: int
+    memory: TaskMemory,
+    probabilities: NDArray[np.float64],
+    phase: NDArray[np.float64],
+    ended_ns: int,
 ) -> TaskMemory:
     """The memory after a movement; one that was broken off changes only the time.
 
@@ -91,11 +96,11 @@ def remember(
 
 
 def next_task_prior(
-    transition_prior: np.ndarray,
+    transition_prior: NDArray[np.float64],
     memory: TaskMemory,
-    task_prior: np.ndarray,
+    task_prior: NDArray[np.float64],
     trust: float = HABIT_TRUST,
-) -> np.ndarray:
+) -> NDArray[np.float64]:
     """p(s) of the next movement, (K,), sums to one.
 
     Args:
@@ -109,7 +114,7 @@ def next_task_prior(
     return trust * prior / prior.sum() + (1.0 - trust) * task_prior
 
 
-def weigh(posterior: TaskPosterior, ratio: np.ndarray) -> TaskPosterior:
+def weigh(posterior: TaskPosterior, ratio: NDArray[np.float64]) -> TaskPosterior:
     """The posterior under another p(s); none becomes less probable by it, never more.
 
     Args:
@@ -142,7 +147,7 @@ class Expectation:
     def __init__(
         self,
         library: TaskLibrary,
-        fixed_prior: np.ndarray | None = None,
+        fixed_prior: NDArray[np.float64] | None = None,
         transitions: bool = True,
         forget_after_s: float = FORGET_AFTER_S,
     ):
@@ -171,7 +176,7 @@ class Expectation:
         self.reset()
         return True
 
-    def swap(self, library: TaskLibrary, fixed_prior: np.ndarray | None) -> None:
+    def swap(self, library: TaskLibrary, fixed_prior: NDArray[np.float64] | None) -> None:
         """Go on with another library."""
         memory = self.memory.relabelled(self._library.labels, library.labels)
         self._library, self._fixed_prior = library, fixed_prior
@@ -183,7 +188,7 @@ class Expectation:
         self._set(self.memory)
 
     @property
-    def ratio(self) -> np.ndarray | None:
+    def ratio(self) -> NDArray[np.float64] | None:
         """What `weigh` multiplies the known tasks' posterior by, (K,); None when by nothing."""
         return self._ratio
 
@@ -193,7 +198,7 @@ class Expectation:
 
     def _set(self, memory: TaskMemory) -> None:
         self.memory = memory
-        self._ratio: np.ndarray | None = None
+        self._ratio: NDArray[np.float64] | None = None
         if self._fixed_prior is not None:
             self.prior = self._fixed_prior
         elif self._transitions:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When does a movement begin and end? The same causal rule in training, replay and the nodes.
+"""Onset and rest of a movement, by one causal rule for training, replay and the nodes.
 
 A signal moves when the slope of a line through its last `window_s` exceeds a share of the typical
 peak speed for `persistence_s`. A reach begins with displacement x ~ t^3 (minimum jerk, Flash &
@@ -9,6 +9,7 @@ Hogan 1985), so it began 3 x / v before the moment it has displacement x and spe
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 
@@ -38,7 +39,7 @@ class OnsetSettings:
     rest_s: float = 0.3
     max_backdate_s: float = 0.7
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not (np.isfinite(value) and value > 0):
                 raise ArgumentError(
@@ -46,7 +47,9 @@ class OnsetSettings:
                 )
 
 
-def windowed_velocity(times_s: np.ndarray, values: np.ndarray, window_s: float) -> np.ndarray:
+def windowed_velocity(
+    times_s: NDArray[np.float64], values: NDArray[np.float64], window_s: float
+) -> NDArray[np.float64]:
     """Slope of a line through the samples of the last `window_s` at each sample, (T, d).
 
     Causal. NaN where fewer than three samples, or less than half the window, are there.
@@ -61,21 +64,23 @@ def windowed_velocity(times_s: np.ndarray, values: np.ndarray, window_s: float) 
     last = np.arange(1, len(times_s) + 1)
     centre = values - values[:1]
 
-    def window_sum(samples: np.ndarray) -> np.ndarray:
+    def window_sum(samples: NDArray[np.float64]) -> NDArray[np.float64]:
         total = np.concatenate([np.zeros((1, samples.shape[1])), np.cumsum(samples, axis=0)])
         return total[last] - total[first]
 
     count = (last - first)[:, None].astype(np.float64)
     t = (times_s - times_s[0])[:, None] if len(times_s) else times_s[:, None]
     sum_t, sum_y = window_sum(t), window_sum(centre)
-    spread = window_sum(t * t) - sum_t**2 / count
+    sum_of_squares = window_sum(t * t) - sum_t**2 / count
     covariance = window_sum(t * centre) - sum_t * sum_y / count
     enough = (count >= 3) & ((times_s - times_s[first])[:, None] >= 0.5 * window_s)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(enough, covariance / spread, np.nan)
+        return np.where(enough, covariance / sum_of_squares, np.nan)
 
 
-def peak_speed(times_s: np.ndarray, values: np.ndarray, window_s: float = 0.15) -> float:
+def peak_speed(
+    times_s: NDArray[np.float64], values: NDArray[np.float64], window_s: float = 0.15
+) -> float:
     """Largest norm of the windowed velocity; 0 for a signal too short to tell."""
     if len(times_s) < 3:
         return 0.0
@@ -83,7 +88,9 @@ def peak_speed(times_s: np.ndarray, values: np.ndarray, window_s: float = 0.15) 
     return float(np.nanmax(speed)) if np.any(np.isfinite(speed)) else 0.0
 
 
-def detect_onset(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray) -> float | None:
+def detect_onset(
+    settings: OnsetSettings, times_s: NDArray[np.float64], values: NDArray[np.float64]
+) -> float | None:
     """Time at which the movement began that is under way at the last sample, or None.
 
     Args:
@@ -115,8 +122,8 @@ def detect_onset(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarra
 
 def at_rest(
     settings: OnsetSettings,
-    times_s: np.ndarray,
-    values: np.ndarray,
+    times_s: NDArray[np.float64],
+    values: NDArray[np.float64],
     rest_s: float | None = None,
 ) -> bool:
     """Whether the signal has rested for `rest_s` (the settings' own if None) up to its end."""
@@ -129,7 +136,9 @@ def at_rest(
     return bool(np.all(recent < limit))
 
 
-def is_slow(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray) -> bool:
+def is_slow(
+    settings: OnsetSettings, times_s: NDArray[np.float64], values: NDArray[np.float64]
+) -> bool:
     """Whether a signal is as slow as at rest at its end: what `at_rest` asks of its last sample.
 
     Args:
@@ -144,7 +153,9 @@ def is_slow(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray) ->
     return bool(speed < settings.rest_share * settings.reference_speed)
 
 
-def first_onset(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray) -> float | None:
+def first_onset(
+    settings: OnsetSettings, times_s: NDArray[np.float64], values: NDArray[np.float64]
+) -> float | None:
     """Onset of the first movement of a recording, found as it would have been online.
 
     Equals `detect_onset` called at every sample in turn, until it answers.
@@ -155,13 +166,15 @@ def first_onset(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray
     for edge in edges:
         fallen = np.flatnonzero(~moving[edge:])
         end = edge + fallen[0] if fallen.size else len(moving)
-        held = np.searchsorted(times_s[:end], times_s[edge] + settings.persistence_s - 1e-9)
-        if held < end:
-            return detect_onset(settings, times_s[: held + 1], values[: held + 1])
+        sure = np.searchsorted(times_s[:end], times_s[edge] + settings.persistence_s - 1e-9)
+        if sure < end:
+            return detect_onset(settings, times_s[: sure + 1], values[: sure + 1])
     return None
 
 
-def last_motion(settings: OnsetSettings, times_s: np.ndarray, values: np.ndarray) -> float:
+def last_motion(
+    settings: OnsetSettings, times_s: NDArray[np.float64], values: NDArray[np.float64]
+) -> float:
     """Time at which the last movement of a recording ended; its first time if it never moved.
 
     The onset of the recording played backward, so that what is noise to the onset detector is noise

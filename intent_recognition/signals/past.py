@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last seconds of one observed signal: what onset and rest are seen from, and what is late."""
+"""The last seconds of one observed signal, for detecting onset, rest and late observations."""
 
 from collections.abc import Iterator
 from math import ceil
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.signals.observation import Observation
 
-ROOM = 256
+INITIAL_SIZE = 256
+"""Observations for which a history has memory at first. Convention."""
 NEVER_NS = -(2**63)
 """Earlier than every stamp."""
 
 
 class History:
-    """Observations of the same DOFs in order, with their stamps and values as arrays at hand."""
+    """Observations of the same DOFs in order, with their stamps and values as arrays."""
 
     def __init__(self, n_values: int):
-        self._stamps_ns, self._values = np.empty(ROOM, np.int64), np.empty((ROOM, n_values))
-        self._kept: list[Observation | None] = []
+        self._stamps_ns, self._values = (
+            np.empty(INITIAL_SIZE, np.int64),
+            np.empty((INITIAL_SIZE, n_values)),
+        )
+        self._kept: list[Observation] = []
         self._first = 0
 
     def __len__(self) -> int:
@@ -50,10 +55,11 @@ class History:
     def forget_before(self, stamp_ns: int, length_ns: float) -> None:
         """Drop what is longer than that before a stamp."""
         while len(self) and stamp_ns - self._kept[self._first].stamp_ns > length_ns:
-            self._kept[self._first] = None
             self._first += 1
 
-    def arrays(self, last_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def arrays(
+        self, last_s: float | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Times from the first on (T,) [s] and values (T, m), or the last seconds of them."""
         first, end = self._first, len(self._kept)
         if last_s is not None:
@@ -78,8 +84,8 @@ class History:
 class SignalPast:
     """Observations of one signal, those of the same DOFs together.
 
-    A DOF that is missing for a while leaves a history of the others, from which onset and rest are
-    told as well as can be; nothing is filled in.
+    While a DOF is missing, the others have a history of their own, from which onset and rest are
+    detected; nothing is filled in.
 
     Args:
         n_dofs: of the signal.
@@ -88,7 +94,7 @@ class SignalPast:
 
     def __init__(self, n_dofs: int, length_s: float):
         self.n_dofs, self._length_ns = n_dofs, length_s * 1e9
-        self._trusted = b""
+        self._last_valid = b""
         self.clear()
 
     def clear(self) -> None:
@@ -125,13 +131,13 @@ class SignalPast:
             newest_ns[dof] = observation.stamp_ns
         self._late[observation.derivative] = (NEVER_NS, 0)
 
-    def trusts(self, covariance: np.ndarray) -> bool:
-        """Whether a covariance is one, (m, m); the last that was is known without looking."""
+    def is_covariance(self, covariance: NDArray[np.float64]) -> bool:
+        """Whether a matrix (m, m) is a valid covariance; the last valid one is known."""
         content = covariance.tobytes()
-        if content != self._trusted:
+        if content != self._last_valid:
             if not is_covariance(covariance):
                 return False
-            self._trusted = content
+            self._last_valid = content
         return True
 
     def forget_before(self, stamp_ns: int) -> None:
@@ -146,10 +152,10 @@ class SignalPast:
         for history in self._histories.values():
             yield from history.observations
 
-    def speaking(self, rest_s: float) -> list[History]:
+    def active_histories(self, rest_s: float) -> list[History]:
         """Histories of positions that tell how the signal moves now.
 
-        Once other DOFs have been seen for so long, those that were seen before do not count.
+        A history that ended `rest_s` before the newest observation does not count.
         """
         found = [h for (_, derivative), h in self._histories.items() if not derivative]
         if len(found) < 2:
@@ -158,8 +164,8 @@ class SignalPast:
         return [h for h in found if newest_ns - h.last_ns <= rest_s * 1e9]
 
 
-def is_covariance(matrix: np.ndarray) -> bool:
-    """Whether a square matrix is finite and not negative."""
+def is_covariance(matrix: NDArray[np.float64]) -> bool:
+    """Whether a symmetric matrix is finite and positive semidefinite."""
     if not np.all(np.isfinite(matrix)):
         return False
     eigenvalues = np.linalg.eigvalsh(matrix)

@@ -9,7 +9,10 @@ from intent_recognition.signals.onset import OnsetSettings, first_onset, last_mo
 from intent_recognition.signals.signal import Signal
 
 END_MARGIN_S = 0.3
-"""How much of the rest at the end belongs to the interaction: a primitive ends at rest."""
+"""Rest after the last motion that belongs to the interaction [s].
+
+Convention: a primitive ends at rest.
+"""
 
 
 def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSettings, ...]:

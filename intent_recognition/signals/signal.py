@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 
@@ -24,11 +25,12 @@ class Signal:
     """
 
     names: tuple[str, ...]
-    stamps_ns: np.ndarray
-    values: np.ndarray
+    stamps_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
     unit: str
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
+        """Check and copy the arrays."""
         stamps = np.array(self.stamps_ns, dtype=np.int64)
         values = np.array(self.values, dtype=np.float64)
         if values.shape != (stamps.size, len(self.names)):
@@ -59,7 +61,7 @@ class Signal:
         object.__setattr__(self, "stamps_ns", stamps)
         object.__setattr__(self, "values", values)
 
-    def seconds(self, start_ns: int) -> np.ndarray:
+    def seconds(self, start_ns: int) -> NDArray[np.float64]:
         """Times of the samples in seconds after `start_ns`, (T,)."""
         return (self.stamps_ns - np.int64(start_ns)) * 1e-9
 

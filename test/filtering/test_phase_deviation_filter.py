@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weights and lead filtered together, against joint conditioning, sums and enumeration."""
+"""Weights and phase deviation filtered together, against joint conditioning and enumeration."""
 
 from dataclasses import replace
 from itertools import pairwise, product
@@ -31,7 +31,7 @@ BRIDGE = np.sqrt(4.0 * np.linspace(0, 1, 51) * np.linspace(1, 0, 51))
 LEADING = PhaseDeviation(0.06 * BRIDGE + 0.004, 0.4, 1.0)
 
 
-def a_forecast(
+def primitives_with(
     rng: np.random.Generator, phase_deviation: PhaseDeviation, n_observed: int = 3
 ) -> AlignedPrimitives:
     library = make_library(rng, n_tasks=1, groups=(n_observed,), n_controlled=1, n_basis=8)
@@ -64,7 +64,7 @@ def messages(rng: np.random.Generator, n: int, n_observed: int) -> list[tuple]:
 @given(seeds, st.integers(1, 3))
 def test_steady_progress_equals_conditioning_in_one_step(seed, n_observed):
     rng = np.random.default_rng(seed)
-    primitives = a_forecast(rng, STEADY, n_observed)
+    primitives = primitives_with(rng, STEADY, n_observed)
     size = primitives.n_observed_weights
     seen = messages(rng, 7, n_observed)
     duration = np.array([1.4, 2.0])
@@ -100,9 +100,9 @@ def test_steady_progress_equals_conditioning_in_one_step(seed, n_observed):
 
 @settings(max_examples=15)
 @given(seeds, st.floats(0.1, 2.2))
-def test_first_evidence_is_the_mixture_over_leads(seed, time):
+def test_first_evidence_is_the_mixture_over_deviations(seed, time):
     rng = np.random.default_rng(seed)
-    primitives = a_forecast(rng, LEADING._replace(evidence=0.3))
+    primitives = primitives_with(rng, LEADING._replace(evidence=0.3))
     run = start(primitives, [1.7, 2.0])
     mean, covariance = run.mean.copy(), run.covariance.copy()
     dofs, values = np.array([0, 2]), rng.normal(size=2) * 0.1
@@ -129,9 +129,9 @@ def test_first_evidence_is_the_mixture_over_leads(seed, time):
 
 @pytest.mark.parametrize("evidence", [1.0, 0.4])
 def test_smoothing_equals_the_enumeration_of_all_paths(rng, monkeypatch, evidence):
-    """Of known weights, for then the leads are a hidden Markov chain and nothing is assumed."""
+    """Of known weights, for then the deviations are a hidden Markov chain, and all is exact."""
     monkeypatch.setattr(progress_module, "N_DEVIATIONS", 3)
-    primitives = a_forecast(rng, LEADING._replace(evidence=evidence), 2)
+    primitives = primitives_with(rng, LEADING._replace(evidence=evidence), 2)
     primitives = replace(primitives, weight_covariance=1e-14 * primitives.weight_covariance)
     run, size = start(primitives, [2.0]), primitives.n_observed_weights
     times = [0.3, 0.7, 0.7, 1.2, 2.3]
@@ -167,14 +167,14 @@ def test_smoothing_equals_the_enumeration_of_all_paths(rng, monkeypatch, evidenc
 
 
 def test_leads_before_any_observation_are_the_prior(rng):
-    run = start(a_forecast(rng, LEADING), [1.0, 2.0])
+    run = start(primitives_with(rng, LEADING), [1.0, 2.0])
     found = run.deviations_at(np.array([0.0, 0.5, 9.0]))
     np.testing.assert_array_equal(found, np.broadcast_to(deviation_prior(LEADING), (2, 3, 15)))
     assert run.elapsed_s is None
 
 
 def test_leads_to_come_drift_back_to_the_prior(rng):
-    run = start(a_forecast(rng, LEADING), [1.5, 2.0])
+    run = start(primitives_with(rng, LEADING), [1.5, 2.0])
     for time, dofs, values, noise in messages(rng, 6, 3):
         run.observe(time / 3.0, dofs, values, noise)
     later = run.elapsed_s + np.array([0.0, 0.4, 400.0])
@@ -189,7 +189,7 @@ def test_leads_to_come_drift_back_to_the_prior(rng):
 
 def test_hypotheses_are_filtered_apart_each_with_its_values(rng):
     """S hypotheses with priors and values of their own equal S filters of one hypothesis."""
-    primitives, n = a_forecast(rng, LEADING), 4
+    primitives, n = primitives_with(rng, LEADING), 4
     size = primitives.n_observed_weights
     mean = rng.normal(size=(n, size)) * 0.1
     covariance = primitives.weight_covariance[0, :size, :size] * rng.uniform(0.5, 2, (n, 1, 1))
@@ -215,7 +215,7 @@ def test_hypotheses_are_filtered_apart_each_with_its_values(rng):
 
 
 def test_covariances_stay_positive_definite_over_many_steps(rng):
-    primitives = a_forecast(rng, LEADING)
+    primitives = primitives_with(rng, LEADING)
     run = start(primitives, [1.5, 2.0, 2.5])
     before = np.trace(run.covariance, axis1=1, axis2=2)
     for time in np.linspace(0.0, 4.0, 800):
@@ -230,7 +230,7 @@ def test_covariances_stay_positive_definite_over_many_steps(rng):
 @pytest.mark.parametrize("far", [1.0, 1e3, 1e6])
 def test_measurements_far_off_leave_finite_probabilities(rng, far):
     """Leads that no float can tell from impossible must come back, at equal stamps too."""
-    primitives = a_forecast(rng, LEADING)
+    primitives = primitives_with(rng, LEADING)
     run = start(primitives, [1.5, 2.0])
     for time, sign in ((0.5, 1), (0.5, -1), (0.5, 1), (0.9, -1), (1.0, 1)):
         run.observe(time, np.arange(3), sign * far * np.ones(3), 1e-6 * np.eye(3))
@@ -241,8 +241,8 @@ def test_measurements_far_off_leave_finite_probabilities(rng, far):
 
 
 def test_signals_with_the_same_stamp_may_come_one_after_the_other(rng):
-    """With weights known, two DOFs at one stamp are independent evidence of the lead."""
-    primitives = a_forecast(rng, LEADING)
+    """With weights known, two DOFs at one stamp are independent evidence of the deviation."""
+    primitives = primitives_with(rng, LEADING)
     primitives = replace(primitives, weight_covariance=1e-14 * primitives.weight_covariance)
     once, twice = start(primitives, [2.0]), start(primitives, [2.0])
     for time in (0.4, 0.8, 1.2):
@@ -257,7 +257,7 @@ def test_signals_with_the_same_stamp_may_come_one_after_the_other(rng):
 
 
 def test_a_signal_may_be_a_little_late(rng):
-    run = start(a_forecast(rng, LEADING), [2.0])
+    run = start(primitives_with(rng, LEADING), [2.0])
     for time in (0.50, 0.48, 0.52):
         run.observe(time, np.arange(1), np.zeros(1), 1e-4 * np.eye(1))
     assert run.elapsed_s == 0.52

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tasks set aside: the posterior stays what it is, and nobody is lost."""
+"""Pruned tasks: the posterior stays what it is, and every task can be restored."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def task_joint(log_evidence: np.ndarray, hypotheses) -> np.ndarray:
 def test_probabilities_are_those_of_a_bank_never_pruned(seed, correlation_time_s):
     library, hypotheses, observations = scene(seed, correlation_time_s=correlation_time_s)
     pruned, whole = runs(library, hypotheses)
-    most_aside = 0
+    most_pruned = 0
     for observation in observations:
         pruned.observe(observation)
         whole.observe(observation)
@@ -56,8 +56,8 @@ def test_probabilities_are_those_of_a_bank_never_pruned(seed, correlation_time_s
         assert ours.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
         bound = task_joint(pruned.log_evidence, hypotheses)
         assert np.all(task_joint(whole.log_evidence, hypotheses) <= bound + 1e-8)
-        most_aside = max(most_aside, len(pruned.pruned_tasks))
-    assert most_aside >= 3
+        most_pruned = max(most_pruned, len(pruned.pruned_tasks))
+    assert most_pruned >= 3
     assert library.n_tasks not in pruned.pruned_tasks  # none
 
 
@@ -85,7 +85,7 @@ def test_a_pruned_task_comes_back_as_if_it_had_never_been_pruned(seed):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
 
 
-def test_when_the_movement_turns_to_a_task_set_aside_it_is_taken_back():
+def test_when_the_movement_turns_to_a_pruned_task_it_is_restored():
     """The first half of one task, then another's positions: the evidence turns over."""
     library, hypotheses, first = scene(5)
     rng = np.random.default_rng(6)
@@ -104,7 +104,7 @@ def test_when_the_movement_turns_to_a_task_set_aside_it_is_taken_back():
     np.testing.assert_allclose(pruned.bank.mean, whole.bank.mean, atol=1e-12)
 
 
-def test_an_outlier_takes_nobody_s_chance(monkeypatch):
+def test_an_outlier_prunes_no_task_for_good(monkeypatch):
     library, hypotheses, observations = scene(7)
     pruned, whole = runs(library, hypotheses)
     for k, observation in enumerate(observations):
@@ -141,7 +141,7 @@ def test_a_posterior_that_is_weighed_anew_is_exact_too(unlikely):
     assert len(pruned.pruned_tasks)
 
 
-def test_an_excluded_task_is_set_aside_and_stays_impossible():
+def test_an_excluded_task_is_pruned_and_stays_impossible():
     library, _, observations = scene(8, n_tasks=40)
     prior = np.full(40, 1.0 / 39.0)
     prior[3] = 0.0

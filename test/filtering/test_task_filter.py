@@ -117,7 +117,7 @@ def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
     np.testing.assert_allclose(std, drawn.std(axis=0), rtol=0.02)
 
 
-def test_tabulated_phases_keep_the_probability_and_the_mean_of_the_leads(rng):
+def test_tabulated_phases_keep_the_probability_and_the_mean_of_the_deviations(rng):
     library = library_with(rng, LEADING)
     run = run_on(library, 0, make_hypotheses(library, n_scales=3), seen(library, rng, 6))
     times = np.linspace(0.0, 5.0, 11)
@@ -295,7 +295,7 @@ def swinging(phase_deviation: PhaseDeviation) -> TaskLibrary:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_who_hesitates_is_predicted_better_with_leads(seed):
+def test_who_hesitates_is_predicted_better_with_phase_deviations(seed):
     """The robot, just after the pause: with less error, and its errors are covered."""
     errors, covered = [], []
     for phase_deviation in (LEADING, STEADY):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lead's process on its grid: a stationary one, whatever the steps it is followed in."""
+"""The phase deviation on its grid: a stationary process, whatever the steps."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def a_progress(correlation: float = 0.4, std: float = 0.03) -> PhaseDeviation:
     return PhaseDeviation(std * np.sqrt(4.0 * phase * (1.0 - phase)) + 0.004, correlation, 0.3)
 
 
-def test_steady_progress_has_one_lead():
+def test_steady_progress_has_one_deviation():
     assert np.array_equal(deviation_grid(STEADY), [0.0])
     assert np.array_equal(deviation_prior(STEADY), [1.0])
     assert np.array_equal(deviation_transition(STEADY, np.array([0.0, 0.3])), np.ones((2, 1, 1)))
@@ -97,7 +97,7 @@ def test_modes_follow_the_grid(monkeypatch):
 
 
 @given(st.lists(st.floats(-2.0, 3.0), min_size=1, max_size=6), st.floats(0.001, 0.3))
-def test_phases_lie_in_the_movement_and_rise_with_the_lead(recorded, std):
+def test_phases_lie_in_the_movement_and_rise_with_the_deviation(recorded, std):
     phase_deviation = a_progress(std=std)
     phase = reference_phase(phase_deviation, np.array(recorded))
     assert phase.shape == (len(recorded), 15)

@@ -149,7 +149,7 @@ def test_few_demonstrations_of_one_task_are_not_taken_for_all_there_is(monkeypat
     assert doubted > taken_as_they_are + 10.0
 
 
-def test_many_demonstrations_leave_no_doubt(monkeypatch, rng):
+def test_many_demonstrations_are_not_inflated(monkeypatch, rng):
     weights = rng.normal(size=(20, 2, 6))
     doubted = target_of(weights)
     monkeypatch.setattr(prior, "FEW", 0.0)

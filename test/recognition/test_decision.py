@@ -42,7 +42,7 @@ def test_activates_at_the_nth_consecutive_observation_and_not_before():
     assert events == ["activated"]
 
 
-def test_one_doubtful_observation_starts_the_count_again():
+def test_one_unclear_observation_starts_the_count_again():
     _, active, _ = play([SURE["plate"]] * 4 + [UNCLEAR] + [SURE["plate"]] * 4)
     assert set(active) == {""}
 
@@ -143,7 +143,7 @@ steps = st.lists(
 
 
 @given(steps, st.integers(1, 6))
-def test_every_activation_is_backed_by_n_observations_on_end(p, n):
+def test_every_activation_is_backed_by_n_consecutive_observations(p, n):
     settings = DecisionSettings(n_observations=n)
     _, active, _ = play(p, settings)
     before = [""] + active[:-1]

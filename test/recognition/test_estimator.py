@@ -69,7 +69,7 @@ def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
         elapsed = (estimate.stamp_ns - estimate.onset_ns) * 1e-9
         expected = task_posterior(bank.log_evidence, hypotheses, elapsed)
         np.testing.assert_allclose(estimate.probabilities, expected.probabilities, atol=1e-12)
-        seen = expected.probabilities > 1e-15  # the others were set aside
+        seen = expected.probabilities > 1e-15  # the others were pruned
         known = seen[:-1]
         np.testing.assert_allclose(
             estimate.phase[:-1][known], expected.phase[:-1][known], atol=1e-12

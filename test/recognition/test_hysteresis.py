@@ -18,14 +18,14 @@ from intent_recognition.recognition import hysteresis as hysteresis
 from intent_recognition.recognition.decision import DecisionSettings, DecisionState, decide
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.hysteresis import (
-    BELIEVED,
-    N_BELIEVED,
-    Belief,
+    N_RECOGNISED,
+    RECOGNISED_AT,
     PosteriorHysteresis,
-    believe,
+    RecognisedTask,
     is_near,
+    next_recognised,
     total_known,
-    without_objection,
+    without_evidence_for_none,
 )
 from intent_recognition.recognition.posterior import TaskPosterior
 from intent_recognition.signals.demonstration import Demonstration
@@ -36,11 +36,11 @@ NONE_LEADS = np.array([0.01, 0.01, 0.98])
 LOG_PRIOR = np.log([0.6, 0.29, 0.11])
 
 
-def after(*probabilities: np.ndarray) -> Belief:
-    belief = Belief()
+def after(*probabilities: np.ndarray) -> RecognisedTask:
+    recognised = RecognisedTask()
     for p in probabilities:
-        belief = believe(belief, p)
-    return belief
+        recognised = next_recognised(recognised, p)
+    return recognised
 
 
 def posterior(log_evidence: np.ndarray) -> TaskPosterior:
@@ -50,17 +50,17 @@ def posterior(log_evidence: np.ndarray) -> TaskPosterior:
     return TaskPosterior(p, np.asarray(log_evidence, dtype=float), zero, zero, zero[:, None])
 
 
-def test_a_task_is_believed_at_the_nth_observation_on_end_and_then_stays_so():
-    assert after(*[SURE] * (N_BELIEVED - 1)).task == -1
-    assert after(*[SURE] * N_BELIEVED).task == 0
-    assert after(*[SURE] * (N_BELIEVED - 1), UNSURE, *[SURE] * (N_BELIEVED - 1)).task == -1
-    assert after(*[SURE] * N_BELIEVED, *[NONE_LEADS] * 20).task == 0
-    assert after(*[SURE] * N_BELIEVED, *[OTHER] * N_BELIEVED).task == 1
+def test_a_task_is_recognised_at_the_nth_consecutive_observation_and_stays_so():
+    assert after(*[SURE] * (N_RECOGNISED - 1)).task == -1
+    assert after(*[SURE] * N_RECOGNISED).task == 0
+    assert after(*[SURE] * (N_RECOGNISED - 1), UNSURE, *[SURE] * (N_RECOGNISED - 1)).task == -1
+    assert after(*[SURE] * N_RECOGNISED, *[NONE_LEADS] * 20).task == 0
+    assert after(*[SURE] * N_RECOGNISED, *[OTHER] * N_RECOGNISED).task == 1
 
 
 def test_none_is_never_believed():
     assert after(*[NONE_LEADS] * 20).task == -1
-    assert after(*[np.array([BELIEVED - 1e-9, 0.0, 0.1 + 1e-9])] * 20).task == -1
+    assert after(*[np.array([RECOGNISED_AT - 1e-9, 0.0, 0.1 + 1e-9])] * 20).task == -1
 
 
 def straight() -> Trajectory:
@@ -92,7 +92,7 @@ def test_near_is_within_the_spread_of_some_point_in_all_that_is_known(place, nea
 
 @given(arrays(np.float64, 3, elements=st.floats(-200.0, 200.0)))
 def test_without_its_objection_none_is_as_probable_as_at_first(log_evidence):
-    found = without_objection(posterior(log_evidence), LOG_PRIOR)
+    found = without_evidence_for_none(posterior(log_evidence), LOG_PRIOR)
     assert found.probabilities.sum() == pytest.approx(1.0, abs=1e-12)
     assert found.probabilities[-1] == pytest.approx(0.11)
     assert found.log_evidence[-1] == pytest.approx(total_known(log_evidence, LOG_PRIOR))
@@ -111,50 +111,50 @@ def a_holding(place=(0.5, 0.5)) -> tuple[PosteriorHysteresis, list[int]]:
         return straight()
 
     held = PosteriorHysteresis(LOG_PRIOR, 2, course)
-    held.see(np.array([0, 1]), np.array(place))
-    for _ in range(N_BELIEVED):
-        held.believe(SURE)
+    held.observe(np.array([0, 1]), np.array(place))
+    for _ in range(N_RECOGNISED):
+        held.update(SURE)
     return held, asked
 
 
 def test_what_speaks_for_the_tasks_is_left_alone():
     held, asked = a_holding()
     speaks = posterior(np.array([1.0, 0.0, -1.0]))
-    assert held.hold(speaks) is speaks
+    assert held.apply(speaks) is speaks
     assert not asked
 
 
 def test_none_objecting_is_not_heard_on_the_course_and_heard_off_it():
     held, asked = a_holding()
     objects = posterior(np.array([0.0, -9.0, 6.0]))
-    assert held.hold(objects).probabilities[-1] == pytest.approx(0.11)
-    held.see(np.array([0]), np.array([0.9]))
-    assert held.hold(objects) is objects
-    held.see(np.array([1]), np.array([0.9]))
-    assert held.hold(objects).probabilities[0] > 0.88
+    assert held.apply(objects).probabilities[-1] == pytest.approx(0.11)
+    held.observe(np.array([0]), np.array([0.9]))
+    assert held.apply(objects) is objects
+    held.observe(np.array([1]), np.array([0.9]))
+    assert held.apply(objects).probabilities[0] > 0.88
     assert asked == [0]
 
 
 def test_the_course_is_predicted_anew_when_none_objects_again():
     held, asked = a_holding()
-    held.hold(posterior(np.array([0.0, -9.0, 6.0])))
-    held.hold(posterior(np.array([0.0, -9.0, -6.0])))
-    held.hold(posterior(np.array([0.0, -9.0, 6.0])))
+    held.apply(posterior(np.array([0.0, -9.0, 6.0])))
+    held.apply(posterior(np.array([0.0, -9.0, -6.0])))
+    held.apply(posterior(np.array([0.0, -9.0, 6.0])))
     assert asked == [0, 0]
 
 
 def test_a_task_that_another_explains_better_is_not_held():
     held, asked = a_holding()
     other = posterior(np.array([-9.0, 0.0, 6.0]))
-    assert held.hold(other) is other
+    assert held.apply(other) is other
     assert not asked
 
 
 def test_nothing_is_held_before_a_task_was_believed():
     held = PosteriorHysteresis(LOG_PRIOR, 2, lambda task: straight())
-    held.see(np.array([0, 1]), np.array([0.5, 0.5]))
+    held.observe(np.array([0, 1]), np.array([0.5, 0.5]))
     objects = posterior(np.array([0.0, -9.0, 6.0]))
-    assert held.hold(objects) is objects
+    assert held.apply(objects) is objects
 
 
 @pytest.fixture(scope="module")
@@ -219,7 +219,7 @@ def test_a_hand_that_goes_elsewhere_is_let_go(library, truth, rng, far_m):
     there = max(range(len(elsewhere)), key=lambda i: elsewhere[i].values[0])
     estimator = IntentEstimator(library)
     estimates = [estimator.update(observation) for observation in elsewhere[: there + 1]]
-    assert max(e.probabilities[0] for e in estimates) > BELIEVED
+    assert max(e.probabilities[0] for e in estimates) > RECOGNISED_AT
     assert estimates[-1].probabilities[-1] > 0.99
 
 

@@ -61,9 +61,9 @@ def test_dofs_that_were_last_seen_long_before_others_do_not_speak():
     for at_ms in range(200, 900, 10):
         past.add(seen(at_ms, (0.0,), dofs=(1,)))
         past.add(seen(at_ms, (0.0,), dofs=(1,), derivative=True))
-        speaking = past.speaking(0.3)
-        assert len(speaking) == (2 if at_ms <= 490 else 1)
-    assert speaking[0].last_ns == START_NS + 890 * MS
+        active = past.active_histories(0.3)
+        assert len(active) == (2 if at_ms <= 490 else 1)
+    assert active[0].last_ns == START_NS + 890 * MS
     past.forget_before(START_NS + 2500 * MS)
     assert len(list(past.observations())) == 2 * (900 - 500) // 10
 
@@ -80,8 +80,8 @@ def test_dofs_that_were_last_seen_long_before_others_do_not_speak():
 )
 def test_a_covariance_is_looked_at_until_it_is_known(matrix, good):
     past = SignalPast(2, 2.0)
-    assert is_covariance(matrix) == past.trusts(matrix) == past.trusts(matrix) == good
-    assert past.trusts(np.eye(2)) and past.trusts(matrix) == good
+    assert is_covariance(matrix) == past.is_covariance(matrix) == past.is_covariance(matrix) == good
+    assert past.is_covariance(np.eye(2)) and past.is_covariance(matrix) == good
 
 
 def recorded(seed=3):
