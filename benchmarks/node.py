@@ -236,7 +236,7 @@ def _keeping_up(model: Path, recorded: Demonstration) -> Iterator[Result]:
         seconds = signal.seconds(int(signal.stamps_ns[0]))
         at_s = np.arange(int(FAST_S * FAST_HZ) + 1) / FAST_HZ
         path = np.stack([np.interp(at_s, seconds, c) for c in signal.values.T], axis=1)
-        wire = SerializedOdometry("wrist", "world", 4e-4)
+        template = SerializedOdometry("wrist", "world", 4e-4)
         covariance = 4e-6 * np.eye(3)
         sent, start_s = 0, time.time()
         while (now_s := time.time() - start_s) < FAST_S:
@@ -244,7 +244,7 @@ def _keeping_up(model: Path, recorded: Demonstration) -> Iterator[Result]:
                 stamp = round((start_s + at_s[sent]) * 1e9)
                 turn = np.array([0.0, 0.0, 0.0, 1.0])
                 pose = TrackedPose(stamp, path[sent], turn, True, covariance)
-                publisher.publish(wire.build(pose))
+                publisher.publish(template.build(pose))
                 sent += 1
             graph.executor.spin_once(timeout_sec=0.0005)
         late = float(np.percentile(ages[len(ages) // 2 :], 99)) if ages else float("inf")

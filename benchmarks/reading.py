@@ -96,7 +96,7 @@ def _columns(bags: Sequence[Path], topic: str) -> list[np.ndarray]:
 
 
 def _rosbags(bags: Sequence[Path], topic: str) -> Iterator[object]:
-    """Messages of every bag, none of them kept."""
+    """Messages of every bag, one at a time."""
     store = get_typestore(Stores.ROS2_JAZZY)
     for bag in bags:
         with AnyReader([bag], default_typestore=store) as reader:

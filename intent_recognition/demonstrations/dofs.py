@@ -56,7 +56,7 @@ class DofEntry:
         return tuple(f"{self.topic}.{field}" for field in self.fields)
 
     def to_dict(self) -> dict[str, object]:
-        """The entry as it stands in a DOF file."""
+        """The entry as written in a DOF file."""
         content: dict[str, object] = {"topic": f"/{self.topic}", "type": self.type}
         if self.joints:
             content["joints"] = list(self.joints)

@@ -71,7 +71,7 @@ def extract(entry: DofEntry, message: Any) -> NDArray[np.float64]:
 
 
 def joint_column(entry: DofEntry, message: Any) -> tuple[dict[str, int], Sequence[float]]:
-    """Where each joint of a JointState stands, and the values of the entry's quantity.
+    """Index of each joint in a JointState, and the values of the entry's quantity.
 
     Raises:
         MessageError: the message is of another type.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns hold bit for bit what rosbags deserialises message by message, or there are none."""
+"""Columns hold bit for bit what rosbags deserializes message by message, or there are none."""
 
 import dataclasses
 import struct

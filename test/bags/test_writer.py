@@ -59,7 +59,7 @@ def test_any_bytes_and_stamps_come_back_in_order_of_log_time(messages):
             assert sorted(found) == sorted((m[0], m[2], m[4]) for m in expected)
 
 
-def test_every_jazzy_type_is_defined_serialised_and_decoded(tmp_path):
+def test_every_jazzy_type_is_defined_serialized_and_decoded(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for stamp_ns, kind in enumerate(TYPES):
             writer.write_message(kind, kind, {}, stamp_ns)

@@ -68,14 +68,14 @@ def test_no_covariance_where_the_message_has_none_or_says_zero_for_unknown():
 
 
 def test_velocities_are_of_the_dofs_they_name():
-    instruments = observation_readers(DOFS)
-    assert [i.group for i in instruments] == [0, 1, 1, 1]
-    speed = instruments[3].observe(5, hand())
+    readers = observation_readers(DOFS)
+    assert [i.group for i in readers] == [0, 1, 1, 1]
+    speed = readers[3].observe(5, hand())
     assert speed.derivative and speed.dofs == (1,) and speed.values.tolist() == [4.0]
     np.testing.assert_array_equal(speed.covariance, FULL[:1, :1])
-    assert instruments[3].observe(5, hand(covariance=np.zeros(36))).covariance is None
+    assert readers[3].observe(5, hand(covariance=np.zeros(36))).covariance is None
     radar = make_message(RATE.type, {"twist": {"linear": {"x": 2.0}}})
-    np.testing.assert_allclose(instruments[2].observe(5, radar).covariance, [[0.01]])
+    np.testing.assert_allclose(readers[2].observe(5, radar).covariance, [[0.01]])
 
 
 @given(st.lists(st.one_of(st.just(NAN), st.floats(-9, 9)), min_size=4, max_size=4), st.data())

@@ -8,7 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.bags.cdr.layout import Layout, find_layout, header_stamps_ns
+from intent_recognition.bags.cdr.layout import (
+    MOST_LAYOUTS,
+    Layout,
+    find_layout,
+    header_stamps_ns,
+)
 from intent_recognition.bags.mcap.chunk import MessageTable, payloads
 
 POSE = "geometry_msgs/msg/PoseStamped"
@@ -18,8 +23,6 @@ COLUMNS = {
     JOINT_STATE: ("position", "velocity", "effort"),
 }
 """The numbers that are read as columns, for each type of message that can be."""
-MOST_LAYOUTS = 16
-"""Convention. A topic whose texts or lengths change more often is read message by message."""
 LONGEST_PADDING = 3
 """Bytes of padding that a message may end with."""
 MAX_LOG_TIME_NS = 2**63 - 1
@@ -33,7 +36,7 @@ class PoseColumns:
     Attributes:
         log_times_ns: int64 (T,).
         stamps_ns: of the headers, int64 (T,).
-        frame_ids: frames of the headers; one may stand here twice.
+        frame_ids: frames of the headers; one may be listed twice.
         frames: index into `frame_ids` of each message, int64 (T,).
         positions: (T, 3), in the unit of the recording, metres by convention.
         orientations: (T, 4) xyzw.

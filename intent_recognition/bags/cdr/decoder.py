@@ -7,12 +7,16 @@ from types import SimpleNamespace
 
 from rosbags.interfaces import Nodetype
 
-from intent_recognition.bags.cdr.layout import FIELDS, LITTLE_ENDIAN, Layout, find_layout
+from intent_recognition.bags.cdr.layout import (
+    FIELDS,
+    LITTLE_ENDIAN,
+    MOST_LAYOUTS,
+    Layout,
+    find_layout,
+)
 
 Decoder = Callable[[bytes], object]
 """Function from CDR bytes to a message with the attributes of its type."""
-MOST_LAYOUTS = 16
-"""Layouts of one topic kept. Convention: more occur only where texts change all the time."""
 
 
 def layout_decoder(type_name: str, general: Decoder) -> Decoder:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the numbers and texts of a message stand in its CDR bytes (little endian).
+"""The layout of a message: offsets of its numbers and texts in the CDR bytes (little endian).
 
 CDR aligns each number to its own size, counted from behind the encapsulation header. A string is
 its length and its bytes with a final zero; a sequence is its count and its elements. So counts and
-lengths decide where everything stands: messages that agree in them have the same layout.
+lengths determine all offsets: messages that agree in them have the same layout.
 """
 
 import struct
@@ -20,12 +20,17 @@ from rosbags.typesys.stores.ros2_jazzy import FIELDDEFS
 
 LITTLE_ENDIAN = b"\x00\x01"
 """First two bytes of the encapsulation header of a message in little endian."""
+MOST_LAYOUTS = 16
+"""Layouts of one topic kept. Convention: more occur only where texts or lengths change all the
+time."""
 ORIGIN = 4
 """Length of the encapsulation header [bytes]; alignment counts from behind it."""
 STAMP = struct.Struct("<iI")
 """The stamp of a header, with which every stamped message begins: seconds and nanoseconds."""
 COUNT = struct.Struct("<I")
+"""Of the elements of a sequence, or of the bytes of a string."""
 NANOSECONDS = 1_000_000_000
+"""In a second."""
 FORMATS = {
     "bool": "<?",
     "byte": "<B",
@@ -72,12 +77,12 @@ class NumberRun(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """What messages with their numbers in the same places have in common.
+    """What messages with their numbers at the same offsets have in common.
 
     Attributes:
         template: one such message.
         fields: those that hold numbers, in order.
-        decisive: (start, stop) of the bytes that decide the layout: lengths, counts and texts.
+        decisive: (start, stop) of the bytes that must agree: lengths, counts and texts.
         runs: numbers by field, such as "pose.position.x", "position" or "points[2].positions";
             for a nested message whose numbers all follow one another also "pose.position".
         texts: strings by field; a single string is a tuple of one.
@@ -160,7 +165,7 @@ class LayoutCache:
         most: layouts kept.
     """
 
-    def __init__(self, type_name: str, most: int = 16):
+    def __init__(self, type_name: str, most: int = MOST_LAYOUTS):
         self._type, self._most = type_name, most
         self._layouts: list[Layout] = []
 
@@ -216,7 +221,7 @@ def header_stamps_ns(messages: NDArray[np.uint8]) -> NDArray[np.int64]:
 
 
 class _Cursor:
-    """Walks a message by the fields of its type and notes where everything stands."""
+    """Walks a message by the fields of its type and notes all offsets."""
 
     def __init__(self, data: bytes):
         if data[: len(LITTLE_ENDIAN)] != LITTLE_ENDIAN:

@@ -35,7 +35,7 @@ class SerializedTemplate:
         return np.frombuffer(self._data, dtype, length, start)
 
     def indices(self, field: str) -> NDArray[np.intp]:
-        """Where the numbers (count,) of a field stand in `doubles` or `integers`."""
+        """Indices of the numbers (count,) of a field in `doubles` or `integers`."""
         run = self._runs[field]
         return (run.start - ORIGIN) // run.size + np.arange(run.length)
 

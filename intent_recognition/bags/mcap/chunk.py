@@ -118,7 +118,7 @@ def message_table(data: bytes | memoryview, positions: NDArray) -> MessageTable:
 def payloads(table: MessageTable, length: int) -> NDArray:
     """Payloads of a table whose messages all have this length, uint8 (n, length).
 
-    Where they stand at equal distances they are not copied: only valid as long as `table.data`.
+    Payloads at equal distances are not copied: they are valid only as long as `table.data`.
     """
     steps = np.diff(table.starts)
     if length and steps.size and np.all(steps == steps[0]):
