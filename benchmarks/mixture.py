@@ -22,7 +22,7 @@ from intent_recognition.gaussian import (
 from intent_recognition.learning import (
     BASIS,
     RIDGE,
-    Example,
+    TrainingExample,
     TrainingSettings,
     choose_components,
     cut_to_movement,
@@ -86,7 +86,7 @@ def mixture(demonstrations: Sequence[Demonstration]) -> Iterator[Result]:
     yield from _search([make_example(d, BASIS, RIDGE) for d in cut_to_movement(demonstrations)])
 
 
-def _search(examples: Sequence[Example]) -> Iterator[Result]:
+def _search(examples: Sequence[TrainingExample]) -> Iterator[Result]:
     n_observed = examples[0].observed.shape[1]
     weights = np.array([example.weights for example in examples])
     before = time.perf_counter()
@@ -113,7 +113,7 @@ def _search(examples: Sequence[Example]) -> Iterator[Result]:
     )
 
 
-def _weight_vectors(examples: Sequence[Example]) -> np.ndarray:
+def _weight_vectors(examples: Sequence[TrainingExample]) -> np.ndarray:
     """Whole weight vectors of both agents, each DOF in its standard deviations, (n, D N)."""
     weights = np.array([example.weights for example in examples])
     weights = weights - weights.mean(axis=0)

@@ -8,7 +8,7 @@ from statistics import median
 
 from benchmarks.measure import Result, seconds
 from intent_recognition.kinematics import LWR_LIMITS
-from intent_recognition.motion import NominalTiming, Reference, make_path, plan_interaction
+from intent_recognition.motion import JointReference, NominalTiming, make_path, plan_interaction
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
 from intent_recognition.signals import Demonstration, merge
@@ -43,7 +43,7 @@ def _plan(estimator: IntentEstimator) -> Result:
     times, positions, velocities, _ = estimator.predict_controlled().trajectory
     path = make_path(times, positions, LWR_LIMITS, velocities)
     nominal = NominalTiming(-PLAN_AFTER_S, path.duration_s)
-    start = Reference.at_rest(positions[0])
+    start = JointReference.at_rest(positions[0])
     work = partial(plan_interaction, path, nominal, start, 0.0, 0.0, LWR_LIMITS)
     return Result(
         "one plan within the limits",

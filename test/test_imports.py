@@ -8,6 +8,7 @@ the room, not from its files.
 
 import ast
 import graphlib
+import importlib
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -220,3 +221,18 @@ def test_library_loads_nothing_heavy(without):
     names = [name for name in sources() if name.startswith(LIBRARY)]
     names = [name for name in names if (name.split(".") + [""])[1] not in without]
     assert loaded_after_importing(names) == []
+
+
+def test_what_programs_beside_the_package_import_from_it_is_there():
+    missing = []
+    for path in (p for top in ("benchmarks", "docs") for p in (ROOT / top).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] in BUILDINGS:
+                room = importlib.import_module(node.module)
+                missing += [
+                    f"{path.relative_to(ROOT)} imports {node.module} {alias.name}"
+                    for alias in node.names
+                    if not hasattr(room, alias.name)
+                    and f"{node.module}.{alias.name}" not in sources()
+                ]
+    assert missing == []
