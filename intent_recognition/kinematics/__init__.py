@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm: forward and inverse kinematics and its limits; no simulator."""
+"""Forward and inverse kinematics and joint limits, of the LWR 4+ and of any chain from a URDF."""
 
 from intent_recognition.kinematics.chain import Chain, joint_poses, tip_positions
 from intent_recognition.kinematics.forward import (

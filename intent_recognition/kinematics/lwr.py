@@ -2,8 +2,7 @@
 """The KUKA LWR 4+: joint names, Denavit-Hartenberg parameters and limits.
 
 Lengths, position, velocity and torque limits are those of the public models (kuka-isir/rtt_lwr,
-CentroEPiaggio/kuka-lwr). No acceleration limit is published; 8 rad/s^2 is this package's own
-default and can be replaced with `lwr_limits`.
+CentroEPiaggio/kuka-lwr).
 """
 
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from intent_recognition.kinematics.limits import JointLimits
 N_JOINTS = 7
 JOINT_NAMES: tuple[str, ...] = tuple(f"lwr_a{i}_joint" for i in range(1, N_JOINTS + 1))
 DEFAULT_ACCELERATION_RAD_S2 = 8.0
+"""Acceleration limit of every joint [rad/s^2]. Convention: KUKA publishes none."""
 
 
 @dataclass(frozen=True, eq=False)

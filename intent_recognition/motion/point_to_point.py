@@ -35,6 +35,8 @@ acceleration limit divided by it: 80 rad/s^3 at 8 rad/s^2. Measurement: docs/dec
 "Ruckig goes home and brakes"."""
 HOME_SHARE = 0.6
 """Share of the velocity and acceleration limits for a motion that is in no hurry. Convention."""
+_STANDING_RAD = 1e-6
+"""A joint whose way is shorter than this [rad] need not keep to the straight line. Convention."""
 _INTERPOLATION = 8.0 / 27.0
 """Largest error of a Hermite cubic's acceleration, as a share of jerk limit times sample spacing:
 the integral of |3 u^2 - 2 u| over [0, 1], its Peano kernel at the ends of the interval."""
@@ -66,6 +68,8 @@ def home_plan(
     for share in (HOME_SHARE, 1.0):
         motion = _input(start, limits, scaled_limits(limits, share, share), settings)
         motion.target_position = target
+        if not (start.velocity.any() or start.acceleration.any()):
+            _make_straight(motion, target - start.position)
         plan = _sampled(motion, settings, "home", 0.0)
         if keeps_limits(plan, start, limits):
             return replace(plan, clamped=clamped)
@@ -124,6 +128,18 @@ def _input(
     motion.max_jerk = jerk
     motion.synchronization = Synchronization.Phase
     return motion
+
+
+def _make_straight(motion: InputParameter, way: NDArray[np.float64]) -> None:
+    """Make the limits proportional to the way, so that phase synchronisation keeps to a line."""
+    distance = np.abs(way)
+    moves = distance > _STANDING_RAD
+    if not moves.any():
+        return
+    for name in ("max_velocity", "max_acceleration", "max_jerk"):
+        limit = np.array(getattr(motion, name))
+        rate = (limit[moves] / distance[moves]).min()
+        setattr(motion, name, np.where(moves, rate * distance, limit))
 
 
 def _sampled(motion: InputParameter, settings: PlanSettings, kind: str, phase: float) -> JointPlan:

@@ -14,13 +14,18 @@ class PlanSettings:
     """How plans are made.
 
     Attributes:
-        step_s: time between samples of a plan; longer motions get longer steps.
-        offset_share: share of the acceleration limit an offset may use.
-        offset_velocity_share: share of the velocity limit an offset may use.
-        shortest_offset_s: an offset takes at least this long to decay.
-        join_within_rad: the path is not run before every joint of the offset is below this.
-        max_rate_ratio: at most this many times the predicted speed.
+        step_s: time between samples of a plan [s]; longer motions get longer steps. Convention:
+            a cubic strays from a path of 8 rad/s^2 by 0.4 mrad at most.
+        offset_share: share of the acceleration limit an offset may use. Convention: the path
+            keeps more than half.
+        offset_velocity_share: share of the velocity limit an offset may use. Likewise.
+        shortest_offset_s: an offset takes at least this long to decay [s]. Convention: several
+            updates of a running plan.
+        join_within_rad: the path waits until every joint of the offset is below this [rad].
+            Convention: about 10 cm at the hand.
+        max_rate_ratio: largest multiple of the predicted speed when catching up. Convention.
         target_samples: the step grows so that the nominal duration has at most so many samples.
+            Convention: a message of 200 points.
     """
 
     step_s: float = 0.02
