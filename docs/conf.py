@@ -7,7 +7,10 @@ Nothing is fetched, neither while it is built nor while it is read.
 import re
 import sys
 from pathlib import Path
+from typing import NewType
 
+import numpy.typing
+from docutils import nodes
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
@@ -59,8 +62,28 @@ myst_heading_anchors = 4
 myst_fence_as_directive = ["math"]
 html_math_renderer = "drawings"
 
+
+def shown_by_name(name: str) -> NewType:
+    """A type of numpy that the reference shows by its name, and not by what it stands for."""
+    shown = NewType(name, object)
+    shown.__module__ = "builtins"
+    return shown
+
+
+class NDArray:
+    """Stands for `numpy.typing.NDArray` while the site is built."""
+
+    def __class_getitem__(cls, scalar: object) -> NewType:
+        """An array of any scalar."""
+        return shown_by_name("NDArray")
+
+
+numpy.typing.ArrayLike = shown_by_name("ArrayLike")
+numpy.typing.NDArray = NDArray
+
+
 # The API: one page for each name of `import intent_recognition as ir`, from its docstring.
-templates_path = ["templates"]
+templates_path = [str(DOCS / "templates")]
 default_role = "py:obj"  # `learn` links to its page; what has no page is shown as code
 add_module_names = False
 autodoc_typehints = "description"
@@ -124,8 +147,21 @@ def text_for_folders(app: Sphinx, name: str, source: list[str]) -> None:
     source[0] = re.sub(r"\[([^\]]+)\]\(([^)#\s:]+)\)", shown, source[0])
 
 
+def skip_fields(app: Sphinx, what: str, name: str, member: object, skip: bool, options) -> bool:
+    """Fields of a named tuple are described in the class's docstring."""
+    return skip or type(member).__name__ == "_tuplegetter"
+
+
+def dashes_in_fields(app: Sphinx, tree: nodes.document, name: str) -> None:
+    """Sphinx writes `name -- description` and leaves the dash to smartquotes, which is off here."""
+    for text in list(tree.findall(lambda node: isinstance(node, nodes.Text) and node == " -- ")):
+        text.parent.replace(text, nodes.Text(": "))
+
+
 def setup(app: Sphinx) -> None:
     """Called by Sphinx."""
+    app.connect("autodoc-skip-member", skip_fields)
+    app.connect("doctree-resolved", dashes_in_fields)
     app.add_lexer("mermaid", TextLexer)
     app.connect("source-read", picture_for_mermaid)
     app.connect("source-read", text_for_folders)

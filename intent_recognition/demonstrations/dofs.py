@@ -49,7 +49,7 @@ class DofEntry:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One name per DOF: the joint (with its quantity unless position), or topic and field."""
+        """One name per DOF, of the joint (and its quantity unless position) or of topic and field."""
         if self.joints:
             suffix = "" if self.quantity == "position" else f".{self.quantity}"
             return tuple(joint + suffix for joint in self.joints)

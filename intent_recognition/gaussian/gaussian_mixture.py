@@ -53,7 +53,7 @@ class GaussianMixture:
 
     @property
     def most_probable(self) -> Gaussian:
-        """The component of the largest weight: the one to act on (Ewerton et al. 2015, Eq. 12)."""
+        """The component of the largest weight, to act on (Ewerton et al. 2015, Eq. 12)."""
         return self.components[int(np.argmax(self.weights))]
 
     @property
