@@ -116,14 +116,16 @@ def typical_deviation(
     Deviations count from their mean in each demonstration, as in the cost of a warp.
 
     Args:
-        samples: demonstrations, (n, G, D); a DOF that never moves gets infinity.
+        samples: demonstrations, (n, G, D); a DOF that never moves, or by less than the smallest
+            normal number, gets infinity.
         deviations: from the reference, (n, G, D).
     """
     extent = np.ptp(samples.reshape(-1, samples.shape[-1]), axis=0)
     moving = np.any(np.ptp(samples, axis=1) > 1e-9 * np.abs(samples).max(axis=(0, 1)), axis=0)
     centred = deviations - deviations.mean(axis=1, keepdims=True)
     typical = np.median(np.mean(np.abs(centred), axis=1), axis=0)
-    return np.where(moving, np.maximum(typical, SMALLEST_SCALE * extent), np.inf)
+    scale = np.maximum(typical, SMALLEST_SCALE * extent)
+    return np.where(moving & (scale >= np.finfo(np.float64).tiny), scale, np.inf)
 
 
 def medoid(samples: NDArray[np.float64]) -> int:

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -76,6 +76,7 @@ def test_units_and_dofs_that_never_move_do_not_matter(rng):
         np.testing.assert_allclose(a.recorded, b.recorded, atol=3e-3)
 
 
+@example(5e-324 * np.arange(8.0).reshape(1, 4, 2), "mean")  # a scale that would vanish
 @given(
     arrays(
         np.float64,
