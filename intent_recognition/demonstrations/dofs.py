@@ -49,7 +49,7 @@ class DofEntry:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One name per DOF, of the joint (and its quantity unless position) or of topic and field."""
+        """One name per DOF, of the joint (and of its quantity, if not position) or the field."""
         if self.joints:
             suffix = "" if self.quantity == "position" else f".{self.quantity}"
             return tuple(joint + suffix for joint in self.joints)
