@@ -12,7 +12,7 @@ from intent_recognition.kinematics.forward import hand_position
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.nodes import qos
 
-WRIST, HAND = "/lead/wrist", "/lead/hand"
+WRIST, HAND = "/direct/wrist", "/direct/hand"
 SHAFT_M = 0.08
 """So far along an axis of the control its shaft is pressed."""
 FAR_PIXELS = 60.0
