@@ -24,13 +24,13 @@ class SessionLog:
     """
 
     labels: tuple[str, ...]
-    wrist_ns: NDArray[np.float64]
+    wrist_ns: NDArray[np.int64]
     wrist_m: NDArray[np.float64]
-    tasks_ns: NDArray[np.float64]
+    tasks_ns: NDArray[np.int64]
     probabilities: NDArray[np.float64]
-    active_ns: NDArray[np.float64]
+    active_ns: NDArray[np.int64]
     active: tuple[str, ...]
-    joint_ns: NDArray[np.float64]
+    joint_ns: NDArray[np.int64]
     joint_rad: NDArray[np.float64]
     predictions: Sequence[tuple]
     paths: Sequence[tuple]
