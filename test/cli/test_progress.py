@@ -37,6 +37,7 @@ def recorded(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_every_long_step_of_a_command_has_one(recorded, tmp_path, parse, monkeypatch):
     console = terminal()
     for module in (train, evaluate, replay):

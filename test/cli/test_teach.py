@@ -61,6 +61,7 @@ class Command:
         self.process.stdin.flush()
 
 
+@pytest.mark.slow
 def test_teach_records_learns_and_undo_takes_it_back(harness, tmp_path, old):
     pose = harness.publisher(PoseStamped, "mocap/wrist/pose", qos.STATE)
     joints = harness.publisher(JointState, "joint_states", qos.STATE)

@@ -247,6 +247,7 @@ def test_what_comes_after_a_fraction_does_not_change_its_scores(rng):
     assert tables[0][2] != tables[1][2]
 
 
+@pytest.mark.slow
 def test_start_posture_moves_trajectories_and_never_the_recognition(rng):
     """The robot stands elsewhere each time, of which the human's movement tells nothing."""
     recordings = []
@@ -268,6 +269,7 @@ def test_start_posture_moves_trajectories_and_never_the_recognition(rng):
             assert with_it < 0.5 * without
 
 
+@pytest.mark.slow
 def test_scores_against_a_loop_written_out(rng):
     """RMSE, coverage and likelihood at full observation, known phase, one joint Gaussian each."""
     truth = make_library(rng, n_tasks=1, groups=(1,), n_controlled=2, n_basis=8)

@@ -46,6 +46,7 @@ def test_weights_of_an_example_are_those_it_was_simulated_with(truth, rng):
     np.testing.assert_allclose(example.controlled, expected, atol=2e-2)
 
 
+@pytest.mark.slow
 def test_what_was_simulated_is_learned_back(truth, rng):
     """200 demonstrations a task: means, covariance, noise, timing."""
     report = learn_with_report(recordings(truth, rng, 200, n_samples=60), WHOLE)

@@ -95,6 +95,7 @@ class Sender:
         self.inputs[topic].publish(deserialize_message(raw.data, self.types[topic]))
 
 
+@pytest.mark.slow
 def test_nodes_recognise_and_predict_with_the_example(harness, trained):
     model, example = load_model(trained.model), trained.example
     poses = "PoseStamped" in model.dofs.observed[0].type

@@ -282,6 +282,7 @@ def test_markers_show_observed_and_predicted_path_tube_and_label(harness, wrist)
     assert np.all(distance > 0.0)
 
 
+@pytest.mark.slow
 def test_only_the_body_that_is_predicted_is_drawn(harness, mixed):
     graph = Graph(harness, mixed)
     graph.feed(mixed.observations(0))

@@ -146,6 +146,7 @@ def bodies(tmp_path):
     return Subject(tmp_path, make_dofs(FLAT, ELBOW))
 
 
+@pytest.mark.slow
 def test_some_fields_of_two_bodies_one_of_them_slow_and_silent_for_a_while(harness, bodies):
     seen = shifted(bodies.observations(), 1, 3 * MS)
     begin = seen[0].stamp_ns
@@ -159,6 +160,7 @@ def test_some_fields_of_two_bodies_one_of_them_slow_and_silent_for_a_while(harne
     assert nodes.heard() >= {"human/wrist", "human/elbow"}
 
 
+@pytest.mark.slow
 def test_one_body_that_comes_late_behind_the_other(harness, bodies):
     seen = bodies.observations(2)
     delayed = plain(bodies, seen, lambda group: 70 * MS * group)
@@ -168,6 +170,7 @@ def test_one_body_that_comes_late_behind_the_other(harness, bodies):
     assert winner(rows) == "task_2"
 
 
+@pytest.mark.slow
 def test_stamps_before_the_last_of_the_same_body_are_dropped(harness, bodies):
     seen = bodies.observations(0)
     for k in range(20, len(seen) - 2, 15):  # they change places with the next of their topic
@@ -179,6 +182,7 @@ def test_stamps_before_the_last_of_the_same_body_are_dropped(harness, bodies):
     assert len(rows) == len(seen) - swapped
 
 
+@pytest.mark.slow
 def test_joints_that_are_missing_or_nan_leave_the_others(harness, tmp_path):
     subject = Subject(tmp_path, make_dofs(GLOVE))
     messages = []
@@ -234,6 +238,7 @@ def moving_hand(subject):
         yield stamp, HAND, odometry(stamp, signal.values[k], speed[k], *stds)
 
 
+@pytest.mark.slow
 def test_velocities_measured_beside_the_positions(harness, tmp_path):
     subject = Subject(tmp_path, replace(make_dofs(HAND), velocities=(HAND_RATE,)))
     messages = list(moving_hand(subject))
@@ -255,6 +260,7 @@ def test_velocities_measured_beside_the_positions(harness, tmp_path):
     assert surely[0] != surely[1]
 
 
+@pytest.mark.slow
 def test_velocities_of_joints_with_the_deviation_of_the_dof_file(harness, tmp_path):
     subject = Subject(tmp_path, replace(make_dofs(GLOVE), velocities=(GLOVE_RATE,)))
     messages, seen = [], subject.observations()
@@ -268,6 +274,7 @@ def test_velocities_of_joints_with_the_deviation_of_the_dof_file(harness, tmp_pa
     assert len(rows) == len(messages) + third and winner(rows) == "task_1"
 
 
+@pytest.mark.slow
 def test_the_dof_file_of_the_node_may_add_velocities_to_the_model_s(harness, tmp_path):
     import yaml
 

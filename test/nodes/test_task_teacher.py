@@ -99,6 +99,7 @@ class Cell:
         return list(self.tasks[-1].name), np.max([m.position for m in self.tasks], axis=0)
 
 
+@pytest.mark.slow
 def test_a_task_taught_while_the_graph_runs_is_recognised_and_taken_back(harness, tmp_path, model):
     cell = Cell(harness, tmp_path / "mine", model)
     for seed in (50, 51, 52):

@@ -38,6 +38,7 @@ def unlike(rng: np.random.Generator, amplitude: float = 0.4) -> list[Observation
     return [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
 
 
+@pytest.mark.slow
 def test_none_wins_for_movements_unlike_the_tasks(library):
     wins = 0
     for seed in range(20):
@@ -122,6 +123,7 @@ def lost_marker(truth: TaskLibrary, rng) -> tuple[list[Observation], list[Observ
     return before, shifted(later, (before[-1].stamp_ns - START_NS) * 1e-9 + 0.02)
 
 
+@pytest.mark.slow
 def test_a_tracker_lost_in_mid_movement_does_not_block_the_next_one(rng):
     truth = make_library(rng, groups=(2, 1), n_basis=8, spread=0.03, noise_std=0.001)
     estimator = IntentEstimator(learned(truth))

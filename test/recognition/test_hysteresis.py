@@ -204,6 +204,7 @@ def events(library: TaskLibrary, observations: list[Observation]) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_a_hesitation_lets_nothing_go(library, truth, rng, monkeypatch):
     hesitating = interrupted(movement(truth, 0, rng, duration_s=2.0), 1.3, np.zeros((25, 3)))
     assert events(library, hesitating) == ["activated", "over"]

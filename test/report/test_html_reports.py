@@ -80,6 +80,7 @@ def bare_page(session):
     return demo_page(records, summarise(records), (), {})
 
 
+@pytest.mark.slow
 def test_the_demo_report_needs_nothing_from_outside(page):
     html = render(page)
     drawings = re.findall(r"data:image/svg\+xml;base64,([\w+/=]+)", html)
