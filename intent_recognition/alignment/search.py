@@ -50,7 +50,7 @@ def search(problem: WarpProblem, rate_std: float, rate_correlation: float) -> ND
 
 def _best_paths(
     distance: NDArray[np.float64], rate_std: float, rate_correlation: float, end_std: float
-) -> NDArray[np.float64]:
+) -> NDArray[np.intp]:
     """Recorded index at each reference step, (n, STEPS + 1), of least total cost.
 
     Args:

@@ -66,6 +66,17 @@ class Components(NamedTuple):
     rows: NDArray[np.int64]
     row_weight: NDArray[np.float64]
 
+    def select(self, which: slice | NDArray[np.int64]) -> "Components":
+        """Some of the B mixtures."""
+        return Components(
+            self.log_weight[which],
+            self.count[which],
+            self.mean[which],
+            self.diagonal[which],
+            self.rows[which],
+            self.row_weight[which],
+        )
+
     def covariance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The covariances as matrices, (B, K, r, r)."""
         root = np.sqrt(self.row_weight)[..., None] * (points[self.rows] - self.mean[:, :, None, :])

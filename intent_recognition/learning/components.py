@@ -8,7 +8,7 @@ best, the smallest is taken (Ewerton et al. 2015 choose it from a curve of error
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,7 +138,7 @@ def predict_left_out(
         part: which of them to predict.
     """
     split, points = features.n_observed, features.coordinates
-    components = Components(*(field[part] for field in left_out))
+    components = left_out.select(part)
     count = np.maximum(components.count, EMPTY)
     root = np.sqrt(components.row_weight)[..., None]
     diagonal = components.diagonal[..., :split]
@@ -210,7 +210,7 @@ def smallest_within_one_error(scores: NDArray[np.float64]) -> int:
     return int(np.flatnonzero(excess.mean(axis=1) <= error)[0])
 
 
-def purity(labels: Sequence[object], components: NDArray[np.int64]) -> float:
+def purity(labels: Sequence[object], components: NDArray[np.integer[Any]]) -> float:
     """Share of demonstrations whose label is the most frequent one of their component."""
     _, number = np.unique(np.array([str(label) for label in labels]), return_inverse=True)
     most = [np.bincount(number[components == k]).max() for k in np.unique(components)]

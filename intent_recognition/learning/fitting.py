@@ -41,7 +41,7 @@ class LearnedFields(TypedDict):
     weight_covariance: NDArray[np.float64]
     noise_variance: NDArray[np.float64]
     noise_scale: float
-    n_demonstrations: NDArray[np.float64]
+    n_demonstrations: NDArray[np.int64]
     log_duration_mean: NDArray[np.float64]
     log_duration_std: NDArray[np.float64]
     correlation_time_s: float

@@ -191,7 +191,7 @@ def leave_each_out(
     fold = np.arange(len(points)) % MAX_FOLDS
     included = fold != np.arange(min(len(points), MAX_FOLDS))[:, None]
     fits = fit_mixture(points, one_hot(labels, n_components) * included[..., None], prior)
-    return Components(*(field[fold] for field in fits.components))
+    return fits.components.select(fold)
 
 
 def left_out_labels(points: NDArray[np.float64], left_out: Components) -> NDArray[np.int64]:
@@ -199,7 +199,7 @@ def left_out_labels(points: NDArray[np.float64], left_out: Components) -> NDArra
     labels = np.empty(len(points), dtype=np.int64)
     n_components = left_out.count.shape[1]
     for part in batches(len(points), n_components * len(points) * max(points.shape)):
-        joint = log_joint(points, Components(*(field[part] for field in left_out)))
+        joint = log_joint(points, left_out.select(part))
         own = np.arange(len(points))[part]
         labels[part] = np.argmax(joint[np.arange(len(own)), own], axis=1)
     return labels

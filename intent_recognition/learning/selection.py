@@ -112,7 +112,7 @@ def leave_one_out_scores(
     scatter = leave_one_out_scatter(samples.scatter, deviation)
     covariance = shrunk_covariance(scatter, rest, targets, strength)
     s_oo, s_oc = covariance[:, :split, :split], covariance[:, :split, split:]
-    precision = symmetrize(np.linalg.inv(s_oo))
+    precision = symmetrize(np.asarray(np.linalg.inv(s_oo), dtype=np.float64))
     gain = np.swapaxes(np.matmul(precision, s_oc), 1, 2)  # (n, QN, PN)
     n_controlled = n_dofs - n_observed
     per_dof = gain.reshape(n, n_controlled, n_basis, split)

@@ -145,22 +145,29 @@ def _examples(
     """The usable recordings, their examples, and why others are left out."""
     stand_ins = [replace(recorded, task=UNLABELLED) for recorded in demonstrations]
     own = replace(settings, n_basis=BASIS.n_basis, width=BASIS.width, ridge=RIDGE)
-    preprocessing = accumulate(stand_ins, own).preprocessing
+    accumulated = accumulate(stand_ins, own)
+    if accumulated.preprocessing is None:  # not one usable
+        raise _unusable(accumulated.rejected)
     used, examples, rejected = [], [], []
     for recorded, stand_in in zip(demonstrations, stand_ins, strict=True):
         try:
-            examples.append(example_of(stand_in, preprocessing))
+            examples.append(example_of(stand_in, accumulated.preprocessing))
             used.append(recorded)
         except TrainingError as error:
             rejected.append((recorded.name, str(error).removeprefix(f"{recorded.name}: ")))
     if not used:
-        reasons = "; ".join(f"{name}: {reason}" for name, reason in rejected[:3])
-        raise TrainingError(
-            describe(
-                "demonstrations",
-                "at least one usable recording",
-                reasons or "none",
-                "Check the recordings and the DOF file.",
-            )
-        )
+        raise _unusable(rejected)
     return used, examples, tuple(rejected)
+
+
+def _unusable(rejected: Sequence[tuple[str, str]]) -> TrainingError:
+    """The error where no recording can be used, with the first reasons."""
+    reasons = "; ".join(f"{name}: {reason}" for name, reason in rejected[:3])
+    return TrainingError(
+        describe(
+            "demonstrations",
+            "at least one usable recording",
+            reasons or "none",
+            "Check the recordings and the DOF file.",
+        )
+    )

@@ -114,7 +114,8 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
         handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".npz.part")
         try:
             with os.fdopen(handle, "wb") as file:
-                np.savez_compressed(file, header=np.array(json.dumps(header)), **arrays)
+                everything: dict[str, Any] = {"header": np.array(json.dumps(header)), **arrays}
+                np.savez_compressed(file, **everything)
             Path(temporary).chmod(0o644)
             Path(temporary).replace(path)
         except BaseException:

@@ -83,8 +83,11 @@ def accumulate_bags(
     while total.accumulated.preprocessing is None and bags:
         head, bags = split_evenly(bags, REFERENCE_RECORDINGS)
         total = total.plus(_collect(run(partial(read_bag, dofs), head), settings, progress))
+    settled = total.accumulated.preprocessing
+    if settled is None:  # not one usable recording
+        return total
     parts = [bags[start : start + BATCH] for start in range(0, len(bags), BATCH)]
-    work = partial(accumulate_part, dofs, total.accumulated.preprocessing)
+    work = partial(accumulate_part, dofs, settled)
     for part, found in zip(parts, run(work, parts), strict=True):
         total = total.plus(found)
         progress(len(part))

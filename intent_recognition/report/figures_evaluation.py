@@ -97,7 +97,7 @@ def coverage_figure(coverage: Series) -> "Figure":
 
 @styled
 def reliability_figure(
-    confidence: NDArray[np.float64], share_right: NDArray[np.float64], counts: NDArray[np.float64]
+    confidence: NDArray[np.float64], share_right: NDArray[np.float64], counts: NDArray[np.int64]
 ) -> "Figure":
     """How often a task was true (B,) when its probability was about `confidence` (B,).
 

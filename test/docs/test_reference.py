@@ -11,7 +11,7 @@ from docs.shown import ROOT, nodes
 
 pytestmark = pytest.mark.slow
 
-PAGES = ("commands", "launch", "nodes")
+PAGES = ("commands", "constants", "launch", "nodes")
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,9 @@
 """Scoring of a toolbox session: what was on the topics against what the coworker did."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from intent_recognition.evaluation import InteractionRecord, SessionLog
+from intent_recognition.evaluation import InteractionRecord, SessionLog, Trace
 from intent_recognition.kinematics import hand_position
 from intent_recognition.promp import NONE
 from sim_bridge.coworker import Interaction, SessionPlan
@@ -32,7 +33,7 @@ def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:
 
 def score_session(
     log: SessionLog, plan: SessionPlan, first_ns: int
-) -> tuple[list[InteractionRecord], list[dict]]:
+) -> tuple[list[InteractionRecord], list[Trace]]:
     """One record and one trace (arrays for the report's figures) per interaction.
 
     Args:
@@ -53,7 +54,7 @@ def score_session(
 
 def score_interaction(
     log: SessionLog, interaction: Interaction, first_ns: int, until_ns: int, number: int
-) -> tuple[InteractionRecord, dict]:
+) -> tuple[InteractionRecord, Trace]:
     """Score one interaction; arguments as of `score_session`, `until_ns` ends the search."""
     onset = first_ns + round(interaction.onset_s * 1e9)
     end = first_ns + round(interaction.end_s * 1e9)
@@ -121,20 +122,20 @@ def _arrival(log: SessionLog, decided_ns: int, end_ns: int, until_ns: int) -> fl
     return float((stamps[rested[0]] - end_ns) * 1e-9) if rested.size else None
 
 
-def _trace(log: SessionLog, number: int, onset: int, end: int, decided: int | None) -> dict:
+def _trace(log: SessionLog, number: int, onset: int, end: int, decided: int | None) -> Trace:
     """Arrays of one interaction for the report; times in seconds after onset."""
     stop = end + round(DETAIL_S * 1e9)
     tasks = (log.tasks_ns >= onset) & (log.tasks_ns <= end)
     wrist = (log.wrist_ns >= onset) & (log.wrist_ns <= stop)
     joints = (log.joint_ns >= onset) & (log.joint_ns <= stop)
-    trace = {
+    trace: Trace = {
         "index": number,
         "labels": log.labels,
         "share": (log.tasks_ns[tasks] - onset) / (end - onset),
         "probabilities": log.probabilities[tasks],
-        "wrist_s": (log.wrist_ns[wrist] - onset) * 1e-9,
+        "wrist_s": _seconds(log.wrist_ns[wrist], onset),
         "wrist_m": log.wrist_m[wrist],
-        "joint_s": (log.joint_ns[joints] - onset) * 1e-9,
+        "joint_s": _seconds(log.joint_ns[joints], onset),
         "joint_rad": log.joint_rad[joints],
         "end_s": (end - onset) * 1e-9,
     }
@@ -150,3 +151,8 @@ def _trace(log: SessionLog, number: int, onset: int, end: int, decided: int | No
     if paths:
         trace["predicted_wrist_m"] = paths[0]
     return trace
+
+
+def _seconds(stamps_ns: NDArray[np.int64], onset_ns: int) -> NDArray[np.float64]:
+    """Times after an onset."""
+    return np.asarray((stamps_ns - onset_ns) * 1e-9, dtype=np.float64)
