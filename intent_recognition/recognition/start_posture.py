@@ -9,7 +9,7 @@ from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
 from intent_recognition.promp import StartPosture, TaskLibrary
@@ -160,7 +160,7 @@ def within_trained_starts(library: TaskLibrary, task: int, position: NDArray[np.
     The learned covariance is that of the next demonstration, so the squared distance of a start
     like the trained ones is chi-square with Q degrees of freedom.
     """
-    limit = chi2.ppf(OUTSIDE_QUANTILE, library.n_controlled)
+    limit = float(chdtri(library.n_controlled, 1.0 - OUTSIDE_QUANTILE))
     return start_distance(library, task, position) <= limit
 
 

@@ -8,7 +8,7 @@ from model_builder import learned_model, make_dofs
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from intent_recognition.activation.states import Mode
+from intent_recognition.activation.states import Homing, Idle
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes.activation_parameters import ANY_TIME, AT_REST
 from intent_recognition.nodes.bag_player import BagPlayer
@@ -97,7 +97,7 @@ def test_ingest_takes_noise_and_speed(harness):
     assert change(harness, node, position_std=0.01, max_speed=2.0, orientation_std_rad=0.1) == ""
     assert node._settings.max_speed_m_s == 2.0
     assert np.allclose(node._settings.covariances["world"], np.eye(3) * 1e-4)
-    assert node._wires["wrist"].orientation_variance == pytest.approx(0.01)
+    assert node._templates["wrist"].orientation_variance == pytest.approx(0.01)
     assert node._settings.max_gap_s == 0.5
 
 
@@ -119,9 +119,9 @@ def test_estimator_takes_rate_and_expectation(harness, model):
 def test_activation_takes_the_decision_at_once(harness, model):
     node = make(harness, PrimitiveActivation, model=model)
     assert change(harness, node, threshold=0.8, n_observations=2, timeout=0.2) == ""
-    decision = node.activation._heard.settings.decision
+    decision = node.activation._inbox.settings.decision
     assert (decision.threshold, decision.n_observations) == (0.8, 2)
-    assert node.activation._heard.settings.timeout_s == 0.2
+    assert node.activation._inbox.settings.timeout_s == 0.2
 
 
 def test_activation_tells_what_does_not_fit(harness, model):
@@ -135,10 +135,10 @@ def test_activation_tells_what_does_not_fit(harness, model):
 def test_limits_change_only_while_the_arm_rests(harness, model):
     node = make(harness, PrimitiveActivation, model=model)
     before = node._limits.velocity
-    node.activation.mode = Mode.EXECUTING
-    assert "an arm at rest, got executing" in change(harness, node, velocity_scale=0.45)
+    node.activation.state = Homing(None)
+    assert "an arm at rest, got homing" in change(harness, node, velocity_scale=0.45)
     assert change(harness, node, threshold=0.95) == ""
-    node.activation.mode = Mode.IDLE
+    node.activation.state = Idle()
     assert change(harness, node, velocity_scale=0.45, home=[0.1] * 7) == ""
     np.testing.assert_allclose(node._limits.velocity, before / 2.0)
     np.testing.assert_allclose(node.activation._motions.settings.limits.velocity, before / 2.0)
