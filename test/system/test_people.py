@@ -49,7 +49,7 @@ def test_a_person_never_seen_in_training_is_recognised(harness, recordings, tmp_
     folder, dofs, demonstrations = recordings
     library = learn([d for d in demonstrations if d.name != name], TrainingSettings())
     save_model(tmp_path / "model.npz", Model(library, dofs))
-    task = BagReader(folder / name).task
+    task = BagReader(folder / name).custom_data["task"]
 
     ingest = start(harness, MocapIngest)
     estimator = start(harness, IntentEstimatorNode, model=str(tmp_path / "model.npz"))
