@@ -15,7 +15,7 @@ PYTEST = $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 export MPLBACKEND ?= Agg
 
-.PHONY: help venv demo test quick lint format bench docs reference clean
+.PHONY: help venv demo test coverage quick lint format bench docs reference clean
 .DEFAULT_GOAL := help
 
 help:
@@ -55,6 +55,9 @@ demo: $(VENV)/.runtime
 
 test: $(VENV)/.dev
 	$(PYTEST) $(TEST_ARGS)
+
+coverage: $(VENV)/.dev
+	$(PYTEST) --cov --cov-report=term:skip-covered $(TEST_ARGS)
 
 quick: $(VENV)/.dev
 	$(PYTEST) -m "not slow" $(TEST_ARGS)

@@ -17,7 +17,7 @@ from intent_recognition.errors import ArgumentError, DofError, IntentError, Reso
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.model import from_bags as accumulate
 from intent_recognition.model.file import load_model
-from intent_recognition.model.from_bags import accumulate_bags, spread
+from intent_recognition.model.from_bags import accumulate_bags, split_evenly
 
 
 @pytest.fixture(scope="module")
@@ -169,8 +169,8 @@ def test_results_come_in_order_and_few_at_a_time():
 
 
 def test_the_reference_is_settled_by_bags_spread_over_all():
-    assert spread(list("abcdefghij"), 3) == (list("adg"), list("bcefhij"))
-    assert spread(["a", "b"], 3) == (["a", "b"], [])
+    assert split_evenly(list("abcdefghij"), 3) == (list("adg"), list("bcefhij"))
+    assert split_evenly(["a", "b"], 3) == (["a", "b"], [])
 
 
 def test_a_reference_is_found_behind_many_bags_that_cannot_be_used(recorded, small_parts):
