@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated coworker: wrist movements as pure functions of a random generator."""
 
+from sim_bridge.coworker.change import ChangedReach, change_of_mind
 from sim_bridge.coworker.demonstration import WristDemonstration, plan_demonstration
 from sim_bridge.coworker.hardness import (
     TEST_COUNTS,
@@ -8,7 +9,15 @@ from sim_bridge.coworker.hardness import (
     demonstration_rng,
     nearest_mean_labels,
 )
-from sim_bridge.coworker.reach import Reach, bow_profile, draw_hesitations, minimum_jerk
+from sim_bridge.coworker.reach import (
+    Movement,
+    Reach,
+    bow_profile,
+    draw_hesitations,
+    draw_reach,
+    draw_rest,
+    minimum_jerk,
+)
 from sim_bridge.coworker.session import (
     Interaction,
     SessionPlan,
@@ -28,15 +37,20 @@ __all__ = [
     "TASKS",
     "TEST_COUNTS",
     "TRAINING_COUNTS",
+    "ChangedReach",
     "Interaction",
+    "Movement",
     "Reach",
     "SessionPlan",
     "SessionTiming",
     "WristDemonstration",
     "WristSamples",
     "bow_profile",
+    "change_of_mind",
     "demonstration_rng",
     "draw_hesitations",
+    "draw_reach",
+    "draw_rest",
     "minimum_jerk",
     "nearest_mean_labels",
     "parse_task_list",

@@ -2,10 +2,12 @@
 """One reach of the wrist: minimum jerk along an individual curve, with hesitation.
 
 Minimum jerk (Flash and Hogan 1985): progress s(tau) = 10 tau^3 - 15 tau^4 + 6 tau^5, with zero
-velocity and acceleration at both ends.
+velocity and acceleration at both ends. A reach that begins in motion adds what minimum jerk makes
+of the velocity and the acceleration that the wrist has then.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +42,37 @@ class Hesitation:
     extra_s: float
 
 
+class Movement(Protocol):
+    """What the wrist does between two rests."""
+
+    @property
+    def task(self) -> str:
+        """Label of the task it ends in, or ""."""
+
+    @property
+    def start_m(self) -> NDArray[np.float64]:
+        """Where it begins, (3,), world."""
+
+    @property
+    def goal_m(self) -> NDArray[np.float64]:
+        """Where it stops, (3,), world."""
+
+    @property
+    def duration_s(self) -> float:
+        """Time from onset to end."""
+
+    def positions(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Planned wrist positions (T, 3) in the world at `time_s` (T,) after the onset."""
+
+    def rotations(
+        self, time_s: NDArray[np.float64], before_rad: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Rotation vectors (T, 3) relative to rest, of a wrist that had `before_rad` (3,)."""
+
+
 @dataclass(frozen=True)
 class Reach:
-    """One movement of the wrist from rest to rest.
+    """One movement of the wrist to rest, as a rule from rest.
 
     Attributes:
         task: label, or "" for a movement that belongs to no task.
@@ -53,6 +83,8 @@ class Reach:
         skew: exponent of the bow's decay, >= 1; the bow peaks at progress 1 / (1 + skew).
         turn_rad: rotation vector of the wrist relative to its rest orientation at the goal, (3,).
         hesitations: slow-downs on the way.
+        velocity_m_s: of the wrist at the onset, (3,).
+        acceleration_m_s2: likewise, (3,).
     """
 
     task: str
@@ -63,11 +95,37 @@ class Reach:
     skew: float
     turn_rad: NDArray[np.float64]
     hesitations: tuple[Hesitation, ...] = ()
+    velocity_m_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    acceleration_m_s2: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
 
     @property
     def duration_s(self) -> float:
         """Time from onset to end, hesitation included."""
         return self.nominal_s + sum(h.extra_s for h in self.hesitations)
+
+    def positions(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Planned wrist positions (T, 3) in the world at `time_s` (T,) after the onset."""
+        progress = progress_at(self, time_s)[:, None]
+        straight = self.start_m + (self.goal_m - self.start_m) * progress
+        return straight + self.bow_m * bow_profile(progress, self.skew) + self._carried(time_s)
+
+    def rotations(
+        self, time_s: NDArray[np.float64], before_rad: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Rotation vectors (T, 3) relative to rest, of a wrist that had `before_rad` (3,)."""
+        return before_rad + (self.turn_rad - before_rad) * progress_at(self, time_s)[:, None]
+
+    def _carried(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Deviation (T, 3) of minimum jerk from the initial velocity and acceleration to rest."""
+        if not (np.any(self.velocity_m_s) or np.any(self.acceleration_m_s2)):
+            return np.zeros((len(time_s), 3))
+        duration_s = self.duration_s
+        u = np.clip(np.asarray(time_s, dtype=np.float64) / duration_s, 0.0, 1.0)[:, None]
+        fading = u * (1.0 - u) ** 3
+        return fading * (
+            duration_s * (1.0 + 3.0 * u) * self.velocity_m_s
+            + 0.5 * duration_s**2 * u * self.acceleration_m_s2
+        )
 
 
 def minimum_jerk(tau: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -102,13 +160,6 @@ def normalised_time(reach: Reach, time_s: NDArray[np.float64]) -> NDArray[np.flo
 def progress_at(reach: Reach, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Progress along the straight line, 0 before the onset and 1 after the end."""
     return minimum_jerk(normalised_time(reach, time_s))
-
-
-def reach_positions(reach: Reach, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Planned wrist positions (T, 3) in the world at `time_s` (T,) after the onset."""
-    progress = progress_at(reach, time_s)[:, None]
-    straight = reach.start_m + (reach.goal_m - reach.start_m) * progress
-    return straight + reach.bow_m * bow_profile(progress, reach.skew)
 
 
 def draw_rest(rng: np.random.Generator) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from sim_bridge.coworker.noise import (
     tremor,
 )
 from sim_bridge.coworker.orientation import REST_QUATERNION, quaternions
-from sim_bridge.coworker.reach import Reach, progress_at, reach_positions
+from sim_bridge.coworker.reach import Movement
 
 RATE_HZ = 100.0
 """Samples of the tracker per second. Convention."""
@@ -44,7 +44,7 @@ class WristSamples:
 
 def sample_wrist(
     rng: np.random.Generator,
-    movements: Sequence[tuple[float, Reach]],
+    movements: Sequence[tuple[float, Movement]],
     length_s: float,
     *,
     gaps_per_s: float,
@@ -66,15 +66,14 @@ def sample_wrist(
     times = np.arange(count) / RATE_HZ
     planned = np.tile(movements[0][1].start_m, (count, 1))
     rotation = np.zeros((count, 3))
-    for onset_s, reach in movements:
+    for onset_s, movement in movements:
         first = int(np.searchsorted(times, onset_s))
-        last = int(np.searchsorted(times, onset_s + reach.duration_s, side="right"))
+        last = int(np.searchsorted(times, onset_s + movement.duration_s, side="right"))
         local = times[first:] - onset_s
-        planned[first:] = reach_positions(reach, local)
+        planned[first:] = movement.positions(local)
         planned[first:last] += signal_dependent(rng, planned[first:last], RATE_HZ)
-        progress = progress_at(reach, local)[:, None]
         before = rotation[first - 1] if first else np.zeros(3)
-        rotation[first:] = before + (reach.turn_rad - before) * progress
+        rotation[first:] = movement.rotations(local, before)
     sway = SWAY_STD_M * smooth_noise(rng, count, RATE_HZ, 0.25)
     true = planned + sway + tremor(rng, count, RATE_HZ)
     measured = true + MARKER_STD_M * rng.standard_normal((count, 3))

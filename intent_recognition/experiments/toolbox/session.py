@@ -5,7 +5,7 @@ The wrist goes through the same ingest as in the node, then through the same est
 decision; the arm stands at home whenever a movement begins.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -13,10 +13,16 @@ from numpy.typing import NDArray
 
 from intent_recognition.kinematics import hand_position
 from intent_recognition.promp import NONE, TaskLibrary
-from intent_recognition.recognition import DecisionSettings, DecisionState, IntentEstimator, decide
+from intent_recognition.recognition import (
+    DecisionSettings,
+    DecisionState,
+    Estimate,
+    IntentEstimator,
+    decide,
+)
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
-from sim_bridge.coworker import Interaction, SessionPlan
+from sim_bridge.coworker import Interaction, SessionPlan, WristSamples
 from sim_bridge.scenarios.toolbox import HOME, handover_point
 from sim_bridge.teaching import EPOCH_NS, SAMPLE_NS
 
@@ -43,12 +49,49 @@ class Execution(NamedTuple):
     hand_error_m: float
 
 
-class _Seen(NamedTuple):
-    """What was believed after one observation: the active task, and the predicted hand (3,)."""
+class Seen(NamedTuple):
+    """What is believed, and decided, after one observation: its time, and both states."""
+
+    time_s: float
+    estimate: Estimate
+    decision: DecisionState
+
+
+class _Acted(NamedTuple):
+    """The active task after one observation, and the predicted hand (3,) at a movement's end."""
 
     time_s: float
     active: str
     hand_m: NDArray[np.float64] | None
+
+
+def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[Seen]:
+    """Show an estimator the wrist, sample by sample, and decide as the node does by default.
+
+    Args:
+        estimator: of the toolbox; it goes on from what it has seen before.
+        samples: what the tracker sees.
+    """
+    settings, decision = DecisionSettings(), DecisionState()
+    ingest, state = IngestSettings(), IngestState.initial()
+    for k in np.flatnonzero(samples.visible):
+        stamp = EPOCH_NS + int(k) * SAMPLE_NS
+        pose = samples.positions_m[k], samples.orientations[k]
+        state, tracked = ingest_pose(ingest, state, stamp, *pose, "world")
+        if isinstance(tracked, Rejected):
+            continue
+        estimator.update_controlled(Observation(stamp, 0, HOME))
+        observation = Observation(stamp, 0, tracked.position, tracked.position_covariance)
+        if estimator.reason_to_reject(observation) is not None:
+            continue
+        estimate = estimator.update(observation)
+        p = estimate.probabilities
+        end_std = None
+        # `decide` asks for the end of a task that may become active, and of no other one.
+        if p.max() >= settings.threshold and estimate.task not in (NONE, decision.active):
+            end_std = estimator.predicted_end_std()
+        decision, _ = decide(settings, decision, estimate.labels, p, end_std, estimate.log_evidence)
+        yield Seen(float(samples.times_s[k]), estimate, decision)
 
 
 def play(
@@ -65,44 +108,26 @@ def play(
         plan: the session.
         progress: called with the share of interactions seen.
     """
-    estimator, decision = IntentEstimator(library), DecisionState()
-    settings, ingest, state = DecisionSettings(), IngestSettings(), IngestState.initial()
-    labels, samples = (*library.labels, NONE), plan.samples
+    estimator = IntentEstimator(library)
     ends = [interaction.end_s for interaction in plan.interactions]
-    seen: list[_Seen] = []
-    for k in np.flatnonzero(samples.visible):
-        time_s, stamp = float(samples.times_s[k]), EPOCH_NS + int(k) * SAMPLE_NS
-        pose = samples.positions_m[k], samples.orientations[k]
-        state, tracked = ingest_pose(ingest, state, stamp, *pose, "world")
-        if isinstance(tracked, Rejected):
-            continue
-        estimator.update_controlled(Observation(stamp, 0, HOME))
-        observation = Observation(stamp, 0, tracked.position, tracked.position_covariance)
-        if estimator.reason_to_reject(observation) is not None:
-            continue
-        estimate = estimator.update(observation)
-        end_std = None
-        if estimate.moving and np.argmax(estimate.probabilities) < library.n_tasks:
-            end_std = estimator.predicted_end_std()
-        decision, active = decide(
-            settings, decision, labels, estimate.probabilities, end_std, estimate.log_evidence
-        )
+    acted: list[_Acted] = []
+    for seen in watch(estimator, plan.samples):
         hand = None
-        if ends and time_s >= ends[0]:
-            hand = _predicted_hand(estimator)
+        if ends and seen.time_s >= ends[0]:
+            hand = predicted_hand(estimator)
             ends.pop(0)
             progress(1.0 - len(ends) / len(plan.interactions))
-        seen.append(_Seen(time_s, names.get(active, ""), hand))
-    return _score(plan.interactions, seen)
+        acted.append(_Acted(seen.time_s, names.get(seen.decision.active, ""), hand))
+    return _score(plan.interactions, acted)
 
 
-def _predicted_hand(estimator: IntentEstimator) -> NDArray[np.float64] | None:
+def predicted_hand(estimator: IntentEstimator) -> NDArray[np.float64] | None:
     """Where the predicted motion ends (3,), None without a prediction."""
     prediction = estimator.predict_controlled(n_points=1)
     return None if prediction is None else hand_position(prediction.trajectory.positions[-1])
 
 
-def _score(interactions: tuple[Interaction, ...], seen: list[_Seen]) -> list[Execution]:
+def _score(interactions: tuple[Interaction, ...], seen: list[_Acted]) -> list[Execution]:
     """What became of each interaction, up to the onset of the next one."""
     times = np.array([one.time_s for one in seen])
     limits = [one.onset_s for one in interactions[1:]] + [np.inf]

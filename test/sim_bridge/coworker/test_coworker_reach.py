@@ -17,7 +17,6 @@ from sim_bridge.coworker.reach import (
     draw_rest,
     minimum_jerk,
     normalised_time,
-    reach_positions,
 )
 from sim_bridge.coworker.styles import LONGEST_MOVEMENT_S, STYLES, TASKS
 
@@ -34,7 +33,7 @@ def draws(task, count=200):
 
 def test_straight_reach_has_the_peaks_of_minimum_jerk():
     times = np.linspace(0.0, 2.0, 4001)
-    x = reach_positions(reach(), times)[:, 0]
+    x = reach().positions(times)[:, 0]
     velocity = np.gradient(x, times)
     acceleration = np.gradient(velocity, times)
     assert velocity.max() == pytest.approx(1.875 * 0.4 / 2.0, rel=1e-3)
@@ -62,7 +61,7 @@ def test_any_reach_rests_at_both_ends_and_takes_its_time(skew, nominal_s, centre
         "", np.zeros(3), np.ones(3) * 0.2, nominal_s, np.ones(3) * 0.1, skew, np.zeros(3), (slow,)
     )
     assert moved.duration_s == pytest.approx(nominal_s + extra_s)
-    ends = reach_positions(moved, np.array([-1.0, 0.0, moved.duration_s, moved.duration_s + 1.0]))
+    ends = moved.positions(np.array([-1.0, 0.0, moved.duration_s, moved.duration_s + 1.0]))
     np.testing.assert_allclose(ends, [moved.start_m] * 2 + [moved.goal_m] * 2, atol=1e-12)
     tau = normalised_time(moved, np.linspace(0.0, moved.duration_s, 500))
     assert np.all(np.diff(tau) > 0.0)
@@ -72,7 +71,7 @@ def test_any_reach_rests_at_both_ends_and_takes_its_time(skew, nominal_s, centre
 def test_hesitation_slows_the_hand_where_it_hesitates():
     slow = reach(2.0, (Hesitation(0.5, 0.04, 0.4),))
     times = np.linspace(0.0, slow.duration_s, 2000)
-    speed = np.abs(np.gradient(reach_positions(slow, times)[:, 0], times))
+    speed = np.abs(np.gradient(slow.positions(times)[:, 0], times))
     middle = np.argmin(np.abs(normalised_time(slow, times) - 0.5))
     before = np.argmin(np.abs(normalised_time(slow, times) - 0.35))
     assert speed[middle] < 0.5 * speed[before]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError
-from sim_bridge.coworker.reach import reach_positions
 from sim_bridge.coworker.session import SessionTiming, parse_task_list, plan_session
 from sim_bridge.coworker.styles import TASKS
 
@@ -39,7 +38,7 @@ def test_rests_holds_and_movements_follow_one_another():
         wrist = plan.samples.true_positions_m[at]
         assert np.linalg.norm(wrist - interaction.goal_m) < 0.01
         before = np.searchsorted(plan.samples.times_s, interaction.onset_s - 0.3)
-        start = reach_positions(interaction.reach, np.zeros(1))[0]
+        start = interaction.reach.positions(np.zeros(1))[0]
         assert np.linalg.norm(plan.samples.true_positions_m[before] - start) < 0.01
 
 

@@ -14,7 +14,6 @@ from intent_recognition.kinematics.forward import hand_position
 from intent_recognition.kinematics.limits import within_position_limits
 from intent_recognition.kinematics.lwr import LWR_LIMITS
 from intent_recognition.share import share_path
-from sim_bridge.coworker.reach import reach_positions
 from sim_bridge.scenarios.assembly.arm_stand_in import hand_joints
 from sim_bridge.scenarios.assembly.interaction import plan_interaction
 from sim_bridge.scenarios.assembly.recordings import messages, orders
@@ -114,7 +113,7 @@ def test_arm_reaches_wherever_an_assistant_goes():
     for task in TASKS:
         for shown in draws(task, 40):
             for _, reach in shown.assistant:
-                path = reach_positions(reach, np.linspace(0.0, reach.duration_s, 15))
+                path = reach.positions(np.linspace(0.0, reach.duration_s, 15))
                 joints = hand_joints(path)
                 np.testing.assert_allclose(hand_position(joints), path, atol=1e-9)
                 assert np.all(within_position_limits(joints, LWR_LIMITS))

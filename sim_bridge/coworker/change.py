@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reaches in which the worker changes his mind: the goal moves to another task's on the way.
+
+In a blended change the hand leaves the course of one reach for that of another, which has the same
+start and the same timing. In a replanned one it makes a new reach from where it is, with the
+velocity and the acceleration it has (Flash and Henis 1991 find both in people).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError, describe
+from sim_bridge.coworker.reach import Movement, Reach, draw_reach, minimum_jerk
+from sim_bridge.coworker.styles import STYLES
+
+ELSEWHERE_M = (np.array([0.70, -0.50, 0.10]), np.array([1.40, 0.50, 0.80]))
+"""Corners of the box in which a movement of no task ends [m], world. Convention: in reach."""
+APART_M = 0.20
+"""Least distance of such an end from every region of goals [m]. Convention."""
+DIFFERENCE_S = 0.01
+"""Step of the differences that give the hand's velocity and acceleration [s].
+
+Convention: far below the shortest hesitation, far above the steps at which one is integrated.
+"""
+
+
+@dataclass(frozen=True)
+class ChangedReach:
+    """A reach that goes over into another one.
+
+    Attributes:
+        first: as it was meant until then; itself a changed one where the mind changes again.
+        second: what becomes of it.
+        change_s: when the mind changes, in seconds after the onset.
+        blend_s: how long the hand takes from the one course to the other, which began with it; 0
+            where the second begins at `change_s`, from the hand's state.
+    """
+
+    first: Movement
+    second: Reach
+    change_s: float
+    blend_s: float
+
+    @property
+    def task(self) -> str:
+        """Label of the task it ends in."""
+        return self.second.task
+
+    @property
+    def start_m(self) -> NDArray[np.float64]:
+        """Where it begins, (3,), world."""
+        return self.first.start_m
+
+    @property
+    def goal_m(self) -> NDArray[np.float64]:
+        """Where it stops, (3,), world."""
+        return self.second.goal_m
+
+    @property
+    def duration_s(self) -> float:
+        """Time from onset to end."""
+        return self._second_onset_s + self.second.duration_s
+
+    @property
+    def _second_onset_s(self) -> float:
+        return 0.0 if self.blend_s else self.change_s
+
+    def positions(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Planned wrist positions (T, 3) in the world at `time_s` (T,) after the onset."""
+        meant = self.first.positions(time_s)
+        return meant + self._done(time_s) * (
+            self.second.positions(time_s - self._second_onset_s) - meant
+        )
+
+    def rotations(
+        self, time_s: NDArray[np.float64], before_rad: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Rotation vectors (T, 3) relative to rest, of a wrist that had `before_rad` (3,)."""
+        onset_s = self._second_onset_s
+        meant = self.first.rotations(time_s, before_rad)
+        then = self.first.rotations(np.array([onset_s]), before_rad)[0]
+        return meant + self._done(time_s) * (self.second.rotations(time_s - onset_s, then) - meant)
+
+    def _done(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Share (T, 1) of the change that is done."""
+        since_s = time_s - self.change_s
+        done = minimum_jerk(since_s / self.blend_s) if self.blend_s else since_s >= 0.0
+        return np.asarray(done, dtype=np.float64)[:, None]
+
+
+def blend(first: Movement, second: Reach, share: float, blend_share: float) -> ChangedReach:
+    """A reach that goes over to the course of another.
+
+    Args:
+        first: as it was meant; a changed one must have been blended.
+        second: another one from the same start; it takes the timing of the first.
+        share: of the movement's time at which the change begins, in (0, 1).
+        blend_share: of the movement's time that the change takes; at most what remains.
+    """
+    _check(share)
+    if not 0.0 < blend_share <= 1.0 - share + 1e-9:
+        got = f"{blend_share:g} after {share:g}"
+        expected = "a positive share of what remains"
+        raise ArgumentError(describe("blend_share", expected, got, "Change earlier, or faster."))
+    timing = _last(first)
+    second = replace(second, nominal_s=timing.nominal_s, hesitations=timing.hesitations)
+    duration_s = first.duration_s
+    return ChangedReach(first, second, share * duration_s, blend_share * duration_s)
+
+
+def replan(rng: np.random.Generator, first: Movement, task: str, share: float) -> ChangedReach:
+    """A reach in which a new one to another task begins in the hand's present state.
+
+    It takes the time that was left, and what the new reach's own hesitations add. Its bow is as
+    much smaller as the way is shorter.
+
+    Args:
+        rng: source of the new reach.
+        first: as it was meant.
+        task: the new one; "" for a movement to no task.
+        share: of the movement's time at which it begins, in (0, 1).
+    """
+    _check(share)
+    change_s = share * first.duration_s
+    around = first.positions(change_s + DIFFERENCE_S * np.array([-1.0, 0.0, 1.0]))
+    drawn = _draw(rng, task, around[1], first.duration_s - change_s)
+    whole, left = (np.linalg.norm(drawn.goal_m - start) for start in (first.start_m, around[1]))
+    second = replace(
+        drawn,
+        bow_m=drawn.bow_m * min(left / whole, 1.0),
+        velocity_m_s=(around[2] - around[0]) / (2.0 * DIFFERENCE_S),
+        acceleration_m_s2=(around[0] - 2.0 * around[1] + around[2]) / DIFFERENCE_S**2,
+    )
+    return ChangedReach(first, second, change_s, 0.0)
+
+
+def change_of_mind(
+    rng: np.random.Generator,
+    first: Movement,
+    task: str,
+    share: float,
+    blend_share: float | None,
+) -> ChangedReach:
+    """Change a reach to another task on the way.
+
+    Args:
+        rng: source of the second reach.
+        first: as it was meant.
+        task: the new one; "" for a movement to no task.
+        share: of the movement's time at which the mind changes, in (0, 1).
+        blend_share: see `blend`; None for a reach replanned from the hand's state.
+
+    Raises:
+        ArgumentError: the task is unknown, or a share is not possible.
+    """
+    if blend_share is None:
+        return replan(rng, first, task, share)
+    second = _draw(rng, task, first.start_m, _last(first).nominal_s)
+    return blend(first, second, share, blend_share)
+
+
+def draw_elsewhere(
+    rng: np.random.Generator, start_m: NDArray[np.float64], nominal_s: float
+) -> Reach:
+    """Draw a movement that belongs to no task: it ends far from where any task does."""
+    while True:
+        goal = rng.uniform(*ELSEWHERE_M)
+        outside = [
+            np.maximum(np.abs(goal - style.goal_centre_m) - style.goal_half_width_m, 0.0)
+            for style in STYLES.values()
+        ]
+        if np.min(np.linalg.norm(outside, axis=1)) >= APART_M:
+            bow, turn = 0.03 * rng.standard_normal(3), 0.3 * rng.standard_normal(3)
+            return Reach("", start_m, goal, nominal_s, bow, rng.uniform(1.0, 1.8), turn)
+
+
+def _draw(
+    rng: np.random.Generator, task: str, start_m: NDArray[np.float64], nominal_s: float
+) -> Reach:
+    if task:
+        return draw_reach(rng, task, start_m, nominal_s)
+    return draw_elsewhere(rng, start_m, nominal_s)
+
+
+def _last(movement: Movement) -> Reach:
+    """The reach that a movement ends as."""
+    if isinstance(movement, ChangedReach):
+        return movement.second
+    if isinstance(movement, Reach):
+        return movement
+    raise TypeError(type(movement))
+
+
+def _check(share: float) -> None:
+    if not 0.0 < share < 1.0:
+        cure = "Give a share of the movement's time."
+        raise ArgumentError(describe("share", "a number between 0 and 1", share, cure))
