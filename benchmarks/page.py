@@ -11,6 +11,7 @@ import argparse
 import json
 import math
 import os
+import secrets
 import socket
 import sys
 import tempfile
@@ -29,6 +30,7 @@ from rclpy.node import Node
 from benchmarks.browser import PageSize, chromium, open_page, resident_mb
 from benchmarks.measure import Result
 from benchmarks.offline import bags_to_model
+from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model import Model, save_model
 from intent_recognition.nodes.graph import resolve
@@ -103,7 +105,7 @@ def watch(library: TaskLibrary, seconds: float, step_s: float) -> Iterator[Sampl
         save_model(model, Model(library, load_dofs()))
         with _graph(model, seconds) as (processes, port, rate):
             server = processes.pid(SERVER)
-            with open_page(f"http://127.0.0.1:{port}", WIDTH, HEIGHT) as opened:
+            with open_page(_address(port), WIDTH, HEIGHT) as opened:
                 opened.wait(SETTLED_S)
                 start_s = at_s = time.monotonic()
                 used_s = _processor_s(server)
@@ -181,6 +183,7 @@ def _graph(model: Path, seconds: float) -> Iterator[tuple]:
     """The demo's nodes as processes: them, the page's port, and the rate it reports."""
     domain = int(os.environ.get("ROS_DOMAIN_ID", DOMAIN))
     environment = node_environment(os.environ, domain)
+    environment.setdefault(TOKEN_VARIABLE, secrets.token_urlsafe(TOKEN_BYTES))
     environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # other benchmarks want no network
     os.environ.update(environment)
     port = _free_port()
@@ -238,12 +241,16 @@ def _wait_until_served(port: int, processes: NodeProcesses) -> None:
     while True:
         processes.check()
         try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=START_S):
+            with urllib.request.urlopen(_address(port), timeout=START_S):
                 return
         except OSError:
             if time.monotonic() > end_s:
                 raise
             time.sleep(0.2)
+
+
+def _address(port: int) -> str:
+    return f"http://127.0.0.1:{port}/?token={os.environ[TOKEN_VARIABLE]}"
 
 
 def _free_port() -> int:

@@ -3,6 +3,7 @@
 
 import argparse
 import os
+import secrets
 import signal
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,6 +19,7 @@ from intent_recognition.cli.session_watch import (
     ProgressLine,
     interrupt,
 )
+from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, resolve
 
@@ -73,6 +75,7 @@ def run_session(args: argparse.Namespace, model: Path, console: Console) -> Sess
     tasks = parse_task_list(args.task_list, args.seed, args.interactions)
     plan = plan_session(args.seed, tasks)
     environment = node_environment(os.environ, _domain())
+    environment.setdefault(TOKEN_VARIABLE, secrets.token_urlsafe(TOKEN_BYTES))
     os.environ.update(environment)
     rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
     try:
@@ -220,7 +223,7 @@ def _calls(args: argparse.Namespace, model: Path, tasks: Sequence[str]) -> dict[
 
 
 def _page(args: argparse.Namespace) -> str:
-    return f"http://127.0.0.1:{args.port}"
+    return f"http://127.0.0.1:{args.port}/?token={os.environ[TOKEN_VARIABLE]}"
 
 
 def _refuse_busy_domain(observer: "SessionObserver", watch: NodeWatch) -> None:

@@ -18,6 +18,8 @@ PLOTTED_STEP_S = 0.05
 """Shortest time between two plotted posteriors [s]. Convention."""
 WRIST_S = 3.0
 """Past of the wrist that is drawn [s]. Convention."""
+MOST_JOINTS = 500
+"""Joints of all messages together. Convention."""
 SILENT_AFTER_S = 3.0
 """A node is silent after so long without a report [s]: three of its periods. Convention."""
 
@@ -108,8 +110,10 @@ class CellState:
     _past: deque = field(default_factory=lambda: deque(maxlen=int(PLOTTED_S / PLOTTED_STEP_S)))
 
     def take_joints(self, names: Sequence[str], positions: Sequence[float], now_s: float) -> None:
-        """A joint state, of all joints or some."""
+        """A joint state, of all joints or some; names that keep changing are forgotten."""
         self.joints.update(zip(names, positions, strict=False))
+        while len(self.joints) > MOST_JOINTS:
+            del self.joints[next(iter(self.joints))]
         self.joints_at_s = now_s
 
     def take_wrist(self, position: NDArray[np.float64], now_s: float) -> None:

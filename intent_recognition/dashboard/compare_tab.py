@@ -13,7 +13,7 @@ from intent_recognition.bags import BagReader
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.replay_tab import names_of
 from intent_recognition.dashboard.widgets import probability_plot, set_content
-from intent_recognition.errors import IntentError
+from intent_recognition.errors import IntentError, one_line
 from intent_recognition.evaluation import replay
 from intent_recognition.model import load_model
 from intent_recognition.report import task_colours
@@ -92,12 +92,12 @@ class CompareTab:
 
     def _run(self) -> None:
         """Run both models over the recording and show what came out."""
-        bag = self._bags[self._bag.value]
-        models = [self._models[field.value] for field in self._chosen]
         try:
+            bag = self._bags[self._bag.value]
+            models = [self._models[field.value] for field in self._chosen]
             found = [posterior_over(bag, model) for model in models]
-        except IntentError as error:
-            set_content(self._result, markup.banner(str(error), markup.WARNING))
+        except (IntentError, KeyError) as error:
+            set_content(self._result, markup.banner(one_line(error), markup.WARNING))
             return
         finally:
             self._button.disabled = False

@@ -155,18 +155,26 @@ def _node(name: str, health: NodeHealth, now_s: float) -> str:
 
 def _details(values: Mapping[str, str]) -> str:
     rates = [
-        f"{escape(key[5:-5])} {float(value):.0f} Hz"
+        f"{escape(key[5:-5])} {_number(value, '.0f')} Hz"
         for key, value in values.items()
         if key.startswith("rate ")
     ][:LARGEST_RATES]
     slow = values.get("latency p99 [ms]")
-    latency = [f"latency p99 {float(slow):.1f} ms"] if slow else []
+    latency = [f"latency p99 {_number(slow, '.1f')} ms"] if slow else []
     rejected = [
         f'<span style="color:{WARNING}">{escape(key)} {escape(value)}</span>'
         for key, value in values.items()
         if key.startswith("rejected ") and value != "0"
     ]
     return " &middot; ".join(rates + latency + rejected)
+
+
+def _number(text: str, form: str) -> str:
+    """A number in this format, or what came in its place."""
+    try:
+        return format(float(text), form)
+    except ValueError:
+        return escape(text)
 
 
 def _chip(label: str, colours: Mapping[str, str]) -> str:

@@ -53,10 +53,16 @@ class Dashboard(Node):
         bags = get("bags", "", "folder of recordings to replay; empty takes the shipped ones")
         self._models = get("models", ".", "folder below which models to compare lie")
         body = get("body", "wrist", "tracked body that is drawn, and moved from the page")
+        names: list[str] = get(
+            "names", [], "further names under which the page is reached, as a proxy's"
+        )
+        read_only = get("read_only", False, "only show; nothing can be pressed or dragged")
         seed = get("seed", 0, "of the variation between shown demonstrations", 0)
         self._diagnostics = Diagnostics(self)
         self.state = CellState()
-        self._cell_subscriptions = CellSubscriptions(self, self.state, body)
+        self._cell_subscriptions = CellSubscriptions(
+            self, self.state, body, self._diagnostics.reject
+        )
         self._commands = Commands(self, lambda ok, text: self.page.show_message(ok, text))
         teleoperation = Teleoperation(self, self.state, body)
         session = TeachingSession(
@@ -76,8 +82,10 @@ class Dashboard(Node):
             models=self._find_models,
             play=self._play,
             stop=self._stop,
+            names=names,
+            read_only=read_only,
         )
-        self.get_logger().info(f"the page is at http://{host}:{port}")
+        self.get_logger().info(f"the page is at {self.page.address}")
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0 / rate_hz, self._update, clock=steady)
         gc.freeze()

@@ -2,27 +2,24 @@
 """The page: one server, one scene, five tabs."""
 
 import queue
-import socket
 import time
-from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
-from io import StringIO
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-import viser
-
 from intent_recognition.dashboard import markup
+from intent_recognition.dashboard.admission import Admission, Operator, new_token
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.dashboard.compare_tab import CompareTab
 from intent_recognition.dashboard.replay_tab import Play, ReplayTab
 from intent_recognition.dashboard.scene import Scene
+from intent_recognition.dashboard.server import serve_page
 from intent_recognition.dashboard.teach_tab import TeachTab
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.dashboard.watch_tab import WatchTab
 from intent_recognition.dashboard.widgets import set_content
-from intent_recognition.errors import ResourceBusyError, describe
+from intent_recognition.errors import IntentError, one_line
 from intent_recognition.report import INK, task_colours
 
 TITLE = "intent recognition"
@@ -54,10 +51,13 @@ class DashboardPage:
         models: model files to choose from.
         play: starts a player.
         stop: ends one.
+        names: further names under which the page is reached.
+        read_only: nobody operates the page.
         clock: seconds, monotonic.
 
     Raises:
         ResourceBusyError: the port is taken.
+        ArgumentError: the token of the environment cannot be used.
     """
 
     def __init__(
@@ -73,6 +73,8 @@ class DashboardPage:
         models: Callable[[], Sequence[Path]],
         play: Play,
         stop: Callable,
+        names: Iterable[str] = (),
+        read_only: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ):
         self._state, self._clock = state, clock
@@ -82,7 +84,15 @@ class DashboardPage:
         self._colours: dict[str, str] = {}
         self._labels: frozenset[str] = frozenset()
         self._taught = ""
-        self._server = _serve(host, port)
+        self._admission = Admission(host, port, new_token(), names)
+        self._server = serve_page(
+            host,
+            port,
+            TITLE,
+            self._admission,
+            Operator(read_only),
+            lambda why: self.show_message(False, why),
+        )
         self._scene = Scene(self._server)
         gui = self._server.gui
         gui.main_panel.dock_right()
@@ -112,9 +122,9 @@ class DashboardPage:
             self._nodes = gui.add_html("")
 
     @property
-    def port(self) -> int:
-        """Where it is served."""
-        return self._server.get_port()
+    def address(self) -> str:
+        """What its operator opens; it carries the token."""
+        return self._admission.address
 
     def show_message(self, ok: bool, text: str) -> None:
         """Notify what happened, for a few seconds; what went wrong stands out."""
@@ -128,7 +138,7 @@ class DashboardPage:
     def update(self) -> None:
         """Do what was asked for, and show the newest."""
         while not self._asked.empty():
-            self._asked.get()()
+            self._perform(self._asked.get())
         now_s = self._clock()
         state = self._state
         self._choose_colours()
@@ -148,6 +158,13 @@ class DashboardPage:
         """Stop serving."""
         self._replay.close()
         self._server.stop()
+
+    def _perform(self, action: Callable[[], None]) -> None:
+        """Do what was asked for; what a browser sent that makes no sense is told, no more."""
+        try:
+            action()
+        except (IntentError, LookupError, ValueError, TypeError, ArithmeticError) as error:
+            self.show_message(False, one_line(error))
 
     def _choose_colours(self) -> None:
         """One colour per task, the same as in the reports."""
@@ -171,22 +188,3 @@ class DashboardPage:
         self._banner.visible = bool(wrong)
         if wrong:
             set_content(self._banner, markup.banner("; ".join(wrong)))
-
-
-def _serve(host: str, port: int) -> viser.ViserServer:
-    """A server on exactly this port: viser by itself would take the next free one.
-
-    Raises:
-        ResourceBusyError: the port is taken, or the address is not this machine's.
-    """
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            cure = "Choose another port or host."
-            raise ResourceBusyError(
-                describe("host, port", "an address that is free", f"{host}:{port}, {error}", cure)
-            ) from error
-    with redirect_stdout(StringIO()):
-        return viser.ViserServer(host=host, port=port, label=TITLE, verbose=False)

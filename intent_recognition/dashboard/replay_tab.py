@@ -9,7 +9,7 @@ import viser
 from intent_recognition.bags import read_metadata
 from intent_recognition.dashboard import markup
 from intent_recognition.dashboard.commands import ESTIMATOR, Commands
-from intent_recognition.dashboard.widgets import on_change, set_content, set_value
+from intent_recognition.dashboard.widgets import on_change, set_content, set_value, slider_value
 from intent_recognition.errors import BagError
 from intent_recognition.nodes.bag_player import BagPlayer
 
@@ -92,7 +92,8 @@ class ReplayTab:
         if self._player is not None:
             self._end()
         else:
-            self._begin(self._at.value if self._at.value < self._at.max else 0.0)
+            at_s = slider_value(self._at)
+            self._begin(at_s if at_s < self._at.max else 0.0)
 
     def _chosen(self) -> None:
         self.close()
@@ -121,11 +122,11 @@ class ReplayTab:
     def _seek(self) -> None:
         if self._player is not None:
             self._end()
-            self._begin(self._at.value)
+            self._begin(slider_value(self._at))
 
     def _begin(self, offset_s: float) -> None:
         bag = self._bags[self._bag.value]
-        self._player = self._play(bag, float(offset_s), RATES[self._rate.value])
+        self._player = self._play(bag, offset_s, RATES[self._rate.value])
         self._button.label, self._button.icon = "Pause", viser.Icon.PLAYER_PAUSE
         self._notify(True, f"playing {self._bag.value}")
 

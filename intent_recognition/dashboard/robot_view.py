@@ -4,6 +4,7 @@
 import io
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,12 +13,18 @@ import yourdfpy
 from numpy.typing import NDArray
 from viser.extras import ViserUrdf
 
+from intent_recognition.dashboard.checks import LARGEST
+from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics import Chain, joint_poses, tip_positions
 
 ROOT = "/robot"
 LARGEST_PATH = 32
 """Points of a drawn hand path."""
 TURNING, SHIFTING = ("revolute", "continuous"), ("prismatic",)
+MOST_JOINTS = 300
+"""Joints of a description. Convention."""
+LARGEST_MESH = 50_000_000
+"""Bytes of a mesh of a description. Convention."""
 LIGHTER = 0.35
 """Colourful materials become greys nearer to white by this share: colours are for tasks."""
 
@@ -28,10 +35,13 @@ class RobotView:
     Args:
         server: the page.
         description: text of the URDF; it must use only what yourdfpy knows (no capsules).
+
+    Raises:
+        Exception: of any kind: what yourdfpy, lxml and trimesh raise is no part of their contract.
     """
 
     def __init__(self, server: viser.ViserServer, description: str):
-        self._urdf = yourdfpy.URDF.load(io.StringIO(greyed(description)))
+        self._urdf = load_urdf(greyed(description))
         self._view = _MovingUrdf(server, self._urdf, root_node_name=ROOT)
         self._joints = tuple(self._view.get_actuated_joint_names())
         self._chain = longest_chain(self._urdf)
@@ -46,7 +56,7 @@ class RobotView:
     def update(self, positions: Mapping[str, float]) -> None:
         """Move the arm; joints that are not in `positions` [rad] stay at zero."""
         q = np.array([positions.get(name, 0.0) for name in self._joints])
-        if self._shown is None or np.max(np.abs(q - self._shown)) > 1e-4:
+        if self._shown is None or np.any(np.abs(q - self._shown) > 1e-4):
             self._view.move(self._joints, q)
             self._shown = q
 
@@ -57,6 +67,31 @@ class RobotView:
         chosen = np.unique(np.linspace(0, len(positions) - 1, LARGEST_PATH).round().astype(int))
         values = joint_values(self._chain, joints, positions[chosen])
         return tip_positions(self._poses, values)
+
+
+def load_urdf(description: str) -> yourdfpy.URDF:
+    """Read a URDF that is small enough to be drawn.
+
+    Raises:
+        ArgumentError: it has too many joints, or numbers that cannot be drawn.
+        Exception: yourdfpy cannot read it.
+    """
+    expected, cure = f"at most {MOST_JOINTS} joints", "Publish a simpler description."
+    count = description.count("<joint")
+    if count > MOST_JOINTS:
+        raise ArgumentError(describe("robot_description", expected, count, cure))
+    text = io.BytesIO(description.encode(errors="replace"))
+    urdf = yourdfpy.URDF.load(text, filename_handler=_mesh_file)
+    joints = tuple(urdf.joint_map.values())
+    if not all(np.all(np.abs(part) < LARGEST) for part in chain_of(joints)):
+        raise ArgumentError(describe("robot_description", "finite numbers", "others", cure))
+    return urdf
+
+
+def _mesh_file(name: str) -> str:
+    """Where a mesh is, as yourdfpy looks for it; nowhere if it is too large."""
+    path = yourdfpy.urdf.filename_handler_magic(name, dir="")
+    return path if Path(path).is_file() and Path(path).stat().st_size <= LARGEST_MESH else ""
 
 
 class _MovingUrdf(ViserUrdf):
@@ -100,7 +135,10 @@ def chain_of(joints: Sequence[yourdfpy.Joint]) -> Chain:
     origins = [np.eye(4) if joint.origin is None else joint.origin for joint in joints]
     turns = [joint.axis if joint.type in TURNING else none for joint in joints]
     shifts = [joint.axis if joint.type in SHIFTING else none for joint in joints]
-    return Chain(np.array(origins), np.array(turns), np.array(shifts))
+    n = len(joints)  # which may be 0
+    return Chain(
+        np.reshape(origins, (n, 4, 4)), np.reshape(turns, (n, 3)), np.reshape(shifts, (n, 3))
+    )
 
 
 def longest_chain(urdf: yourdfpy.URDF) -> tuple[yourdfpy.Joint, ...]:

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cell in three dimensions: arm, wrist, what was seen of it, and what is expected."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import viser
-import yourdfpy
 from numpy.typing import NDArray
 
 from intent_recognition.dashboard.cell import CellState
-from intent_recognition.dashboard.robot_view import RobotView
+from intent_recognition.dashboard.robot_view import ROOT, RobotView
+from intent_recognition.errors import one_line
 from intent_recognition.kinematics import JOINT_NAMES, frame_poses
 from intent_recognition.report import INK, NONE_COLOUR, readable
 
@@ -62,10 +62,24 @@ class Scene:
 
     def update(self, state: CellState, colours: Mapping[str, str], now_s: float) -> str:
         """Draw the newest; returns what is wrong with the robot's description, empty if nothing."""
-        problem = self._update_robot(state)
+        self._guard(lambda: self._update_robot(state))
+        bare = self._robot is None and not self._problem
+        if self._base.visible != bare:
+            self._base.visible = bare
+        self._line("arm", _skeleton(state.joints) if bare else NOTHING, GREY, ARM_WIDTH_M)
         self._update_wrist(state, now_s)
         self._update_prediction(state, colours, now_s)
-        return problem
+        self._guard(lambda: self._update_hand_path(state, colours, now_s))
+        return self._problem
+
+    def _guard(self, update: Callable[[], None]) -> None:
+        """Update what depends on the robot's description; one that cannot be drawn is dropped."""
+        try:
+            update()
+        except Exception as error:  # whatever the parsers of XML and meshes raise, or made of it
+            self._server.scene.remove_by_name(ROOT)
+            self._robot = None
+            self._problem = f"robot_description cannot be drawn: {one_line(error)}"
 
     def _prepare(self) -> None:
         scene = self._server.scene
@@ -94,22 +108,14 @@ class Scene:
         self._tube: viser.MeshHandle | None = None
         self._label = scene.add_label("/task", "", visible=False, anchor="bottom-center")
 
-    def _update_robot(self, state: CellState) -> str:
+    def _update_robot(self, state: CellState) -> None:
         if state.description and state.description != self._description:
             self._description = state.description
-            self._server.scene.remove_by_name("/robot")
+            self._server.scene.remove_by_name(ROOT)
             self._robot, self._problem = None, ""
-            try:
-                self._robot = RobotView(self._server, state.description)
-            except (ValueError, KeyError, AttributeError, TypeError, yourdfpy.ValidationError) as e:
-                self._problem = f"robot_description cannot be drawn: {e}"
+            self._robot = RobotView(self._server, state.description)
         if self._robot is not None and state.joints:
             self._robot.update(state.joints)
-        bare = self._robot is None and not self._problem
-        if self._base.visible != bare:
-            self._base.visible = bare
-        self._line("arm", _skeleton(state.joints) if bare else NOTHING, GREY, ARM_WIDTH_M)
-        return self._problem
 
     def _update_wrist(self, state: CellState, now_s: float) -> None:
         if state.wrist is None:
@@ -129,7 +135,6 @@ class Scene:
         self._line("predicted", NOTHING if shown is None else shown.predicted, colour, PATH_WIDTH_M)
         self._draw_tube(NOTHING if shown is None else shown.tube, colour)
         self._draw_label(NOTHING if shown is None else shown.predicted, readable(best))
-        self._update_hand_path(state, colours, now_s)
 
     def _draw_label(self, path: NDArray[np.float64], text: str) -> None:
         """Name the task above the predicted end; a new text fades in, so the same is not sent."""

@@ -3,6 +3,8 @@
 
 import time
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -21,10 +23,31 @@ from intent_recognition.dashboard.cell import (
     Posterior,
     PredictedMotion,
 )
+from intent_recognition.dashboard.checks import (
+    check,
+    checked_names,
+    checked_numbers,
+    checked_text,
+)
+from intent_recognition.errors import ArgumentError, one_line
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array
 
 DEFAULT_BODY = "wrist"
+MOST_JOINTS = 100
+"""Joints of a message. Convention."""
+MOST_TASKS = 100
+"""Tasks of a posterior. Convention."""
+MOST_POINTS = 10_000
+"""Points of a path, a tube or a trajectory. Convention."""
+MOST_NODES = 100
+"""Nodes whose health is shown. Convention."""
+MOST_VALUES = 200
+"""Values of one node's health. Convention."""
+LONGEST_SENTENCE = 2000
+"""Characters of a message that is shown. Convention."""
+LONGEST_DESCRIPTION = 1_000_000
+"""Characters of a URDF: thirty times that of the simulated arm. Convention."""
 
 
 class CellSubscriptions:
@@ -34,6 +57,7 @@ class CellSubscriptions:
         node: owner of the subscriptions.
         state: what is filled.
         body: the tracked body that is drawn.
+        reject: told of a message that cannot be shown: why, and what was wrong.
         clock: seconds, monotonic.
     """
 
@@ -42,9 +66,10 @@ class CellSubscriptions:
         node: Node,
         state: CellState,
         body: str = DEFAULT_BODY,
+        reject: Callable[[str, str], None] = lambda reason, text: None,
         clock: Callable[[], float] = time.monotonic,
     ):
-        self._state, self._clock = state, clock
+        self._state, self._reject, self._clock = state, reject, clock
         for kind, topic, handle, profile in (
             (JointState, "joint_states", self._on_joints, qos.STATE),
             (PoseStamped, f"mocap/{body}/pose", self._on_wrist, qos.SENSOR),
@@ -57,57 +82,78 @@ class CellSubscriptions:
             (String, "teach/status", self._on_teaching, qos.LATCHED),
             (DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
         ):
-            node.create_subscription(kind, topic, handle, profile)
+            node.create_subscription(kind, topic, partial(self._take, topic, handle), profile)
+
+    def _take(self, topic: str, take: Callable, message: Any) -> None:
+        """Take a message, or count one that cannot be shown."""
+        try:
+            take(message)
+        except ArgumentError as error:
+            self._reject(f"malformed {topic}", one_line(error))
 
     def _on_joints(self, message: JointState) -> None:
-        self._state.take_joints(message.name, message.position, self._clock())
+        names = checked_names("name", message.name, MOST_JOINTS)
+        positions = checked_numbers("position", message.position, (len(names),))
+        self._state.take_joints(names, positions.tolist(), self._clock())
 
     def _on_wrist(self, message: PoseStamped) -> None:
-        position = position_array(message.pose)
-        if np.all(np.isfinite(position)):
-            self._state.take_wrist(position, self._clock())
+        position = checked_numbers("position", position_array(message.pose), (3,))
+        self._state.take_wrist(position, self._clock())
 
     def _on_tasks(self, message: JointState) -> None:
-        posterior = Posterior(
-            tuple(message.name), np.array(message.position), np.array(message.velocity)
-        )
-        self._state.take_posterior(posterior, self._clock())
+        names = checked_names("name", message.name, MOST_TASKS)
+        check("name", "at least one task", len(names) > 0, "none")
+        chances = checked_numbers("position", message.position, (len(names),))
+        check("position", "probabilities", np.all((chances >= 0.0) & (chances <= 1.0)), chances)
+        phase = checked_numbers("velocity", message.velocity, (len(names),))
+        self._state.take_posterior(Posterior(names, chances, phase), self._clock())
 
     def _on_predicted(self, message: JointTrajectory) -> None:
-        positions = np.array([point.positions for point in message.points])
-        self._state.predicted = PredictedMotion(
-            message.header.frame_id, tuple(message.joint_names), positions
-        )
+        names = checked_names("joint_names", message.joint_names, MOST_JOINTS)
+        check("points", f"at most {MOST_POINTS}", len(message.points) <= MOST_POINTS, "more")
+        rows = [checked_numbers("positions", p.positions, (len(names),)) for p in message.points]
+        positions = np.array(rows).reshape(len(rows), len(names))
+        task = checked_text("frame_id", message.header.frame_id)
+        self._state.predicted = PredictedMotion(task, names, positions)
         self._state.predicted_at_s = self._clock()
 
     def _on_markers(self, message: MarkerArray) -> None:
         lines = [_points(m) for m in message.markers if m.type == Marker.LINE_STRIP]
         tubes = [_points(m) for m in message.markers if m.type == Marker.TRIANGLE_LIST]
         if len(lines) == 2 and len(tubes) == 1:
+            check("points", "three corners of each triangle", len(tubes[0]) % 3 == 0, "others")
             self._state.drawn = PathMarkers(*lines, *tubes)
             self._state.drawn_at_s = self._clock()
 
     def _on_active(self, message: String) -> None:
-        self._state.active = message.data
+        self._state.active = checked_text("data", message.data)
 
     def _on_truth(self, message: String) -> None:
-        self._state.truth = message.data
+        self._state.truth = checked_text("data", message.data)
 
     def _on_description(self, message: String) -> None:
-        self._state.description = message.data
+        self._state.description = checked_text("data", message.data, LONGEST_DESCRIPTION)
 
     def _on_teaching(self, message: String) -> None:
-        self._state.teaching = message.data
+        self._state.teaching = checked_text("data", message.data, LONGEST_SENTENCE)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        now_s = self._clock()
+        now_s, nodes = self._clock(), self._state.nodes
         for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
-            self._state.nodes[status.name] = NodeHealth(
-                status.level[0], status.message, values, now_s
-            )
+            name = checked_text("name", status.name)
+            known = name in nodes or len(nodes) < MOST_NODES
+            check("status", f"at most {MOST_NODES} nodes", known, "one more")
+            check("values", f"at most {MOST_VALUES}", len(status.values) <= MOST_VALUES, "more")
+            text = checked_text("message", status.message, LONGEST_SENTENCE)
+            values = {
+                checked_text("key", pair.key): checked_text("value", pair.value, LONGEST_SENTENCE)
+                for pair in status.values
+            }
+            nodes[name] = NodeHealth(int.from_bytes(status.level, "little"), text, values, now_s)
 
 
 def _points(marker: Marker) -> NDArray[np.float64]:
     """Points of a marker (T, 3)."""
-    return np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3)
+    check("points", f"at most {MOST_POINTS}", len(marker.points) <= MOST_POINTS, "more")
+    points = np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3)
+    return checked_numbers("points", points, points.shape)

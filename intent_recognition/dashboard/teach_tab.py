@@ -14,7 +14,13 @@ from intent_recognition.dashboard.drag_handles import DIRECT, GOALS, HAND, WRIST
 from intent_recognition.dashboard.scene import rgb
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
-from intent_recognition.dashboard.widgets import on_change, set_content, set_label, set_value
+from intent_recognition.dashboard.widgets import (
+    on_change,
+    set_content,
+    set_label,
+    set_value,
+    slider_value,
+)
 from intent_recognition.kinematics import hand_position
 
 REST_M = np.array([1.05, 0.0, 0.25])
@@ -193,9 +199,9 @@ class TeachTab:
             self._task.value.strip(),
             np.array(self._wrist_goal.value),
             np.array(self._hand_goal.value),
-            self._length.value,
-            self._vary.value / 100.0,
+            slider_value(self._length),
+            slider_value(self._vary) / 100.0,
         )
 
     def _press_reach(self) -> None:
-        self._session.reach(np.array(self._wrist_goal.value), self._length.value)
+        self._session.reach(np.array(self._wrist_goal.value), slider_value(self._length))

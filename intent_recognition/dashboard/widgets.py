@@ -46,6 +46,11 @@ def set_value(handle: viser.GuiInputHandle[Value], value: Value) -> None:
     handle.value = value  # type: ignore[misc]  # viser 1.0 has a method before the setter
 
 
+def slider_value(handle: viser.GuiSliderHandle) -> float:
+    """Where a slider stands, inside its range whatever a browser has sent."""
+    return float(min(max(handle.value, handle.min), handle.max))
+
+
 def probability_plot(
     gui: viser.GuiApi,
     data: tuple[NDArray[np.float64], ...],

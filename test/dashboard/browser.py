@@ -16,6 +16,8 @@ from benchmarks import browser
 
 WIDTH, HEIGHT, PANEL = 1280, 800, 390
 DEADLINE_S = 120.0
+TOKEN = "token-of-the-tests"
+os.environ["INTENT_PAGE_TOKEN"] = TOKEN
 FRAMES_HZ = 8.0
 DRAG_STEPS, DRAG_STEP_MS = 12, 60
 PIXEL = """([node, x, y, z]) => {
@@ -49,9 +51,9 @@ def free_port() -> int:
         return probe.getsockname()[1]
 
 
-def _served(port: int) -> bool:
+def _served(address: str) -> bool:
     try:
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=DEADLINE_S) as answer:
+        with urllib.request.urlopen(address, timeout=DEADLINE_S) as answer:
             return answer.status == 200
     except OSError:
         return False
@@ -65,10 +67,13 @@ class Visitor:
         page.set_default_timeout(1000 * DEADLINE_S)
         self.requests: list[str] = []
         page.on("request", lambda request: self.requests.append(request.url))
+        self.console: list[str] = []
+        page.on("console", lambda message: self.console.append(message.text))
 
     def open(self, port: int) -> None:
-        self.wait_until(lambda: _served(port), "the page is served")
-        self.page.goto(f"http://127.0.0.1:{port}")
+        address = f"http://127.0.0.1:{port}/?token={TOKEN}"
+        self.wait_until(lambda: _served(address), "the page is served")
+        self.page.goto(address)
         self.wait_for("Watch")
 
     def text(self) -> str:

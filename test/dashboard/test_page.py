@@ -69,6 +69,7 @@ def test_page_shows_replays_and_teaches(cell, tmp_path):
         teach_a_task(person)
         outside = {url for url in person.requests if url.startswith("http")}
         assert {url.split("/")[2] for url in outside} == {f"127.0.0.1:{cell['port']}"}
+        assert not [text for text in person.console if "Content Security" in text]
         if os.environ.get("SCREENSHOTS"):
             person.page.screenshot(path=f"{os.environ['SCREENSHOTS']}/page.png")
     folder = TaskFolder(tmp_path / "tasks", load_model(cell["model"]).dofs)

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may open the page, who may operate it, and what either may send. No ROS, no viser."""
+
+import base64
+import hashlib
+import ipaddress
+import math
+import os
+import re
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Hashable, Iterable, Mapping
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import zstandard
+
+from intent_recognition.errors import ArgumentError, describe
+
+TOKEN_VARIABLE = "INTENT_PAGE_TOKEN"
+"""Environment variable that sets the token; a variable is not seen by other users, unlike a
+parameter."""
+TOKEN_BYTES = 24
+"""Random bytes of a token: 192 bits cannot be guessed. Convention."""
+TOKEN_FORM = re.compile(r"[A-Za-z0-9_-]{16,128}")
+IDLE_S = 60.0
+"""An operator that has done nothing for so long may be followed by another [s]. Convention."""
+WATCHES = frozenset({"ViewerCameraMessage"})
+"""What an onlooker's browser may send: where it looks from."""
+ACTS = frozenset(
+    {
+        "GuiUpdateMessage",
+        "TransformControlsUpdateMessage",
+        "TransformControlsDragStartMessage",
+        "TransformControlsDragEndMessage",
+    }
+)
+"""What the controls and handles of this page send. viser knows more (uploads, a public tunnel):
+nothing here asks for them."""
+LONGEST_TEXT = 1000
+"""Characters of a text that is typed into the page. Convention."""
+MOST_NUMBERS = 64
+"""Numbers in one message from a browser. Convention."""
+_SCRIPT = re.compile(r"<script\b([^>]*)>(.*?)</script>", re.DOTALL | re.IGNORECASE)
+_PACKED = re.compile(r'data-c="([^"]+)"')
+
+
+class Admission:
+    """Checks the request that opens a page or its connection.
+
+    A request must name this server (`Host`), come from its own page if it comes from a page
+    (`Origin`), and carry the token: in the address the first time, in a cookie from then on.
+
+    Args:
+        host: address the page is served on.
+        port: its port.
+        token: what the address and the cookie carry.
+        names: further names under which the page is reached, such as that of a reverse proxy.
+    """
+
+    def __init__(self, host: str, port: int, token: str, names: Iterable[str] = ()):
+        self._port, self._token = port, token
+        self._cookie = f"intent_page_{port}"  # cookies are shared by all ports of a machine
+        own = {host, "localhost", socket.gethostname(), f"{socket.gethostname()}.local", *names}
+        self._names = frozenset(name.lower() for name in own)
+        self._host = host
+
+    @property
+    def address(self) -> str:
+        """What the operator opens."""
+        host = "127.0.0.1" if self._host in ("", "0.0.0.0", "::") else self._host
+        host = f"[{host}]" if ":" in host else host
+        return f"http://{host}:{self._port}/?token={self._token}"
+
+    @property
+    def cookie(self) -> str:
+        """The header that gives a browser its cookie."""
+        return f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/"
+
+    def refusal(self, path: str, headers: Mapping[str, list[str]], upgrade: bool) -> str:
+        """Why a request is refused, in a sentence; empty if it is admitted.
+
+        Args:
+            path: path and query of the request.
+            headers: all values of each header, by lower-case name.
+            upgrade: whether it asks for a connection; a browser then always names its origin.
+        """
+        host = headers.get("host", [])
+        if len(host) != 1 or not self._is_own(host[0]):
+            return "This server has another name. Open the address that the dashboard has logged."
+        origins = headers.get("origin", [])
+        if any(not _same_origin(origin, host[0]) for origin in origins):
+            return "Another page may not use this one."
+        site = headers.get("sec-fetch-site", [])
+        if upgrade and site and site != ["same-origin"]:
+            return "Another page may not use this one."
+        if not (self.has_token(path) or self._has_cookie(headers.get("cookie", []))):
+            return (
+                "The token is missing or old. Open the address that the dashboard has logged:"
+                " it ends in ?token=..."
+            )
+        return ""
+
+    def has_token(self, path: str) -> bool:
+        """Whether the query of a path carries the token."""
+        try:
+            given = parse_qs(urlsplit(path).query, max_num_fields=8).get("token", [])
+        except ValueError:
+            return False
+        return len(given) == 1 and self._is_token(given[0])
+
+    def _has_cookie(self, headers: list[str]) -> bool:
+        cookies: SimpleCookie = SimpleCookie()
+        try:
+            for header in headers:
+                cookies.load(header)
+        except CookieError:
+            return False
+        return self._cookie in cookies and self._is_token(cookies[self._cookie].value)
+
+    def _is_token(self, given: str) -> bool:
+        return secrets.compare_digest(given.encode(), self._token.encode())
+
+    def _is_own(self, host: str) -> bool:
+        """Whether a `Host` is this server's: a number, which no foreign name server can give to
+        a page, or a name that is known.
+        """
+        try:
+            name = (urlsplit(f"//{host}").hostname or "").lower()
+            if name in self._names:
+                return True
+            ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return True
+
+
+class Operator:
+    """One connection at a time operates the page; the others look on.
+
+    The first to come operates, until it leaves or has done nothing for `IDLE_S`; then whoever
+    acts next does.
+
+    Args:
+        read_only: nobody operates.
+        clock: seconds, monotonic.
+    """
+
+    def __init__(self, read_only: bool = False, clock: Callable[[], float] = time.monotonic):
+        self._read_only, self._clock = read_only, clock
+        self._who: Hashable | None = None
+        self._acted_s = -math.inf
+        self._lock = threading.Lock()
+
+    def enter(self, who: Hashable) -> None:
+        """A connection has come."""
+        with self._lock:
+            if self._who is None:
+                self._who, self._acted_s = who, self._clock()
+
+    def leave(self, who: Hashable) -> None:
+        """A connection has gone."""
+        with self._lock:
+            if self._who == who:
+                self._who = None
+
+    def may_act(self, who: Hashable) -> bool:
+        """Whether what this connection does is to be done; it operates from then on."""
+        with self._lock:
+            now_s = self._clock()
+            free = self._who is None or now_s - self._acted_s > IDLE_S
+            if self._read_only or not (free or self._who == who):
+                return False
+            self._who, self._acted_s = who, now_s
+            return True
+
+    @property
+    def refusal(self) -> str:
+        """Why an onlooker's action was not done."""
+        if self._read_only:
+            return "This page is read only."
+        return f"Another browser operates the page: it must close it, or rest for {IDLE_S:.0f} s."
+
+
+def is_well_formed(message: Mapping[str, Any]) -> bool:
+    """Whether a message from a browser holds only what this page's controls send."""
+    kind = message.get("type")
+    if kind not in WATCHES | ACTS:
+        return False
+    if kind == "GuiUpdateMessage":
+        updates = message.get("updates")
+        if not isinstance(updates, Mapping) or set(updates) != {"value"}:
+            return False
+        value = updates["value"]
+        if isinstance(value, list) and not _is_vector(value, 3):
+            return False
+    if kind == "TransformControlsUpdateMessage" and not (
+        _is_vector(message.get("position"), 3) and _is_vector(message.get("wxyz"), 4)
+    ):
+        return False
+    return _count_numbers(list(message.values()), 0) <= MOST_NUMBERS
+
+
+def new_token(environment: Mapping[str, str] = os.environ) -> str:
+    """The token of `TOKEN_VARIABLE`, or a new one.
+
+    Raises:
+        ArgumentError: the variable holds something that can be guessed or does not fit an address.
+    """
+    token = environment.get(TOKEN_VARIABLE) or secrets.token_urlsafe(TOKEN_BYTES)
+    if not TOKEN_FORM.fullmatch(token):
+        raise ArgumentError(
+            describe(
+                TOKEN_VARIABLE,
+                "16 to 128 letters, digits, - and _",
+                f"{len(token)} characters",
+                "Unset it: a token is made at each start.",
+            )
+        )
+    return token
+
+
+def response_headers(scripts: Iterable[str], host: str) -> dict[str, str]:
+    """Headers of every answer: no frame, no other origin, no script but the page's own.
+
+    Args:
+        scripts: sources of the page's scripts, as `script_sources` gives them.
+        host: the `Host` that the request named, which was checked.
+    """
+    rules = {
+        "default-src": "'none'",
+        "script-src": " ".join(("'self'", "'wasm-unsafe-eval'", "blob:", *scripts)),
+        "worker-src": "'self' blob:",
+        "style-src": "'self' 'unsafe-inline'",
+        "img-src": "'self' data: blob:",
+        "font-src": "'self' data:",
+        "connect-src": f"'self' data: blob: ws://{host} wss://{host}",
+        "base-uri": "'none'",
+        "form-action": "'none'",
+        "frame-ancestors": "'none'",
+    }
+    return {
+        "Content-Security-Policy": "; ".join(f"{name} {value}" for name, value in rules.items()),
+        "X-Frame-Options": "DENY",
+        "X-Content-Type-Options": "nosniff",
+        "Referrer-Policy": "no-referrer",
+        "Cross-Origin-Opener-Policy": "same-origin",
+        "Cross-Origin-Resource-Policy": "same-origin",
+        "Cache-Control": "no-store",
+    }
+
+
+def script_sources(index: Path) -> tuple[str, ...]:
+    """Hashes of a page's scripts, and of the one that viser packs into an attribute."""
+    found = []
+    for attributes, text in _SCRIPT.findall(index.read_text(encoding="utf-8")):
+        found.append(text.encode())
+        packed = _PACKED.search(attributes)
+        if packed:
+            data = base64.b64decode(packed[1])
+            found.append(zstandard.ZstdDecompressor().decompressobj().decompress(data))
+    return tuple(
+        f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'" for script in found
+    )
+
+
+def _same_origin(origin: str, host: str) -> bool:
+    """Whether an origin is the page that is served at this `Host`, by itself or behind TLS."""
+    return origin.lower() in (f"http://{host}".lower(), f"https://{host}".lower())
+
+
+def _is_vector(value: Any, size: int) -> bool:
+    """Whether a value is a list of so many numbers."""
+    return (
+        isinstance(value, list)
+        and len(value) == size
+        and all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in value)
+    )
+
+
+def _count_numbers(value: Any, depth: int) -> float:
+    """How many numbers a value holds; infinite where it holds what no control sends."""
+    if value is None or isinstance(value, bool):
+        return 0
+    if isinstance(value, (int, float)):
+        return 1 if math.isfinite(value) and abs(value) < 1e9 else math.inf
+    if isinstance(value, str):
+        return 0 if len(value) <= LONGEST_TEXT else math.inf
+    if isinstance(value, Mapping):
+        value = [*value, *value.values()]
+    if not isinstance(value, (list, tuple)) or depth > 3:
+        return math.inf
+    return sum(_count_numbers(part, depth + 1) for part in value)

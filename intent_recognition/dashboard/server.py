@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""viser's server behind an `Admission`.
+
+viser 1.1 takes no check of its own for requests or messages. It serves with
+`websockets.asyncio.server.serve`, which has documented places for them (`process_request`,
+`process_response`, `create_connection`): `serve_page` fills them while viser starts, and refuses
+to go on if viser did not come that way.
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import viser
+import websockets.asyncio.server as websockets_server
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosedError
+from websockets.http11 import Request, Response
+
+from intent_recognition.dashboard.admission import (
+    ACTS,
+    Admission,
+    Operator,
+    is_well_formed,
+    response_headers,
+    script_sources,
+)
+from intent_recognition.errors import ResourceBusyError, describe
+
+MOST_CLIENTS = 8
+"""Browsers that have the page open at once. Convention."""
+MOST_SOCKETS = 64
+"""Connections at once, admitted or not: a browser opens six. Convention."""
+SEND_S = 10.0
+"""A browser that takes nothing for so long is cut off [s]. Convention."""
+LARGEST_MESSAGE = 2**16
+"""Bytes of a message from a browser: it sends where a handle is. Convention."""
+MOST_WAITING = 8
+"""Messages of one browser that wait to be read. Convention."""
+WINDOW = 16
+"""Messages that viser packs into one transmission, which is what a slow browser holds in memory.
+Convention."""
+CLIENT = Path(viser.__file__).parent / "client/build/index.html"
+WELCOME = '<!doctype html><meta http-equiv="refresh" content="0;url=/"><title>opening</title>'
+
+
+def serve_page(
+    host: str,
+    port: int,
+    title: str,
+    admission: Admission,
+    operator: Operator,
+    refused: Callable[[str], None],
+) -> viser.ViserServer:
+    """A server on exactly this port: viser by itself would take the next free one.
+
+    Args:
+        host: address to serve on.
+        port: port to serve on.
+        title: of the page.
+        admission: who may open it.
+        operator: who may operate it.
+        refused: told why an onlooker's action was not done; called in the server's thread.
+
+    Raises:
+        ResourceBusyError: the port is taken, the address is not this machine's, or this viser
+            cannot be guarded.
+    """
+    _check_free(host, port)
+    guard = _Guard(admission, operator, refused)
+    with guard.installed(), redirect_stdout(StringIO()):
+        server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
+    if not guard.in_place:
+        server.stop()
+        cure = "Install the viser that requirements.txt names."
+        raise ResourceBusyError(
+            describe("viser", "a server that can be guarded", viser.__version__, cure)
+        )
+    server._websock_server.get_message_buffer().max_window_size = WINDOW
+    return server
+
+
+def _check_free(host: str, port: int) -> None:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            cure = "Choose another port or host."
+            raise ResourceBusyError(
+                describe("host, port", "an address that is free", f"{host}:{port}, {error}", cure)
+            ) from error
+
+
+class _Guard:
+    """What the connections of one server have in common."""
+
+    def __init__(
+        self, admission: Admission, operator: Operator, refused: Callable[[str], None]
+    ) -> None:
+        self.admission, self.operator, self.refused = admission, operator, refused
+        self.sockets: set[ServerConnection] = set()
+        self.clients: set[ServerConnection] = set()
+        self.in_place = False
+        self._scripts = script_sources(CLIENT)
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """While this lasts, a server that is started is guarded."""
+        serve = websockets_server.serve
+        guard = self
+
+        class Connection(_Connection):
+            _guard = guard
+
+        def guarded(*arguments: Any, **options: Any) -> Any:
+            pages = options["process_request"]
+            options |= {
+                "process_request": lambda c, request: guard.refuse(c, request) or pages(c, request),
+                "process_response": guard.protect,
+                "create_connection": Connection,
+                "max_size": LARGEST_MESSAGE,
+                "max_queue": MOST_WAITING,
+            }
+            guard.in_place = True
+            return serve(*arguments, **options)
+
+        websockets_server.serve = guarded  # type: ignore[misc,assignment]
+        try:
+            yield
+        finally:
+            websockets_server.serve = serve  # type: ignore[misc]
+
+    def refuse(self, connection: ServerConnection, request: Request) -> Response | None:
+        """The answer to a request that is not admitted, or that brings the token."""
+        upgrade = "upgrade" in request.headers
+        headers: dict[str, list[str]] = {}
+        for name, value in request.headers.raw_items():
+            headers.setdefault(name.lower(), []).append(value)
+        refusal = self.admission.refusal(request.path, headers, upgrade)
+        if refusal:
+            return connection.respond(403, f"{refusal}\n")
+        if upgrade:
+            if len(self.clients) >= MOST_CLIENTS:
+                return connection.respond(503, f"{MOST_CLIENTS} browsers have the page open.\n")
+            return None
+        if self.admission.has_token(request.path):
+            response = connection.respond(200, WELCOME)
+            del response.headers["Content-Type"]
+            response.headers["Content-Type"] = "text/html; charset=utf-8"
+            response.headers["Set-Cookie"] = self.admission.cookie
+            return response
+        return None
+
+    def protect(
+        self, connection: ServerConnection, request: Request, response: Response
+    ) -> Response:
+        """Every answer with the headers that protect it."""
+        if response.status_code == 101:
+            self.clients.add(connection)
+            self.operator.enter(connection)
+        host = request.headers.get("Host", "") if response.status_code < 400 else "localhost"
+        for name, value in response_headers(self._scripts, host).items():
+            response.headers[name] = value
+        return response
+
+
+class _Connection(ServerConnection):
+    """A connection that is counted, whose messages are checked and which must be read."""
+
+    _guard: _Guard
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Count it; too many are not even answered."""
+        self._guard.sockets.add(self)
+        super().connection_made(transport)
+        if len(self._guard.sockets) > MOST_SOCKETS:
+            self.transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget it."""
+        self._guard.sockets.discard(self)
+        self._guard.clients.discard(self)
+        self._guard.operator.leave(self)
+        super().connection_lost(exc)
+
+    async def recv(self, decode: bool | None = None) -> Any:
+        """The next message that may have an effect; the others are dropped."""
+        guard = self._guard
+        while True:
+            data = await super().recv(decode)
+            try:
+                message = msgspec.msgpack.decode(data if isinstance(data, bytes) else b"")
+            except (msgspec.DecodeError, TypeError, ValueError, RecursionError):
+                message = None
+            if not isinstance(message, dict) or not is_well_formed(message):
+                continue
+            if message["type"] not in ACTS or guard.operator.may_act(self):
+                return data
+            guard.refused(guard.operator.refusal)
+
+    async def send(self, message: Any, text: bool | None = None) -> None:
+        """Send, or cut off a browser that does not read."""
+        try:
+            await asyncio.wait_for(super().send(message, text), SEND_S)
+        except asyncio.TimeoutError:
+            self.transport.abort()
+            raise ConnectionClosedError(None, None) from None

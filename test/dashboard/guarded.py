@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A page that is opened as a browser opens it, well behaved or not."""
+
+import asyncio
+import http.client
+from contextlib import contextmanager
+
+import msgspec
+import viser
+from dashboard.browser import TOKEN, free_port
+from websockets.asyncio.client import connect
+
+from intent_recognition.dashboard.admission import Admission, Operator
+from intent_recognition.dashboard.server import serve_page
+
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [1.0, 0.0, 0.0],
+    "fov": 1.0,
+    "near": 0.1,
+    "far": 10.0,
+    "image_height": 10,
+    "image_width": 10,
+    "look_at": [0.0, 0.0, 0.0],
+    "up_direction": [0.0, 0.0, 1.0],
+}
+
+
+class Guarded:
+    """A served page with one button, and what came of it."""
+
+    def __init__(self, port, server, operator):
+        self.port, self.server, self.operator = port, server, operator
+        self.pressed, self.refused = [], []
+        self.button = server.gui.add_checkbox("press", False)
+        self.button.on_update(lambda event: self.pressed.append(event.client_id))
+
+    @property
+    def cookie(self):
+        return f"intent_page_{self.port}={TOKEN}"
+
+    def headers(self, **changed):
+        own = {"Host": f"127.0.0.1:{self.port}", "Cookie": self.cookie}
+        given = own | {name.replace("_", "-"): value for name, value in changed.items()}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def get(self, path="/", **changed):
+        """Status, headers and text of a page."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=20)
+        connection.putrequest("GET", path, skip_host=True)
+        for name, value in self.headers(**changed).items():
+            connection.putheader(name, value)
+        connection.endheaders()
+        answer = connection.getresponse()
+        try:
+            return answer.status, answer.headers, answer.read().decode()
+        finally:
+            connection.close()
+
+    def connect(self, **changed):
+        """A connection as that of a page."""
+        headers = {"Cookie": self.cookie, "Origin": f"http://127.0.0.1:{self.port}"}
+        given = headers | {name.replace("_", "-"): value for name, value in changed.items()}
+        return connect(
+            f"ws://127.0.0.1:{self.port}",
+            subprotocols=[f"viser-v{viser.__version__}"],
+            additional_headers={k: v for k, v in given.items() if v is not None},
+            max_size=None,
+        )
+
+    async def press(self, connection, value):
+        await connection.send(
+            msgspec.msgpack.encode(
+                {
+                    "type": "GuiUpdateMessage",
+                    "uuid": self.button._impl.uuid,
+                    "updates": {"value": value},
+                }
+            )
+        )
+
+    async def enter(self, connection):
+        await connection.send(msgspec.msgpack.encode(CAMERA))
+
+
+@contextmanager
+def guarded(read_only=False, clock=None):
+    port = free_port()
+    operator = Operator(read_only) if clock is None else Operator(read_only, clock)
+    refused = []
+    admission = Admission("127.0.0.1", port, TOKEN)
+    server = serve_page("127.0.0.1", port, "test", admission, operator, refused.append)
+    page = Guarded(port, server, operator)
+    page.refused = refused
+    try:
+        yield page
+    finally:
+        server.stop()
+
+
+async def eventually(condition, within_s=20.0):
+    """Wait, letting the connections go on."""
+    end = asyncio.get_running_loop().time() + within_s
+    while not condition():
+        assert asyncio.get_running_loop().time() < end
+        await asyncio.sleep(0.01)

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""No message of a subscribed type ends the page, and what it cannot show it counts."""
+
+from array import array
+from importlib import import_module
+
+import numpy as np
+import pytest
+from dashboard.test_bounded import Watched
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from intent_recognition.dashboard.robot_view import MOST_JOINTS
+from intent_recognition.dashboard.subscriptions import CellSubscriptions
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from sim_bridge.arm.urdf import lwr_urdf
+
+NUMBERS = (0.0, 1.0, -1.0, 1e-300, 1e300, -1e300, np.inf, -np.inf, np.nan, 3.4e38)
+TEXTS = ("", "a", "b", "none", *JOINT_NAMES, "\x1b[2J", "<script>", "\u202e", "\0", "x" * 5000)
+SHAPE = '<link name="a"><visual><geometry>{}</geometry></visual></link>'
+LINK, URDF = '<link name="{}"/>', '<robot name="r">{}</robot>'
+JOINT = (
+    '<joint name="{name}" type="{type}"><parent link="{parent}"/><child link="{child}"/>'
+    '<origin xyz="{xyz}"/><axis xyz="0 0 1"/></joint>'
+)
+
+
+def chain(count, **changed):
+    links = "".join(LINK.format(k) for k in range(count + 1))
+    given = {"type": "revolute", "xyz": "0 0 1"} | changed
+    joints = [JOINT.format(name=k, **({"parent": k, "child": k + 1} | given)) for k in range(count)]
+    return URDF.format(links + "".join(joints))
+
+
+URDFS = {
+    "no xml": "robot",
+    "half": lwr_urdf()[:3000],
+    "zero": "\0",
+    "empty robot": "<robot/>",
+    "no links": URDF.format(""),
+    "no such mesh": URDF.format(SHAPE.format('<mesh filename="/no.stl"/>')),
+    "a device": URDF.format(SHAPE.format('<mesh filename="/dev/zero"/>')),
+    "capsule": URDF.format(SHAPE.format('<capsule radius="1" length="1"/>')),
+    "bad box": URDF.format(SHAPE.format('<box size="a b"/>')),
+    "box of nan": URDF.format(SHAPE.format('<box size="nan nan nan"/>')),
+    "circle": chain(2, parent=0, child=0),
+    "nobody's child": chain(2, parent=7, child=9),
+    "odd type": chain(2, type="strange"),
+    "nan": chain(2, xyz="nan nan nan"),
+    "far": chain(2, xyz="1e300 0 0"),
+    "words": chain(2, xyz="here and there"),
+    "two numbers": chain(2, xyz="1 2"),
+    "long": chain(MOST_JOINTS + 1),
+    "deep": "<robot name='r'>" + "<link>" * 20_000,
+    "mimic of itself": URDF.format(
+        LINK.format("a")
+        + LINK.format("b")
+        + JOINT.replace("<axis", '<mimic joint="j"/><axis').format(
+            name="j", type="revolute", parent="a", child="b", xyz="0 0 0"
+        )
+    ),
+    "entities": '<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">'
+    + "".join(f'<!ENTITY a{k} "{"&a" * 0}{f"&a{k - 1 if k else str()};" * 10}">' for k in range(9))
+    + "]>"
+    + URDF.format("&a8;"),
+    "a file": '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///dev/zero">]>' + URDF.format("&a;"),
+}
+
+
+class Fed(Watched):
+    """A page that hears its topics, called without a middleware."""
+
+    def __init__(self, harness):
+        super().__init__(harness)
+        self.rejected = []
+        before = set(harness.probe.subscriptions)
+        CellSubscriptions(
+            harness.probe,
+            self.state,
+            reject=lambda reason, text: self.rejected.append((reason, text)),
+            clock=lambda: self.now_s,
+        )
+        made = [s for s in harness.probe.subscriptions if s not in before]
+        self.topics = {s.topic_name: s for s in made}
+
+    def hear(self, topic, message):
+        serialize_message(message)  # it can be sent
+        self.now_s += 1.1  # every part of the page is due
+        self.topics[topic].callback(message)
+        self.page.update()
+
+
+@pytest.fixture
+def fed(harness):
+    fed = Fed(harness)
+    yield fed
+    fed.page.close()
+
+
+def random_message(rng, kind, depth=0):
+    """A message of a type whose fields hold anything that can be sent."""
+    message = kind()
+    for field, name in kind.get_fields_and_field_types().items():
+        if rng.random() < 0.9:
+            setattr(message, field, random_value(rng, name, getattr(message, field), depth))
+    return message
+
+
+def random_value(rng, name, default, depth):
+    if name.endswith("]") or name.startswith("sequence"):
+        inner = name.removeprefix("sequence<").split(",")[0].rstrip(">").split("[")[0]
+        size = len(default) if name.endswith("]") else int(rng.choice([0, 1, 2, 3, 7, 40]))
+        if depth > 2:
+            size = min(size, 2)
+        return [random_value(rng, inner, 0.0, depth + 1) for _ in range(size)]
+    if name in ("double", "float"):
+        most = 3e38 if name == "float" else np.inf
+        value = float(rng.choice(NUMBERS))
+        return value if not np.isfinite(value) or abs(value) <= most else most
+    if name == "string":
+        return str(rng.choice(TEXTS))
+    if name == "boolean":
+        return bool(rng.integers(2))
+    if name in ("octet", "byte"):
+        return bytes([int(rng.integers(256))])
+    if "int" in name and "/" not in name:
+        return int(rng.integers(0, 12))
+    package, kind = name.split("/")
+    return random_message(rng, getattr(import_module(f"{package}.msg"), kind), depth + 1)
+
+
+def test_random_messages_of_every_type_leave_it_running(fed):
+    rng = np.random.default_rng(14)
+    for _ in range(60):
+        for topic, subscription in fed.topics.items():
+            if topic != "/robot_description":
+                fed.hear(topic, random_message(rng, subscription.msg_type))
+    assert len(fed.topics) == 10
+    assert len(fed.rejected) > 100
+    good = JointState(name=["a", "none"], position=[0.4, 0.6], velocity=[0.1, 0.0])
+    fed.hear("/intent/tasks", good)
+    assert fed.state.posterior.labels == ("a", "none")
+
+
+@pytest.mark.parametrize("name", URDFS)
+def test_a_robot_that_cannot_be_drawn_is_told_and_the_next_one_drawn(fed, name):
+    fed.hear("/joint_states", JointState(name=list(JOINT_NAMES), position=[0.1] * 7))
+    fed.hear("/robot_description", String(data=URDFS[name]))
+    fed.hear("/joint_states", JointState(name=["0", "1"], position=[0.1] * 2))
+    fed.hear("/robot_description", String(data=lwr_urdf()))
+    assert fed.page._scene.robot is not None
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity"),
+    [([0.5], [0.5]), ([], []), ([0.5, 0.5], []), ([np.nan, 0.5], [0, 0]), ([7.0, -6.0], [0, 0])],
+)
+def test_a_posterior_of_unequal_sizes_is_counted(fed, position, velocity):
+    message = JointState(name=["a", "none"])
+    message.position, message.velocity = array("d", position), array("d", velocity)
+    fed.hear("/intent/tasks", message)
+    fed.hear("/intent/tasks", JointState())
+    assert fed.state.posterior is None
+    assert [reason for reason, _ in fed.rejected] == ["malformed intent/tasks"] * 2
+
+
+def test_health_that_is_no_number_is_shown_as_it_is(fed):
+    values = [
+        KeyValue(key="rate x [Hz]", value="fast"),
+        KeyValue(key="latency p99 [ms]", value="?"),
+    ]
+    fed.hear("/diagnostics", DiagnosticArray(status=[DiagnosticStatus(name="n", values=values)]))
+    assert "fast" in fed.page._nodes.content
+
+
+def test_names_without_end_take_no_room_without_end(fed):
+    for k in range(3000):
+        status = DiagnosticStatus(name=f"node {k}")
+        fed.topics["/diagnostics"].callback(DiagnosticArray(status=[status]))
+        fed.topics["/joint_states"].callback(JointState(name=[f"j{k}"], position=[0.0]))
+    assert len(fed.state.nodes) <= 100
+    assert len(fed.state.joints) <= 500

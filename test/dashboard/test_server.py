@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who is let in, who operates, and what is sent and taken: by a real server."""
+
+import asyncio
+import resource
+import socket
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from dashboard.guarded import TOKEN, eventually, guarded
+from websockets.exceptions import InvalidStatus
+
+from intent_recognition.dashboard import server as served
+from intent_recognition.dashboard.admission import IDLE_S
+
+NEVER_SENT = (
+    b"",
+    b"\xc1",
+    b"\x91" * 5000,
+    msgspec.msgpack.encode(["GuiUpdateMessage"]),
+    msgspec.msgpack.encode({"type": "Nonsense"}),
+    msgspec.msgpack.encode({"type": "ShareUrlRequest"}),
+    msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": 3, "updates": []}),
+    msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "x", "updates": {"update_cb": 1}}),
+    "text",
+)
+
+
+@pytest.fixture(scope="module")
+def page():
+    with guarded() as page:
+        yield page
+
+
+def test_the_token_opens_the_page_and_leaves_a_cookie(page):
+    assert page.get(Cookie=None)[0] == 403
+    status, headers, _ = page.get(f"/?token={TOKEN}", Cookie=None)
+    assert status == 200
+    cookie = headers["Set-Cookie"]
+    assert "HttpOnly" in cookie and "SameSite=Strict" in cookie
+    status, _, text = page.get(Cookie=cookie.split(";")[0])
+    assert status == 200
+    assert '<div id="root">' in text
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"Cookie": None},
+        {"Cookie": "intent_page_1=" + TOKEN},
+        {"Cookie": "=;;=, intent"},
+        {"Host": "evil.example"},
+        {"Host": "evil.example:80"},
+        {"Host": "127.0.0.1.evil.example"},
+        {"Host": "localhost@evil.example"},
+        {"Host": ""},
+        {"Host": None},
+        {"Host": "[::1"},
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Origin": "http://127.0.0.1:1"},
+    ],
+)
+def test_strangers_are_refused_and_nothing_of_the_page_is_told(page, changed):
+    status, headers, text = page.get(**changed)
+    assert status in (400, 403)
+    assert TOKEN not in text + str(headers)
+    assert "script" not in text
+
+
+@pytest.mark.parametrize(
+    "path", ["/?token=", "/?token=x", f"/?token={TOKEN}&token=x", "/?" + "a&" * 99]
+)
+def test_no_other_token_is_taken(page, path):
+    assert page.get(path, Cookie=None)[0] == 403
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"Cookie": None},
+        {"Origin": "http://evil.example"},
+        {"Origin": "http://localhost:1"},
+        {"Sec_Fetch_Site": "cross-site"},
+        {"Sec_Fetch_Site": "same-site"},
+    ],
+)
+def test_another_page_gets_no_connection(page, changed):
+    async def attempt():
+        async with page.connect(**changed):
+            pass
+
+    with pytest.raises(InvalidStatus) as refused:
+        asyncio.run(attempt())
+    assert refused.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("changed", [{}, {"Cookie": None}, {"Host": "evil.example"}])
+def test_every_answer_forbids_frames_and_foreign_scripts(page, changed):
+    _, headers, _ = page.get(**changed)
+    policy = dict(rule.split(" ", 1) for rule in headers["Content-Security-Policy"].split("; "))
+    assert policy["frame-ancestors"] == policy["default-src"] == "'none'"
+    assert "unsafe-inline" not in policy["script-src"]
+    assert "unsafe-eval'" not in policy["script-src"].replace("wasm-unsafe-eval", "")
+    assert headers["X-Frame-Options"] == "DENY"
+    assert headers["X-Content-Type-Options"] == "nosniff"
+
+
+def test_one_operates_until_it_leaves_and_others_look_on():
+    async def visit(page):
+        async with page.connect() as first:
+            await page.enter(first)
+            async with page.connect() as second:
+                await page.enter(second)
+                await page.press(second, True)
+                await eventually(lambda: page.refused)
+                await page.press(first, True)
+                await eventually(lambda: page.pressed)
+                assert page.button.value is True
+                await first.close()
+                await eventually(lambda: len(page.server.get_clients()) == 1)
+                await page.press(second, False)
+                await eventually(lambda: len(page.pressed) == 2)
+                assert len(set(page.pressed)) == 2
+
+    with guarded() as page:
+        asyncio.run(visit(page))
+
+
+def test_an_operator_that_rests_is_followed():
+    async def visit(page, clock):
+        async with page.connect() as first, page.connect() as second:
+            await page.enter(first)
+            await page.enter(second)
+            clock[0] += IDLE_S + 1.0
+            await page.press(second, True)
+            await eventually(lambda: page.pressed)
+            await page.press(first, False)
+            await eventually(lambda: page.refused)
+
+    clock = [0.0]
+    with guarded(clock=lambda: clock[0]) as page:
+        asyncio.run(visit(page, clock))
+
+
+def test_a_page_that_is_read_only_does_nothing():
+    async def visit(page):
+        async with page.connect() as only:
+            await page.enter(only)
+            await page.press(only, True)
+            await eventually(lambda: page.refused)
+            assert not page.pressed
+            assert page.button.value is False
+
+    with guarded(read_only=True) as page:
+        asyncio.run(visit(page))
+
+
+def test_what_no_page_sends_has_no_effect(page, capfd):
+    async def visit():
+        async with page.connect() as connection:
+            await page.enter(connection)
+            rng = np.random.default_rng(3)
+            for data in (*NEVER_SENT, *(rng.bytes(rng.integers(1, 60)) for _ in range(200))):
+                await connection.send(data)
+            await page.press(connection, True)
+            await eventually(lambda: page.pressed)
+            with pytest.raises(Exception, match="1009"):
+                await connection.send(bytes(served.LARGEST_MESSAGE + 1))
+                await connection.recv()
+                while True:
+                    await connection.recv()
+
+    asyncio.run(visit())
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_so_many_browsers_and_no_more(page):
+    async def visit():
+        opened = [await page.connect() for _ in range(served.MOST_CLIENTS)]
+        try:
+            with pytest.raises(InvalidStatus) as refused:
+                await page.connect()
+            assert refused.value.response.status_code == 503
+        finally:
+            for connection in opened:
+                await connection.close()
+        await eventually(lambda: not page.server._websock_server._live_connections)
+        async with page.connect() as again:
+            await page.enter(again)
+
+    asyncio.run(visit())
+
+
+def test_sockets_that_never_speak_leave_room_for_those_that_do(page):
+    silent = [
+        socket.create_connection(("127.0.0.1", page.port)) for _ in range(3 * served.MOST_SOCKETS)
+    ]
+    open_files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    assert open_files > served.MOST_SOCKETS
+    for one in silent:
+        one.close()
+
+    async def served_again():
+        await eventually(_answers)
+
+    def _answers():
+        try:
+            return page.get()[0] == 200
+        except OSError:
+            return False
+
+    asyncio.run(served_again())
+
+
+def test_a_browser_that_does_not_read_is_cut_off_and_holds_little(monkeypatch):
+    monkeypatch.setattr(served, "SEND_S", 0.5)
+
+    async def visit(page):
+        connections = [await page.connect() for _ in range(4)]
+        for connection in connections:
+            await page.enter(connection)
+            connection.transport.pause_reading()
+        before = _resident_mb()
+        noise = np.random.default_rng(0).normal(size=(20_000, 3)).astype(np.float32)
+        for k in range(400):
+            page.server.scene.add_point_cloud("/cloud", noise + k, noise)
+            await asyncio.sleep(0.005)
+            if not page.server._websock_server._live_connections:
+                break
+        await eventually(lambda: not page.server._websock_server._live_connections)
+        assert _resident_mb() - before < 100.0
+        for connection in connections:
+            connection.transport.abort()
+
+    with guarded() as page:
+        asyncio.run(visit(page))
+
+
+def _resident_mb():
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * resource.getpagesize() / 1e6
