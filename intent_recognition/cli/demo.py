@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import busy, make_console
-from intent_recognition.cli.demo_session import Session, run_session
+from intent_recognition.cli.demo_session import Session, run_session, session_tasks
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, number
 from intent_recognition.cli.output import write_json
@@ -45,6 +45,10 @@ def add_parser(subparsers: Subparsers) -> None:
                 "keep the session and its numbers",
                 "intent demo --headless --record out/session --json out/numbers.json",
             ),
+            (
+                "the coworker changes his mind in ten of forty interactions",
+                "intent demo --headless --changes 10",
+            ),
             ("the arm pours with other cups and bowls", "intent demo --scenario pouring"),
         ),
     )
@@ -62,8 +66,9 @@ def add_parser(subparsers: Subparsers) -> None:
         "--task-list",
         default="habit",
         metavar="F",
-        help="labels separated by commas, a file of them, 'habit' (default: the order in which"
-        " the coworker of the shipped sessions works, with variation) or 'random'",
+        help="labels separated by commas, OLD>NEW@SHARE for a reach whose goal changes, a file of"
+        " them, 'habit' (default: the order in which the coworker of the shipped sessions works,"
+        " with variation) or 'random'",
     )
     session.add_argument(
         "--interactions",
@@ -71,6 +76,13 @@ def add_parser(subparsers: Subparsers) -> None:
         default=0,
         metavar="N",
         help=f"how many (default: the list as it is; {DEFAULT_INTERACTIONS} when habit or random)",
+    )
+    session.add_argument(
+        "--changes",
+        type=number(int, 0),
+        default=0,
+        metavar="N",
+        help="the coworker changes his mind on the way in N of the interactions (default: 0)",
     )
     session.add_argument(
         "--seed", type=number(int, 0), default=1, help="of the session (default: 1)"
@@ -142,9 +154,7 @@ def _check(args: argparse.Namespace) -> None:
     Raises:
         IntentError: a task is unknown, the model cannot be used, or the page's port is taken.
     """
-    from sim_bridge.coworker import parse_task_list
-
-    parse_task_list(args.task_list, args.seed, args.interactions)
+    session_tasks(args)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -70,9 +70,9 @@ def run_session(args: argparse.Namespace, model: Path, console: Console) -> Sess
 
     from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
     from intent_recognition.nodes.processes import NodeProcesses, node_environment
-    from sim_bridge.coworker import parse_task_list, plan_session
+    from sim_bridge.coworker import plan_session
 
-    tasks = parse_task_list(args.task_list, args.seed, args.interactions)
+    tasks = session_tasks(args)
     plan = plan_session(args.seed, tasks)
     environment = node_environment(os.environ, _domain())
     environment.setdefault(TOKEN_VARIABLE, secrets.token_urlsafe(TOKEN_BYTES))
@@ -91,6 +91,18 @@ def run_session(args: argparse.Namespace, model: Path, console: Console) -> Sess
             describe("mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs.")
         )
     return Session(log, plan, first_ns)
+
+
+def session_tasks(args: argparse.Namespace) -> tuple[str, ...]:
+    """The entries of the session's task list, some of them changed on the way.
+
+    Raises:
+        ArgumentError: an entry is not possible, or there are fewer than shall be changed.
+    """
+    from sim_bridge.coworker import change_some, parse_task_list
+
+    tasks = parse_task_list(args.task_list, args.seed, args.interactions)
+    return change_some(tasks, args.seed, args.changes)
 
 
 def _run_graph(

@@ -84,6 +84,7 @@ class ProgressLine:
     def __init__(self, total: int, console: Console):
         self.total = total
         self._number, self._truth, self._active, self._right = 0, "", "", 0
+        self._changed = False
         self._status = console.status("waiting for the coworker")
 
     def __enter__(self) -> "ProgressLine":
@@ -99,8 +100,11 @@ class ProgressLine:
         return self._number == self.total and not self._truth
 
     def on_task(self, label: str) -> None:
-        """Take note of the ground truth: a movement began, or ended."""
-        if label:
+        """Take note of the ground truth: a movement began, became another, or ended."""
+        self._changed = bool(label and self._truth)
+        if self._changed:
+            self._truth = label
+        elif label:
             self._number, self._truth, self._active = self._number + 1, label, ""
         elif self._truth:
             self._right += self._active == self._truth
@@ -109,7 +113,7 @@ class ProgressLine:
 
     def on_active(self, label: str) -> None:
         """Take note of the active task."""
-        self._active = self._active or label
+        self._active = (label if self._changed else "") or self._active or label
         self._show()
 
     def _show(self) -> None:

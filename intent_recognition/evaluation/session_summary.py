@@ -59,7 +59,8 @@ class InteractionRecord:
     Attributes:
         index: number in the session, from 1.
         task: what the human did.
-        recognised: what was decided first; empty or "none" if nothing was.
+        recognised: what was decided first; of a changed movement, what was active soon after its
+            end. Empty or "none" if nothing was.
         observations: number of observations from onset to the decision.
         decision_time_s: time from onset to the decision.
         decision_share: share of the human's movement that had passed at the decision; 1 = its end.
@@ -68,6 +69,8 @@ class InteractionRecord:
         arrival_s: the robot's arrival, counted from the human's end; negative = before it.
         movement_s: duration of the human's movement.
         note: anything odd.
+        changed_from: the task as which a movement began that the human changed on the way, else
+            empty; `task` is what it became.
 
     Raises:
         ArgumentError: a number is not finite, or a missed interaction has a hand error.
@@ -83,6 +86,7 @@ class InteractionRecord:
     arrival_s: float | None
     movement_s: float
     note: str = ""
+    changed_from: str = ""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -113,10 +117,10 @@ class InteractionRecord:
 
 @dataclass(frozen=True)
 class DemoSummary:
-    """All interactions of a session.
+    """All interactions of a session; those that the human changed on the way stand apart.
 
     Attributes:
-        n: interactions.
+        n: interactions that were not changed; all but the last three attributes are of these.
         recognised_right: of them recognised.
         decided_before_end: of them recognised before the human's movement was over.
         median_decision_share: over those recognised, None without any.
@@ -125,6 +129,9 @@ class DemoSummary:
         hand_error_by_task: the same for each task, those apart too.
         tasks_apart: tasks left out of `hand_error`.
         median_arrival_s, latest_arrival_s: after the human's end, over all that arrived.
+        n_changed: interactions that were changed.
+        changes_followed: of them those whose new task was active soon after the movement's end.
+        changed_hand_error: of these, over every task whose place depends on the human.
     """
 
     n: int
@@ -136,6 +143,9 @@ class DemoSummary:
     tasks_apart: tuple[str, ...]
     median_arrival_s: float | None
     latest_arrival_s: float | None
+    n_changed: int
+    changes_followed: int
+    changed_hand_error: HandError
 
     @property
     def missed(self) -> int:
@@ -159,6 +169,8 @@ def summarise(
     records: Sequence[InteractionRecord], tasks_apart: Collection[str] = TASKS_APART
 ) -> DemoSummary:
     """Count and average; hand errors of `tasks_apart` stay out of the overall hand error."""
+    changed = [record for record in records if record.changed_from]
+    records = [record for record in records if not record.changed_from]
     by_task: dict[str, list[float]] = {task: [] for task in sorted({r.task for r in records})}
     for record in records:
         if record.hand_error_m is not None:
@@ -176,6 +188,15 @@ def summarise(
         tasks_apart=apart,
         median_arrival_s=median(arrivals) if arrivals else None,
         latest_arrival_s=max(arrivals) if arrivals else None,
+        n_changed=len(changed),
+        changes_followed=sum(record.right for record in changed),
+        changed_hand_error=hand_error(
+            [
+                r.hand_error_m
+                for r in changed
+                if r.hand_error_m is not None and r.task not in tasks_apart
+            ]
+        ),
     )
 
 
@@ -197,6 +218,9 @@ def summary_line(summary: DemoSummary) -> str:
         parts.append(f"median decision at {100 * summary.median_decision_share:.0f} %")
     if summary.median_arrival_s is not None:
         parts.append(f"median arrival {summary.median_arrival_s:+.2f} s after the human")
+    if summary.n_changed:
+        followed = f"{summary.changes_followed}/{summary.n_changed}"
+        parts.append(f"changes followed {followed} with hand error {summary.changed_hand_error}")
     return "summary: " + ", ".join(parts)
 
 

@@ -84,16 +84,17 @@ def demo_page(
 ) -> ReportPage:
     """The report's content; arguments as of `write_demo_report`."""
     by_index = {trace["index"]: usable(trace) for trace in traces}
+    unchanged = [record for record in records if not record.changed_from]
     sections = [
         Section("Result", (_key_numbers(summary), Text(CONDITIONS, small=True))),
-        Section("Accuracy and timing", _figures_of_records(records, summary)),
-        Section("Recognition", _figures_of_posteriors(records, by_index)),
+        Section("Accuracy and timing", _figures_of_records(unchanged, summary)),
+        Section("Recognition", _figures_of_posteriors(unchanged, by_index)),
         *_details(records, by_index),
         Section("All interactions", (_table(records, summary),)),
         Section("Settings", _settings(settings)),
     ]
     subtitle = (
-        f"{summary.n} interactions, recognised from the motion of the wrist alone; everything is"
+        f"{len(records)} interactions, recognised from the motion of the wrist alone; everything is"
         " measured on the ROS 2 topics, and the true task is used for scoring only."
     )
     return ReportPage(TITLE, subtitle, tuple(sections), summary_line(summary))
@@ -140,6 +141,14 @@ def _key_numbers(summary: DemoSummary) -> KeyNumbers:
             note=_absent(summary.latest_arrival_s, lambda x: f"median; latest {x:+.2f} s"),
         )
     )
+    if summary.n_changed:
+        numbers.append(
+            KeyNumber(
+                "changes of mind followed",
+                f"{summary.changes_followed}/{summary.n_changed}",
+                note=f"hand error {_hand_error(summary.changed_hand_error)}",
+            )
+        )
     return KeyNumbers(tuple(numbers))
 
 
@@ -294,9 +303,10 @@ def _sentence(record: InteractionRecord) -> str:
 def _table(records: Sequence[InteractionRecord], summary: DemoSummary) -> Table:
     columns = tuple(Column(field.title, field.unit, field.align) for field in FIELDS)
     missed = frozenset(row for row, record in enumerate(records) if not record.right)
+    of_changed = summary.n_changed - summary.changes_followed
     caption = (
         "decided: after onset. share: of the human's movement at the decision. arrival: after the"
-        f" human's end. {summary.missed} missed."
+        f" human's end. {summary.missed + of_changed} missed."
     )
     return Table(columns, tuple(cells(record) for record in records), caption, missed)
 

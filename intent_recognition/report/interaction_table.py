@@ -33,9 +33,14 @@ FIELDS = (
     Field("movement", "s", 8, "right", lambda r: _number(r.movement_s, form=".2f")),
     Field("hand error", "cm", 10, "right", lambda r: _number(r.hand_error_m, CM_PER_M)),
     Field("arrival", "s", 8, "right", lambda r: _number(r.arrival_s, form="+.2f")),
-    Field("note", "", 0, "left", lambda r: ("" if r.right else "MISSED ") + r.note),
+    Field("note", "", 0, "left", lambda r: _note(r)),
 )
 """decided = after onset; share = of the human's movement; arrival = after the human's end."""
+
+
+def _note(record: InteractionRecord) -> str:
+    began = f"began as {record.changed_from}" if record.changed_from else ""
+    return " ".join(filter(None, ("" if record.right else "MISSED", began, record.note)))
 
 
 def cells(record: InteractionRecord) -> tuple[str | None, ...]:

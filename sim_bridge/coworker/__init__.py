@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated coworker: wrist movements as pure functions of a random generator."""
 
-from sim_bridge.coworker.change import ChangedReach, change_of_mind
+from sim_bridge.coworker.change import USUAL_BLEND, ChangedReach, change_of_mind
 from sim_bridge.coworker.demonstration import WristDemonstration, plan_demonstration
 from sim_bridge.coworker.hardness import (
     TEST_COUNTS,
@@ -19,13 +19,14 @@ from sim_bridge.coworker.reach import (
     minimum_jerk,
 )
 from sim_bridge.coworker.session import (
+    WITHOUT_PAUSE,
     Interaction,
     SessionPlan,
     SessionTiming,
-    parse_task_list,
     plan_session,
 )
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
+from sim_bridge.coworker.task_list import change_some, parse_task_list
 from sim_bridge.coworker.timeline import RATE_HZ, WristSamples, sample_wrist
 
 __all__ = [
@@ -37,6 +38,8 @@ __all__ = [
     "TASKS",
     "TEST_COUNTS",
     "TRAINING_COUNTS",
+    "USUAL_BLEND",
+    "WITHOUT_PAUSE",
     "ChangedReach",
     "Interaction",
     "Movement",
@@ -47,6 +50,7 @@ __all__ = [
     "WristSamples",
     "bow_profile",
     "change_of_mind",
+    "change_some",
     "demonstration_rng",
     "draw_hesitations",
     "draw_reach",

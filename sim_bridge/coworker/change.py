@@ -12,18 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
-from sim_bridge.coworker.reach import Movement, Reach, draw_reach, minimum_jerk
+from sim_bridge.coworker.reach import (
+    Movement,
+    Reach,
+    depart,
+    draw_reach,
+    minimum_jerk,
+    state_at,
+)
 from sim_bridge.coworker.styles import STYLES
 
+USUAL_BLEND = 0.25
+"""Share of the movement that a change takes, where nothing else is said. Convention."""
 ELSEWHERE_M = (np.array([0.70, -0.50, 0.10]), np.array([1.40, 0.50, 0.80]))
 """Corners of the box in which a movement of no task ends [m], world. Convention: in reach."""
 APART_M = 0.20
 """Least distance of such an end from every region of goals [m]. Convention."""
-DIFFERENCE_S = 0.01
-"""Step of the differences that give the hand's velocity and acceleration [s].
-
-Convention: far below the shortest hesitation, far above the steps at which one is integrated.
-"""
 
 
 @dataclass(frozen=True)
@@ -124,15 +128,12 @@ def replan(rng: np.random.Generator, first: Movement, task: str, share: float) -
     """
     _check(share)
     change_s = share * first.duration_s
-    around = first.positions(change_s + DIFFERENCE_S * np.array([-1.0, 0.0, 1.0]))
-    drawn = _draw(rng, task, around[1], first.duration_s - change_s)
-    whole, left = (np.linalg.norm(drawn.goal_m - start) for start in (first.start_m, around[1]))
-    second = replace(
-        drawn,
-        bow_m=drawn.bow_m * min(left / whole, 1.0),
-        velocity_m_s=(around[2] - around[0]) / (2.0 * DIFFERENCE_S),
-        acceleration_m_s2=(around[0] - 2.0 * around[1] + around[2]) / DIFFERENCE_S**2,
+    state = state_at(first, change_s)
+    drawn = _draw(rng, task, state.position_m, first.duration_s - change_s)
+    whole, left = (
+        np.linalg.norm(drawn.goal_m - start) for start in (first.start_m, state.position_m)
     )
+    second = depart(replace(drawn, bow_m=drawn.bow_m * min(left / whole, 1.0)), state)
     return ChangedReach(first, second, change_s, 0.0)
 
 

@@ -6,8 +6,8 @@ velocity and acceleration at both ends. A reach that begins in motion adds what 
 of the velocity and the acceleration that the wrist has then.
 """
 
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,12 @@ HESITATION_PROBABILITY = 0.35
 """Share of reaches with a slow-down. Convention."""
 _GRID = 2001
 """Points at which hesitations are integrated; finer ones change nothing that is recorded."""
+
+DIFFERENCE_S = 0.01
+"""Step of the differences that give the wrist's velocity and acceleration [s].
+
+Convention: far below the shortest hesitation, far above the steps at which one is integrated.
+"""
 
 
 @dataclass(frozen=True)
@@ -126,6 +132,30 @@ class Reach:
             duration_s * (1.0 + 3.0 * u) * self.velocity_m_s
             + 0.5 * duration_s**2 * u * self.acceleration_m_s2
         )
+
+
+class WristState(NamedTuple):
+    """Position [m], velocity [m/s] and acceleration [m/s^2] of the wrist, (3,) each, world."""
+
+    position_m: NDArray[np.float64]
+    velocity_m_s: NDArray[np.float64] = np.zeros(3)
+    acceleration_m_s2: NDArray[np.float64] = np.zeros(3)
+
+
+def state_at(movement: Movement, time_s: float) -> WristState:
+    """The planned state of the wrist at a time after a movement's onset."""
+    before, now, after = movement.positions(time_s + DIFFERENCE_S * np.array([-1.0, 0.0, 1.0]))
+    velocity = (after - before) / (2.0 * DIFFERENCE_S)
+    return WristState(now, velocity, (before - 2.0 * now + after) / DIFFERENCE_S**2)
+
+
+def depart(reach: Reach, state: WristState) -> Reach:
+    """A reach, drawn from a state's position, that begins in that state."""
+    return replace(
+        reach,
+        velocity_m_s=state.velocity_m_s,
+        acceleration_m_s2=state.acceleration_m_s2,
+    )
 
 
 def minimum_jerk(tau: NDArray[np.float64]) -> NDArray[np.float64]:

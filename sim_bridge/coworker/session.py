@@ -7,16 +7,23 @@ place, rest.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
-from sim_bridge.coworker.habit import habitual_tasks
-from sim_bridge.coworker.reach import Reach, draw_reach, draw_rest, draw_retract
-from sim_bridge.coworker.styles import STYLES, TASKS
+from sim_bridge.coworker.change import USUAL_BLEND, change_of_mind
+from sim_bridge.coworker.reach import (
+    Movement,
+    WristState,
+    depart,
+    draw_reach,
+    draw_rest,
+    draw_retract,
+    state_at,
+)
+from sim_bridge.coworker.styles import STYLES
+from sim_bridge.coworker.task_list import Intention, read_intention
 from sim_bridge.coworker.timeline import WristSamples, sample_wrist
 
 
@@ -30,6 +37,8 @@ class SessionTiming:
         hold_s: shortest and longest wait for the robot at the end of a reach.
         last_idle_s: rest at the end of the session.
         gaps_per_s: occlusions per second.
+        cut_share: share of each movement's time that is left when the next one begins, from the
+            state the hand has then; 0 where each ends at rest.
     """
 
     first_idle_s: float = 2.0
@@ -37,6 +46,14 @@ class SessionTiming:
     hold_s: tuple[float, float] = (1.25, 1.4)
     last_idle_s: float = 2.0
     gaps_per_s: float = 0.08
+    cut_share: float = 0.0
+
+
+WITHOUT_PAUSE = SessionTiming(idle_s=(0.0, 0.0), hold_s=(0.0, 0.0), cut_share=0.1)
+"""One movement flows into the next: there is no rest but before the first and after the last.
+
+Convention: after 90 % of a movement's time 99 % of its way is done.
+"""
 
 
 @dataclass(frozen=True)
@@ -44,18 +61,22 @@ class Interaction:
     """Ground truth of one interaction, for scoring; times are since the session's first sample.
 
     Attributes:
-        task: label.
+        task: label; of a changed reach that of the task it was changed to.
         onset_s: start of the reach.
         end_s: end of the reach.
         goal_m: where the wrist stops, (3,), world.
         reach: the movement.
+        changed_from: label of the task as which a changed reach began, else empty.
+        change_s: when it was changed; NaN if it was not.
     """
 
     task: str
     onset_s: float
     end_s: float
     goal_m: NDArray[np.float64]
-    reach: Reach
+    reach: Movement
+    changed_from: str = ""
+    change_s: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -71,65 +92,6 @@ class SessionPlan:
     interactions: tuple[Interaction, ...]
 
 
-def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, ...]:
-    """Turn a node's `task_list` parameter into labels.
-
-    Args:
-        task_list: "random" (every task equally often, in random order), "habit" (in the
-            coworker's habitual order, with variation), labels separated by commas, or a text or
-            YAML file with a list of labels.
-        seed: of the order.
-        interactions: how many; a given list is repeated or cut to that number, and 0 takes a
-            given list as it is (40 for "random" and "habit").
-
-    Raises:
-        ArgumentError: an unknown label, an empty list, or a file that is neither.
-    """
-    if interactions < 0:
-        raise ArgumentError(
-            describe("interactions", "0 or more", interactions, "Give the number of reaches.")
-        )
-    text = task_list.strip()
-    if text == "habit":
-        return habitual_tasks(seed, interactions or 40)
-    if text == "random":
-        count = interactions or 40
-        rng = np.random.default_rng([seed, 7])
-        dealt = [TASKS[k % len(TASKS)] for k in range(count)]
-        return tuple(dealt[k] for k in rng.permutation(count))
-    labels = _labels_of(text)
-    unknown = sorted({label for label in labels if label not in STYLES})
-    if not labels or unknown:
-        raise ArgumentError(
-            describe(
-                "task_list",
-                f"labels of {sorted(STYLES)}, a file of them, 'random' or 'habit'",
-                unknown or repr(task_list),
-                "Correct the labels or the path.",
-            )
-        )
-    if not interactions:
-        return labels
-    return tuple(labels[k % len(labels)] for k in range(interactions))
-
-
-def _labels_of(text: str) -> tuple[str, ...]:
-    """Labels of a comma separated text or of a file."""
-    if text and "," not in text and text not in STYLES and Path(text).is_file():
-        try:
-            content = yaml.safe_load(Path(text).read_text(encoding="utf-8"))
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise ArgumentError(
-                describe("task_list", "a text or YAML file", text, f"Repair it: {error}.")
-            ) from error
-        if isinstance(content, dict):
-            content = content.get("task_list", content.get("tasks", []))
-        if isinstance(content, list):
-            return tuple(str(label) for label in content)
-        text = str(content or "").replace(" ", ",")
-    return tuple(label.strip() for label in text.split(",") if label.strip())
-
-
 def plan_session(
     seed: int, tasks: Sequence[str], timing: SessionTiming | None = None
 ) -> SessionPlan:
@@ -139,7 +101,7 @@ def plan_session(
 
     Args:
         seed: of all variation; other seeds, other movements.
-        tasks: labels in order, at least one.
+        tasks: labels in order, at least one; `read_intention` says how a change is written.
         timing: rests and holds; the defaults if None.
 
     Raises:
@@ -151,18 +113,47 @@ def plan_session(
         )
     timing = timing or SessionTiming()
     rng = np.random.default_rng([seed, 2])
-    wrist, now = draw_rest(rng), timing.first_idle_s
-    movements: list[tuple[float, Reach]] = []
+    state, now = WristState(draw_rest(rng)), timing.first_idle_s
+    movements: list[tuple[float, Movement]] = []
     interactions = []
-    for task in tasks:
-        reach = draw_reach(rng, task, wrist)
-        end = now + reach.duration_s
-        interactions.append(Interaction(task, now, end, reach.goal_m, reach))
-        retract = draw_retract(rng, reach.goal_m)
+    for intention in map(read_intention, tasks):
+        reach = _intended(rng, intention, state)
+        end = now + (1.0 - timing.cut_share) * reach.duration_s
+        interactions.append(_interaction(intention, now, end, reach))
+        state = _left(reach, timing)
+        retract = depart(draw_retract(rng, state.position_m), state)
         back = end + rng.uniform(*timing.hold_s)
         movements += [(now, reach), (back, retract)]
-        wrist, now = retract.goal_m, back + retract.duration_s + rng.uniform(*timing.idle_s)
+        state = _left(retract, timing)
+        now = back + (1.0 - timing.cut_share) * retract.duration_s + rng.uniform(*timing.idle_s)
     last = movements[-1]
     length = last[0] + last[1].duration_s + timing.last_idle_s
     samples = sample_wrist(rng, movements, length, gaps_per_s=timing.gaps_per_s)
     return SessionPlan(samples, tuple(interactions))
+
+
+def _intended(rng: np.random.Generator, intention: Intention, state: WristState) -> Movement:
+    """Draw a reach, and what it is changed to."""
+    reach = depart(draw_reach(rng, intention.task, state.position_m), state)
+    if not intention.then:
+        return reach
+    blend = min(USUAL_BLEND, 1.0 - intention.share)
+    return change_of_mind(rng, reach, intention.then, intention.share, blend)
+
+
+def _interaction(
+    intention: Intention, onset_s: float, end_s: float, reach: Movement
+) -> Interaction:
+    if not intention.then:
+        return Interaction(intention.task, onset_s, end_s, reach.goal_m, reach)
+    change_s = onset_s + intention.share * reach.duration_s
+    return Interaction(
+        intention.then, onset_s, end_s, reach.goal_m, reach, intention.task, change_s
+    )
+
+
+def _left(movement: Movement, timing: SessionTiming) -> WristState:
+    """The wrist's state when the next movement begins."""
+    if not timing.cut_share:
+        return WristState(movement.goal_m)
+    return state_at(movement, (1.0 - timing.cut_share) * movement.duration_s)

@@ -56,7 +56,7 @@ def sample_wrist(
     Args:
         rng: source of noise and occlusions.
         movements: (onset in seconds, movement) in order of time, each starting where the one
-            before ended and after it has ended; the wrist rests in between.
+            before ended, after which the wrist rests, or where and as it is on its way.
         length_s: length of the whole in seconds.
         gaps_per_s: occlusions per second, on average.
         drop_rate: probability that a single sample is lost.
@@ -66,9 +66,11 @@ def sample_wrist(
     times = np.arange(count) / RATE_HZ
     planned = np.tile(movements[0][1].start_m, (count, 1))
     rotation = np.zeros((count, 3))
-    for onset_s, movement in movements:
+    following = [onset_s for onset_s, _ in movements[1:]] + [np.inf]
+    for (onset_s, movement), next_s in zip(movements, following, strict=True):
         first = int(np.searchsorted(times, onset_s))
-        last = int(np.searchsorted(times, onset_s + movement.duration_s, side="right"))
+        end_s = min(onset_s + movement.duration_s, next_s)
+        last = int(np.searchsorted(times, end_s, side="right"))
         local = times[first:] - onset_s
         planned[first:] = movement.positions(local)
         planned[first:last] += signal_dependent(rng, planned[first:last], RATE_HZ)

@@ -33,7 +33,8 @@ class CoworkerSim(Node):
 
     Out: `mocap/wrist/pose`, whose sample k is stamped exactly 10 k ms after the first one, in this
     node's ROS time; `coworker/task`, the label when a reach begins and an empty string when it
-    ends (ground truth, for scoring only); `/diagnostics`.
+    ends, and the new label when the worker changes his mind (ground truth, for scoring only);
+    `/diagnostics`.
 
     The session begins when the clock runs and `wait_for_subscribers` subscribe to the poses. With
     `exit_at_end` the node ends with the session.
@@ -72,7 +73,10 @@ class CoworkerSim(Node):
         """Declare the parameters of the session and plan it."""
         seed = fixed_parameter(self, "seed", 1, "Seed of the whole session.", 0)
         task_list = fixed_parameter(
-            self, "task_list", "random", "Labels and commas, a file of them, 'random' or 'habit'."
+            self,
+            "task_list",
+            "random",
+            "Labels or OLD>NEW@SHARE and commas, a file of them, 'random' or 'habit'.",
         )
         count = fixed_parameter(
             self,
@@ -136,14 +140,12 @@ class CoworkerSim(Node):
     def _announce(self, elapsed_ns: int) -> None:
         """Publish the labels of reaches that have begun or ended."""
         while self._next_label < len(self._labels):
-            at_ns, label = self._labels[self._next_label]
+            at_ns, label, number = self._labels[self._next_label]
             if at_ns > elapsed_ns:
                 return
             self._tasks.publish(String(data=label))
             self._next_label += 1
-            self.diagnostics.value(
-                "interaction", f"{(self._next_label + 1) // 2} of {len(self._labels) // 2}"
-            )
+            self.diagnostics.value("interaction", f"{number} of {len(self.plan.interactions)}")
 
     def _publish(self, k: int) -> None:
         message, samples = self._message, self.plan.samples
@@ -163,12 +165,15 @@ class CoworkerSim(Node):
         self.done = self._exit_at_end
 
 
-def _label_schedule(plan: SessionPlan) -> list[tuple[int, str]]:
-    """When (ns after the first sample) which label is published, in order."""
+def _label_schedule(plan: SessionPlan) -> list[tuple[int, str, int]]:
+    """When (ns after the first sample) which label of which interaction is published, in order."""
     schedule = []
-    for interaction in plan.interactions:
-        schedule.append((round(interaction.onset_s * 1e9), interaction.task))
-        schedule.append((round(interaction.end_s * 1e9), ""))
+    for number, interaction in enumerate(plan.interactions, 1):
+        begun_as = interaction.changed_from or interaction.task
+        schedule.append((round(interaction.onset_s * 1e9), begun_as, number))
+        if interaction.changed_from:
+            schedule.append((round(interaction.change_s * 1e9), interaction.task, number))
+        schedule.append((round(interaction.end_s * 1e9), "", number))
     return schedule
 
 

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from intent_recognition.cli import evaluate, replay, train
 from intent_recognition.cli.console import busy, progress_bar
+from intent_recognition.cli.session_watch import ProgressLine
 
 
 def terminal():
@@ -20,6 +21,26 @@ def test_work_of_unknown_length_says_what_it_is():
     with busy(console, "learning"):
         pass
     assert "learning" in console.file.getvalue()
+
+
+def test_the_demo_counts_a_changed_interaction_once():
+    line = ProgressLine(2, console := terminal())
+    with line:
+        for take, label in (
+            (line.on_task, "plate"),
+            (line.on_active, "plate"),
+            (line.on_task, "screw"),  # the mind changes
+            (line.on_active, ""),
+            (line.on_active, "screw"),
+            (line.on_task, ""),
+            (line.on_task, "plate"),
+        ):
+            take(label)
+        assert not line.over
+        line.on_task("")
+    assert line.over
+    console.print(line._status.status)
+    assert "interaction 2/2, 1 right so far" in console.file.getvalue()
 
 
 @pytest.mark.parametrize("bar", [progress_bar, lambda console: busy(console, "learning")])

@@ -171,6 +171,26 @@ def test_a_wrong_task_counts_as_missed_even_if_early():
     assert summary.median_decision_share is None
 
 
+def test_changes_of_mind_stand_apart():
+    unchanged = [record(1, PLATE), record(2, HOLD)]
+    changed = [
+        replace(record(3, PLATE, hand_error_m=0.05), changed_from=HOLD),
+        replace(missed(4, HOLD, PLATE), changed_from=PLATE),
+        replace(record(5, SCREW, hand_error_m=0.5), changed_from=PLATE),
+    ]
+    summary = summarise([*unchanged, *changed])
+    alone = summarise(unchanged)
+    assert replace(summary, n_changed=0, changes_followed=0, changed_hand_error=hand_error([])) == (
+        alone
+    )
+    assert (summary.n_changed, summary.changes_followed) == (3, 2)
+    assert summary.changed_hand_error == HandError(1, 5.0, None)
+    assert summary_line(summary).startswith(summary_line(alone))
+    assert summary_line(summary).endswith("changes followed 2/3 with hand error 5.0 +- - cm")
+    assert "began as hold_screwdriver" in record_line(changed[0])
+    assert "MISSED began as plate_handover" in record_line(changed[1])
+
+
 def test_the_end_itself_is_not_before_the_end():
     assert not record(decision_share=1.0).before_end
     assert record(decision_share=np.nextafter(1.0, 0.0)).before_end

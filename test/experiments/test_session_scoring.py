@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scoring of a session against a log made by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,9 +16,9 @@ FIRST_NS = 7_000_000_000
 TASK = "plate_handover"
 
 
-def session(decided_s=1.0, task=TASK, hand_offset_m=(0.0, 0.0, 0.02)):
+def session(decided_s=1.0, task=TASK, hand_offset_m=(0.0, 0.0, 0.02), first=TASK):
     """A plan of two plates, and what the topics would say of a robot right for the first."""
-    plan = plan_session(3, [TASK, TASK])
+    plan = plan_session(3, [first, TASK])
     first = plan.interactions[0]
     onset = FIRST_NS + round(first.onset_s * 1e9)
     end = FIRST_NS + round(first.end_s * 1e9)
@@ -81,3 +83,24 @@ def test_the_wrong_task_is_a_miss_without_a_hand_error():
     assert record.recognised == "screw_handover"
     assert not record.right
     assert record.hand_error_m is None
+
+
+@pytest.mark.parametrize("late_s", [0.2, 0.4])
+def test_a_change_is_followed_if_the_new_task_is_active_soon_after_the_end(late_s):
+    plan, log = session(first=f"hold_screwdriver>{TASK}@0.25")
+    interaction = plan.interactions[0]
+    onset = FIRST_NS + round(interaction.onset_s * 1e9)
+    switched = FIRST_NS + round((interaction.end_s + late_s) * 1e9)
+    log = replace(
+        log,
+        active_ns=np.array([onset + 500_000_000, switched, switched + 2_000_000_000]),
+        active=("hold_screwdriver", TASK, ""),
+    )
+    record = score_session(log, plan, FIRST_NS)[0][0]
+    assert (record.changed_from, record.task) == ("hold_screwdriver", TASK)
+    assert record.right == (late_s < 0.3)
+    assert record.recognised == (TASK if record.right else "hold_screwdriver")
+    if record.right:
+        movement = interaction.end_s - interaction.onset_s
+        assert record.decision_time_s == pytest.approx(movement + late_s, abs=1e-6)
+        assert record.hand_error_m == pytest.approx(0.02, abs=1e-6)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from intent_recognition.experiments.toolbox.session import predicted_hand, watch
+from intent_recognition.experiments.toolbox.session_scoring import DECIDED_WITHIN_S
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
 from sim_bridge.coworker import ChangedReach, Movement, SessionTiming, sample_wrist
@@ -14,8 +15,6 @@ from sim_bridge.scenarios.toolbox import handover_point
 
 REST_S = 1.0
 """Rest before the reach [s]. Convention."""
-DECIDED_WITHIN_S = 0.3
-"""The decision counts until so long after the movement's end [s]."""
 
 
 class Followed(NamedTuple):

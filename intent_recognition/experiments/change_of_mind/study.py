@@ -18,14 +18,20 @@ from intent_recognition.experiments.change_of_mind.following import Followed, fo
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.learning import learn
 from intent_recognition.promp import TaskLibrary
-from sim_bridge.coworker import TASKS, Movement, Reach, change_of_mind, draw_reach, draw_rest
+from sim_bridge.coworker import (
+    TASKS,
+    USUAL_BLEND,
+    Movement,
+    Reach,
+    change_of_mind,
+    draw_reach,
+    draw_rest,
+)
 
 SHARES = (0.15, 0.25, 0.4, 0.6)
 """Shares of the movement at which the mind changes."""
 BLENDS = (0.15, 0.25, 0.4, None)
 """Shares of the movement that a change takes; None: replanned from the hand's state."""
-USUAL_BLEND = 0.25
-"""The one that unknown goals and repeated changes are shown with."""
 AGAIN_AFTER = 0.3
 """Share of the movement between two changes of mind. Convention."""
 PER_PAIR, UNCHANGED = 20, 100

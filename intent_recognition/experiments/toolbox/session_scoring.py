@@ -12,6 +12,8 @@ from sim_bridge.scenarios.toolbox import HOME, handover_point
 
 SCORED_AFTER_S = 1.0
 """The hand is scored so long after the end of the human's movement."""
+DECIDED_WITHIN_S = 0.3
+"""A change of mind must have been followed so long after the movement's end [s]."""
 EARLIEST_DECISION_S = 0.1
 """A decision cannot belong to a movement that begins later than this after it."""
 REST_SPEED_RAD_S = 0.03
@@ -60,7 +62,11 @@ def score_interaction(
     end = first_ns + round(interaction.end_s * 1e9)
     movement_s = (end - onset) * 1e-9
     earliest = onset - round(EARLIEST_DECISION_S * 1e9)
-    decided_ns, recognised, note = _decision(log, earliest, until_ns)
+    if interaction.changed_from:
+        decided_ns, recognised = _last_decision(log, earliest, end)
+        note = ""
+    else:
+        decided_ns, recognised, note = _decision(log, earliest, until_ns)
     observations = share = decision_s = None
     if decided_ns is not None:
         observations = int(np.sum((log.wrist_ns >= onset) & (log.wrist_ns <= decided_ns)))
@@ -81,6 +87,7 @@ def score_interaction(
         arrival_s=arrival,
         movement_s=movement_s,
         note=note,
+        changed_from=interaction.changed_from,
     )
     return record, _trace(log, number, onset, end, decided_ns)
 
@@ -96,6 +103,14 @@ def _decision(log: SessionLog, earliest: int, until: int) -> tuple[int | None, s
         return None, "", "nothing was activated"
     later = [task for _, task in changes[1:] if task != changes[0][1]]
     return *changes[0], f"then {', '.join(later)}" if later else ""
+
+
+def _last_decision(log: SessionLog, earliest: int, end_ns: int) -> tuple[int | None, str]:
+    """Which task is active `DECIDED_WITHIN_S` after a movement's end, and since when."""
+    first, last = np.searchsorted(log.active_ns, [earliest, end_ns + round(DECIDED_WITHIN_S * 1e9)])
+    if last == first or not log.active[last - 1]:
+        return None, ""
+    return int(log.active_ns[last - 1]), log.active[last - 1]
 
 
 def _hand_error(log: SessionLog, interaction: Interaction, end_ns: int) -> float | None:

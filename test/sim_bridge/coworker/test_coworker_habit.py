@@ -10,7 +10,7 @@ from intent_recognition.bags.reader import BagReader
 from intent_recognition.demonstrations.reading import read_task_sequences
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
 from sim_bridge.coworker.habit import FIRST, FOLLOWS, ORDER, habitual_tasks
-from sim_bridge.coworker.session import parse_task_list
+from sim_bridge.coworker.task_list import parse_task_list
 from sim_bridge.scenarios.toolbox.record_sessions import (
     FIRST_SEED,
     INTERACTIONS,

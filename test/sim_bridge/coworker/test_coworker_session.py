@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError
-from sim_bridge.coworker.session import SessionTiming, parse_task_list, plan_session
+from sim_bridge.coworker.session import SessionTiming, plan_session
 from sim_bridge.coworker.styles import TASKS
+from sim_bridge.coworker.task_list import parse_task_list
 
 
 def test_same_seed_gives_the_same_session_and_another_seed_another():

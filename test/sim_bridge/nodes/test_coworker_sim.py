@@ -14,9 +14,10 @@ from sim_bridge.nodes.coworker_sim import SAMPLE_NS, CoworkerSim
 
 LISTENER = QoSProfile(depth=2000, reliability=ReliabilityPolicy.BEST_EFFORT)
 TIMING = SessionTiming(0.5, (0.5, 0.6), (0.1, 0.2), 0.2, 0.5)
+TASKS = ("plate_handover", "hold_screwdriver>plate_handover@0.25")
 SESSION = {
     "seed": 5,
-    "task_list": "plate_handover,hold_screwdriver",
+    "task_list": ",".join(TASKS),
     "first_idle": 0.5,
     "idle": [0.5, 0.6],
     "hold": [0.1, 0.2],
@@ -56,8 +57,8 @@ def played(harness):
     labels = harness.collect(String, "coworker/task", STATE)
     node = harness.add(make(use_sim_time=True))
     play(harness, node, harness.publisher(Clock, "/clock", 10))
-    expected = plan_session(5, ["plate_handover", "hold_screwdriver"], TIMING)
-    harness.spin_until(lambda: len(labels) == 5, what="five labels")
+    expected = plan_session(5, TASKS, TIMING)
+    harness.spin_until(lambda: len(labels) == 6, what="six labels")
     harness.spin_until(lambda: len(poses) >= expected.samples.visible.sum(), what="all samples")
     return node, poses, labels, expected
 
@@ -65,7 +66,8 @@ def played(harness):
 def test_publishes_what_the_plan_says_bit_for_bit(played):
     node, poses, labels, expected = played
     seen = np.flatnonzero(expected.samples.visible)
-    assert [m.data for m in labels] == ["plate_handover", "", "hold_screwdriver", "", ""]
+    changed = ["hold_screwdriver", "plate_handover", ""]
+    assert [m.data for m in labels] == ["plate_handover", "", *changed, ""]
     assert [stamp_ns(m) for m in poses] == [node.first_stamp_ns + k * SAMPLE_NS for k in seen]
     sent = np.array([[m.pose.position.x, m.pose.position.y, m.pose.position.z] for m in poses])
     np.testing.assert_array_equal(sent, expected.samples.positions_m[seen])

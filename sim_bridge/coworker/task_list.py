@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a worker is to do: task lists, and how a change of mind is written in them."""
+
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+
+from intent_recognition.errors import ArgumentError, describe
+from sim_bridge.coworker.habit import habitual_tasks
+from sim_bridge.coworker.styles import STYLES, TASKS
+
+CHANGED = re.compile(r"(?P<task>[^>@]+)>(?P<then>[^>@]+)@(?P<share>[^>@]+)")
+"""One task that is changed to another one: OLD>NEW@SHARE."""
+CHANGE_SHARES = (0.15, 0.25, 0.4)
+"""Shares of the movement at which `change_some` lets the mind change. Convention."""
+
+
+class Intention(NamedTuple):
+    """One entry of a task list.
+
+    Attributes:
+        task: as which the reach begins.
+        then: the task it is changed to, empty if it is not.
+        share: of the movement's time at which the mind changes.
+    """
+
+    task: str
+    then: str = ""
+    share: float = 0.0
+
+
+def read_intention(text: str) -> Intention:
+    """Read one entry of a task list: a label, or OLD>NEW@SHARE.
+
+    `plate_handover>hold_screwdriver@0.25` begins as a plate's hand-over and becomes the other
+    after a quarter of the movement's time.
+
+    Raises:
+        ArgumentError: a label is unknown, both are one, or the share is not between 0 and 1.
+    """
+    found = CHANGED.fullmatch(text)
+    if not found:
+        return Intention(_known(text))
+    task, then = _known(found["task"].strip()), _known(found["then"].strip())
+    try:
+        share = float(found["share"])
+    except ValueError:
+        share = np.nan
+    if task == then or not 0.0 < share < 1.0:
+        expected = "OLD>NEW@SHARE, two tasks and a share of the movement between 0 and 1"
+        raise ArgumentError(describe("task_list", expected, repr(text), "Correct the entry."))
+    return Intention(task, then, share)
+
+
+def change_some(tasks: tuple[str, ...], seed: int, count: int) -> tuple[str, ...]:
+    """Let the worker change his mind in `count` of the interactions, drawn from a seed.
+
+    Args:
+        tasks: entries of a task list; those that are changed already stay as they are.
+        seed: of the choice.
+        count: how many more are changed.
+
+    Raises:
+        ArgumentError: fewer entries can be changed.
+    """
+    plain = [k for k, text in enumerate(tasks) if not read_intention(text).then]
+    if count > len(plain):
+        cure = "Let fewer be changed, or do more interactions."
+        raise ArgumentError(describe("changes", f"at most {len(plain)}", count, cure))
+    rng = np.random.default_rng([seed, 13])
+    changed = list(tasks)
+    for k in sorted(rng.choice(plain, count, replace=False).tolist()) if count else ():
+        others = [task for task in TASKS if task != tasks[k]]
+        changed[k] = f"{tasks[k]}>{rng.choice(others)}@{rng.choice(CHANGE_SHARES):g}"
+    return tuple(changed)
+
+
+def _known(label: str) -> str:
+    if label not in STYLES:
+        cure = "Correct the label or the path."
+        raise ArgumentError(describe("task_list", f"labels of {sorted(STYLES)}", repr(label), cure))
+    return label
+
+
+def parse_task_list(task_list: str, seed: int, interactions: int) -> tuple[str, ...]:
+    """Turn a node's `task_list` parameter into labels.
+
+    Args:
+        task_list: "random" (every task equally often, in random order), "habit" (in the
+            coworker's habitual order, with variation), labels separated by commas, or a text or
+            YAML file with a list of labels. `read_intention` says how a change is written.
+        seed: of the order.
+        interactions: how many; a given list is repeated or cut to that number, and 0 takes a
+            given list as it is (40 for "random" and "habit").
+
+    Raises:
+        ArgumentError: an unknown label, an empty list, or a file that is neither.
+    """
+    if interactions < 0:
+        raise ArgumentError(
+            describe("interactions", "0 or more", interactions, "Give the number of reaches.")
+        )
+    text = task_list.strip()
+    if text == "habit":
+        return habitual_tasks(seed, interactions or 40)
+    if text == "random":
+        count = interactions or 40
+        rng = np.random.default_rng([seed, 7])
+        dealt = [TASKS[k % len(TASKS)] for k in range(count)]
+        return tuple(dealt[k] for k in rng.permutation(count))
+    labels = _labels_of(text)
+    if not labels:
+        expected = "labels, a file of them, 'random' or 'habit'"
+        raise ArgumentError(
+            describe("task_list", expected, repr(task_list), f"Name some of {sorted(STYLES)}.")
+        )
+    for label in labels:
+        read_intention(label)
+    if not interactions:
+        return labels
+    return tuple(labels[k % len(labels)] for k in range(interactions))
+
+
+def _labels_of(text: str) -> tuple[str, ...]:
+    """Labels of a comma separated text or of a file."""
+    if text and "," not in text and text not in STYLES and Path(text).is_file():
+        try:
+            content = yaml.safe_load(Path(text).read_text(encoding="utf-8"))
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise ArgumentError(
+                describe("task_list", "a text or YAML file", text, f"Repair it: {error}.")
+            ) from error
+        if isinstance(content, dict):
+            content = content.get("task_list", content.get("tasks", []))
+        if isinstance(content, list):
+            return tuple(str(label) for label in content)
+        text = str(content or "").replace(" ", ",")
+    return tuple(label.strip() for label in text.split(",") if label.strip())
