@@ -40,6 +40,11 @@ EXPERIMENTS = tuple(
             f"{MIP}, Sec. V (future work)",
             "the arm reproduces mean and variance of a primitive",
         ),
+        (
+            "change_of_mind",
+            "no paper",
+            "reaches whose goal changes, and movements without a pause",
+        ),
         ("constraints", f"{WP}, Fig. 3", "when a cup pours and where it spills, told of others"),
         ("pouring", f"{WP}, Fig. 4-5", "the arm pours with containers never demonstrated"),
     )

@@ -1,16 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What became of a reach is told from what the decision said, and when."""
+"""What became of a reach, or a session, is told from what the decision said, and when."""
+
+import json
 
 import numpy as np
 import pytest
 
-from intent_recognition.experiments.change_of_mind import following
+from intent_recognition.experiments.change_of_mind import experiment, following
 from intent_recognition.experiments.change_of_mind.following import Followed, follow_reach
-from intent_recognition.experiments.change_of_mind.study import summarise
+from intent_recognition.experiments.change_of_mind.study import CHANGES, summarise
+from intent_recognition.experiments.change_of_mind.without_pause import score_flowing
+from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox.session import Seen
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import DecisionState, Estimate
-from sim_bridge.coworker import TASKS, change_of_mind, draw_reach, draw_rest
+from intent_recognition.report.html import ReportPage, Section, render
+from sim_bridge.coworker import (
+    TASKS,
+    WITHOUT_PAUSE,
+    change_of_mind,
+    draw_reach,
+    draw_rest,
+    plan_session,
+)
 
 OLD, NEW, THIRD = TASKS
 
@@ -81,3 +93,36 @@ def test_a_cell_counts_what_was_active_alone():
     assert (cell.n, cell.new_active, cell.old_kept) == (4, 0.5, 0.25)
     assert cell.released_in_time == 0.5  # of the two in which it was active after the change
     assert cell.delay_s == pytest.approx(0.8)
+
+
+def decided(interactions, *events):
+    """(number of the interaction, share of it, active, event) as the decision would say it."""
+    none = np.zeros(4)
+    estimate = Estimate(0, False, 0, none, none, none, None, (*TASKS, NONE))
+    for number, share, active, event in events:
+        one = interactions[number]
+        at_s = one.onset_s + share * (one.end_s - one.onset_s)
+        yield Seen(at_s, estimate, DecisionState(active=active, event=event))
+
+
+def test_tasks_without_a_pause_are_recognised_when_each_becomes_active_in_its_turn():
+    done = plan_session(1, [OLD, NEW, NEW], WITHOUT_PAUSE).interactions
+    right = [(0, 0.3, OLD, "activated"), (1, 0.3, NEW, "switched"), (2, 0.2, NEW, "activated")]
+    session = score_flowing(done, list(decided(done, *right)))
+    assert session.in_order and session.recognised == (True, True, True)
+    kept = score_flowing(done, list(decided(done, *right[:2])))  # the second is not let go of
+    assert not kept.in_order and kept.recognised == (True, True, False)
+    between = score_flowing(done, list(decided(done, right[0], (0, 2.0, THIRD, "switched"))))
+    assert not between.in_order and between.recognised == (True, False, False)
+
+
+@pytest.mark.slow
+def test_the_experiment_takes_every_path_and_reports_it():
+    outcome = experiment.run(Settings(quick=True))
+    assert len(outcome.numbers["changes"]) == len(CHANGES)
+    assert all(
+        0.0 <= cell["new_active"] + cell["old_kept"] <= 1.0 for cell in outcome.numbers["changes"]
+    )
+    assert all(one["final"] == one["tasks"][0] for one in outcome.numbers["unchanged"])
+    json.dumps(outcome.numbers, allow_nan=False)
+    render(ReportPage(outcome.title, outcome.source, (Section("x", outcome.blocks),)))

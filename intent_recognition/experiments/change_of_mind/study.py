@@ -7,7 +7,7 @@
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import permutations
 from typing import NamedTuple
 
@@ -15,6 +15,10 @@ import numpy as np
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.experiments.change_of_mind.following import Followed, follow_reach
+from intent_recognition.experiments.change_of_mind.without_pause import (
+    FlowingSession,
+    follow_sessions,
+)
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.learning import learn
 from intent_recognition.promp import TaskLibrary
@@ -35,8 +39,16 @@ BLENDS = (0.15, 0.25, 0.4, None)
 AGAIN_AFTER = 0.3
 """Share of the movement between two changes of mind. Convention."""
 PER_PAIR, UNCHANGED = 20, 100
-"""Reaches for each ordered pair of tasks and each change; reaches that do not change."""
+"""Reaches for each ordered pair of tasks and each change to a task; reaches that do not change.
+
+Half as many for each of the other changes.
+"""
 QUICK_PER_PAIR, QUICK_UNCHANGED = 1, 3
+PAIRS = tuple(permutations(TASKS, 2))
+"""Ordered pairs of tasks; the quick subset has the first."""
+SESSIONS, INTERACTIONS = 20, 10
+"""Sessions without pauses, and tasks on end in each."""
+QUICK_SESSIONS, QUICK_INTERACTIONS = 1, 3
 RELEASED_WITHIN_S = 0.5
 """An old task that is let go so long after the change was let go in time [s]."""
 _STREAM = 31
@@ -90,14 +102,21 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class ChangeStudy:
-    """Results of the study: what became of the unchanged reaches, and of each kind of change."""
+    """Results of the study.
+
+    Attributes:
+        unchanged: what became of reaches that do not change.
+        changed: and of those of each kind of change.
+        sessions: and of sessions without pauses.
+    """
 
     unchanged: tuple[Followed, ...]
     changed: dict[Change, tuple[Followed, ...]]
+    sessions: tuple[FlowingSession, ...] = ()
 
-    def cell(self, change: Change) -> Cell:
-        """All reaches of one change."""
-        return summarise(self.changed[change])
+    def cell(self, *changes: Change) -> Cell:
+        """All reaches of one change, or of several together."""
+        return summarise([one for change in changes for one in self.changed[change]])
 
 
 def investigate(settings: Settings) -> ChangeStudy:
@@ -106,7 +125,21 @@ def investigate(settings: Settings) -> ChangeStudy:
     library = learn_toolbox(settings)
     per_pair = QUICK_PER_PAIR if settings.quick else PER_PAIR
     unchanged = QUICK_UNCHANGED if settings.quick else UNCHANGED
-    return follow_all(library, settings.seed, per_pair, unchanged, settings.progress)
+    study = follow_all(
+        library,
+        settings.seed,
+        per_pair,
+        unchanged,
+        lambda share, what: settings.progress(0.05 + 0.8 * share, what),
+        pairs=PAIRS[:1] if settings.quick else PAIRS,
+    )
+    sessions = follow_sessions(
+        library,
+        settings.seed,
+        *((QUICK_SESSIONS, QUICK_INTERACTIONS) if settings.quick else (SESSIONS, INTERACTIONS)),
+        lambda share, what: settings.progress(0.85 + 0.1 * share, what),
+    )
+    return replace(study, sessions=tuple(sessions))
 
 
 def learn_toolbox(settings: Settings) -> TaskLibrary:
@@ -122,6 +155,7 @@ def follow_all(
     unchanged: int,
     progress: Callable[[float, str], None] = lambda share, what: None,
     changes: Sequence[Change] = CHANGES,
+    pairs: Sequence[tuple[str, str]] = PAIRS,
 ) -> ChangeStudy:
     """Follow reaches of every change, and some that do not change.
 
@@ -130,13 +164,15 @@ def follow_all(
     Args:
         library: of the toolbox.
         seed: of all variation.
-        per_pair: reaches for each ordered pair of tasks and each change.
+        per_pair: reaches for each ordered pair of tasks and each change to a task; half as many,
+            but one at least, for each other change.
         unchanged: reaches that do not change.
         progress: called with the share done and what is going on.
         changes: which.
+        pairs: first and second task.
     """
-    pairs = list(permutations(TASKS, 2))
-    total = unchanged + len(changes) * len(pairs) * per_pair
+    counts = {c: per_pair if c.to == "task" else (per_pair + 1) // 2 for c in changes}
+    total = unchanged + len(pairs) * sum(counts.values())
     done = 0
 
     def follow(movement: Movement, rng: np.random.Generator, what: str) -> Followed:
@@ -153,7 +189,7 @@ def follow_all(
         change: tuple(
             follow(*drawn, f"changed at {change.share:.0%}")
             for pair, tasks in enumerate(pairs)
-            for drawn in _draw(seed, pair, tasks, change, per_pair)
+            for drawn in _draw(seed, pair, tasks, change, counts[change])
         )
         for change in changes
     }
