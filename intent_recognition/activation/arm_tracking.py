@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the arm is asked to be and where it is: the commands in force, the joints measured."""
 
+from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -10,11 +11,31 @@ from numpy.typing import NDArray
 from intent_recognition.activation.settings import ActivationSettings, Command
 from intent_recognition.motion import JointReference
 
+LARGEST_SKEW_NS = 1_000_000_000
+"""A joint state stamped farther from its arrival than this [ns] is dropped. Convention: clocks of
+a graph differ by less."""
+HELD_WITHIN_RAD = 0.05
+"""An arm at rest farther from its reference than this in a joint [rad] was moved by others.
+Convention: 3 degrees, more than an arm sags."""
+_SETTLING_NS = 500_000_000
+"""Time an arm needs to settle after the end of a command [ns]. Convention."""
+_REST_WINDOW_NS = 100_000_000
+"""Without measured velocities, an arm is at rest if its positions say so for this long [ns].
+Convention: ten joint states at 100 Hz."""
+
 
 class _Measured(NamedTuple):
+    """A joint state: when it was measured and when it came; no velocity where none was sent."""
+
     stamp_ns: int
+    arrival_ns: int
     position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
+    velocity: NDArray[np.float64] | None
+
+    @property
+    def time_ns(self) -> int:
+        """When it was measured; the sender's clock may be ahead, the measurement is not."""
+        return min(self.stamp_ns, self.arrival_ns)
 
 
 class ArmTracking:
@@ -32,7 +53,7 @@ class ArmTracking:
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
         self.settings = settings
         self._reject = reject
-        self._measured: _Measured | None = None
+        self.forget_joints()
         self.forget_commands()
 
     def forget_commands(self) -> None:
@@ -44,16 +65,55 @@ class ArmTracking:
 
     def forget_joints(self) -> None:
         """Nothing has been measured yet."""
-        self._measured = None
+        self._measured: _Measured | None = None
+        self._recent_positions: deque[tuple[int, NDArray[np.float64]]] = deque()
 
     def take_joint_state(
-        self, stamp_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+        self,
+        now_ns: int,
+        stamp_ns: int,
+        position: NDArray[np.float64],
+        velocity: NDArray[np.float64] | None,
     ) -> None:
-        """Take what the arm measured, (n,) each [rad, rad/s]."""
-        if self._measured is None or stamp_ns > self._measured.stamp_ns:
-            self._measured = _Measured(stamp_ns, position, velocity)
-        else:
+        """Take what the arm measured, (n,) each [rad, rad/s].
+
+        Freshness counts from the arrival. A stamp far from it is dropped, and so is one that is
+        not after the last; a last one that was ahead of the clock rules out none.
+        """
+        last = self._measured
+        if last is not None and stamp_ns <= last.stamp_ns <= now_ns:
             self._reject("joint_state_not_increasing", f"joint_states at {stamp_ns} ns came late")
+        elif abs(stamp_ns - now_ns) > LARGEST_SKEW_NS:
+            ahead = stamp_ns > now_ns
+            reason = "joint_state_in_future" if ahead else "joint_state_outdated"
+            where = "ahead of" if ahead else "behind"
+            seconds = abs(stamp_ns - now_ns) * 1e-9
+            self._reject(reason, f"joint_states stamped {seconds:.1f} s {where} the clock")
+        else:
+            self._measured = measured = _Measured(stamp_ns, now_ns, position, velocity)
+            self._remember(measured)
+
+    def _remember(self, measured: _Measured) -> None:
+        """Keep the positions of the last while, the first of them older than the window."""
+        recent = self._recent_positions
+        recent.append((measured.time_ns, measured.position))
+        while len(recent) > 2 and recent[1][0] <= measured.time_ns - _REST_WINDOW_NS:
+            recent.popleft()
+
+    def _at_rest(self, measured: _Measured) -> bool:
+        """Whether the arm stands still: by its velocity, else by its positions of a while.
+
+        Positions are too few, or too old to be of one movement: not known, so not at rest.
+        """
+        speed = self.settings.rest_speed_rad_s
+        if measured.velocity is not None:
+            return bool(np.abs(measured.velocity).max() <= speed)
+        times_ns, positions = zip(*self._recent_positions, strict=True)
+        span_ns = times_ns[-1] - times_ns[0]
+        gap_ns = max(np.diff(times_ns), default=span_ns)
+        if span_ns < _REST_WINDOW_NS or gap_ns > self.settings.max_joint_state_age_s * 1e9:
+            return False
+        return bool(np.ptp(np.array(positions), axis=0).max() <= speed * span_ns * 1e-9)
 
     def send(self, now_ns: int, command: Command) -> Command:
         """Put a command in force from its start on."""
@@ -105,12 +165,15 @@ class ArmTracking:
         measured, current = self._recent(now_ns), self.current
         if measured is None:
             return None
-        if current is not None and self._error(measured) <= self.settings.max_tracking_error_rad:
-            return current.at(start_ns)
-        if current is not None and now_ns < current.end_ns:
+        if current is not None:
+            settled = measured.time_ns > current.end_ns + _SETTLING_NS
+            largest = self.settings.max_tracking_error_rad
+            if self._error(measured) <= (min(largest, HELD_WITHIN_RAD) if settled else largest):
+                return current.at(start_ns)
+        if self.under_way(now_ns):
             self._report_once("arm_off_reference", self.last_command_ns, "arm is off its path")
             return None
-        if np.abs(measured.velocity).max() > self.settings.rest_speed_rad_s:
+        if not self._at_rest(measured):
             self._report_once("arm_moving", measured.stamp_ns, "arm is moved by others")
             return None
         self._previous = self.current = None
@@ -120,7 +183,7 @@ class ArmTracking:
         """The measured arm, None where it is stale."""
         measured = self._measured
         age_ns = self.settings.max_joint_state_age_s * 1e9
-        if measured is not None and abs(now_ns - measured.stamp_ns) <= age_ns:
+        if measured is not None and now_ns - measured.arrival_ns <= age_ns:
             return measured
         stamp_ns = None if measured is None else measured.stamp_ns
         self._report_once("stale_joint_states", stamp_ns, "no recent joint_states")
@@ -134,7 +197,7 @@ class ArmTracking:
 
     def _error(self, measured: _Measured) -> float:
         """Largest difference between the measured arm and its reference then [rad]."""
-        reference = self._reference(measured.stamp_ns)
+        reference = self._reference(measured.time_ns)
         if reference is None:
             return 0.0
         return float(np.abs(measured.position - reference.position).max())

@@ -78,17 +78,23 @@ class Motions:
         self._counts["clamped"] += bool(plan.clamped)
         return self._arm.send(now_ns, Command(start_ns, plan))
 
-    def stop(self, now_ns: int, executed: PredictedInteraction | None) -> Command:
-        """Stop along the path of what is executed, or straight on where that is nothing."""
+    def stop(self, now_ns: int, executed: PredictedInteraction | None) -> Command | None:
+        """Stop along the path of what is executed, or straight on where that is nothing.
+
+        None where it is stopping already, and where a stop would leave the limits: the command in
+        force ends at rest inside them.
+        """
+        if self._arm.under_way(now_ns) and self._arm.in_force().plan.kind == "stop":
+            return None
         start_ns = self._arm.switch_ns(now_ns)
-        return self._arm.send(now_ns, Command(start_ns, self._stop_plan(start_ns, executed)))
+        return self._send_unless_outside(now_ns, start_ns, self._stop_plan(start_ns, executed))
 
     def go_home(
         self, now_ns: int, target: NDArray[np.float64], executed: PredictedInteraction | None
     ) -> Command | None:
         """Go to a posture, braking first where no plan starts from this motion.
 
-        None where the command under way goes home already.
+        None where the command under way goes home already, or braking would leave the limits.
         """
         current, settings = self._arm.in_force(), self.settings
         if current.plan.kind == "home" and self._arm.under_way(now_ns):
@@ -98,7 +104,14 @@ class Motions:
         plan = home_plan(start, target, settings.limits, settings.plan)
         if plan is None:
             plan = self._stop_plan(start_ns, executed)
+            return self._send_unless_outside(now_ns, start_ns, plan)
         return self._arm.send(now_ns, Command(start_ns, plan))
+
+    def _send_unless_outside(self, now_ns: int, start_ns: int, brake: JointPlan) -> Command | None:
+        """Send a brake, but none that leaves the position limits."""
+        if brake.outside:
+            return None
+        return self._arm.send(now_ns, Command(start_ns, brake))
 
     def go_ahead(
         self, now_ns: int, start_ns: int, start: JointReference, target: NDArray[np.float64]

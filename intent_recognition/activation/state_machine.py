@@ -86,10 +86,9 @@ class Activation:
         self.state: State = Idle()
 
     def _start_over(self) -> None:
-        """Back to the beginning, but for the measured arm."""
+        """Back to the beginning, but for the measured arm and the command in force."""
         self.state = Idle()
         self._inbox.forget()
-        self._arm.forget_commands()
         self.pretrigger.forget()
 
     def change(self, settings: ActivationSettings) -> None:
@@ -152,10 +151,24 @@ class Activation:
         self._inbox.take_prediction(now_ns, prediction)
 
     def take_joint_state(
-        self, stamp_ns: int, position: NDArray[np.float64], velocity: NDArray[np.float64]
+        self,
+        stamp_ns: int,
+        position: NDArray[np.float64],
+        velocity: NDArray[np.float64] | None = None,
+        *,
+        now_ns: int | None = None,
     ) -> None:
-        """Take what the arm measured, (n,) each [rad, rad/s]."""
-        self._arm.take_joint_state(stamp_ns, position, velocity)
+        """Take what the arm measured.
+
+        Args:
+            stamp_ns: when it was measured.
+            position: (n,) [rad].
+            velocity: (n,) [rad/s]; None where the arm measures none: then a motion begins only
+                once the positions have stood still for 0.1 s.
+            now_ns: when it came, by the clock of `step`; None: at its stamp.
+        """
+        arrival_ns = stamp_ns if now_ns is None else now_ns
+        self._arm.take_joint_state(arrival_ns, stamp_ns, position, velocity)
 
     def reset(self, now_ns: int) -> Command | None:
         """Forget the interaction; an arm under way goes home."""
@@ -170,7 +183,11 @@ class Activation:
         return None
 
     def halt(self, now_ns: int) -> Command | None:
-        """Brake where the arm is, and forget everything; for a node being deactivated."""
+        """Brake where the arm is, and forget the interaction; for a node being deactivated.
+
+        The brake stays in force: what comes next goes on from it, or from the arm where that has
+        been moved meanwhile.
+        """
         under_way = self._arm.under_way(now_ns)
         interaction = interaction_of(self.state)
         command = self._motions.stop(now_ns, _prediction(interaction)) if under_way else None
@@ -185,6 +202,7 @@ class Activation:
             self._now_ns = now_ns
             self._reject("clock_jumped_back", "the node's clock went back; starting over")
             self._arm.forget_joints()
+            self._arm.forget_commands()
             self._start_over()
             return None
         self._now_ns = max(now_ns, self._now_ns)
@@ -326,7 +344,7 @@ class Activation:
     def _stop(self, now_ns: int, reason: str, interaction: ActiveInteraction | None) -> Transition:
         self.counts[f"stopped: {reason}"] += 1
         command = self._motions.stop(now_ns, _prediction(interaction))
-        return Transition(Stopped(interaction, reason, command.end_ns), command)
+        return Transition(Stopped(interaction, reason, self._arm.in_force().end_ns), command)
 
     def _go_home(self, now_ns: int, interaction: ActiveInteraction | None) -> Transition:
         """Return home, braking first where no plan home starts from this motion."""

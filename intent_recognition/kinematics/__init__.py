@@ -9,7 +9,13 @@ from intent_recognition.kinematics.forward import (
     jacobian,
 )
 from intent_recognition.kinematics.inverse import Branch, inverse_kinematics, solve
-from intent_recognition.kinematics.limits import JointLimits, check_position, position_violation
+from intent_recognition.kinematics.limits import (
+    POSITION_TOLERANCE_RAD,
+    RATE_TOLERANCE,
+    JointLimits,
+    check_position,
+    position_violation,
+)
 from intent_recognition.kinematics.lwr import (
     DEFAULT_ACCELERATION_RAD_S2,
     DH,
@@ -25,6 +31,8 @@ __all__ = [
     "JOINT_NAMES",
     "LWR_LIMITS",
     "N_JOINTS",
+    "POSITION_TOLERANCE_RAD",
+    "RATE_TOLERANCE",
     "Branch",
     "Chain",
     "JointLimits",

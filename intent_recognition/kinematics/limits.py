@@ -9,6 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, describe
 
+POSITION_TOLERANCE_RAD = 1e-9
+"""A joint outside its position limits by at most this is inside [rad]. Convention: rounding.
+Planner and simulated arm share it, so that the one accepts what the other makes."""
+RATE_TOLERANCE = 1e-6
+"""A velocity or acceleration above its limit by at most this share of it is inside. Convention."""
+
 
 @dataclass(frozen=True, eq=False)
 class JointLimits:
@@ -63,7 +69,7 @@ class JointLimits:
 
 
 def within_position_limits(
-    q: ArrayLike, limits: JointLimits, tolerance_rad: float = 1e-9
+    q: ArrayLike, limits: JointLimits, tolerance_rad: float = POSITION_TOLERANCE_RAD
 ) -> NDArray[np.bool_]:
     """Return whether each joint vector of q (..., n) [rad] is inside; shape (...,), bool."""
     q = np.asarray(q, dtype=np.float64)
@@ -92,7 +98,7 @@ def check_position(
     excess = position_violation(q, limits)
     if not np.all(np.isfinite(excess)):
         raise KinematicsError(describe(argument, "finite values", q, "Check where it came from."))
-    if not np.any(excess > 1e-9):
+    if not np.any(excess > POSITION_TOLERANCE_RAD):
         return
     index = np.unravel_index(np.argmax(excess), excess.shape)
     joint = int(index[-1])

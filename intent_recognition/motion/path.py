@@ -10,12 +10,12 @@ from scipy.interpolate import CubicSpline
 
 from intent_recognition.errors import TrajectoryError, describe
 from intent_recognition.kinematics import JointLimits
+from intent_recognition.motion.settings import POSITION_MARGIN_RAD
 
-POSITION_MARGIN_RAD = 0.01
-"""Paths keep this far away from position limits [rad]. Convention: far more than a cubic strays
-between samples (0.4 mrad at 8 rad/s^2 and 20 ms)."""
 SOFT_BAND_RAD = 0.06
 """Width of the band in which a joint is bent back inside [rad]. Convention: 3.4 degrees."""
+_LEAST_SAMPLES = 401
+"""Samples between which a path that was bent is a spline again, at least. Convention."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,8 @@ def make_path(
     """Turn the samples of a predicted trajectory into a path over phase.
 
     Where a joint leaves its position limits less a margin of 10 mrad, it is bent back inside by
-    a saturation without kinks (identity, then tanh), so that the path stays traversable.
+    a saturation without kinks (identity, then tanh), so that the path stays traversable. What
+    leaves them only between samples, where the spline overshoots, is bent likewise.
 
     Args:
         times_s: (T,) increasing; phase is 0 at the first and 1 at the last.
@@ -66,14 +67,24 @@ def make_path(
     duration_s = float(times_s[-1] - times_s[0])
     phase = (times_s - times_s[0]) / duration_s
     phase[-1] = 1.0
-    bent, clamped = _bend_inside(positions, limits)
-    ends: Any = "natural"
-    if velocities is not None:
-        slopes = np.asarray(velocities, float)[[0, -1]] * duration_s
-        slopes[:, list(clamped)] = 0.0
-        ends = ((1, slopes[0]), (1, slopes[1]))
-    spline = CubicSpline(phase, bent, bc_type=ends)
+    slopes = None if velocities is None else np.array(velocities, float)[[0, -1]] * duration_s
+    spline = _spline(phase, positions, slopes)
+    dense = np.linspace(0.0, 1.0, max(_LEAST_SAMPLES, 2 * phase.size - 1))
+    bent, clamped = _bend_inside(spline(dense), limits)
+    if clamped:
+        if slopes is not None:
+            slopes[:, list(clamped)] = 0.0
+        spline = _spline(dense, bent, slopes)
     return JointPath(spline, spline.derivative(), duration_s, clamped)
+
+
+def _spline(
+    phase: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    slopes: NDArray[np.float64] | None,
+) -> CubicSpline:
+    ends: Any = "natural" if slopes is None else ((1, slopes[0]), (1, slopes[1]))
+    return CubicSpline(phase, positions, bc_type=ends)
 
 
 def _bend_inside(

@@ -7,9 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.kinematics import JointLimits
+from intent_recognition.kinematics import (
+    POSITION_TOLERANCE_RAD,
+    RATE_TOLERANCE,
+    JointLimits,
+    position_violation,
+)
 
-_RETURN_ROOM_RAD = 1e-3
+RETURN_ROOM_RAD = 1e-3
 """How much farther a joint that starts outside its limits may go out [rad]. Convention."""
 
 
@@ -37,12 +42,13 @@ class Excess(NamedTuple):
     velocity: float
     acceleration: float
 
-    def within(self, tolerance: float = 1e-6) -> bool:
-        """Whether no limit is exceeded."""
+    def within(self) -> bool:
+        """Whether no limit is exceeded by more than the tolerances an arm has, too."""
+        largest = 1.0 + RATE_TOLERANCE
         return (
-            self.position_rad <= tolerance
-            and self.velocity <= 1.0 + tolerance
-            and self.acceleration <= 1.0 + tolerance
+            self.position_rad <= POSITION_TOLERANCE_RAD
+            and self.velocity <= largest
+            and self.acceleration <= largest
         )
 
 
@@ -55,13 +61,15 @@ class JointPlan:
     are checked on that cubic, not on an ideal the receiver never sees.
 
     Attributes:
-        times_s: (T,) seconds after the plan's start, from 0, strictly increasing.
+        times_s: (T,) seconds after the plan's start, from 0, strictly increasing; whole
+            nanoseconds, as a message holds them.
         positions: (T, n) [rad].
         velocities: (T, n) [rad/s]; the last row is zero.
         phase: (T,) how much of the predicted interaction is done, in [0, 1].
         phase_rate: (T,) its rate [1/s].
         kind: "interaction", "stop", "home" or "pretrigger".
         clamped: indices of joints whose prediction left the position limits and was held inside.
+        outside: indices of joints that leave the position limits; empty but for a brake.
         slowed: the prediction at its own speed would break a velocity or acceleration limit.
     """
 
@@ -73,9 +81,11 @@ class JointPlan:
     kind: str
     clamped: tuple[int, ...] = ()
     slowed: bool = False
+    outside: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         """Freeze the arrays."""
+        object.__setattr__(self, "times_s", np.round(np.multiply(self.times_s, 1e9)) * 1e-9)
         for name in ("times_s", "positions", "velocities", "phase", "phase_rate"):
             array = np.array(getattr(self, name), dtype=np.float64)
             array.setflags(write=False)
@@ -176,20 +186,40 @@ def excess(
     velocities: NDArray[np.float64],
     limits: JointLimits,
 ) -> Excess:
-    """How much of each limit the cubics through the samples use, at their own extremes.
-
-    Exact for velocity and acceleration; positions are compared at the samples, between which a
-    cubic strays by at most acceleration * h^2 / 8 (0.4 mrad at 8 rad/s^2 and 20 ms).
-    """
+    """How much of each limit the cubics through the samples use, at their own exact extremes."""
     velocity, acceleration = interval_use(times_s, positions, velocities, limits)
-    outside = np.maximum(limits.lower - positions, positions - limits.upper)
+    lowest, highest = position_range(times_s, positions, velocities)
+    outside = np.maximum(limits.lower - lowest, highest - limits.upper)
     return Excess(float(outside.max()), float(velocity.max()), float(acceleration.max()))
 
 
+def position_range(
+    times_s: NDArray[np.float64], positions: NDArray[np.float64], velocities: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Smallest and largest position of each joint on the cubics through the samples, each (n,)."""
+    h = np.diff(times_s)[:, None]
+    q0, q1, v0, v1 = positions[:-1], positions[1:], velocities[:-1], velocities[1:]
+    begin, end = _end_accelerations(h, q0, v0, q1, v1)
+    first, second = _roots(0.5 * (end - begin) * h, begin * h, v0)
+    at_first, at_second = (_hermite(h, tau, q0, v0, q1, v1)[0] for tau in (first, second))
+    reached = np.concatenate([positions, at_first, at_second])
+    return reached.min(axis=0), reached.max(axis=0)
+
+
+def _roots(a: Any, b: Any, c: Any) -> tuple[Any, Any]:
+    """Where a t^2 + b t + c is zero within [0, 1]; an end of it where there is no such root."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half = -0.5 * (b + np.copysign(np.sqrt(b * b - 4.0 * a * c), b))
+        roots = half / a, c / half
+    return tuple(np.clip(np.nan_to_num(root), 0.0, 1.0) for root in roots)
+
+
 def keeps_limits(plan: JointPlan, start: JointReference, limits: JointLimits) -> bool:
-    """Whether a plan keeps the limits; from a start outside the positions it may come back in."""
-    room = np.maximum(np.maximum(limits.lower - start.position, start.position - limits.upper), 0.0)
+    """Whether a plan keeps the limits; from a start outside the positions it must come back in."""
+    if np.any(position_violation(plan.end, limits) > POSITION_TOLERANCE_RAD):
+        return False
+    room = position_violation(start.position, limits)
     if room.any():
-        room = room + _RETURN_ROOM_RAD
+        room = np.where(room > 0.0, room + RETURN_ROOM_RAD, 0.0)
         limits = replace(limits, lower=limits.lower - room, upper=limits.upper + room)
     return excess(plan.times_s, plan.positions, plan.velocities, limits).within()

@@ -32,7 +32,7 @@ from intent_recognition.motion.retiming import (
     run,
     speed_limits,
 )
-from intent_recognition.motion.settings import DEFAULT_SETTINGS, PlanSettings
+from intent_recognition.motion.settings import DEFAULT_SETTINGS, PlanSettings, plan_step
 
 _N_ATTEMPTS = 8
 """Plans tried with a tighter and tighter budget before giving up. Convention: nearly all that can
@@ -180,9 +180,7 @@ def _attempt(
     budget: _Budget,
 ) -> tuple[JointPlan, Offset] | None:
     """A plan within the budget, and its offset; None where the path takes too long."""
-    step_s = settings.step_s
-    if nominal is not None:
-        step_s = max(step_s, nominal.duration_s / settings.target_samples)
+    step_s = plan_step(0.0 if nominal is None else nominal.duration_s, limits, settings)
     offset = _join(path, start, phase, limits, settings)
     bounds = _path_bounds(path, offset, limits, settings, budget.share)
     rate = min(phase.rate, largest_rate(bounds, phase.phase))

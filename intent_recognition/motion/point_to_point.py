@@ -20,11 +20,17 @@ from ruckig import (
 )
 
 from intent_recognition.errors import TrajectoryError, describe
-from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion.plan import JointPlan, JointReference, keeps_limits
+from intent_recognition.kinematics import POSITION_TOLERANCE_RAD, JointLimits, position_violation
+from intent_recognition.motion.plan import (
+    JointPlan,
+    JointReference,
+    keeps_limits,
+    position_range,
+)
 from intent_recognition.motion.settings import (
     DEFAULT_SETTINGS,
     PlanSettings,
+    plan_step,
     sample_times,
     scaled_limits,
 )
@@ -70,7 +76,7 @@ def home_plan(
         motion.target_position = target
         if not (start.velocity.any() or start.acceleration.any()):
             _make_straight(motion, target - start.position)
-        plan = _sampled(motion, settings, "home", 0.0)
+        plan = _sampled(motion, limits, settings, "home", 0.0)
         if keeps_limits(plan, start, limits):
             return replace(plan, clamped=clamped)
     return None
@@ -84,9 +90,9 @@ def brake_plan(
 ) -> JointPlan:
     """Brake all joints to a stand: together, or each on its own if it would leave its limits.
 
-    A last resort: it keeps the velocity and acceleration limits, but a joint already heading for
-    a position limit may end beyond it; such joints are listed in `clamped`. Joints that were
-    speeding up stop doing so at once.
+    It keeps the velocity and acceleration limits, but a joint already heading for a position
+    limit may pass it; such joints are listed in `outside`. Joints that were speeding up stop
+    doing so at once.
 
     Raises:
         TrajectoryError: the start holds NaN or infinity.
@@ -97,11 +103,13 @@ def brake_plan(
     motion.control_interface = ControlInterface.Velocity
     for synchronization in (Synchronization.Phase, Synchronization.No):
         motion.synchronization = synchronization
-        plan = _sampled(motion, settings, "stop", phase)
-        outside = np.flatnonzero((plan.end < limits.lower) | (plan.end > limits.upper))
+        plan = _sampled(motion, limits, settings, "stop", phase)
+        reached = np.stack(position_range(plan.times_s, plan.positions, plan.velocities))
+        allowed = position_violation(start.position, limits) + POSITION_TOLERANCE_RAD
+        outside = np.flatnonzero(position_violation(reached, limits).max(axis=0) > allowed)
         if not outside.size:
             break
-    return replace(plan, clamped=tuple(int(j) for j in outside))
+    return replace(plan, outside=tuple(int(j) for j in outside))
 
 
 def _input(
@@ -142,7 +150,9 @@ def _make_straight(motion: InputParameter, way: NDArray[np.float64]) -> None:
         setattr(motion, name, np.where(moves, rate * distance, limit))
 
 
-def _sampled(motion: InputParameter, settings: PlanSettings, kind: str, phase: float) -> JointPlan:
+def _sampled(
+    motion: InputParameter, limits: JointLimits, settings: PlanSettings, kind: str, phase: float
+) -> JointPlan:
     """Ruckig's motion as a plan.
 
     Raises:
@@ -158,7 +168,8 @@ def _sampled(motion: InputParameter, settings: PlanSettings, kind: str, phase: f
         ) from error
     if result not in (Result.Working, Result.Finished):
         raise TrajectoryError(describe("start", "a state to move from", result.name, cure))
-    times = sample_times(max(trajectory.duration, settings.step_s), settings)
+    duration_s = max(trajectory.duration, settings.step_s)
+    times = sample_times(duration_s, plan_step(duration_s, limits, settings))
     rows = [trajectory.at_time(time) for time in times]
     positions, velocities = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
     if motion.control_interface == ControlInterface.Position:

@@ -8,14 +8,18 @@ from numpy.typing import NDArray
 
 from intent_recognition.kinematics import JointLimits
 
+POSITION_MARGIN_RAD = 0.01
+"""Paths keep this far away from position limits [rad]. Convention: no cubic strays farther
+between its samples (`plan_step`)."""
+
 
 @dataclass(frozen=True)
 class PlanSettings:
     """How plans are made.
 
     Attributes:
-        step_s: time between samples of a plan [s]; longer motions get longer steps. Convention:
-            a cubic strays from a path of 8 rad/s^2 by 0.4 mrad at most.
+        step_s: time between samples of a plan [s]; longer motions get longer steps, see
+            `plan_step`. Convention: a cubic strays from a path of 8 rad/s^2 by 0.4 mrad at most.
         offset_share: share of the acceleration limit an offset may use. Convention: the path
             keeps more than half.
         offset_velocity_share: share of the velocity limit an offset may use. Likewise.
@@ -24,7 +28,7 @@ class PlanSettings:
         join_within_rad: the path waits until every joint of the offset is below this [rad].
             Convention: about 10 cm at the hand.
         max_rate_ratio: largest multiple of the predicted speed when catching up. Convention.
-        target_samples: the step grows so that the nominal duration has at most so many samples.
+        target_samples: the step grows so that the nominal duration has about so many samples.
             Convention: a message of 200 points.
     """
 
@@ -48,9 +52,18 @@ def scaled_limits(
     )
 
 
-def sample_times(duration_s: float, settings: PlanSettings) -> NDArray[np.float64]:
-    """Evenly spaced times from 0 to a duration, (T,) [s]."""
-    step_s = max(settings.step_s, duration_s / settings.target_samples)
+def plan_step(duration_s: float, limits: JointLimits, settings: PlanSettings) -> float:
+    """Time between the samples of a plan [s].
+
+    Longer for longer motions, but a cubic with the largest acceleration a strays from the line
+    between its samples by a h^2 / 8, which is to be less than `POSITION_MARGIN_RAD`.
+    """
+    longest_s = float(np.sqrt(8.0 * POSITION_MARGIN_RAD / limits.acceleration.max()))
+    return max(settings.step_s, min(duration_s / settings.target_samples, longest_s))
+
+
+def sample_times(duration_s: float, step_s: float) -> NDArray[np.float64]:
+    """Evenly spaced times from 0 to a duration, (T,) [s], at most step_s apart."""
     n = max(int(np.ceil(duration_s / step_s - 1e-9)), 1)
     return np.linspace(0.0, duration_s, n + 1)
 

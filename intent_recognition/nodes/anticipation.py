@@ -33,6 +33,10 @@ POSTURES = QoSProfile(
     reliability=QoSReliabilityPolicy.BEST_EFFORT,
 )
 """As sensor data; deep enough for the moment of onset, when a movement is filtered anew."""
+LARGEST_AHEAD_NS = 1_000_000_000
+"""A posture stamped farther than this ahead of both the clock and the posture before [ns] is
+dropped: all that came after it would seem to be late. Convention: clocks of a graph differ by
+less."""
 
 
 class PostureInput:
@@ -51,6 +55,7 @@ class PostureInput:
         self._estimator: IntentEstimator | None = None
         self._noted: tuple | None = None
         self._received = False
+        self._last_ns: dict[int, int] = {}
 
     def open(self, estimator: IntentEstimator, entries: Sequence[DofEntry]) -> None:
         """Subscribe to the controlled signals.
@@ -60,6 +65,7 @@ class PostureInput:
             entries: of the DOF file, in order.
         """
         self._estimator = estimator
+        self._last_ns.clear()
         for group, entry in enumerate(entries):
             raw = is_raw_pose(entry.topic, entry.type)
             self._subscriptions.append(
@@ -79,8 +85,12 @@ class PostureInput:
     def _take(self, group: int, entry: DofEntry, raw: bool, message: Any) -> None:
         self._diagnostics.tick(entry.topic)
         self._received = True
-        clock = self._node.get_clock()
-        stamp = stamp_ns(message) if hasattr(message, "header") else clock.now().nanoseconds
+        now_ns = self._node.get_clock().now().nanoseconds
+        stamp = stamp_ns(message) if hasattr(message, "header") else now_ns
+        if 0 < max(now_ns, self._last_ns.get(group, 0)) < stamp - LARGEST_AHEAD_NS:
+            self._diagnostics.reject("posture_in_future", f"{entry.topic} at {stamp} ns")
+            return
+        self._last_ns[group] = stamp
         try:
             values = extract(entry, message.pose if raw else message)
         except MessageError as error:

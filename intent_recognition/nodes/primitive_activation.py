@@ -85,7 +85,7 @@ class PrimitiveActivation(ManagedNode):
             )
 
     def activate(self) -> None:
-        """Begin to act, from a clean state."""
+        """Begin to act; nothing but the command in force is left from before."""
         if self.joint_names:
             self._set_joints(self.joint_names)
         self._publish_task()
@@ -160,18 +160,21 @@ class PrimitiveActivation(ManagedNode):
             return
         try:
             position = joint_values(message, self.joint_names)
-            velocity = np.zeros_like(position)
+            velocity = None
             if message.velocity:
                 velocity = joint_values(message, self.joint_names, "velocity")
         except IntentError as error:
             self.diagnostics.reject("joint_states_incomplete", str(error))
             return
-        if not (np.all(np.isfinite(position)) and np.all(np.isfinite(velocity))):
+        measured = position if velocity is None else np.stack([position, velocity])
+        if not np.all(np.isfinite(measured)):
             self.diagnostics.reject("joint_states_not_finite", "joint_states holds NaN or infinity")
         elif stamp_ns(message) == 0:
             self.diagnostics.reject("joint_states_zero_stamp", "joint_states without a stamp")
         else:
-            self.activation.take_joint_state(stamp_ns(message), position, velocity)
+            self.activation.take_joint_state(
+                stamp_ns(message), position, velocity, now_ns=self._now_ns()
+            )
 
     def _on_next_task(self, message: JointState) -> None:
         self.diagnostics.tick("intent/next_task")
@@ -270,14 +273,17 @@ class PrimitiveActivation(ManagedNode):
             self.activation.change(settings)
 
     def _set_joints(self, names: tuple[str, ...]) -> None:
-        """Fix the joints and start from a clean state.
+        """Fix the joints; for those of before, the command in force is not forgotten.
 
         Raises:
             IntentError: their limits are not known.
         """
         settings = self._settings.settings(names, self._starts)
         self._limits = settings.limits
-        self.activation = Activation(settings, self.diagnostics.reject)
+        if self.activation is None or names != self.joint_names:
+            self.activation = Activation(settings, self.diagnostics.reject)
+        else:
+            self.activation.change(settings)
         self.joint_names, self._builder = names, TrajectoryBuilder(names)
 
     def _now_ns(self) -> int:

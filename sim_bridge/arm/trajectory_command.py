@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import TrajectoryError, describe
-from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, JointLimits, position_violation
+from intent_recognition.kinematics import (
+    JOINT_NAMES,
+    LWR_LIMITS,
+    POSITION_TOLERANCE_RAD,
+    RATE_TOLERANCE,
+    JointLimits,
+    position_violation,
+)
 
 VELOCITY_TOLERANCE = 1e-6
 REASONS = (
@@ -26,6 +33,10 @@ REASONS = (
 )
 LONGEST_WAIT_S = 60.0
 """A trajectory that starts later [s] comes from a sender on another clock. Convention."""
+
+PUSHED_ROOM_RAD = 0.01
+"""A trajectory may begin so much farther outside the limits than the arm is now [rad]: it was
+planned from where the arm was. Convention: what an arm at rest moves in 0.2 s."""
 
 Rows = Sequence[Sequence[float]] | NDArray[np.float64]
 """One row of values per point of a trajectory, (n, n_joints)."""
@@ -70,6 +81,7 @@ class TrajectoryCommand:
         now_s: float = 0.0,
         joint_names: Sequence[str] = JOINT_NAMES,
         limits: JointLimits = LWR_LIMITS,
+        position: NDArray[np.float64] | None = None,
     ) -> "TrajectoryCommand":
         """Check a trajectory and sort its columns into the arm's joint order.
 
@@ -84,6 +96,8 @@ class TrajectoryCommand:
             joint_names: the arm's joints.
             limits: positions, velocities and accelerations must be inside; the mean speed
                 between points too.
+            position: where the arm is (n_joints,) [rad]: a joint that was pushed outside its
+                limits may come back from there, and must end inside.
 
         Raises:
             RejectedTrajectoryError: anything is wrong; its `reason` names the kind.
@@ -96,7 +110,8 @@ class TrajectoryCommand:
         qdd = _optional_rows("accelerations", accelerations, shape)
         qd = _smooth_velocities(times, q) if qd is None else qd[:, order]
         qdd = None if qdd is None else qdd[:, order]
-        _check_limits(times, q, qd if velocities is not None else None, qdd, limits, joint_names)
+        _check_positions(q, limits, joint_names, position)
+        _check_rates(times, q, qd if velocities is not None else None, qdd, limits, joint_names)
         if np.any(np.abs(qd[-1]) > VELOCITY_TOLERANCE):
             _reject("velocity_at_end", "velocities", "zero in the last point", qd[-1].tolist())
         if start_s is not None:
@@ -170,7 +185,23 @@ def _smooth_velocities(times: NDArray[np.float64], q: NDArray[np.float64]) -> ND
     return velocities
 
 
-def _check_limits(
+def _check_positions(
+    q: NDArray[np.float64],
+    limits: JointLimits,
+    names: Sequence[str],
+    position: NDArray[np.float64] | None,
+) -> None:
+    """Reject positions outside the limits, naming point and joint."""
+    bounds = f"[{limits.lower.round(4).tolist()}, {limits.upper.round(4).tolist()}] rad"
+    excess = position_violation(q, limits)
+    if position is not None:
+        pushed = position_violation(position, limits)
+        room = np.where(pushed > 0.0, pushed + PUSHED_ROOM_RAD, 0.0)
+        excess[:-1] = np.maximum(excess[:-1] - room, 0.0)
+    _check_excess("position", excess, q, bounds, names)
+
+
+def _check_rates(
     times: NDArray[np.float64],
     q: NDArray[np.float64],
     qd: NDArray[np.float64] | None,
@@ -178,20 +209,17 @@ def _check_limits(
     limits: JointLimits,
     names: Sequence[str],
 ) -> None:
-    """Reject a trajectory outside the limits, naming point and joint."""
-    excess = position_violation(q, limits)
-    bounds = f"[{limits.lower.round(4).tolist()}, {limits.upper.round(4).tolist()}] rad"
-    _check_excess("position", excess, q, bounds, names)
+    """Reject a trajectory too fast or too sharp, naming point and joint."""
     if qd is None:
         qd = np.zeros_like(q)
     means = np.zeros_like(q)
     means[1:] = np.diff(q, axis=0) / np.diff(times)[:, None]
     for speeds in (qd, means):
-        excess = np.maximum(np.abs(speeds) - limits.velocity * (1.0 + 1e-6), 0.0)
+        excess = np.maximum(np.abs(speeds) - limits.velocity * (1.0 + RATE_TOLERANCE), 0.0)
         bound = f"speeds up to {limits.velocity.round(4).tolist()} rad/s"
         _check_excess("velocity", excess, speeds, bound, names)
     if qdd is not None:
-        excess = np.maximum(np.abs(qdd) - limits.acceleration * (1.0 + 1e-6), 0.0)
+        excess = np.maximum(np.abs(qdd) - limits.acceleration * (1.0 + RATE_TOLERANCE), 0.0)
         bound = f"accelerations up to {limits.acceleration.tolist()} rad/s^2"
         _check_excess("acceleration", excess, qdd, bound, names)
 
@@ -203,7 +231,7 @@ def _check_excess(
     expected: str,
     names: Sequence[str],
 ) -> None:
-    if np.any(excess > 1e-9):
+    if np.any(excess > POSITION_TOLERANCE_RAD):
         k, joint = divmod(int(np.argmax(excess)), excess.shape[1])
         _reject(
             f"outside_{kind}_limits",

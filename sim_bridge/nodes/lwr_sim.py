@@ -270,6 +270,7 @@ class LwrSim(Node):
             start_s=self._start_s(Time.from_msg(message.header.stamp).nanoseconds),
             now_s=self.arm.time_s,
             limits=self.arm.limits,
+            position=self.arm.state().q,
         )
 
     def _start_s(self, stamp_ns: int) -> float | None:

@@ -6,14 +6,17 @@ import pytest
 from activation_world import (
     HOME,
     LABELS,
+    LIMITS,
     START_NS,
     STEP_NS,
     World,
     prediction,
 )
 
+from intent_recognition.activation.settings import Command
 from intent_recognition.activation.states import Mode
 from intent_recognition.errors import IntentError
+from intent_recognition.motion import JointPlan
 
 
 def test_stale_or_missing_joint_states_start_nothing():
@@ -188,3 +191,132 @@ def test_a_clock_that_goes_back_starts_over():
     world.run_until(Mode.EXECUTING)
     assert world.activation.step(world.now_ns - 10_000_000_000) is None
     assert world.activation.mode is Mode.IDLE and "clock_jumped_back" in world.rejected
+
+
+@pytest.mark.parametrize("ahead_s", [0.02, 0.5, 0.999, 5.0, 1e6])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_joint_state_from_the_future_blocks_nothing(ahead_s, first):
+    world = World()
+    if not first:
+        world.run(0.1)
+    stamp_ns = world.now_ns + round(ahead_s * 1e9)
+    world.activation.take_joint_state(stamp_ns, HOME, np.zeros(7), now_ns=world.now_ns)
+    assert ("joint_state_in_future" in world.rejected) == (ahead_s > 1.0)
+    world.rejected.clear()
+    world.begin("plate")
+    world.run(0.1)
+    assert world.activation.mode is Mode.EXECUTING
+    assert world.rejected == []
+
+
+@pytest.mark.parametrize("skew_s", [-0.9, -0.3, 0.3, 0.9])
+def test_an_arm_whose_clock_is_off_is_not_stale(skew_s):
+    world = World()
+    world.measures = False
+    world.begin("plate")
+    for _ in range(10):
+        now_ns = world.now_ns + STEP_NS
+        stamp_ns = now_ns + round(skew_s * 1e9)
+        world.activation.take_joint_state(stamp_ns, HOME, np.zeros(7), now_ns=now_ns)
+        world.step()
+    assert world.activation.mode is Mode.EXECUTING
+
+
+def test_late_joint_states_are_counted_and_change_nothing():
+    world = World()
+    world.run(0.1)
+    for late_ns in (0, 1, STEP_NS, 10**9):
+        world.activation.take_joint_state(world.now_ns - late_ns, HOME + 1.0, now_ns=world.now_ns)
+    assert world.rejected == ["joint_state_not_increasing"] * 4
+    world.begin("plate")
+    world.run(0.1)
+    np.testing.assert_allclose(world.commands[0].plan.positions[0], HOME, atol=1e-12)
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.02, 0.1])
+def test_what_comes_after_a_halt_goes_on_from_the_braking_arm(after_s):
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.6)
+    world.commands.append(world.activation.halt(world.now_ns))
+    n = len(world.commands)
+    world.task = "idle"
+    world.run(after_s)
+    world.begin("screw", already_s=0.4)
+    world.run_until(Mode.EXECUTING)
+    first = world.commands[n]
+    assert after_s > 0.0 or first.start_ns < world.commands[n - 1].end_ns
+    world.run_until(Mode.IDLE)
+    world.check_continuous()
+
+
+def drift(world, speed_rad_s, seconds, position=HOME):
+    """An arm without measured velocities that others move."""
+    world.measures = False
+    for k in range(round(seconds * 1e9 / STEP_NS)):
+        q = position + speed_rad_s * k * STEP_NS * 1e-9
+        world.activation.take_joint_state(world.now_ns + STEP_NS, q)
+        world.step()
+    return position + speed_rad_s * seconds
+
+
+def test_without_velocities_a_moving_arm_starts_nothing_and_a_resting_one_soon():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    q = drift(world, 0.5, 0.5)
+    assert world.commands == [] and "arm_moving" in world.rejected
+    drift(world, 0.0, 0.2, q)
+    assert world.activation.mode is Mode.EXECUTING
+    np.testing.assert_allclose(world.commands[0].plan.positions[0], q, atol=1e-9)
+
+
+def test_without_velocities_two_joint_states_far_apart_are_no_rest():
+    world = World()
+    world.begin("plate")
+    world.measures = False
+    world.activation.take_joint_state(world.now_ns, HOME)
+    world.run(0.4)
+    world.activation.take_joint_state(world.now_ns, HOME)
+    world.run(0.1)
+    assert world.commands == [] and "arm_moving" in world.rejected
+
+
+@pytest.mark.parametrize("moved_rad", [0.06, 0.2, 0.35])
+def test_an_arm_at_rest_moved_by_less_than_a_tracking_error_is_where_it_is(moved_rad):
+    world = World()
+    world.begin("plate")
+    world.run_until(Mode.HOMING)
+    world.task = "idle"
+    world.run_until(Mode.IDLE)
+    world.run(1.0)
+    n = len(world.commands)
+    world.push = np.full(7, -moved_rad)
+    world.begin("screw")
+    world.run_until(Mode.EXECUTING)
+    np.testing.assert_allclose(world.commands[n].plan.positions[0], HOME - moved_rad, atol=1e-9)
+
+
+def test_a_slowly_moving_arm_is_not_at_rest():
+    world = World()
+    world.measures = False
+    world.begin("plate")
+    for _ in range(20):
+        world.activation.take_joint_state(world.now_ns + STEP_NS, HOME, np.full(7, 0.1))
+        world.step()
+    assert world.commands == [] and "arm_moving" in world.rejected
+
+
+def test_a_plan_that_brakes_as_hard_as_it_may_before_a_limit_is_left_to_end():
+    """Limited jerk would need a longer way to a stand than there is."""
+    world, joint = World(), np.eye(7)[1]
+    speed, deceleration = 0.5 * LIMITS.velocity[1], LIMITS.acceleration[1]
+    t = np.linspace(0.0, speed / deceleration, 20)
+    end = HOME + joint * (LIMITS.upper[1] - HOME[1])
+    left = t[-1] - t
+    q = end - np.outer(deceleration * left**2 / 2.0, joint)
+    v = np.outer(deceleration * left, joint)
+    plan = JointPlan(t, q, v, np.zeros(20), np.zeros(20), "interaction")
+    world.activation._arm.send(world.now_ns, Command(world.now_ns, plan))
+    assert world.activation.halt(world.now_ns) is None
+    assert world.activation._arm.in_force().plan is plan

@@ -155,6 +155,22 @@ def test_bad_joint_states_are_counted_and_harm_nothing(harness, model, path, tru
     assert graph.node._diagnostics.report().level == b"\x00"
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_a_posture_from_the_future_does_not_shut_out_the_others(harness, model, path, truth, first):
+    graph = Graph(harness, path)
+    start = start_mean(model.library, 1) + 0.003
+    observations = movement(truth, 1)
+    graph.feed([] if first else observations[:5], lambda stamp: start)
+    future_ns = graph.node.get_clock().now().nanoseconds + 10**12
+    message = to_joint_state(list(ROBOT.joints), start, time_ns=future_ns)
+    graph.send(graph.arm, message, ROBOT.topic)
+    graph.feed(observations[0 if first else 5 :], lambda stamp: start)
+    assert graph.rejected("posture_in_future") == 1
+    assert graph.rejected("posture_stamp_not_increasing") == 0
+    values = {v.key: v.value for v in graph.node._diagnostics.report().values}
+    assert values["start posture"] == POSTURE_USED
+
+
 def test_the_next_task_is_published_when_a_movement_ends(harness, model, path, truth):
     graph = Graph(harness, path)
     harness.spin_until(lambda: graph.next, what="the first expectation")

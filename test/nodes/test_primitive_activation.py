@@ -451,3 +451,49 @@ def test_wrong_parameters_are_errors_at_start(harness, wrong):
     overrides = [Parameter(name, value=value) for name, value in wrong.items()]
     with pytest.raises(ArgumentError):
         PrimitiveActivation(parameter_overrides=overrides)
+
+
+def test_activated_again_it_goes_on_from_the_braking_arm(graph):
+    graph.begin(already_s=0.1)
+    graph.until(lambda: graph.mode == "executing")
+    graph.until(lambda: np.abs(graph.arm() - HOME).max() > 0.02)
+    n = len(graph.commands)
+    graph.node.trigger_deactivate()
+    graph.harness.spin_until(lambda: len(graph.commands) > n, what="the brake")
+    graph.node.trigger_activate()
+    graph.task = "idle"
+    graph.step()
+    graph.begin("screw", already_s=0.2)
+    graph.until(lambda: graph.mode == "executing")
+    check_commands(graph.commands)
+
+
+def test_a_joint_state_without_velocities_is_no_arm_at_rest(graph):
+    graph.begin(already_s=0.1)
+
+    def measured(position):
+        message = to_joint_state(JOINT_NAMES, position, time_ns=graph.now_ns)
+        graph.send(graph.joints, message, "joint_states")
+        graph.send_prediction()
+        graph.send_tasks()
+
+    for k in range(20):
+        graph.tick()
+        measured(HOME + 0.01 * k)
+    assert not graph.commands and graph.rejected("arm_moving") > 0
+    for _ in range(10):
+        graph.tick()
+        measured(HOME + 0.2)
+    graph.harness.spin_until(lambda: graph.commands, what="a command once the arm rests")
+    np.testing.assert_allclose(trajectory_arrays(graph.commands[0])[1][0], HOME + 0.2)
+
+
+@pytest.mark.parametrize("ahead_ns", [500_000_000, 10**12])
+def test_a_joint_state_from_the_future_does_not_block_the_arm(harness, ahead_ns):
+    graph = Graph(harness, joint_names=list(JOINT_NAMES))
+    message = to_joint_state(JOINT_NAMES, HOME, np.zeros(7), time_ns=graph.now_ns + ahead_ns)
+    graph.send(graph.joints, message, "joint_states")
+    graph.begin()
+    graph.until(lambda: graph.mode == "executing", longest_s=0.5)
+    assert graph.rejected("joint_state_not_increasing") == 0
+    assert graph.rejected("joint_state_in_future") == (ahead_ns > 10**9)

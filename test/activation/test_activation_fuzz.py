@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Random faults around the activation: whatever happens, its commands are safe to execute.
+
+Run as a program it takes so many steps as it is told, each 2500 of another seed
+(docs/reliability.md).
+"""
+
+import sys
+
+import numpy as np
+import pytest
+
+from intent_recognition.activation import (
+    Activation,
+    ActivationSettings,
+    Mode,
+    PredictedInteraction,
+    PretriggerSettings,
+)
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
+from intent_recognition.motion import make_path, scaled_limits
+from sim_bridge.arm import TrajectoryCommand
+
+LIMITS = scaled_limits(LWR_LIMITS)
+LABELS = ("plate", "screw", "none")
+HOME = np.array([-0.07, -0.58, -0.47, 1.6, -0.39, 0.94, 0.5])
+START_NS = 1_000_000_000_000
+STEPS = 2500
+RETURN_ROOM_RAD = 1e-3
+"""How much farther out a joint may go that was pushed past a limit."""
+MOVED_RAD = 0.05
+"""An arm that is nearer to its reference than this was not moved by others."""
+SHARES = np.linspace(0.0, 1.0, 13)[:, None, None]
+
+
+class Fuzz:
+    """An arm that executes the commands, an estimator and people who do what they like."""
+
+    def __init__(self, seed):
+        self.rng = rng = np.random.default_rng(seed)
+        start = HOME + rng.uniform(-0.2, 0.2, 7)
+        self.rejected = []
+        self.settings = ActivationSettings(
+            limits=LIMITS,
+            home=HOME if rng.random() < 0.7 else None,
+            pretrigger=PretriggerSettings(0.5, 3.0, {"plate": HOME + 0.3, "screw": HOME - 0.2}),
+        )
+        self.activation = Activation(
+            self.settings, lambda reason, text: self.rejected.append(reason)
+        )
+        self.now_ns = START_NS
+        self.commands, self.n_commands = [], 0
+        self.rest, self.push = start, np.zeros(7)
+        self.pushed_at_ns = self.moving_ns = 0
+        self.task, self.onset_ns, self.shape = "idle", 0, None
+        self.speaks = self.measures = True
+        self.has_velocity = rng.random() < 0.6
+        self.last_q = start
+        self.modes = set()
+
+    def reference(self, time_ns):
+        """Position and velocity the controller is at, by the commands sent to it alone."""
+        for command in reversed(self.commands):
+            if time_ns >= command.start_ns:
+                return hermite(command.plan, (time_ns - command.start_ns) * 1e-9)
+        return self.rest, np.zeros(7)
+
+    def arm(self):
+        """Where the arm is, and its velocity."""
+        q, v = self.reference(self.now_ns)
+        return q + self.push, v
+
+    def step(self):
+        rng = self.rng
+        self.now_ns += int(rng.choice([2e6, 1e7, 1e7, 2e7, 4e7]))
+        if rng.random() < 0.005:
+            self.now_ns += int(rng.uniform(0.1e9, 3e9))
+        if rng.random() < 0.03:
+            self.happen()
+        if self.measures:
+            self.measure()
+        if self.speaks:
+            self.speak()
+        self.take(self.activation.step(self.now_ns))
+        self.modes.add(self.activation.mode)
+
+    def happen(self):
+        """One of the things that can happen."""
+        rng = self.rng
+        (kind,) = rng.choice(
+            ["task"] * 8
+            + ["push"] * 2
+            + ["release"] * 3
+            + ["speaks", "measures", "velocity", "halt", "reset", "settings", "clock", "next"],
+            1,
+        )
+        if kind == "task":
+            self.task = str(rng.choice(["plate", "screw", "none", "idle", "idle"]))
+            self.onset_ns = self.now_ns - round(rng.uniform(0.1, 1.0) * 1e9)
+            self.shape = self.draw_shape()
+        elif kind == "push":
+            size = rng.choice([0.003, 0.04, 0.3, 0.8, 3.0])
+            self.push = rng.uniform(-size, size, 7) * (rng.random(7) < 0.4)
+        elif kind == "release":
+            self.push = np.zeros(7)
+            self.speaks = self.measures = True
+        elif kind in ("speaks", "measures"):
+            setattr(self, kind, False)
+        elif kind == "velocity":
+            self.has_velocity = not self.has_velocity
+        elif kind == "halt":
+            self.take(self.activation.halt(self.now_ns))
+        elif kind == "reset":
+            self.take(self.activation.reset(self.now_ns))
+        elif kind == "settings":
+            home = HOME + rng.uniform(-0.3, 0.3, 7)
+            if self.activation.mode is Mode.IDLE:
+                self.activation.change(
+                    ActivationSettings(
+                        limits=LIMITS,
+                        home=home,
+                        return_home=bool(rng.random() < 0.8),
+                        lead_s=float(rng.choice([0.0, 0.02, 0.05, 0.1])),
+                        pretrigger=self.settings.pretrigger,
+                    )
+                )
+        elif kind == "clock" and rng.random() < 0.3:
+            self.rest, self.commands = self.arm()[0], []
+            self.push = np.zeros(7)
+            self.now_ns -= int(rng.uniform(1e9, 1e11))
+            self.onset_ns = self.now_ns
+            assert self.activation.step(self.now_ns) is None
+        elif kind == "next":
+            p = np.array([0.8, 0.15, 0.05]) if rng.random() < 0.5 else np.array([0.1, 0.8, 0.1])
+            self.activation.pretrigger.take_expectation(self.now_ns, LABELS, p)
+
+    def draw_shape(self):
+        """A way to somewhere, also outside the limits, slow or too fast, of few points or many."""
+        rng = self.rng
+        n = int(rng.choice([3, 8, 50, 200]))
+        s = np.linspace(0.0, 1.0, n)[:, None]
+        blend = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        size = rng.choice([0.1, 0.4, 1.0, 3.0])
+        duration_s = float(rng.choice([0.4, 1.0, 2.0, 2.0, 4.0, 40.0]))
+        at, width = rng.uniform(0.2, 0.8, 7), rng.uniform(0.5, 2.0, 7) / duration_s
+        via = rng.normal(0.0, size, 7) * np.exp(-0.5 * ((s - at) / width) ** 2)
+        q = HOME + blend * rng.normal(0.0, size, 7) + (via if rng.random() < 0.5 else 0.0)
+        return s[:, 0] * duration_s, q
+
+    def measure(self):
+        """A joint state, at times with a stamp or velocity that is wrong."""
+        rng, (q, v) = self.rng, self.arm()
+        if self.push.any() and rng.random() < 0.2:
+            self.push = self.push + rng.normal(0.0, 2e-4, 7)
+        if rng.random() < 0.02:
+            wrong_s = rng.choice([-100.0, -0.3, -0.02, 0.3, 0.9, 5.0, 1e6])
+            self.take_joints(self.now_ns + round(wrong_s * 1e9), q, v)
+        else:
+            self.take_joints(self.now_ns, q, v)
+        self.last_q = q
+
+    def take_joints(self, stamp_ns, q, v):
+        velocity = v if self.has_velocity else None
+        self.activation.take_joint_state(stamp_ns, q, velocity, now_ns=self.now_ns)
+
+    def speak(self):
+        """What the estimator believes now."""
+        rng = self.rng
+        p = np.full(3, 0.02)
+        p[LABELS.index("none" if self.task == "idle" else self.task)] = 0.96
+        if self.task == "idle":
+            p = np.array([0.0, 0.0, 1.0])
+        elif rng.random() < 0.05:
+            p = rng.dirichlet(np.ones(3))
+        self.activation.take_tasks(self.now_ns, self.now_ns, LABELS, p)
+        if self.task in ("plate", "screw") and rng.random() < 0.3:
+            times, q = self.shape
+            q = q + rng.normal(0.0, 0.004, 7) * np.linspace(0.0, 1.0, len(q))[:, None]
+            path = make_path(times * (1.0 + rng.normal(0.0, 0.01)), q, LIMITS)
+            self.activation.take_prediction(
+                self.now_ns, PredictedInteraction(self.task, self.onset_ns, path, {"rad": 0.1})
+            )
+
+    def take(self, command):
+        """Execute a command, after a look at whether that is safe."""
+        if command is None:
+            return
+        self.n_commands += 1
+        q, v = check_curve(command.plan)
+        assert command.start_ns >= self.now_ns
+        before_q, before_v = self.reference(command.start_ns)
+        same = np.abs(q - before_q).max() <= 1e-9 and np.abs(v - before_v).max() <= 1e-8
+        if self.commands:
+            assert command.start_ns >= self.commands[-1].start_ns
+        if not same:  # then from the arm, at rest, where others moved it
+            assert not v.any() and not self.reference(self.now_ns)[1].any()
+            np.testing.assert_allclose(q, self.last_q, atol=1e-9)
+            moved = np.abs(self.last_q - before_q).max() > MOVED_RAD
+            assert moved or not self.commands
+            self.rest, self.push, self.commands = q, np.zeros(7), []
+        command_of(command.plan, self.last_q)
+        self.commands = [*self.commands[-3:], command]
+
+
+def hermite(plan, time_s):
+    """Position and velocity of a plan's cubics, from the definition of Hermite's polynomials."""
+    t = plan.times_s
+    if time_s >= t[-1]:
+        return plan.positions[-1], np.zeros(7)
+    i = min(int(np.searchsorted(t, time_s, side="right")) - 1, len(t) - 2)
+    h = t[i + 1] - t[i]
+    ends = plan.positions[i], plan.positions[i + 1], plan.velocities[i], plan.velocities[i + 1]
+    return cubic((time_s - t[i]) / h, h, *ends)[:2]
+
+
+def cubic(x, h, q0, q1, v0, v1):
+    """Position, velocity and acceleration at the share x of an interval h."""
+    return (
+        (2 * x**3 - 3 * x**2 + 1) * q0
+        + (x**3 - 2 * x**2 + x) * h * v0
+        + (-2 * x**3 + 3 * x**2) * q1
+        + (x**3 - x**2) * h * v1,
+        6 * (x**2 - x) / h * (q0 - q1) + (3 * x**2 - 4 * x + 1) * v0 + (3 * x**2 - 2 * x) * v1,
+        (12 * x - 6) / h**2 * (q0 - q1) + (6 * x - 4) / h * v0 + (6 * x - 2) / h * v1,
+    )
+
+
+def check_curve(plan):
+    """Inside all limits everywhere, to rest inside them; returns its first position, velocity."""
+    h = np.diff(plan.times_s)[:, None]
+    assert np.all(h > 0.0) and np.all(np.isfinite(plan.positions))
+    ends = plan.positions[:-1], plan.positions[1:], plan.velocities[:-1], plan.velocities[1:]
+    q, v, a = cubic(SHARES, h, *ends)
+    first, last = plan.positions[0], plan.positions[-1]
+    outside = np.maximum(np.maximum(LIMITS.lower - first, first - LIMITS.upper), 0.0)
+    room = np.where(outside > 0.0, outside + RETURN_ROOM_RAD, 0.0) + 1e-9
+    assert np.all(q >= LIMITS.lower - room) and np.all(q <= LIMITS.upper + room)
+    if plan.kind != "stop" or not outside.any():
+        assert np.all(last >= LIMITS.lower - 1e-9) and np.all(last <= LIMITS.upper + 1e-9)
+    assert np.all(np.abs(v) <= LIMITS.velocity * (1.0 + 2e-6))
+    assert np.all(np.abs(a) <= LIMITS.acceleration * (1.0 + 2e-6))
+    assert not plan.velocities[-1].any()
+    return first, plan.velocities[0]
+
+
+def command_of(plan, position):
+    """What the simulated arm makes of a plan; raises if it does not take it."""
+    return TrajectoryCommand.validated(
+        JOINT_NAMES, plan.times_s, plan.positions, plan.velocities, position=position
+    )
+
+
+def run(seed, steps=STEPS):
+    """So many random steps, ending at rest once nothing happens any more."""
+    fuzz = Fuzz(seed)
+    for _ in range(steps):
+        fuzz.step()
+    end_ns = fuzz.commands[-1].end_ns if fuzz.commands else 0
+    assert not fuzz.reference(max(end_ns, fuzz.now_ns))[1].any()
+    return fuzz
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_faults_never_make_an_unsafe_command(seed):
+    fuzz = run(seed)
+    assert fuzz.n_commands > 20
+    assert {Mode.IDLE, Mode.EXECUTING, Mode.HOMING, Mode.STOPPED} <= fuzz.modes
+
+
+if __name__ == "__main__":
+    n_seeds = int(sys.argv[1]) // STEPS
+    total = sum(run(seed).n_commands for seed in range(100, 100 + n_seeds))
+    print(f"{n_seeds * STEPS} steps, {total} commands, all safe")
