@@ -12,7 +12,7 @@ from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.output import check_output, write_json
 from intent_recognition.cli.recordings import add_recording_options, read_all, training_settings
-from intent_recognition.cli.rejections import print_dropped, print_left_out
+from intent_recognition.cli.rejections import print_doubtful, print_dropped, print_left_out
 from intent_recognition.cli.unlabelled import (
     add_unlabelled_options,
     find_components,
@@ -23,7 +23,11 @@ from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds
 from intent_recognition.recognition import DecisionSettings
-from intent_recognition.signals import Demonstration
+from intent_recognition.signals import Demonstration, Rejection, StreamFinding
+
+PROTOCOLS = ("loo", "kfold:K", "logo:KEY", "temporal[:F]", "holdout:FOLDER")
+ONLINE = ("recognised", "acted_on", "wrongly_acted_on", "median_share_at_decision")
+NO_LABEL = "it has no label `task`"
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -40,7 +44,11 @@ def add_parser(subparsers: Subparsers) -> None:
             ),
             (
                 "learn from one folder, score on another",
-                "intent evaluate bags/toolbox/train --protocol holdout:bags/toolbox/test",
+                "intent evaluate bags/toolbox/train --test bags/toolbox/test",
+            ),
+            (
+                "leave one person out at a time, by the key `person` of custom_data",
+                "intent evaluate demos --protocol logo:person",
             ),
         ),
     )
@@ -48,9 +56,16 @@ def add_parser(subparsers: Subparsers) -> None:
     scored = parser.add_argument_group("what is scored")
     scored.add_argument(
         "--protocol",
-        default="loo",
-        metavar="loo|kfold:K|holdout:F",
-        help="leave one out, K folds by index modulo K, or a folder to test on (default: loo)",
+        metavar="|".join(PROTOCOLS),
+        help="leave one recording out; K folds by index modulo K; leave one group out, by a key of"
+        " custom_data; train on the first share F (0.7 without it) of each task's recordings, by"
+        " name; or test on a folder (default: loo)",
+    )
+    scored.add_argument(
+        "--test",
+        type=Path,
+        metavar="FOLDER",
+        help="train on BAG and test on this folder, as --protocol holdout:FOLDER does",
     )
     scored.add_argument(
         "--start-posture",
@@ -81,10 +96,9 @@ def run(args: argparse.Namespace) -> int:
     wanted = n_components(args)
     dofs = load_dofs(args.dofs)
     recorded, rejections = read_all(args.bags, dofs, console)
-    protocol, _, holdout = args.protocol.partition(":")
     held_out: list[Demonstration] = []
-    if protocol == "holdout" and holdout:
-        held_out, more = read_all([Path(holdout)], dofs, console)
+    if (test := _test_folder(args)) is not None:
+        held_out, more = read_all([test], dofs, console)
         rejections += more
     mixture = {}
     if args.unlabelled:
@@ -93,9 +107,14 @@ def run(args: argparse.Namespace) -> int:
         if not _labelled(recorded):
             return _finish_unlabelled(args, mixture, len(found.demonstrations), rejections, console)
     unlabelled = [d.name for d in recorded + held_out if d.task is None]
-    usable, folds = _split(args.protocol, _labelled(recorded), _labelled(held_out))
-    print_left_out(console, rejections)
-    print_left_out(console, [f"{name}: it has no label `task`" for name in unlabelled])
+    unread: list[Rejection | StreamFinding]
+    unread = [*rejections, *(StreamFinding(name, NO_LABEL) for name in unlabelled)]
+    print_left_out(console, unread)
+    usable = _labelled(recorded) + _labelled(held_out)
+    if test is None:
+        folds = make_folds(usable, args.protocol or "loo")
+    else:
+        folds = _train_and_test(len(_labelled(recorded)), len(usable))
     print_dropped(console, usable)
     with progress_bar(console) as bar:
         unknown = args.unknown_tasks == "on" and len({d.task for d in usable}) > 1
@@ -110,7 +129,9 @@ def run(args: argparse.Namespace) -> int:
             unknown_tasks=unknown,
             progress=lambda done: bar.update(task, completed=done),
         )
-    result |= mixture
+    print_left_out(console, [*map(_line, result["left_out"])])
+    print_doubtful(console, [*map(_line, result["doubtful"])])
+    result |= {"left_out": [*map(_as_json, unread), *result["left_out"]]} | mixture
     print_result(console, result)
     if args.json:
         write_json(args.json, result, indent=2)
@@ -138,27 +159,47 @@ def _labelled(demonstrations: list[Demonstration]) -> list[Demonstration]:
     return [d for d in demonstrations if d.task is not None]
 
 
-def _split(
-    protocol: str, usable: list[Demonstration], held_out: list[Demonstration]
-) -> tuple[list[Demonstration], list[Fold]]:
-    """All recordings, and the indices to train and to test on."""
-    if not protocol.startswith("holdout:") or protocol == "holdout:":
-        return usable, make_folds(len(usable), protocol)
-    if not held_out or not usable:
+def _test_folder(args: argparse.Namespace) -> Path | None:
+    """The folder to test on, None for a protocol that divides the recordings.
+
+    Raises:
+        ArgumentError: both `--test` and `--protocol` are given.
+    """
+    protocol, _, folder = (args.protocol or "").partition(":")
+    if args.test is None:
+        return Path(folder) if protocol == "holdout" and folder else None
+    if args.protocol is not None:
+        raise ArgumentError(
+            describe("--test", "no --protocol beside it", args.protocol, "Leave one of them out.")
+        )
+    return args.test
+
+
+def _train_and_test(n_train: int, n: int) -> list[Fold]:
+    """One fold: the first n_train recordings to train on, the others to test on."""
+    if not 0 < n_train < n:
         raise ArgumentError(
             describe(
                 "--protocol",
                 "labelled recordings to train and to test on",
-                f"{len(usable)} and {len(held_out)}",
+                f"{n_train} and {n - n_train}",
                 "Check labels and folder.",
             )
         )
-    n = len(usable)
-    return usable + held_out, [(list(range(n)), list(range(n, n + len(held_out))))]
+    return [(list(range(n_train)), list(range(n_train, n)))]
+
+
+def _line(faulty: dict[str, str]) -> str:
+    return f"{faulty['recording']}: {faulty['reason']}"
+
+
+def _as_json(left_out: Rejection | StreamFinding) -> dict[str, str]:
+    name = left_out.name if isinstance(left_out, StreamFinding) else Path(left_out.path).name
+    return {"recording": name, "reason": left_out.reason}
 
 
 def print_result(console: Console, result: dict) -> None:
-    """Two tables for each kind of phase: recognition and prediction."""
+    """Tables of recognition, prediction and decision."""
     console.print(
         f"{result['n_demonstrations']} demonstrations of {', '.join(result['tasks'])};"
         f" errors in {result['unit']}",
@@ -176,7 +217,20 @@ def print_result(console: Console, result: dict) -> None:
                 cells = [_cell(values[name]) for name in names]
                 table.add_row(f"{float(fraction):.0%}", *cells)
             console.print(table)
+    print_online(console, result["online"])
     _print_none(console, result["none"])
+
+
+def print_online(console: Console, online: dict) -> None:
+    """One table: what the nodes would have done."""
+    table = Table(title="online: onset, filter and decision, as the nodes run them")
+    table.add_column("phase")
+    for name in ONLINE:
+        table.add_column(name.replace("_", " "), justify="right")
+    for phase, row in online.items():
+        cells = ["-" if row[name] is None else f"{row[name]:.1%}" for name in ONLINE]
+        table.add_row(phase.removesuffix("_phase"), *cells)
+    console.print(table)
 
 
 def _print_none(console: Console, none: dict) -> None:

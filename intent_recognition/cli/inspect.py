@@ -11,9 +11,16 @@ from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
+from intent_recognition.cli.inspect_streams import print_faults, stream_faults
 from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.output import print_json
-from intent_recognition.demonstrations import BagSummary, find_bags, inspect_bag
+from intent_recognition.demonstrations import (
+    BagSummary,
+    DofSpec,
+    find_bags,
+    inspect_bag,
+    load_dofs,
+)
 from intent_recognition.errors import BagError, describe
 from intent_recognition.model import load_model
 
@@ -37,6 +44,12 @@ def add_parser(subparsers: Subparsers) -> None:
         ),
     )
     parser.add_argument("path", type=Path, metavar="BAG|MODEL", help="bag, folder, or model file")
+    parser.add_argument(
+        "--dofs",
+        type=Path,
+        metavar="F",
+        help="DOF file: check the streams it names (default: all tracked bodies and joint_states)",
+    )
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
     parser.set_defaults(run=run)
 
@@ -56,21 +69,26 @@ def run(args: argparse.Namespace) -> int:
         else:
             print_model(console, args.path, model)
         return 0
+    dofs = None if args.dofs is None else load_dofs(args.dofs)
     bags = find_bags(args.path)
     if not bags:
         raise BagError(describe(str(args.path), "recordings", "none in this folder", CURE))
     if bags == [args.path]:
         with busy(Console(stderr=True), "reading"):
             summary = inspect_bag(args.path)
+            faults = stream_faults([(args.path, summary)], args.path.parent, dofs)
         if args.json:
-            print_json(bag_json(summary))
+            print_json(bag_json(summary) | {"streams": [f.reason for f in faults[args.path]]})
         else:
             print_bag(console, summary)
+            print_faults(console, faults)
         return 0
-    return _inspect_folder(console, args.path, bags, args.json)
+    return _inspect_folder(console, args.path, bags, dofs, args.json)
 
 
-def _inspect_folder(console: Console, root: Path, bags: list[Path], as_json: bool) -> int:
+def _inspect_folder(
+    console: Console, root: Path, bags: list[Path], dofs: DofSpec | None, as_json: bool
+) -> int:
     """One line (or JSON object) per bag; an unreadable bag gets one too, and exit code 1."""
     found: list[tuple[Path, BagSummary | BagError]] = []
     stderr = Console(stderr=True)
@@ -81,10 +99,11 @@ def _inspect_folder(console: Console, root: Path, bags: list[Path], as_json: boo
             found.append((bag, inspect_bag(bag)))
         except BagError as error:
             found.append((bag, error))
+    faults = stream_faults(found, root, dofs)
     if as_json:
         print_json(
             [
-                bag_json(got)
+                bag_json(got) | {"streams": [f.reason for f in faults[bag]]}
                 if isinstance(got, BagSummary)
                 else {"path": str(bag), "error": str(got)}
                 for bag, got in found
@@ -92,4 +111,5 @@ def _inspect_folder(console: Console, root: Path, bags: list[Path], as_json: boo
         )
     else:
         print_folder(console, root, found)
+        print_faults(console, faults)
     return int(any(isinstance(got, BagError) for _, got in found))

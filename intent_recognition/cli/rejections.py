@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from rich.console import Console
 
 from intent_recognition.model import FromBags
-from intent_recognition.signals import Demonstration
+from intent_recognition.signals import Demonstration, stream_doubts
 
 
 def print_left_out(
@@ -23,6 +23,15 @@ def print_left_out(
     lines = [f"left out {item}" for item in left_out]
     if n_left_out is not None and n_left_out > len(lines):
         lines.append(f"left out {n_left_out - len(lines)} more")
+    _print_lines(console, lines)
+
+
+def print_doubtful(console: Console, doubtful: Sequence[object]) -> None:
+    """Print what was used but may be wrong, a line for each."""
+    _print_lines(console, [f"doubtful {item}" for item in doubtful])
+
+
+def _print_lines(console: Console, lines: Sequence[str]) -> None:
     for text in lines:
         console.print(text, style="yellow", highlight=False, markup=False, soft_wrap=True)
 
@@ -39,6 +48,7 @@ def print_found(console: Console, found: FromBags) -> None:
     print_left_out(console, found.rejections, found.n_rejections)
     reasons = [f"{name}: {reason}" for name, reason in accumulated.rejected]
     print_left_out(console, reasons, accumulated.n_rejected)
+    print_doubtful(console, stream_doubts(found.correlations))
     print_dropped_counts(console, found.dropped)
 
 

@@ -4,7 +4,12 @@
 from intent_recognition.demonstrations.cleaning import is_raw_pose
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, load_dofs
 from intent_recognition.demonstrations.fields import POSITION_FIELDS, extract
-from intent_recognition.demonstrations.inspect import BagSummary, TopicSummary, inspect_bag
+from intent_recognition.demonstrations.inspect import (
+    BagSummary,
+    TopicSummary,
+    inspect_bag,
+    inspect_streams,
+)
 from intent_recognition.demonstrations.observations import (
     ObservationReader,
     iter_observations,
@@ -31,6 +36,7 @@ __all__ = [
     "extract",
     "find_bags",
     "inspect_bag",
+    "inspect_streams",
     "is_raw_pose",
     "iter_demonstrations",
     "iter_observations",

@@ -8,8 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.bags import BagMessage, BagReader, Damage, TopicInfo, decode
+from intent_recognition.bags import (
+    JOINT_STATE,
+    BagMessage,
+    BagReader,
+    Damage,
+    TopicInfo,
+    decode,
+)
 from intent_recognition.demonstrations.cleaning import clean_topic, is_raw_pose
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, relative_topic
+from intent_recognition.demonstrations.fields import POSITION_FIELDS
+from intent_recognition.demonstrations.reading import iter_demonstrations
 from intent_recognition.demonstrations.sessions import (
     SessionPart,
     find_marker_topic,
@@ -17,10 +27,12 @@ from intent_recognition.demonstrations.sessions import (
     task_of,
 )
 from intent_recognition.errors import BagError, MessageError
-from intent_recognition.signals import Rejection
+from intent_recognition.signals import Rejection, SpeedCorrelation, correlate_speeds
 
 GAP_FACTOR = 3.0
 """A step this many times longer than the median step of the topic is a gap. Convention."""
+JOINT_STATES = "joint_states"
+"""Last part of the topics that carry joint positions."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +130,44 @@ def inspect_bag(path: str | Path) -> BagSummary:
         damage=tuple(reader.damage),
         notes=tuple(reader.notes),
     )
+
+
+def inspect_streams(
+    path: str | Path, dofs: DofSpec | None = None
+) -> list[Rejection | SpeedCorrelation]:
+    """What the demonstrations of a bag say about its streams, for `stream_doubts`, or their defect.
+
+    Args:
+        path: of the bag.
+        dofs: the degrees of freedom; None takes the positions of all tracked bodies and joints.
+
+    Raises:
+        BagError: there is no readable MCAP file at all.
+    """
+    dofs = _all_dofs(BagReader(path, tolerant=True)) if dofs is None else dofs
+    if dofs is None:
+        return []
+    return [
+        found if isinstance(found, Rejection) else correlate_speeds(found)
+        for found in iter_demonstrations(path, dofs)
+    ]
+
+
+def _all_dofs(reader: BagReader) -> DofSpec | None:
+    """Positions of tracked bodies and joints; without joints, the first body leads the others."""
+    bodies, arms = [], []
+    for info in reader.topics.values():
+        topic = relative_topic(info.name)
+        if is_raw_pose(topic, info.type):
+            bodies.append(DofEntry(topic, info.type, fields=POSITION_FIELDS, unit="m"))
+        elif info.type == JOINT_STATE and topic.split("/")[-1] == JOINT_STATES:
+            messages, _ = _decoded(reader, info)
+            if messages and messages[0].message.name:
+                names = tuple(messages[0].message.name)
+                arms.append(DofEntry(topic, info.type, joints=names))
+    if not arms:
+        bodies, arms = bodies[:1], bodies[1:]
+    return DofSpec(tuple(bodies), tuple(arms)) if bodies and arms else None
 
 
 def _decoded(reader: BagReader, info: TopicInfo) -> tuple[list[BagMessage], int]:

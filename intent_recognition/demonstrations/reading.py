@@ -27,7 +27,8 @@ from intent_recognition.demonstrations.sessions import (
     task_sequences,
 )
 from intent_recognition.errors import BagError, MessageError
-from intent_recognition.signals import Demonstration, Rejection, Signal
+from intent_recognition.signals import Demonstration, Rejection, Signal, stream_defect
+from intent_recognition.tracking import JUMP
 
 LEAST_SAMPLES = 2
 """Samples of each signal, fewer of which are not a movement. Convention: one span of time."""
@@ -244,7 +245,8 @@ def _demonstration(
             dofs, samples, part.start_ns, part.end_ns, count_topics=part.index == 0
         )
         start_ns = part.start_ns
-    if problem := _too_short(reader, dofs, (*observed, *controlled), rejected, start_ns):
+    problem = _too_short(reader, dofs, samples, (*observed, *controlled), rejected, start_ns)
+    if problem is not None:
         return problem
     metadata = reader.custom_data
     metadata.pop("task", None)
@@ -256,14 +258,23 @@ def _demonstration(
         end_ns = int(max(signal.stamps_ns[-1] for signal in observed))
     else:
         name, task, end_ns = f"{folder}#{part.index:03d}", part.task, part.end_ns
-    return Demonstration(
-        name, str(reader.path), task, observed, controlled, start_ns, end_ns, metadata, rejected
+    delays_s = tuple(
+        float(np.median(samples[entry.topic].log_times_ns - samples[entry.topic].stamps_ns)) * 1e-9
+        for entry in (*dofs.observed, *dofs.controlled)
     )
+    found = Demonstration(
+        name, str(reader.path), task, observed, controlled, start_ns, end_ns, metadata, rejected,
+        delays_s,
+    )  # fmt: skip
+    reason = stream_defect(found)
+    at_ns = 0 if part is None else start_ns
+    return Rejection(str(reader.path), "", at_ns, reason) if reason else found
 
 
 def _too_short(
     reader: BagReader,
     dofs: DofSpec,
+    samples: Mapping[str, TopicSamples],
     signals: Sequence[Signal],
     rejected: Counter[str],
     start_ns: int,
@@ -272,6 +283,10 @@ def _too_short(
         if signal.stamps_ns.size < LEAST_SAMPLES:
             dropped = ", ".join(f"{n} {reason}" for reason, n in sorted(rejected.items()) if n)
             reason = f"empty: {signal.stamps_ns.size} usable samples ({dropped or 'none dropped'})"
+            if rejected[JUMP] > LEAST_SAMPLES:
+                reason += "; likely millimetres for metres"
+            elif samples[entry.topic].stamps_ns.size >= LEAST_SAMPLES > signal.stamps_ns.size:
+                reason += "; the topic has others, before or after: likely two clocks"
             return Rejection(str(reader.path), f"/{entry.topic}", int(start_ns), reason)
     if not np.any([s.stamps_ns[-1] > s.stamps_ns[0] for s in signals]):
         return Rejection(str(reader.path), "", int(start_ns), "empty: the recording has no length")

@@ -3,7 +3,9 @@
 
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import reliability_bins
-from intent_recognition.evaluation.protocol import Fold, evaluate, make_folds
+from intent_recognition.evaluation.folds import Fold, make_folds
+from intent_recognition.evaluation.online import run_online
+from intent_recognition.evaluation.protocol import evaluate
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.evaluation.roc import GRID, on_grid, roc_curve
 from intent_recognition.evaluation.scoring import PHASES
@@ -43,6 +45,7 @@ __all__ = [
     "reliability_bins",
     "replay",
     "roc_curve",
+    "run_online",
     "sample",
     "summarise",
     "summary_line",

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.evaluation.folds import Fold, make_folds
+from intent_recognition.evaluation.online import OnlineOutcome, run_online, summarise_online
 from intent_recognition.evaluation.scoring import (
     PHASES,
     PREDICTION_FRACTIONS,
@@ -17,36 +19,20 @@ from intent_recognition.evaluation.scoring import (
     score_demonstration,
 )
 from intent_recognition.evaluation.unknown_movements import compare, follow_unknown
-from intent_recognition.learning import TrainingSettings, cut_to_movement, learn
-from intent_recognition.signals import Demonstration
-
-Fold = tuple[list[int], list[int]]
-
-
-def make_folds(n: int, protocol: str) -> list[Fold]:
-    """Indices to train and to test on.
-
-    Args:
-        n: number of demonstrations.
-        protocol: "loo" leaves one out at a time; "kfold:K" makes K folds, by index modulo K.
-
-    Raises:
-        ArgumentError: an unknown protocol, or more folds than recordings.
-    """
-    name, _, argument = protocol.partition(":")
-    if name == "loo" and not argument:
-        k = n
-    elif name == "kfold" and argument.isdigit() and int(argument) >= 2:
-        k = int(argument)
-    else:
-        raise ArgumentError(
-            describe("protocol", "loo, kfold:K or holdout:FOLDER", protocol, "Choose one of these.")
-        )
-    if n < 2 or k > n:
-        raise ArgumentError(
-            describe("protocol", f"at least {max(k, 2)} recordings", n, "Record more, or lower K.")
-        )
-    return [([i for i in range(n) if i % k != f], list(range(f, n, k))) for f in range(k)]
+from intent_recognition.learning import (
+    TrainingSettings,
+    accumulate,
+    cut_to_movement,
+    learn,
+)
+from intent_recognition.signals import (
+    Demonstration,
+    StreamFinding,
+    common_span,
+    correlate_speeds,
+    stream_defect,
+    stream_doubts,
+)
 
 
 def evaluate(
@@ -63,7 +49,7 @@ def evaluate(
 
     Args:
         demonstrations: labelled recordings with the same DOFs.
-        protocol: "loo" (leave one out), "kfold:K", or pairs of the indices to train and to test on.
+        protocol: see `make_folds`, or pairs of the indices to train and to test on.
         settings: how to learn; `TrainingSettings()` when None.
         start_posture: condition predictions on the controlled agent's position at the start.
         both_starts: also predict with the start posture, under `prediction_with_start_posture`.
@@ -72,51 +58,97 @@ def evaluate(
 
     Returns:
         Numbers by name, as docs/evaluation.md defines them: `recognition` and `prediction` by
-        phase knowledge and share of the movement observed, `reliability`, `coverage`, `confusion`
-        and `none`.
+        phase knowledge and share of the movement observed, `online`, `reliability`, `coverage`,
+        `confusion` and `none`; and which recordings are `left_out` or `doubtful`, each with the
+        reason.
 
     Raises:
-        ArgumentError: an unknown protocol, or more folds than demonstrations.
+        ArgumentError: an unknown protocol, or too few demonstrations for it.
         TrainingError: a fold cannot be learned from.
     """
-    folds = make_folds(len(demonstrations), protocol) if isinstance(protocol, str) else protocol
     settings = settings or TrainingSettings()
+    left_out = defects(demonstrations, settings)
+    kept = [index for index in range(len(demonstrations)) if index not in left_out]
+    usable = [demonstrations[index] for index in kept]
+    folds = make_folds(usable, protocol) if isinstance(protocol, str) else _only(kept, protocol)
+    if not folds:
+        reasons = "; ".join(map(str, [*left_out.values()][:3])) or "none"
+        expected, cure = "recordings to train and to test on", "See docs/recognition.md."
+        raise ArgumentError(describe("demonstrations", expected, reasons, cure))
+    doubts = stream_doubts([*map(correlate_speeds, usable)])
     if settings.segmentation == "movement":
-        demonstrations = cut_to_movement(demonstrations)
+        usable = cut_to_movement(usable)
         settings = replace(settings, segmentation="recording")
+    usable = [_where_truth_is_known(recorded) for recorded in usable]
     collected = collect(both_starts)
+    online: dict[str, list[OnlineOutcome]] = {phase: [] for phase in PHASES}
     done, labels = 0, set[str]()
     units: tuple[str, ...] = ()
     for train, test in folds:
-        training = [demonstrations[i] for i in train]
+        training = [usable[i] for i in train]
         library = learn(training, settings)
         units = tuple(dict.fromkeys(library.controlled_units))
         labels |= set(library.labels)
-        for index in test:
-            if demonstrations[index].task in library.labels:
-                score_demonstration(
-                    collected, library, training, demonstrations[index], start_posture
-                )
+        for recorded in (usable[i] for i in test):
+            if recorded.task in library.labels:
+                score_demonstration(collected, library, training, recorded, start_posture)
             else:
                 _miss(collected)
+            for phase, outcomes in online.items():
+                known = phase == "known_phase"
+                outcomes.append(run_online(library, recorded, phase_known=known))
             done += 1
             progress(done)
     scored = sorted({index for train, test in folds for index in (*train, *test)})
     unknown = []
     if unknown_tasks:
         unknown = follow_unknown(
-            [demonstrations[i] for i in scored], settings, lambda n: progress(done + n)
+            [usable[i] for i in scored], settings, lambda n: progress(done + n)
         )
     return {
         "n_demonstrations": done,
         "tasks": sorted(labels),
         "unit": units[0] if len(units) == 1 else list(units),
+        "left_out": [{"recording": r.name, "reason": r.reason} for r in left_out.values()],
+        "doubtful": [{"recording": d.name, "reason": d.reason} for d in doubts],
         **_tables(collected, units),
+        "online": {phase: summarise_online(outcomes) for phase, outcomes in online.items()},
         "none": {
             **compare(collected.outcomes, unknown),
             "accuracy": collected.recognitions.accuracy_beside_none(),
         },
     }
+
+
+def defects(
+    demonstrations: Sequence[Demonstration], settings: TrainingSettings
+) -> dict[int, StreamFinding]:
+    """Recordings that can neither be learned from nor scored, by index, and why."""
+    found = {index: stream_defect(recorded) for index, recorded in enumerate(demonstrations)}
+    sound = [
+        replace(recorded, name=str(index))
+        for index, recorded in enumerate(demonstrations)
+        if not found[index]
+    ]
+    found |= {int(index): reason for index, reason in accumulate(sound, settings).rejected}
+    return {
+        index: StreamFinding(demonstrations[index].name, reason)
+        for index, reason in sorted(found.items())
+        if reason
+    }
+
+
+def _only(kept: Sequence[int], folds: Sequence[Fold]) -> list[Fold]:
+    """The folds that still test something, in positions among the recordings kept."""
+    place = {index: position for position, index in enumerate(kept)}
+    both = [[[place[i] for i in part if i in place] for part in fold] for fold in folds]
+    return [(train, test) for train, test in both if train and test]
+
+
+def _where_truth_is_known(recorded: Demonstration) -> Demonstration:
+    """The recording from where to where the controlled agent was recorded, too."""
+    start_ns, end_ns = common_span(recorded)
+    return replace(recorded, start_ns=start_ns, end_ns=end_ns)
 
 
 def _miss(collected: EvaluationRecords) -> None:

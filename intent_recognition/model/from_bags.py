@@ -23,7 +23,12 @@ from intent_recognition.learning import (
     accumulate,
     merge_accumulated,
 )
-from intent_recognition.signals import Demonstration, Rejection
+from intent_recognition.signals import (
+    Demonstration,
+    Rejection,
+    SpeedCorrelation,
+    correlate_speeds,
+)
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -39,12 +44,14 @@ class FromBags(NamedTuple):
         rejections: why bags, or parts of them, are left out; of very many the first ones.
         n_rejections: how many are.
         dropped: number of messages dropped, by reason.
+        correlations: of both agents' speeds, for `stream_doubts`; of very many the first ones.
     """
 
     accumulated: Accumulated
     rejections: tuple[Rejection, ...] = ()
     n_rejections: int = 0
     dropped: Mapping[str, int] = Counter()
+    correlations: tuple[SpeedCorrelation, ...] = ()
 
     def plus(self, other: "FromBags") -> "FromBags":
         """Both together."""
@@ -53,6 +60,7 @@ class FromBags(NamedTuple):
             (self.rejections + other.rejections)[:NAMES_KEPT],
             self.n_rejections + other.n_rejections,
             Counter(self.dropped) + Counter(other.dropped),
+            (self.correlations + other.correlations)[:NAMES_KEPT],
         )
 
 
@@ -138,6 +146,7 @@ def _collect(
     """Statistics of the demonstrations read from each bag."""
     rejections: list[Rejection] = []
     dropped: Counter[str] = Counter()
+    correlations: list[SpeedCorrelation] = []
 
     def demonstrations() -> Iterator[Demonstration]:
         for content in contents:
@@ -146,8 +155,11 @@ def _collect(
                     rejections.append(found)
                 else:
                     dropped.update(found.rejected)
+                    if len(correlations) < NAMES_KEPT:
+                        correlations.append(correlate_speeds(found))
                     yield found
             progress(1)
 
     accumulated = accumulate(demonstrations(), settings, preprocessing)
-    return FromBags(accumulated, tuple(rejections[:NAMES_KEPT]), len(rejections), dropped)
+    kept = tuple(rejections[:NAMES_KEPT])
+    return FromBags(accumulated, kept, len(rejections), dropped, tuple(correlations))

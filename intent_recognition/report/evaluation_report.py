@@ -43,6 +43,17 @@ PREDICTION_COLUMNS = {
     "coverage_2_sigma": "inside 2 sigma",
     "nll": "neg. log likelihood",
 }
+ONLINE_COLUMNS = {
+    "recognised": "recognised",
+    "acted_on": "acted on",
+    "wrongly_acted_on": "wrongly acted on",
+    "median_share_at_decision": "of the movement at the decision, median",
+}
+ONLINE_EXPLANATION = (
+    "Every recording is fed to the estimator and the decision that the nodes run, with their"
+    " default settings. Unknown phase: the onset is detected and the duration inferred; known phase:"
+    " both are given."
+)
 WITHOUT_UNIT = {"coverage_2_sigma": "%", "nll": "nat"}
 EXPLANATION = (
     "Every recording is scored by a library learned without it. Known phase: start and end of the"
@@ -79,9 +90,11 @@ def evaluation_page(result: Mapping, title: str) -> ReportPage:
             for unit in _units(result)
             if "prediction_with_start_posture" in result
         ),
+        Section("Online", _online(result.get("online", {}))),
         Section("Calibration", _calibration(result)),
         none_section(result),
         Section("Without labels", _mixture(result.get("mixture", {}))),
+        Section("Left out and doubtful", _faults(result)),
     ]
     subtitle = f"{result.get('n_demonstrations', 0)} recordings of {tasks or 'no task'}"
     return ReportPage(title, subtitle, tuple(sections))
@@ -183,6 +196,30 @@ def _prediction_table(table: Mapping, unit: str, caption: str) -> Table:
         texts = (_text(v, ".1f" if n == "coverage_2_sigma" else "") for n, v in values.items())
         rows.append((f"{100 * float(fraction):.0f}", *texts))
     return Table(tuple(columns), tuple(rows), caption[0].upper() + caption[1:])
+
+
+def _online(online: Mapping) -> tuple[Block, ...]:
+    """What the nodes would have done: shares of the recordings."""
+    phases = [phase for phase in PHASE_NAMES if online.get(phase)]
+    if not phases:
+        return ()
+    columns = (Column("", align="left"), *(Column(text, "%") for text in ONLINE_COLUMNS.values()))
+    rows = []
+    for phase in phases:
+        values = [100 * number(online[phase].get(name), "") for name in ONLINE_COLUMNS]
+        rows.append((PHASE_NAMES[phase], *(_text(value, ".1f") for value in values)))
+    return Table(columns, tuple(rows)), Text(ONLINE_EXPLANATION, small=True)
+
+
+def _faults(result: Mapping) -> tuple[Block, ...]:
+    """Recordings that were not scored, and those whose streams may not belong together."""
+    rows = [
+        (str(one["recording"]), kind, str(one["reason"]))
+        for key, kind in (("left_out", "left out"), ("doubtful", "doubtful"))
+        for one in result.get(key, ())
+    ]
+    columns = tuple(Column(name, align="left") for name in ("recording", "", "why"))
+    return (Table(columns, tuple(rows)),) if rows else ()
 
 
 def _calibration(result: Mapping) -> tuple[Block, ...]:

@@ -2,11 +2,18 @@
 """What was measured: signals, observations, demonstrations, and where movements begin and end."""
 
 from intent_recognition.signals.demonstration import MIN_SAMPLES, Demonstration, Rejection
+from intent_recognition.signals.lags import (
+    SpeedCorrelation,
+    StreamFinding,
+    correlate_speeds,
+    stream_doubts,
+)
 from intent_recognition.signals.observation import Observation, every_second, merge
 from intent_recognition.signals.onset import OnsetSettings, at_rest, detect_onset, is_slow
 from intent_recognition.signals.past import SignalPast
 from intent_recognition.signals.segmentation import movement_span, onset_settings
 from intent_recognition.signals.signal import Signal
+from intent_recognition.signals.streams import common_span, stream_defect
 
 __all__ = [
     "MIN_SAMPLES",
@@ -16,11 +23,17 @@ __all__ = [
     "Rejection",
     "Signal",
     "SignalPast",
+    "SpeedCorrelation",
+    "StreamFinding",
     "at_rest",
+    "common_span",
+    "correlate_speeds",
     "detect_onset",
     "every_second",
     "is_slow",
     "merge",
     "movement_span",
     "onset_settings",
+    "stream_defect",
+    "stream_doubts",
 ]

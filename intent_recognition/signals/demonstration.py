@@ -32,6 +32,8 @@ class Demonstration:
         end_ns: last stamp over the observed signals; in a session the end marker.
         metadata: further labels of the bag.
         rejected: number of messages dropped, by reason.
+        delays_s: median time from stamp to log time of each signal, observed ones first [s]; empty
+            where it was not recorded.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Demonstration:
     end_ns: int
     metadata: Mapping[str, str] = field(default_factory=dict)
     rejected: Mapping[str, int] = field(default_factory=dict)
+    delays_s: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Copy the mappings, so that nobody else can change them."""

@@ -2,6 +2,7 @@
 """From raw tracker poses to checked poses in the world frame."""
 
 from intent_recognition.tracking.ingest import (
+    JUMP,
     NOT_FINITE,
     STAMP_NOT_INCREASING,
     ZERO_STAMP,
@@ -14,6 +15,7 @@ from intent_recognition.tracking.ingest_many import AcceptedPoses, ingest_poses
 from intent_recognition.tracking.settings import IngestSettings
 
 __all__ = [
+    "JUMP",
     "NOT_FINITE",
     "STAMP_NOT_INCREASING",
     "ZERO_STAMP",

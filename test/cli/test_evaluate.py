@@ -27,6 +27,7 @@ PREDICTION = {
     "coverage_2_sigma",
     "nll",
 }
+ONLINE = {"recognised", "acted_on", "wrongly_acted_on", "median_share_at_decision"}
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +99,11 @@ def test_folds_by_index(scored):
     assert result["recognition"]["known_phase"]["1.0"]["accuracy"] == 1.0
     for title in ("recognition, known phase", "prediction, unknown phase", "8 demonstrations"):
         assert title in text
+    assert "online: onset, filter and decision" in text
     assert "…" not in text
+    for row in result["online"].values():
+        assert set(row) == ONLINE
+        assert row["recognised"] == 1.0 and row["wrongly_acted_on"] == 0.0
 
 
 class AskedForError(Exception):
@@ -118,13 +123,14 @@ def test_leaving_one_out_is_the_default_and_options_are_passed_on(
     evaluate, monkeypatch, options, asked
 ):
     def ask(usable, folds, settings, **more):
-        raise AskedForError(folds, {key: more[key] for key in default})
+        assert folds == make_folds(usable, "loo")
+        raise AskedForError({key: more[key] for key in default})
 
     default = {"start_posture": False, "both_starts": False, "unknown_tasks": True}
     monkeypatch.setattr(command, "evaluate", ask)
     with pytest.raises(AskedForError) as caught:
         evaluate(*options)
-    assert caught.value.args == (make_folds(8, "loo"), default | asked)
+    assert caught.value.args == (default | asked,)
 
 
 def test_what_is_asked_for_apart_stands_in_tables_of_its_own_or_nowhere(evaluate):
@@ -150,9 +156,10 @@ def test_a_folder_held_out(evaluate, recorded, tmp_path):
         shutil.copytree(recorded / "bags" / name, held_out / name)
     spoil(held_out)
     shutil.rmtree(held_out / "short")
-    code, text, result = evaluate("--protocol", f"holdout:{held_out}")
+    code, text, result = evaluate("--test", held_out)
     assert code == 0
     check_contract(result)
+    assert {one["recording"] for one in result["left_out"]} == {"nameless", "cut", "alone", "void"}
     assert result["n_demonstrations"] == 2
     lines = text
     assert "left out nameless" in lines and f"left out {held_out / 'cut'}" in lines
@@ -178,6 +185,24 @@ def test_broken_and_unlabelled_bags_are_left_out_and_named(evaluate, recorded, t
 def test_protocols_that_make_no_sense_are_refused(evaluate, protocol):
     with pytest.raises(ArgumentError, match="protocol"):
         evaluate("--protocol", protocol)
+
+
+def test_a_folder_and_a_protocol_contradict_each_other(evaluate, recorded):
+    with pytest.raises(ArgumentError, match="--test: expected no --protocol"):
+        evaluate("--test", recorded / "bags", "--protocol", "loo")
+
+
+@pytest.mark.parametrize(
+    "option", [("--test", "{}"), ("--protocol", "holdout:{}")], ids=["test", "holdout"]
+)
+def test_a_folder_to_test_on_is_in_one_fold(evaluate, recorded, monkeypatch, option):
+    def ask(usable, folds, settings, **more):
+        raise AskedForError(len(usable), folds)
+
+    monkeypatch.setattr(command, "evaluate", ask)
+    with pytest.raises(AskedForError) as caught:
+        evaluate(*(word.format(recorded / "bags") for word in option))
+    assert caught.value.args == (16, [(list(range(8)), list(range(8, 16)))])
 
 
 def test_a_folder_to_test_on_must_hold_something(evaluate, tmp_path):

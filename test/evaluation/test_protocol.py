@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from simulation import START_NS, make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError, IntentError, TrainingError
-from intent_recognition.evaluation.protocol import evaluate, make_folds
+from intent_recognition.evaluation import evaluate, make_folds
 from intent_recognition.evaluation.scoring import (
     PREDICTION_FRACTIONS,
     RECOGNITION_FRACTIONS,
@@ -54,9 +54,14 @@ IDENTICAL = [
 ]
 
 
+def some(n: int) -> list[Demonstration]:
+    """So many recordings, whatever they show."""
+    return [replace(IDENTICAL[i % 6], name=f"{i:02d}") for i in range(n)]
+
+
 @pytest.fixture(scope="module")
 def identical() -> dict:
-    return evaluate(IDENTICAL, make_folds(6, "loo"), SETTINGS)
+    return evaluate(IDENTICAL, make_folds(some(6), "loo"), SETTINGS)
 
 
 def numbers(tree) -> list:
@@ -86,6 +91,9 @@ def test_the_json_is_the_contracts(identical):
         "unit",
         "recognition",
         "prediction",
+        "online",
+        "left_out",
+        "doubtful",
         "reliability",
         "coverage",
         "confusion",
@@ -129,7 +137,7 @@ def test_only_the_future_of_a_finished_movement_has_no_number(identical):
 @given(st.integers(2, 30), st.data())
 def test_folds_are_index_modulo_k_and_test_each_recording_once(n, data):
     k = data.draw(st.integers(2, n))
-    folds = make_folds(n, f"kfold:{k}")
+    folds = make_folds(some(n), f"kfold:{k}")
     assert len(folds) == k
     for f, (train, test) in enumerate(folds):
         assert test == [i for i in range(n) if i % k == f]
@@ -139,21 +147,21 @@ def test_folds_are_index_modulo_k_and_test_each_recording_once(n, data):
 
 @given(st.integers(2, 30))
 def test_leave_one_out_is_as_many_folds_as_recordings(n):
-    assert make_folds(n, "loo") == make_folds(n, f"kfold:{n}")
+    assert make_folds(some(n), "loo") == make_folds(some(n), f"kfold:{n}")
 
 
 @pytest.mark.parametrize(
     "protocol", ["", "kfold", "kfold:", "kfold:1", "kfold:x", "kfold:-2", "loo:3", "LOO"]
 )
 def test_an_unknown_protocol_names_those_that_exist(protocol):
-    with pytest.raises(ArgumentError, match="protocol: expected loo, kfold:K or holdout:FOLDER"):
-        make_folds(10, protocol)
+    with pytest.raises(ArgumentError, match="protocol: expected loo, kfold:K, logo:KEY"):
+        make_folds(some(10), protocol)
 
 
 @pytest.mark.parametrize(("n", "protocol"), [(0, "loo"), (1, "loo"), (3, "kfold:4")])
 def test_too_few_recordings_for_a_protocol(n, protocol):
     with pytest.raises(ArgumentError, match=f"at least {4 if n == 3 else 2} recordings, got {n}"):
-        make_folds(n, protocol)
+        make_folds(some(n), protocol)
 
 
 def test_several_units_give_one_number_each_in_their_own_unit():
@@ -164,7 +172,7 @@ def test_several_units_give_one_number_each_in_their_own_unit():
 
     rng = np.random.default_rng(0)
     noisy = [exact(f"d{i}", "a", 0.3 + 0.05 * rng.normal()) for i in range(5)]
-    result = evaluate([with_hand(r, 10.0) for r in noisy], make_folds(5, "loo"), SETTINGS)
+    result = evaluate([with_hand(r, 10.0) for r in noisy], make_folds(some(5), "loo"), SETTINGS)
     assert result["unit"] == ["rad", "m"]
     for phase in ("known_phase", "unknown_phase"):
         row = result["prediction"][phase]["0.5"]
@@ -198,7 +206,7 @@ def test_scores_by_hand():
 def test_baselines_of_a_shifted_demonstration():
     """Three alike and one off by 0.4: the mean of the others is what it must be."""
     four = [exact(f"d{i}", "a", 0.3) for i in range(3)] + [exact("d3", "a", 0.3, shift=0.4)]
-    row = evaluate(four, make_folds(4, "loo"), SETTINGS)["prediction"]["known_phase"]["0.5"]
+    row = evaluate(four, make_folds(some(4), "loo"), SETTINGS)["prediction"]["known_phase"]["0.5"]
     # Three are predicted from two alike and the shifted one (error 0.4 / 3), one from three alike.
     assert row["rmse_mean_of_task"] == pytest.approx((3 * 0.4 / 3 + 0.4) / 4, rel=1e-9)
     assert row["rmse_nearest_neighbour"] == pytest.approx(0.4 / 4, rel=1e-9)
@@ -256,7 +264,7 @@ def test_start_posture_moves_trajectories_and_never_the_recognition(rng):
         robot = one.controlled[0]
         moved = Signal(robot.names, robot.stamps_ns, robot.values + 0.2 * rng.normal(), "rad")
         recordings.append(replace(one, controlled=(moved,)))
-    folds = make_folds(12, "kfold:3")[:1]
+    folds = make_folds(some(12), "kfold:3")[:1]
     off = evaluate(recordings, folds, SETTINGS)
     on = evaluate(recordings, folds, SETTINGS, start_posture=True)
     both = evaluate(recordings, folds, SETTINGS, both_starts=True)
@@ -274,7 +282,7 @@ def test_scores_against_a_loop_written_out(rng):
     """RMSE, coverage and likelihood at full observation, known phase, one joint Gaussian each."""
     truth = make_library(rng, n_tasks=1, groups=(1,), n_controlled=2, n_basis=8)
     recordings = [simulate(truth, 0, rng, name=str(i), n_samples=12) for i in range(6)]
-    folds = make_folds(6, "loo")
+    folds = make_folds(some(6), "loo")
     row = evaluate(recordings, folds, SETTINGS)["prediction"]["known_phase"]["1.0"]
     expected = {"rmse": [], "coverage_2_sigma": [], "nll": [], "end_rmse": []}
     for train, (i,) in folds:
@@ -309,7 +317,7 @@ def test_scores_against_a_loop_written_out(rng):
 
 def test_a_task_that_no_fold_can_learn_counts_as_missed_and_stays_json():
     lonely = [*IDENTICAL[:4], exact("c0", "c", 0.9)]
-    result = evaluate(lonely, make_folds(5, "loo"), SETTINGS)
+    result = evaluate(lonely, make_folds(some(5), "loo"), SETTINGS)
     assert result["n_demonstrations"] == 5
     assert result["recognition"]["known_phase"]["1.0"]["accuracy"] == pytest.approx(0.8)
     json.dumps(result, allow_nan=False)
@@ -343,10 +351,47 @@ def test_a_recording_without_duration_is_named(rng):
 
 def test_progress_counts_every_demonstration():
     seen = []
-    evaluate(IDENTICAL, make_folds(6, "kfold:2"), SETTINGS, progress=seen.append)
+    evaluate(IDENTICAL, make_folds(some(6), "kfold:2"), SETTINGS, progress=seen.append)
     assert seen == [1, 2, 3, 4, 5, 6]
 
 
 def test_one_demonstration_to_learn_from_is_an_error():
     with pytest.raises(TrainingError, match="at least two"):
-        evaluate(IDENTICAL[:2], make_folds(2, "loo"), SETTINGS)
+        evaluate(IDENTICAL[:2], make_folds(some(2), "loo"), SETTINGS)
+
+
+def with_robot_later(recording: Demonstration, shift_s: float) -> Demonstration:
+    shifted = [
+        replace(s, stamps_ns=s.stamps_ns + round(shift_s * 1e9)) for s in recording.controlled
+    ]
+    return replace(recording, controlled=tuple(shifted))
+
+
+def test_what_cannot_be_scored_is_left_out_and_named(identical):
+    """The scores of the others do not change, and those left out are in no fold."""
+    short = replace(IDENTICAL[0], name="short", end_ns=START_NS + 100_000_000)
+    other = replace(IDENTICAL[0], name="other", controlled=IDENTICAL[0].observed)
+    off = replace(with_robot_later(IDENTICAL[0], 300.0), name="off")
+    everything = [off, *IDENTICAL[:3], short, *IDENTICAL[3:], other]
+    result = evaluate(everything, "loo", SETTINGS)
+    reasons = {one["recording"]: one["reason"] for one in result.pop("left_out")}
+    assert set(reasons) == {"off", "short", "other"}
+    assert "two clocks" in reasons["off"] and "0.2 s" in reasons["short"]
+    assert "DOFs" in reasons["other"]
+    assert result == {k: v for k, v in identical.items() if k != "left_out"}
+    by_fold = evaluate(everything, make_folds(everything, "loo"), SETTINGS)
+    assert by_fold["n_demonstrations"] == 6 and by_fold["recognition"] == identical["recognition"]
+    with pytest.raises(ArgumentError, match="short"):
+        evaluate([short, short], [([0], [1])], SETTINGS)
+
+
+def test_no_truth_is_extrapolated():
+    """The robot's last moments were not recorded: nothing is scored there."""
+    last_ns = IDENTICAL[0].end_ns - 100_000_000
+    robot = IDENTICAL[0].controlled[0].between(START_NS, last_ns)
+    cut = replace(IDENTICAL[0], name="cut", controlled=(robot,))
+    short = replace(IDENTICAL[0], name="cut", end_ns=last_ns)
+    folds = [(list(range(1, 6)), [0])]
+    assert evaluate([cut, *IDENTICAL[1:]], folds, SETTINGS) == evaluate(
+        [short, *IDENTICAL[1:]], folds, SETTINGS
+    )

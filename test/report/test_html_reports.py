@@ -208,6 +208,28 @@ def test_evaluation_tables_equal_the_json(rng):
             np.testing.assert_allclose(values, expected, rtol=0.006)
 
 
+def test_what_the_nodes_would_have_done_and_what_was_left_out_are_tables(rng):
+    row = {"recognised": 0.9, "acted_on": 0.55, "wrongly_acted_on": 0.0}
+    online = {
+        "known_phase": row | {"median_share_at_decision": None},
+        "unknown_phase": row | {"median_share_at_decision": 0.204},
+    }
+    faults = {
+        "left_out": [{"recording": "demo_3", "reason": "two clocks"}],
+        "doubtful": [{"recording": "demo_4", "reason": "a hint"}],
+    }
+    page = evaluation_page({"online": online, **faults}, "t")
+    nodes, left_out = blocks_of(page, Table)
+    assert [r[1:] for r in nodes.rows] == [
+        ("90.0", "55.0", "0.0", None),
+        ("90.0", "55.0", "0.0", "20.4"),
+    ]
+    assert left_out.rows == (
+        ("demo_3", "left out", "two clocks"),
+        ("demo_4", "doubtful", "a hint"),
+    )
+
+
 def test_several_units_give_a_section_each(rng):
     content = result(rng, ["rad", "m"])
     page = evaluation_page(content, "t")

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Protocols: which recordings to train and to test on."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.signals import Demonstration
+
+Fold = tuple[list[int], list[int]]
+"""Indices to train and to test on."""
+PROTOCOLS = "loo, kfold:K, logo:KEY, temporal[:F] or holdout:FOLDER"
+TRAINED_SHARE = 0.7
+"""Share of each task's recordings that `temporal` trains on. Convention."""
+
+
+def make_folds(recordings: Sequence[Demonstration], protocol: str) -> list[Fold]:
+    """Indices to train and to test on.
+
+    Args:
+        recordings: labelled demonstrations.
+        protocol: "loo" leaves one out at a time; "kfold:K" makes K folds, by index modulo K;
+            "logo:KEY" leaves out at a time the recordings with one value of a key of `metadata`,
+            such as a person; "temporal" or "temporal:F" trains on the first share F of each task,
+            by name, and tests on the rest.
+
+    Raises:
+        ArgumentError: an unknown protocol, or too few recordings or groups for it.
+    """
+    name, colon, argument = protocol.partition(":")
+    n = len(recordings)
+    if name == "loo" and not colon:
+        return _by_index(n, n)
+    if name == "kfold" and argument.isdigit() and int(argument) >= 2:
+        return _by_index(n, int(argument))
+    if name == "logo" and argument:
+        return _by_group(recordings, argument)
+    if name == "temporal" and (not colon or _share(argument) is not None):
+        return [_by_name(recordings, _share(argument) or TRAINED_SHARE)]
+    raise ArgumentError(describe("protocol", PROTOCOLS, protocol, "Choose one of these."))
+
+
+def _by_index(n: int, k: int) -> list[Fold]:
+    if n < 2 or k > n:
+        raise ArgumentError(
+            describe("protocol", f"at least {max(k, 2)} recordings", n, "Record more, or lower K.")
+        )
+    return [_fold(n, range(f, n, k)) for f in range(k)]
+
+
+def _by_group(recordings: Sequence[Demonstration], key: str) -> list[Fold]:
+    """One fold for each value of a key, in the order of the values."""
+    groups = defaultdict(list)
+    for index, recorded in enumerate(recordings):
+        if key not in recorded.metadata:
+            has = ", ".join(sorted(recorded.metadata)) or "none"
+            raise ArgumentError(
+                describe(
+                    f"protocol logo:{key}",
+                    f"the key {key!r} in custom_data of every recording",
+                    f"the keys {has} in {recorded.name}",
+                    "Choose a key that all have, or add it to metadata.yaml.",
+                )
+            )
+        groups[recorded.metadata[key]].append(index)
+    if len(groups) < 2:
+        raise ArgumentError(
+            describe(
+                f"protocol logo:{key}",
+                "at least two groups",
+                ", ".join(groups) or "no recording",
+                "Choose a key that tells recordings apart.",
+            )
+        )
+    return [_fold(len(recordings), groups[value]) for value in sorted(groups)]
+
+
+def _by_name(recordings: Sequence[Demonstration], share: float) -> Fold:
+    """The first of each task, by name, and the rest; at least one of each on either side."""
+    by_task = defaultdict(list)
+    for index in sorted(range(len(recordings)), key=lambda i: recordings[i].name):
+        by_task[recordings[index].task].append(index)
+    test: list[int] = []
+    for own in by_task.values():
+        if len(own) > 1:
+            test += own[min(max(round(share * len(own)), 1), len(own) - 1) :]
+    if not test:
+        raise ArgumentError(
+            describe("protocol", "two recordings of a task", len(recordings), "Record more.")
+        )
+    return _fold(len(recordings), sorted(test))
+
+
+def _fold(n: int, test: Iterable[int]) -> Fold:
+    left_out = set(test)
+    return [i for i in range(n) if i not in left_out], sorted(left_out)
+
+
+def _share(text: str) -> float | None:
+    """The number in (0, 1) that a text is, or None."""
+    try:
+        share = float(text)
+    except ValueError:
+        return None
+    return share if 0.0 < share < 1.0 else None

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How long the controlled agent follows the observed one, and which recordings differ in it."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.signals.demonstration import Demonstration
+from intent_recognition.signals.onset import windowed_velocity
+from intent_recognition.signals.signal import Signal
+from intent_recognition.signals.streams import LATENCY_S, recording_doubts
+
+STEP_S = 0.02
+"""Step of the lags of a correlation of speeds [s]. Convention: finer than motion detection."""
+LONGEST_LAG_S = 2.0
+"""Lags that are looked at, to either side [s]. Convention: longer ones shorten the overlap."""
+SPEED_WINDOW_S = 0.15
+"""Window of the speeds that are correlated [s]; that of onset detection."""
+LEAST_CORRELATION = 0.5
+"""Correlation of speeds below which a lag says nothing. Measured: docs/bags.md."""
+LEAST_GAIN = 0.1
+"""By how much it must exceed the correlation at the others' lag. Measured: docs/bags.md."""
+USUAL_SPREAD = 4.0
+"""Robust standard deviations of the others' lags that are usual. Measured: docs/bags.md."""
+LEAST_OTHERS = 3
+"""Other recordings from which a usual lag is known. Convention: a median with a spread."""
+MAD_TO_STD = 1.4826
+"""Standard deviation of a normal distribution in median absolute deviations."""
+
+
+class StreamFinding(NamedTuple):
+    """What is wrong, or may be, with a recording.
+
+    Attributes:
+        name: of the recording.
+        reason: one sentence, with the likely cause.
+    """
+
+    name: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.reason}"
+
+
+class SpeedCorrelation(NamedTuple):
+    """Correlation of both agents' speeds over the lag of the controlled one.
+
+    Attributes:
+        name: of the recording.
+        task: its label.
+        values: at `LAGS_S`, (L,).
+        doubts: what the recording alone gives reason to doubt.
+    """
+
+    name: str
+    task: str | None
+    values: NDArray[np.float64]
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def lag_s(self) -> float:
+        """Lag of the highest correlation: by how much the controlled agent follows [s]."""
+        return float(LAGS_S[np.argmax(self.values)])
+
+
+LAGS_S = STEP_S * np.arange(-round(LONGEST_LAG_S / STEP_S), round(LONGEST_LAG_S / STEP_S) + 1)
+"""Lags of a `SpeedCorrelation`, (L,) [s]."""
+
+
+def correlate_speeds(recorded: Demonstration) -> SpeedCorrelation:
+    """What `stream_doubts` needs to know of a recording; small, so that many can be kept."""
+    doubts = tuple(recording_doubts(recorded))
+    return SpeedCorrelation(recorded.name, recorded.task, _correlation(recorded), doubts)
+
+
+def stream_doubts(correlations: Sequence[SpeedCorrelation]) -> list[StreamFinding]:
+    """Recordings whose streams may not belong together, each with the likely cause.
+
+    A lag counts as unusual beside the lags of the same task's other recordings (of all others where
+    these are few). It is a hint, given where there is nothing stronger: an agent that reacts early
+    or late looks the same.
+    """
+    found = []
+    lags = np.array([one.lag_s for one in correlations])
+    tasks = np.array([str(one.task) for one in correlations])
+    for index, one in enumerate(correlations):
+        others = np.arange(len(lags)) != index
+        same = others & (tasks == tasks[index])
+        usual = lags[same if same.sum() >= LEAST_OTHERS else others]
+        reasons = [*one.doubts]
+        if not reasons and len(usual) >= LEAST_OTHERS:
+            reasons += _unusual_lag(one, usual)
+        found += [StreamFinding(one.name, reason) for reason in reasons]
+    return found
+
+
+def _unusual_lag(one: SpeedCorrelation, usual_s: NDArray[np.float64]) -> Iterator[str]:
+    """Whether the controlled agent follows much earlier or later than in other recordings."""
+    median = float(np.median(usual_s))
+    spread = MAD_TO_STD * float(np.median(np.abs(usual_s - median)))
+    away = one.lag_s - median
+    best = float(one.values.max())
+    gain = best - float(np.interp(median, LAGS_S, one.values))
+    unusual = abs(away) > max(LATENCY_S, USUAL_SPREAD * spread)
+    if unusual and best > LEAST_CORRELATION and gain > LEAST_GAIN:
+        side = "later" if away > 0 else "earlier"
+        yield (
+            f"the controlled agent follows the observed one {abs(away):.2f} s {side} than in the"
+            f" other recordings, by the correlation of their speeds ({best:.2f}). A hint, no proof:"
+            " two clocks, or an agent that reacted so."
+        )
+
+
+def _correlation(recorded: Demonstration) -> NDArray[np.float64]:
+    """Correlation of the agents' speeds at `LAGS_S`, (L,); zero where nothing can be told."""
+    none = np.zeros(len(LAGS_S))
+    signals = (*recorded.observed, *recorded.controlled)
+    if not recorded.controlled:
+        return none
+    start = max(int(signal.stamps_ns[0]) for signal in signals)
+    end = min(int(signal.stamps_ns[-1]) for signal in signals)
+    times_s = np.arange(0.0, (end - start) * 1e-9, STEP_S)
+    if len(times_s) < len(LAGS_S) // 2:
+        return none
+    leading, following = (
+        _speed(agent, start, times_s) for agent in (recorded.observed, recorded.controlled)
+    )
+    size = np.sqrt((leading @ leading) * (following @ following))
+    if not size > 0.0:
+        return none
+    length = 2 * len(times_s)
+    product = np.fft.rfft(following, length) * np.fft.rfft(leading, length).conj()
+    shifts = np.round(LAGS_S / STEP_S).astype(int)
+    reached = np.abs(shifts) < len(times_s)
+    return np.where(reached, np.fft.irfft(product, length)[shifts % length], 0.0) / size
+
+
+def _speed(
+    agent: Sequence[Signal], start_ns: int, times_s: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Sum of the signals' speeds, each in shares of its highest, less its mean, (T,)."""
+    total = np.zeros(len(times_s))
+    for signal in agent:
+        own_s = signal.seconds(start_ns)
+        velocity = windowed_velocity(own_s, signal.values, SPEED_WINDOW_S)
+        speed = np.nan_to_num(np.linalg.norm(velocity, axis=1))
+        total += np.interp(times_s, own_s, speed) / max(float(speed.max(initial=0.0)), 1e-12)
+    return total - total.mean()

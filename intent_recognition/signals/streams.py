@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the streams of one recording belong together: overlap, one clock, likely units."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from intent_recognition.signals.demonstration import Demonstration
+from intent_recognition.signals.onset import first_onset, peak_speed
+from intent_recognition.signals.segmentation import onset_settings
+from intent_recognition.signals.signal import Signal
+
+LARGEST_MISSING_SHARE = 0.1
+"""Share of the observed recording that a controlled stream may miss after the human's onset, or at
+its end. Convention: above what the recorder costs (at most 0.085 in the shipped recordings).
+"""
+LATENCY_S = 0.25
+"""Shift between streams above which it is named [s].
+
+Convention: longer than a tracker's latency.
+"""
+FASTEST_M_S = 20.0
+"""Speed that no hand reaches at work [m/s]. Convention: a thrown ball is faster."""
+WIDEST_M = 20.0
+"""Extent of a movement beyond which its unit is not metres [m]. Convention: larger than a cell."""
+WIDEST_RAD = 8.0 * np.pi
+"""Extent of a joint beyond which its unit is hardly radians [rad]. Convention: four turns."""
+
+
+def stream_defect(recorded: Demonstration) -> str:
+    """Why a recording cannot be learned from or scored, with the likely cause; empty if it can.
+
+    A controlled agent that was not recorded while the observed one moved has no truth there, and
+    none is made up.
+    """
+    signals = (*recorded.observed, *recorded.controlled)
+    return next(filter(None, (*map(_unit_defect, signals), _missing(recorded))), "")
+
+
+def common_span(recorded: Demonstration) -> tuple[int, int]:
+    """The part of [start_ns, end_ns] in which every controlled stream was recorded."""
+    first = [int(signal.stamps_ns[0]) for signal in recorded.controlled]
+    last = [int(signal.stamps_ns[-1]) for signal in recorded.controlled]
+    return max([recorded.start_ns, *first]), min([recorded.end_ns, *last])
+
+
+def recording_doubts(recorded: Demonstration) -> list[str]:
+    """What gives reason to doubt a recording that can be used, each with the likely cause."""
+    clock = [*_shifted_clock(recorded)] or [*_shifted_edges(recorded)]
+    return [*(clock or _in_part(recorded)), *_degrees(recorded)]
+
+
+def _unit_defect(signal: Signal) -> str:
+    """Why a signal cannot be in metres; empty for other units."""
+    if signal.unit != "m" or not len(signal.values):
+        return ""
+    extent = float(np.ptp(signal.values, axis=0).max())
+    speed = peak_speed(signal.seconds(int(signal.stamps_ns[0])), signal.values)
+    if extent <= WIDEST_M and speed <= FASTEST_M_S:
+        return ""
+    return (
+        f"{_names(signal)} moves over {extent:.3g} m at up to {speed:.3g} m/s: the unit cannot be"
+        " metres. Likely millimetres for metres: record metres."
+    )
+
+
+def _missing(recorded: Demonstration) -> str:
+    """Which controlled stream misses too much of the observed recording."""
+    start_ns, end_ns = recorded.start_ns, recorded.end_ns
+    length, onset_ns = max(end_ns - start_ns, 1), _onset_ns(recorded)
+    for signal in recorded.controlled:
+        if not len(signal.stamps_ns):
+            return f"{_names(signal)} has no sample while the human was observed"
+        first, last = int(signal.stamps_ns[0]), int(signal.stamps_ns[-1])
+        if first > end_ns or last < start_ns:
+            away_s = max(first - end_ns, start_ns - last) * 1e-9
+            edge = (
+                "begins {:.3g} s after they end"
+                if first > end_ns
+                else "ends {:.3g} s before they begin"
+            )
+            return (
+                f"{_names(signal)} does not overlap with the observed streams: it"
+                f" {edge.format(away_s)}. Likely two clocks: synchronise them (chrony), or stamp"
+                " both streams on one machine."
+            )
+        late, early = first - onset_ns, end_ns - last
+        if max(late, early) <= LARGEST_MISSING_SHARE * length:
+            continue
+        share = (min(last, end_ns) - max(first, start_ns)) / length
+        where = " and ".join(
+            text
+            for text, missing_ns in (
+                (f"begins {late * 1e-9:.2f} s after the human's movement", late),
+                (f"ends {early * 1e-9:.2f} s before they do", early),
+            )
+            if missing_ns > LARGEST_MISSING_SHARE * length
+        )
+        shifted = last - first > (1.0 - LARGEST_MISSING_SHARE) * length
+        cause = (
+            "two clocks, since it is as long as they are"
+            if shifted
+            else "a stream that stopped early or started late"
+        )
+        return (
+            f"{_names(signal)} covers {share:.0%} of the observed streams: it {where}. Likely"
+            f" {cause}: record again."
+        )
+    return ""
+
+
+def _onset_ns(recorded: Demonstration) -> int:
+    """When the human first moves; before that there is nothing to predict."""
+    settings, start_ns = onset_settings([recorded.observed]), recorded.start_ns
+    onsets = [
+        first_onset(own, signal.seconds(start_ns), signal.values)
+        for own, signal in zip(settings, recorded.observed, strict=True)
+    ]
+    first_s = min((onset for onset in onsets if onset is not None), default=0.0)
+    return start_ns + round(first_s * 1e9)
+
+
+def _shifted_clock(recorded: Demonstration) -> Iterator[str]:
+    """Streams whose stamps differ by a shift from the times at which they were received."""
+    if not recorded.delays_s:
+        return
+    n_observed = len(recorded.observed)
+    reference = float(np.median(recorded.delays_s[:n_observed]))
+    for signal, delay_s in zip(recorded.controlled, recorded.delays_s[n_observed:], strict=True):
+        shift = reference - delay_s
+        if abs(shift) > LATENCY_S:
+            side = "ahead of" if shift > 0 else "behind"
+            yield (
+                f"the stamps of {_names(signal)} are {abs(shift):.2f} s {side} those of the"
+                " observed streams received at the same time. Likely two clocks: synchronise them."
+            )
+
+
+def _shifted_edges(recorded: Demonstration) -> Iterator[str]:
+    """Streams that begin and end by the same time earlier or later than the observed ones."""
+    for signal in recorded.controlled:
+        begins_s = (int(signal.stamps_ns[0]) - recorded.start_ns) * 1e-9
+        ends_s = (int(signal.stamps_ns[-1]) - recorded.end_ns) * 1e-9
+        alike = abs(ends_s - begins_s) < 0.5 * LATENCY_S
+        if alike and min(abs(begins_s), abs(ends_s)) > LATENCY_S:
+            side = "later" if begins_s > 0 else "earlier"
+            yield (
+                f"{_names(signal)} begins and ends {abs(begins_s):.2f} s {side} than the observed"
+                " streams. Likely two clocks: synchronise them."
+            )
+
+
+def _in_part(recorded: Demonstration) -> Iterator[str]:
+    """Whether one agent was recorded in only a part of the other's recording."""
+    if not recorded.controlled:
+        return
+    first = max(int(signal.stamps_ns[0]) for signal in recorded.controlled)
+    last = min(int(signal.stamps_ns[-1]) for signal in recorded.controlled)
+    late_s, early_s = (recorded.start_ns - first) * 1e-9, (last - recorded.end_ns) * 1e-9
+    limit_s = LARGEST_MISSING_SHARE * max(recorded.end_ns - recorded.start_ns, last - first) * 1e-9
+    parts = [f"begin {late_s:.2f} s later"] if late_s > limit_s else []
+    parts += [f"end {early_s:.2f} s earlier"] if early_s > limit_s else []
+    if parts:
+        yield (
+            f"the observed streams {' and '.join(parts)} than the controlled ones, and only what"
+            " both show is used. Likely a tracker that lost the body, or two clocks."
+        )
+    if -late_s > limit_s:
+        yield (
+            f"the controlled streams begin {-late_s:.2f} s later than the observed ones, before the"
+            " human moves. Likely a driver that started late, or two clocks."
+        )
+
+
+def _degrees(recorded: Demonstration) -> Iterator[str]:
+    """Joints that turn too far for radians."""
+    for signal in (*recorded.observed, *recorded.controlled):
+        if signal.unit == "rad" and len(signal.values):
+            extent = float(np.ptp(signal.values, axis=0).max())
+            if extent > WIDEST_RAD:
+                yield f"{_names(signal)} turns by {extent:.3g} rad. Likely degrees for radians."
+
+
+def _names(signal: Signal) -> str:
+    """The signal in words: its DOFs, of many the first."""
+    return ", ".join(signal.names[:1]) + (", ..." if len(signal.names) > 1 else "")

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags whose streams do not belong together are named by evaluate, train and inspect alike."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from cli.recorded import DOFS, TRUTH, write_all
+from model_builder import perform, write_recording
+
+PER_TASK = 4
+SPOILED = ("off", "part", "shifted")
+
+
+def changed(seed: int, shift_s: float, share: float = 1.0):
+    """A recording whose robot is on a clock of its own, and stops after a share of the time."""
+    recorded = perform(TRUTH, 0, seed, rest_before_s=1.5, rest_after_s=1.5)
+    last_ns = recorded.start_ns + round(share * (recorded.end_ns - recorded.start_ns))
+    robot = [s.between(recorded.start_ns, last_ns) for s in recorded.controlled]
+    shift_ns = round(shift_s * 1e9)
+    robot = [replace(s, stamps_ns=s.stamps_ns + shift_ns) for s in robot]
+    return replace(recorded, controlled=tuple(robot))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("streams")
+    write_all(folder)
+    for name, recorded in zip(
+        SPOILED, (changed(30, 300.0), changed(31, 0.0, 0.6), changed(32, 0.5)), strict=True
+    ):
+        write_recording(folder / "bags" / name, recorded, DOFS)
+    return folder
+
+
+def reasons(listed: list[dict]) -> dict[str, str]:
+    return {one["recording"]: one["reason"] for one in listed}
+
+
+def check_lines(text: str, *, left_out: str) -> None:
+    lines = [line for line in text.splitlines() if line.startswith(("left out", "doubtful"))]
+    assert len(lines) == 3
+    off, part, shifted = (next(line for line in lines if f"{name}:" in line) for name in SPOILED)
+    assert off.startswith(left_out) and "does not overlap" in off and "two clocks" in off
+    assert part.startswith(left_out) and "covers 60%" in part and "stopped early" in part
+    assert shifted.startswith("doubtful") and "0.50 s later" in shifted and "two clocks" in shifted
+
+
+def test_evaluate(run_command, folder, tmp_path):
+    output, options = tmp_path / "scores.json", ("--dofs", folder / "dofs.yaml", "--basis", 8)
+    fast = ("--protocol", "kfold:3", "--unknown-tasks", "off", "--json", output)
+    code, text = run_command("evaluate", folder / "bags", *options, *fast)
+    result = json.loads(output.read_text())
+    assert code == 0 and result["n_demonstrations"] == 2 * PER_TASK + 1
+    assert set(reasons(result["left_out"])) == {"off", "part"}
+    assert set(reasons(result["doubtful"])) == {"shifted"}
+    check_lines(text, left_out="left out")
+
+
+def test_train(run_command, folder, tmp_path):
+    output = ("--output", tmp_path / "m.npz", "--json", tmp_path / "learned.json")
+    code, text = run_command("train", folder / "bags", "--dofs", folder / "dofs.yaml", *output)
+    learned = json.loads((tmp_path / "learned.json").read_text())
+    assert code == 0 and learned["n_used"] == 2 * PER_TASK + 1 and len(learned["left_out"]) == 2
+    check_lines(text, left_out="left out")
+
+
+@pytest.mark.parametrize("with_dofs", [True, False])
+def test_inspect(run_command, folder, with_dofs):
+    options = ("--dofs", folder / "dofs.yaml") if with_dofs else ()
+    code, text = run_command("inspect", folder / "bags", *options)
+    assert code == 0
+    check_lines(text, left_out="doubtful")
+    _, text = run_command("inspect", folder / "bags", *options, "--json")
+    named = {bag["path"].split("/")[-1]: bag["streams"] for bag in json.loads(text)}
+    assert {name for name, faults in named.items() if faults} == set(SPOILED)
+
+
+def test_inspect_one(run_command, folder):
+    for name in (*SPOILED, "demo_00"):
+        _, text = run_command("inspect", folder / "bags" / name)
+        assert ("doubtful" in text) == (name in SPOILED)
+        _, text = run_command("inspect", folder / "bags" / name, "--json")
+        assert bool(json.loads(text)["streams"]) == (name in SPOILED)
+
+
+def test_millimetres_are_named(run_command, tmp_path):
+    recorded = perform(TRUTH, 0, 33)
+    in_mm = [replace(s, values=1000.0 * s.values) for s in recorded.observed]
+    write_recording(tmp_path / "mm", replace(recorded, observed=tuple(in_mm)), DOFS)
+    _, text = run_command("inspect", tmp_path / "mm")
+    assert "doubtful mm" in text and "millimetres for metres" in text

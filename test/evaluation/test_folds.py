@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which recordings each protocol trains and tests on."""
+
+import pytest
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.evaluation import make_folds
+from intent_recognition.signals import Demonstration
+
+
+def recorded(name: str, task: str, **metadata: str) -> Demonstration:
+    return Demonstration(name, "", task, (), (), 0, 1, metadata)
+
+
+PEOPLE = [
+    recorded("d3", "a", person="ann"),
+    recorded("d1", "a", person="bob"),
+    recorded("d2", "b", person="bob"),
+    recorded("d4", "b", person="ann"),
+    recorded("d5", "a", person="cid"),
+    recorded("d6", "b", person="bob"),
+]
+
+
+def test_a_person_is_left_out_at_a_time():
+    assert make_folds(PEOPLE, "logo:person") == [
+        ([1, 2, 4, 5], [0, 3]),
+        ([0, 3, 4], [1, 2, 5]),
+        ([0, 1, 2, 3, 5], [4]),
+    ]
+
+
+def test_a_key_that_a_recording_lacks_is_named_with_those_it_has():
+    with pytest.raises(ArgumentError, match=r"logo:group.*keys person in d3"):
+        make_folds(PEOPLE, "logo:group")
+    alone = [recorded(f"{i}", "a", person="ann") for i in range(4)]
+    with pytest.raises(ArgumentError, match="at least two groups, got ann"):
+        make_folds(alone, "logo:person")
+
+
+def test_the_first_of_each_task_by_name_are_trained_on():
+    assert make_folds(PEOPLE, "temporal:0.5") == [([0, 1, 2, 3], [4, 5])]
+    assert make_folds(PEOPLE, "temporal:0.3") == [([1, 2], [0, 3, 4, 5])]
+    ten = [recorded(f"{i:02d}", "a") for i in range(10)]
+    assert make_folds(ten, "temporal") == [(list(range(7)), [7, 8, 9])]
+    assert make_folds(ten, "temporal:0.999") == [(list(range(9)), [9])]
+
+
+def test_a_task_shown_once_is_trained_on():
+    assert make_folds([*PEOPLE, recorded("d0", "c")], "temporal")[0][1] == [4, 5]
+    with pytest.raises(ArgumentError, match="two recordings of a task"):
+        make_folds([recorded("1", "a"), recorded("2", "b")], "temporal")
+
+
+@pytest.mark.parametrize(
+    "protocol", ["temporal:", "temporal:0", "temporal:1", "temporal:x", "logo", "logo:", "later"]
+)
+def test_other_words_name_the_protocols(protocol):
+    with pytest.raises(ArgumentError, match=r"loo, kfold:K, logo:KEY, temporal"):
+        make_folds(PEOPLE, protocol)

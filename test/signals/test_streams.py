@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Streams that do not belong together are named, with the likely cause; good ones are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulation import START_NS, minimum_jerk
+
+from intent_recognition.signals import (
+    Demonstration,
+    Signal,
+    common_span,
+    correlate_speeds,
+    stream_defect,
+    stream_doubts,
+)
+
+LENGTH_S = 10.0
+
+
+def recording(name: str = "demo", *, reaction_s: float = 0.4, unit: str = "rad") -> Demonstration:
+    """A human who reaches out and back, and a robot that does the same a little later; 50 Hz."""
+    times_s = np.linspace(0.0, LENGTH_S, 501)
+    stamps = START_NS + np.round(times_s * 1e9).astype(np.int64)
+
+    def there_and_back(start_s: float) -> np.ndarray:
+        return (minimum_jerk(times_s - start_s) - minimum_jerk((times_s - start_s - 3.0) / 1.5))[
+            :, None
+        ]
+
+    human = Signal(("x",), stamps, 0.4 * there_and_back(2.0), "m")
+    robot = Signal(("q",), stamps, 1.2 * there_and_back(2.0 + reaction_s), unit)
+    return Demonstration(name, "", "reach", (human,), (robot,), int(stamps[0]), int(stamps[-1]))
+
+
+def later(signal: Signal, shift_s: float) -> Signal:
+    return replace(signal, stamps_ns=signal.stamps_ns + round(shift_s * 1e9))
+
+
+def with_robot(recorded: Demonstration, change) -> Demonstration:
+    return replace(recorded, controlled=tuple(map(change, recorded.controlled)))
+
+
+def cut(signal: Signal, first_s: float, last_s: float) -> Signal:
+    return signal.between(START_NS + round(first_s * 1e9), START_NS + round(last_s * 1e9))
+
+
+def test_a_good_recording_has_neither_defect_nor_doubt():
+    good = [recording(f"{i}", reaction_s=0.3 + 0.05 * i) for i in range(6)]
+    assert [stream_defect(one) for one in good] == [""] * 6
+    assert stream_doubts([*map(correlate_speeds, good)]) == []
+
+
+@pytest.mark.parametrize(
+    ("shift_s", "words"), [(-300.0, "ends 290 s before"), (300.0, "begins 290")]
+)
+def test_streams_that_do_not_overlap(shift_s, words):
+    reason = stream_defect(with_robot(recording(), lambda s: later(s, shift_s)))
+    assert "does not overlap" in reason and words in reason and "two clocks" in reason
+
+
+def test_a_stream_that_ends_at_60_percent():
+    reason = stream_defect(with_robot(recording(), lambda s: cut(s, 0.0, 6.0)))
+    assert "covers 60%" in reason and "ends 4.00 s before" in reason and "stopped early" in reason
+
+
+def test_a_stream_as_long_as_the_other_but_shifted_is_on_another_clock():
+    reason = stream_defect(with_robot(recording(), lambda s: later(s, 4.0)))
+    assert "covers 60%" in reason and "two clocks" in reason
+
+
+def test_what_is_missing_before_the_human_moves_is_a_doubt_and_after_it_a_defect():
+    resting = with_robot(recording(), lambda s: cut(s, 1.8, LENGTH_S))
+    assert stream_defect(resting) == ""
+    (doubt,) = stream_doubts([correlate_speeds(resting)])
+    assert "begin 1.80 s later than the observed ones" in doubt.reason
+    assert common_span(resting) == (START_NS + 1_800_000_000, resting.end_ns)
+    assert "covers 65%" in stream_defect(with_robot(recording(), lambda s: cut(s, 3.5, LENGTH_S)))
+
+
+def test_a_human_observed_in_part_is_doubtful():
+    whole = recording()
+    seen = cut(whole.observed[0], 0.0, 6.0)
+    partly = replace(whole, observed=(seen,), end_ns=int(seen.stamps_ns[-1]))
+    (doubt,) = stream_doubts([correlate_speeds(partly)])
+    assert "end 4.00 s earlier" in doubt.reason and "lost the body" in doubt.reason
+
+
+@pytest.mark.parametrize("shift_s", [-0.5, 0.5])
+def test_a_shift_shows_at_both_edges(shift_s):
+    shifted = with_robot(recording(), lambda s: later(s, shift_s))
+    assert stream_defect(shifted) == ""
+    (doubt,) = stream_doubts([correlate_speeds(shifted)])
+    side = "later" if shift_s > 0 else "earlier"
+    assert f"begins and ends 0.50 s {side}" in doubt.reason and "two clocks" in doubt.reason
+
+
+def test_a_shift_shows_beside_the_times_of_receipt():
+    delayed = replace(recording(), delays_s=(0.02, 0.52))
+    (doubt,) = stream_doubts([correlate_speeds(delayed)])
+    assert "0.50 s behind" in doubt.reason and "two clocks" in doubt.reason
+    assert stream_doubts([correlate_speeds(replace(recording(), delays_s=(5.0, 5.1)))]) == []
+
+
+@pytest.mark.parametrize("shift_s", [-0.5, 0.5])
+def test_a_shift_whose_edges_were_cut_shows_in_the_speeds_as_a_hint(shift_s):
+    """The lag of 0.4 s is everybody's; the one recording beside it is named, and only it."""
+
+    def inner(signal: Signal) -> Signal:
+        return cut(signal, 0.6, LENGTH_S - 0.6)
+
+    good = [recording(f"{i}", reaction_s=0.36 + 0.02 * i) for i in range(5)]
+    odd = with_robot(recording("odd"), lambda s: later(s, shift_s))
+    odd = replace(
+        with_robot(odd, inner),
+        observed=tuple(map(inner, odd.observed)),
+        start_ns=START_NS + 600_000_000,
+        end_ns=START_NS + round((LENGTH_S - 0.6) * 1e9),
+    )
+    (doubt,) = stream_doubts([*map(correlate_speeds, [*good, odd])])
+    side = "later" if shift_s > 0 else "earlier"
+    assert doubt.name == "odd" and f"0.50 s {side}" in doubt.reason
+    assert "A hint, no proof" in doubt.reason
+    assert stream_doubts([correlate_speeds(odd)]) == []  # nothing to compare it with
+
+
+def test_the_lag_is_the_robots_reaction():
+    assert correlate_speeds(recording(reaction_s=0.4)).lag_s == pytest.approx(0.4, abs=0.021)
+
+
+def test_millimetres_for_metres():
+    in_mm = recording()
+    (human,) = in_mm.observed
+    in_mm = replace(in_mm, observed=(replace(human, values=1000.0 * human.values),))
+    assert "millimetres for metres" in stream_defect(in_mm)
+    robot = with_robot(recording(unit="m"), lambda s: replace(s, values=1000.0 * s.values))
+    assert "millimetres for metres" in stream_defect(robot)
+
+
+def test_degrees_for_radians():
+    in_degrees = with_robot(recording(), lambda s: replace(s, values=np.degrees(s.values)))
+    assert stream_defect(in_degrees) == ""
+    (doubt,) = stream_doubts([correlate_speeds(in_degrees)])
+    assert "degrees for radians" in doubt.reason
+
+
+def test_a_recording_of_the_human_alone_is_none_of_this():
+    alone = replace(recording(), controlled=())
+    assert stream_defect(alone) == "" and stream_doubts([correlate_speeds(alone)]) == []
+    assert common_span(alone) == (alone.start_ns, alone.end_ns)
