@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(console) as bar:
         unknown = args.unknown_tasks == "on" and len({d.task for d in usable}) > 1
         n_scored = sum(len(test) for _, test in folds)
-        task = bar.add_task("scoring", total=n_scored + unknown * len(usable))
+        task = bar.add_task("scoring", total=2 * n_scored + unknown * len(usable))
         result = evaluate(
             usable,
             folds,
@@ -127,6 +127,7 @@ def run(args: argparse.Namespace) -> int:
             start_posture=args.start_posture == "on",
             both_starts=args.start_posture == "both",
             unknown_tasks=unknown,
+            online=True,
             progress=lambda done: bar.update(task, completed=done),
         )
     print_left_out(console, [*map(_line, result["left_out"])])

@@ -40,6 +40,17 @@ def make_folds(recordings: Sequence[Demonstration], protocol: str) -> list[Fold]
     raise ArgumentError(describe("protocol", PROTOCOLS, protocol, "Choose one of these."))
 
 
+def merge_folds(folds: Sequence[Fold], most: int) -> list[Fold]:
+    """At most so many folds that test the same recordings, none of which its fold trains on."""
+    merged = []
+    for first in range(min(most, len(folds))):
+        group = folds[first::most]
+        train = set.intersection(*(set(fold[0]) for fold in group))
+        test = {index for fold in group for index in fold[1]}
+        merged.append((sorted(train - test), sorted(test)))
+    return merged
+
+
 def _by_index(n: int, k: int) -> list[Fold]:
     if n < 2 or k > n:
         raise ArgumentError(

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the nodes would have done during a recording: onset, filter and decision."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from intent_recognition.evaluation.folds import Fold, merge_folds
+from intent_recognition.evaluation.scoring import PHASES
+from intent_recognition.learning import TrainingSettings, cut_to_movement, learn
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import (
     DecisionSettings,
@@ -14,10 +17,12 @@ from intent_recognition.recognition import (
     IntentEstimator,
     decide,
 )
-from intent_recognition.signals import Demonstration, merge
+from intent_recognition.signals import Demonstration, common_span, merge
 
 SURE_LOG_STD = 1e-6
 """Standard deviation of the logarithm of a duration that is known. Numerical safeguard."""
+MOST_FOLDS = 10
+"""Models that are learned to score the decisions, at most. Convention: it bounds the time."""
 ALWAYS_MOVING = 1e-9
 """Reference speed below which nothing rests, so that a movement begins with the recording."""
 
@@ -85,6 +90,47 @@ def run_online(
                 passed_ns = observation.stamp_ns - recorded.start_ns
                 decided_share = passed_ns / (recorded.end_ns - recorded.start_ns)
     return OnlineOutcome(str(recorded.task), recognised, tuple(activated), decided_share)
+
+
+def score_online(
+    demonstrations: Sequence[Demonstration],
+    folds: Sequence[Fold],
+    settings: TrainingSettings,
+    progress: Callable[[int], None] = lambda done: None,
+) -> dict[str, dict[str, float | None]]:
+    """What the nodes would have done, by phase knowledge; see `summarise_online`.
+
+    The models are those of `intent train`: learned from the movements, whatever the settings say.
+    Folds are merged to at most `MOST_FOLDS`.
+
+    Args:
+        demonstrations: labelled recordings.
+        folds: indices to train and to test on.
+        settings: how to learn.
+        progress: called with the number of recordings fed so far.
+
+    Raises:
+        TrainingError: a fold cannot be learned from.
+    """
+    settings = replace(settings, segmentation="recording")
+    movements = [where_both_were_recorded(recorded) for recorded in cut_to_movement(demonstrations)]
+    outcomes: dict[str, list[OnlineOutcome]] = {phase: [] for phase in PHASES}
+    done = 0
+    for train, test in merge_folds(folds, MOST_FOLDS):
+        library = learn([movements[i] for i in train], settings)
+        for recorded in (movements[i] for i in test):
+            for phase in PHASES:
+                known = phase == "known_phase"
+                outcomes[phase].append(run_online(library, recorded, phase_known=known))
+            done += 1
+            progress(done)
+    return {phase: summarise_online(found) for phase, found in outcomes.items()}
+
+
+def where_both_were_recorded(recorded: Demonstration) -> Demonstration:
+    """The recording from where to where the controlled agent was recorded, too."""
+    start_ns, end_ns = common_span(recorded)
+    return replace(recorded, start_ns=start_ns, end_ns=end_ns)
 
 
 def _told(library: TaskLibrary, recorded: Demonstration) -> IntentEstimator:

@@ -8,7 +8,7 @@ import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.evaluation.folds import Fold, make_folds
-from intent_recognition.evaluation.online import OnlineOutcome, run_online, summarise_online
+from intent_recognition.evaluation.online import score_online, where_both_were_recorded
 from intent_recognition.evaluation.scoring import (
     PHASES,
     PREDICTION_FRACTIONS,
@@ -28,7 +28,6 @@ from intent_recognition.learning import (
 from intent_recognition.signals import (
     Demonstration,
     StreamFinding,
-    common_span,
     correlate_speeds,
     stream_defect,
     stream_doubts,
@@ -43,6 +42,7 @@ def evaluate(
     start_posture: bool = False,
     both_starts: bool = False,
     unknown_tasks: bool = False,
+    online: bool = False,
     progress: Callable[[int], None] = lambda done: None,
 ) -> dict:
     """Cross-validate recognition and prediction; the content of `intent evaluate --json`.
@@ -54,11 +54,13 @@ def evaluate(
         start_posture: condition predictions on the controlled agent's position at the start.
         both_starts: also predict with the start posture, under `prediction_with_start_posture`.
         unknown_tasks: also leave out every task in turn and score its movements as unknown.
-        progress: called with the number of demonstrations scored so far.
+        online: also say what the nodes would have done, see `score_online`.
+        progress: called with the number of runs so far: each demonstration is scored, and once more
+            for each of `unknown_tasks` and `online`.
 
     Returns:
         Numbers by name, as docs/evaluation.md defines them: `recognition` and `prediction` by
-        phase knowledge and share of the movement observed, `online`, `reliability`, `coverage`,
+        phase knowledge and share of the movement observed, `reliability`, `coverage`,
         `confusion` and `none`; and which recordings are `left_out` or `doubtful`, each with the
         reason.
 
@@ -76,12 +78,12 @@ def evaluate(
         expected, cure = "recordings to train and to test on", "See docs/recognition.md."
         raise ArgumentError(describe("demonstrations", expected, reasons, cure))
     doubts = stream_doubts([*map(correlate_speeds, usable)])
+    recordings = usable
     if settings.segmentation == "movement":
         usable = cut_to_movement(usable)
         settings = replace(settings, segmentation="recording")
-    usable = [_where_truth_is_known(recorded) for recorded in usable]
+    usable = [where_both_were_recorded(recorded) for recorded in usable]
     collected = collect(both_starts)
-    online: dict[str, list[OnlineOutcome]] = {phase: [] for phase in PHASES}
     done, labels = 0, set[str]()
     units: tuple[str, ...] = ()
     for train, test in folds:
@@ -94,9 +96,6 @@ def evaluate(
                 score_demonstration(collected, library, training, recorded, start_posture)
             else:
                 _miss(collected)
-            for phase, outcomes in online.items():
-                known = phase == "known_phase"
-                outcomes.append(run_online(library, recorded, phase_known=known))
             done += 1
             progress(done)
     scored = sorted({index for train, test in folds for index in (*train, *test)})
@@ -105,6 +104,12 @@ def evaluate(
         unknown = follow_unknown(
             [usable[i] for i in scored], settings, lambda n: progress(done + n)
         )
+    decided = {}
+    if online:
+        n_runs = done + len(unknown)
+        decided["online"] = score_online(
+            recordings, folds, settings, lambda n: progress(n_runs + n)
+        )
     return {
         "n_demonstrations": done,
         "tasks": sorted(labels),
@@ -112,7 +117,7 @@ def evaluate(
         "left_out": [{"recording": r.name, "reason": r.reason} for r in left_out.values()],
         "doubtful": [{"recording": d.name, "reason": d.reason} for d in doubts],
         **_tables(collected, units),
-        "online": {phase: summarise_online(outcomes) for phase, outcomes in online.items()},
+        **decided,
         "none": {
             **compare(collected.outcomes, unknown),
             "accuracy": collected.recognitions.accuracy_beside_none(),
@@ -143,12 +148,6 @@ def _only(kept: Sequence[int], folds: Sequence[Fold]) -> list[Fold]:
     place = {index: position for position, index in enumerate(kept)}
     both = [[[place[i] for i in part if i in place] for part in fold] for fold in folds]
     return [(train, test) for train, test in both if train and test]
-
-
-def _where_truth_is_known(recorded: Demonstration) -> Demonstration:
-    """The recording from where to where the controlled agent was recorded, too."""
-    start_ns, end_ns = common_span(recorded)
-    return replace(recorded, start_ns=start_ns, end_ns=end_ns)
 
 
 def _miss(collected: EvaluationRecords) -> None:

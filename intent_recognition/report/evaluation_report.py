@@ -51,8 +51,8 @@ ONLINE_COLUMNS = {
 }
 ONLINE_EXPLANATION = (
     "Every recording is fed to the estimator and the decision that the nodes run, with their"
-    " default settings. Unknown phase: the onset is detected and the duration inferred; known phase:"
-    " both are given."
+    " default settings, learned from the movements alone and in at most ten folds. Unknown phase:"
+    " the onset is detected and the duration inferred; known phase: both are given."
 )
 WITHOUT_UNIT = {"coverage_2_sigma": "%", "nll": "nat"}
 EXPLANATION = (

@@ -5,6 +5,7 @@ import pytest
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.evaluation import make_folds
+from intent_recognition.evaluation.folds import merge_folds
 from intent_recognition.signals import Demonstration
 
 
@@ -58,3 +59,13 @@ def test_a_task_shown_once_is_trained_on():
 def test_other_words_name_the_protocols(protocol):
     with pytest.raises(ArgumentError, match=r"loo, kfold:K, logo:KEY, temporal"):
         make_folds(PEOPLE, protocol)
+
+
+def test_merged_folds_test_everything_once_and_train_on_nothing_they_test():
+    for n, most in ((29, 10), (12, 10), (4, 10)):
+        merged = merge_folds(make_folds([recorded(f"{i}", "a") for i in range(n)], "loo"), most)
+        assert len(merged) == min(n, most)
+        assert sorted(i for _, test in merged for i in test) == list(range(n))
+        assert all(sorted([*train, *test]) == list(range(n)) for train, test in merged)
+    temporal = make_folds(PEOPLE, "temporal")
+    assert merge_folds(temporal, 10) == temporal

@@ -91,7 +91,6 @@ def test_the_json_is_the_contracts(identical):
         "unit",
         "recognition",
         "prediction",
-        "online",
         "left_out",
         "doubtful",
         "reliability",
