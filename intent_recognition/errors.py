@@ -46,6 +46,10 @@ class ResourceBusyError(IntentError):
     """A port, a ROS domain or a file is in use or cannot be opened."""
 
 
+LONGEST_GOT = 2000
+"""Characters of what came that a message repeats. Convention."""
+
+
 def describe(argument: str, expected: str, got: object, cure: str) -> str:
     """Build the message every error of this package carries.
 
@@ -55,9 +59,20 @@ def describe(argument: str, expected: str, got: object, cure: str) -> str:
         got: what came instead.
         cure: what the caller can do about it, as a sentence.
     """
-    return f"{argument}: expected {expected}, got {got}. {cure}"
+    came = "\n".join(map(printable, str(got)[:LONGEST_GOT].split("\n")))
+    return f"{argument}: expected {expected}, got {came}. {cure}"
 
 
 def one_line(error: BaseException) -> str:
-    """The message of an error on one line; the name of its class if it has none."""
-    return " ".join(str(error).split()) or type(error).__name__
+    """The message of an error on one printable line; the name of its class if it has none."""
+    return printable(" ".join(str(error).split())) or type(error).__name__
+
+
+def printable(text: str) -> str:
+    r"""A text without what moves a cursor or colours a terminal: such characters as Python writes
+    them.
+
+    >>> print(printable("a\x1b[2Jb"))
+    a\x1b[2Jb
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -67,17 +67,22 @@ def find_files(
     if path.is_file():
         return [path], []
     if metadata is None or not metadata.files:
-        files = sorted(path.glob("*.mcap"))
+        files = _mcap_files(path)
     else:
         files = [path / name for name in metadata.files]
     missing = [file.name for file in files if not file.is_file()]
     notes = []
     if tolerant and missing:
         notes.append(f"missing: {', '.join(missing)}")
-        files = [file for file in files if file.is_file()] or sorted(path.glob("*.mcap"))
+        files = [file for file in files if file.is_file()] or _mcap_files(path)
         missing = []
     if missing or not files:
         cure = "Copy the whole directory of the bag."
         got = f"no {', '.join(missing) or '.mcap file'}"
         raise BagError(describe(str(path), "the files of the bag", got, cure))
     return files, notes
+
+
+def _mcap_files(folder: Path) -> list[Path]:
+    """All files that may be read to their end; a FIFO never ends."""
+    return sorted(path for path in folder.glob("*.mcap") if path.is_file())

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """One message of a bag, raw and decoded, and the decoders of its types."""
 
+from contextlib import redirect_stderr
 from dataclasses import dataclass
 from functools import lru_cache
+from io import StringIO
 from typing import Any
 
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import get_types_from_msg
 
+from intent_recognition.bags.bounds import LONGEST_DEFINITION, check_definition
 from intent_recognition.bags.cdr.columns import COLUMNS
 from intent_recognition.bags.cdr.decoder import Decoder, layout_decoder
 from intent_recognition.bags.cdr.layout import NANOSECONDS
@@ -67,10 +70,30 @@ def schema_decoder(schema: Schema) -> Decoder | None:
     Raises:
         Exception: whatever the parser of definitions raises.
     """
-    found = DecoderFactory().decoder_for("cdr", schema)
+    text = bytes(schema.data).decode()
+    check_definition(schema.name, text)
+    if schema.encoding == "ros2msg" and schema.name in jazzy_names() and not is_standard(schema):
+        _check_fields(schema.name, text)
+    with redirect_stderr(StringIO()):  # mcap_ros2 prints what it cannot parse, and raises
+        found = DecoderFactory().decoder_for("cdr", schema)
     if found and schema.name in COLUMNS and is_standard(schema):
         return layout_decoder(schema.name, found)
     return found
+
+
+def _check_fields(type_name: str, text: str) -> None:
+    """Make sure that a definition has all fields of Jazzy's; it may have more.
+
+    Raises:
+        ValueError: it lacks one, or has it with another type.
+        Exception: the parser of definitions raises what it meets.
+    """
+    store, found = jazzy_types(), get_types_from_msg(text, type_name)
+    for name in found.keys() & jazzy_names():
+        has = dict(found[name][1])
+        for field, kind in store.fielddefs[name][1]:
+            if has.get(field) != kind:
+                raise ValueError(f"{name} without its field {field}, or with another type of it")
 
 
 def is_standard(schema: Schema) -> bool:
@@ -80,7 +103,7 @@ def is_standard(schema: Schema) -> bool:
 
 @lru_cache(maxsize=256)
 def _same_fields(type_name: str, text: bytes) -> bool:
-    if type_name not in jazzy_names():
+    if type_name not in jazzy_names() or len(text) > LONGEST_DEFINITION:
         return False
     if text.decode(errors="replace") == definition(type_name).text:
         return True

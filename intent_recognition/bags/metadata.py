@@ -8,8 +8,9 @@ from pathlib import Path
 
 import yaml
 
-from intent_recognition.bags.qos_profiles import LOADER, parse_qos
+from intent_recognition.bags.qos_profiles import parse_qos
 from intent_recognition.errors import BagError, describe
+from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 FILE_NAME = "metadata.yaml"
 VERSION = 9
@@ -98,13 +99,14 @@ def read_metadata(folder: Path) -> BagMetadata:
     """
     path = folder / FILE_NAME
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=LOADER)
-        return _from_dict(content["rosbag2_bagfile_information"])
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(path)
+    except (OSError, UntrustedError) as error:
         raise _error(path, "a readable file", error) from error
-    except yaml.YAMLError as error:
-        raise _error(path, "YAML", " ".join(str(error).split())) from error
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    try:
+        return _from_dict(load_yaml(text)["rosbag2_bagfile_information"])
+    except UntrustedError as error:
+        raise _error(path, "YAML", error) from error
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise _error(path, "the keys of a rosbag2 bag", repr(error)) from error
 
 
@@ -152,8 +154,8 @@ def _topic_to_dict(topic: TopicInfo) -> dict[str, object]:
 def _from_dict(info: Mapping) -> BagMetadata:
     return BagMetadata(
         files=tuple(str(name) for name in info["relative_file_paths"] or ()),
-        start_ns=int(info["starting_time"]["nanoseconds_since_epoch"]),
-        duration_ns=int(info["duration"]["nanoseconds"]),
+        start_ns=_whole(info["starting_time"]["nanoseconds_since_epoch"]),
+        duration_ns=_whole(info["duration"]["nanoseconds"]),
         topics=tuple(_topic_from_dict(t) for t in info["topics_with_message_count"] or ()),
         custom_data={str(k): str(v) for k, v in (info.get("custom_data") or {}).items()},
         storage=str(info["storage_identifier"]),
@@ -166,10 +168,18 @@ def _topic_from_dict(item: Mapping) -> TopicInfo:
     return TopicInfo(
         str(topic["name"]),
         str(topic["type"]),
-        int(item["message_count"]),
+        _whole(item["message_count"]),
         str(topic.get("type_description_hash") or ""),
         parse_qos(topic.get("offered_qos_profiles")),
     )
+
+
+def _whole(value: object) -> int:
+    """A count or a time [ns], as 64 bits hold it."""
+    number = int(value)  # type: ignore[call-overload]
+    if not 0 <= number < 2**63:
+        raise ValueError(f"{number} is no count or time")
+    return number
 
 
 def _error(path: Path, expected: str, got: object) -> BagError:

@@ -3,10 +3,8 @@
 
 from collections.abc import Mapping
 
-import yaml
+from intent_recognition.untrusted import UntrustedError, load_yaml
 
-LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""The loader in C, where PyYAML was built with it: ten times as fast."""
 NO_LIMIT = {"sec": 9223372036, "nsec": 854775807}
 """The longest duration (2^63 - 1 ns), by which rmw means an infinite one."""
 OLD_NUMBERS = {  # rmw's enumerations, as bags older than version 9 hold them
@@ -41,10 +39,11 @@ def parse_qos(profiles: object) -> tuple[Mapping, ...]:
     """The list of QoS profiles, whether written as YAML (version 9) or as a text of YAML."""
     if isinstance(profiles, str):
         try:
-            profiles = yaml.load(profiles, Loader=LOADER)
-        except yaml.YAMLError:
+            profiles = load_yaml(profiles)
+        except UntrustedError:
             return ()
-    return tuple(p for p in profiles or () if isinstance(p, Mapping))  # type: ignore[attr-defined]
+    listed = profiles if isinstance(profiles, list) else ()
+    return tuple(p for p in listed if isinstance(p, Mapping))
 
 
 def qos_policy(profile: Mapping, key: str) -> str:

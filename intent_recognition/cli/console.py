@@ -5,8 +5,8 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
+from rich import markup
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -17,8 +17,15 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from intent_recognition.errors import printable
+
 WIDTH_OF_A_PIPE = 140
 """Columns where the output is no terminal, so that tables are not cut off. Convention."""
+
+
+def escape(text: str) -> str:
+    """A text of a file or a node as it is printed: no markup, no escape sequence."""
+    return markup.escape(printable(text))
 
 
 def make_console() -> Console:

@@ -7,10 +7,9 @@ import time
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from intent_recognition.cli.console import busy
+from intent_recognition.cli.console import busy, escape
 from intent_recognition.cli.output import write_json
 from intent_recognition.share import share_path
 

@@ -8,12 +8,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition import __version__
 from intent_recognition.cli.completion import offer
-from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.console import busy, escape, make_console
 from intent_recognition.cli.experiment_runs import ExperimentRun, run_all
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers

@@ -8,10 +8,9 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
 from intent_recognition.bags import Damage
-from intent_recognition.cli.console import plain_table, print_facts
+from intent_recognition.cli.console import escape, plain_table, print_facts
 from intent_recognition.demonstrations import BagSummary, TopicSummary
 from intent_recognition.errors import BagError
 

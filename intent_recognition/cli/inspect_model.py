@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 
-from intent_recognition.cli.console import plain_table, print_facts
+from intent_recognition.cli.console import escape, plain_table, print_facts
 from intent_recognition.model import Model
 from intent_recognition.promp import AlignedPrimitives, least_end_std
 

@@ -2,7 +2,9 @@
 """`intent COMMAND`: one parser, one module per command."""
 
 import argparse
+import contextlib
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 
@@ -37,15 +39,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     known = words[0] in COMMANDS if words else False
     args = make_parser(words[:1] if known else COMMANDS).parse_args(words)
     try:
-        return int(args.run(args) or 0)
-    except IntentError as error:
-        sys.stderr.write(f"intent {args.command}: {one_line(error)}\n")
-        return 1
+        code = int(args.run(args) or 0)
+        sys.stdout.flush()
+        return code
     except KeyboardInterrupt:
         return 130
-    except BrokenPipeError:
-        sys.stderr.close()
+    except BrokenPipeError:  # the reader has had enough
+        _drop_output()
         return 0
+    except (IntentError, OSError, MemoryError, RecursionError) as error:
+        sys.stderr.write(f"intent {args.command}: {one_line(error)}\n")
+        if isinstance(error, OSError):
+            _drop_output()
+        return 1
+
+
+def _drop_output() -> None:
+    """Nothing more is written where nothing can be written: not at the end of Python either."""
+    with contextlib.suppress(OSError, ValueError):  # as in tests, where it is no file
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, sys.stdout.fileno())
+        os.close(null)
 
 
 if __name__ == "__main__":

@@ -6,11 +6,10 @@ from collections import Counter
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from intent_recognition.bags import BagReader
-from intent_recognition.cli.console import make_console, progress_bar
+from intent_recognition.cli.console import escape, make_console, progress_bar
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.output import check_output, write_json

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.console import busy, escape, make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.output import check_output, write_json

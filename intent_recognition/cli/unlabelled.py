@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from intent_recognition.cli.console import busy, progress_bar
+from intent_recognition.cli.console import busy, escape, progress_bar
 from intent_recognition.cli.recordings import provenance_of, read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
 from intent_recognition.demonstrations import load_dofs

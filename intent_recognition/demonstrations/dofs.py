@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from intent_recognition.bags import JOINT_STATE
 from intent_recognition.errors import DofError, describe
+from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 QUANTITIES = ("position", "velocity", "effort")
 KEYS = ("topic", "type", "fields", "joints", "unit", "quantity")
@@ -152,12 +152,13 @@ def load_dofs(path: str | Path | None = None) -> DofSpec:
     """
     source = default_dofs_path() if path is None else Path(path)
     try:
-        content = yaml.safe_load(source.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(source)
+    except (OSError, UntrustedError) as error:
         raise _error(str(source), "a readable DOF file", error) from error
-    except yaml.YAMLError as error:
-        place = " ".join(str(error).split())
-        raise _error(str(source), "YAML", place) from error
+    try:
+        content = load_yaml(text)
+    except UntrustedError as error:
+        raise _error(str(source), "YAML", error) from error
     return DofSpec.from_dict(content, str(source))
 
 

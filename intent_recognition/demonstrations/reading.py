@@ -117,8 +117,12 @@ def read_task_sequences(
     return sequences, rejections
 
 
-def find_bags(path: Path) -> list[Path]:
+def find_bags(path: Path, above: frozenset[Path] = frozenset()) -> list[Path]:
     """The bag `path` is, or all bags below it, sorted by name.
+
+    Args:
+        path: a bag, a file or a folder.
+        above: folders that it lies in, with links resolved; a link to one of them is not followed.
 
     Raises:
         BagError: the path does not exist.
@@ -128,7 +132,13 @@ def find_bags(path: Path) -> list[Path]:
     if path.is_file() or _is_bag(path):
         return [path]
     folders = sorted(f for f in path.iterdir() if f.is_dir() and not f.name.startswith("."))
-    return [bag for folder in folders for bag in find_bags(folder)]
+    inside = above | {path.resolve()}
+    return [
+        bag
+        for folder in folders
+        if folder.resolve() not in inside
+        for bag in find_bags(folder, inside)
+    ]
 
 
 def _is_bag(folder: Path) -> bool:

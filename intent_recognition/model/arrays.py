@@ -10,6 +10,12 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ModelError, describe
 
+LARGEST = 1e15
+"""Largest magnitude of a number in a model [any unit]. Convention: squares and sums of them are
+finite."""
+ROUNDING = 1e-9
+"""Share of the largest entry by which a covariance may miss. Convention: a million times the
+rounding of doubles."""
 RETRAIN = "Train it again with `intent train`."
 
 
@@ -42,6 +48,25 @@ def check_arrays(
             raise ModelError(describe(place, f"shape {shape}", array.shape, RETRAIN))
         if not np.all(np.isfinite(array)):
             raise ModelError(describe(place, "finite numbers", "NaN or inf", RETRAIN))
+        if array.dtype.kind == "f" and np.any(np.abs(array) > LARGEST):
+            raise ModelError(
+                describe(place, f"numbers up to {LARGEST:g}", np.abs(array).max(), RETRAIN)
+            )
+
+
+def check_covariances(path: str | Path, name: str, matrices: NDArray[Any]) -> None:
+    """Make sure that matrices (..., n, n) are symmetric and not negative, up to rounding.
+
+    Raises:
+        ModelError: one is not; names the file and the array.
+    """
+    place = f"{path}: {name}"
+    scale = np.abs(matrices).max(initial=0.0)
+    if np.any(np.abs(matrices - matrices.swapaxes(-1, -2)) > ROUNDING * scale):
+        raise ModelError(describe(place, "symmetric matrices", "others", RETRAIN))
+    least = np.linalg.eigvalsh(matrices).min(initial=0.0)
+    if least < -ROUNDING * scale:
+        raise ModelError(describe(place, "no negative variance", f"{least:g}", RETRAIN))
 
 
 def check_positive(path: str | Path, arrays: Mapping[str, NDArray[Any]], *names: str) -> None:

@@ -16,10 +16,11 @@ from intent_recognition.demonstrations import DofSpec
 from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
 from intent_recognition.learning import Trained
 from intent_recognition.model.aligned import ALIGNED, pack_aligned, unpack_aligned
-from intent_recognition.model.arrays import RETRAIN, check_arrays, check_positive
+from intent_recognition.model.arrays import RETRAIN, check_arrays, check_covariances, check_positive
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
 from intent_recognition.promp import NONE, NormalizedRBFBasis, TaskLibrary
 from intent_recognition.signals import OnsetSettings
+from intent_recognition.untrusted import UntrustedError, check_archive, load_json
 
 FORMAT_VERSION = 2
 FORMER_NAMES = {
@@ -27,6 +28,10 @@ FORMER_NAMES = {
     "timing_deviation_std": "timing_lead_std",
 }
 """Names of arrays in files of version 1, which are still read."""
+LONGEST_LOG_S = 20.0
+"""Logarithm of a duration [log s]. Convention: neither nanoseconds nor years."""
+LARGEST_LOG_STD = 10.0
+"""Standard deviation of such a logarithm. Convention: from milliseconds to days."""
 NUMBERS = (
     "weight_mean",
     "weight_covariance",
@@ -142,13 +147,14 @@ def load_model(path: str | Path) -> Model:
         basis = NormalizedRBFBasis(**header["basis"])
         onset = tuple(OnsetSettings(**settings) for settings in header["onset"])
         provenance = dict(header["provenance"])
-    except (KeyError, TypeError, ValueError, DofError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, DofError) as error:
         if isinstance(error, IntentError):
             raise ModelError(f"{path}: {error}") from error
         raise ModelError(describe(f"{path}: header", "a complete one", error, RETRAIN)) from error
     check_arrays(path, content, _shapes(len(labels), dofs, basis.n_basis), ("observed_groups",))
     numbers: dict[str, Any] = {name: content[name] for name in NUMBERS}
     _check_values(path, numbers)
+    _check_plausible(path, numbers)
     _check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
     for name in SCALARS:
         numbers[name] = float(numbers[name])
@@ -211,6 +217,7 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> None:
 def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
     """Header and wanted arrays that the file holds, under their present names."""
     try:
+        check_archive(Path(path))
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             stored = {name: name for name in ("header", *wanted)}
             stored |= {new: old for new, old in FORMER_NAMES.items() if old in file.files}
@@ -222,7 +229,8 @@ def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
     except ModelError:
         raise
     except Exception as error:  # numpy and zipfile raise many kinds for what is no model
-        found = error if isinstance(error, OSError) else "another file, or a damaged one"
+        known = isinstance(error, (OSError, UntrustedError))
+        found = error if known else "another file, or a damaged one"
         if isinstance(error, FileNotFoundError):
             cure = "Check the path, or write one with `intent train`."
             raise ModelError(describe(str(path), "a model file", "nothing there", cure)) from error
@@ -242,7 +250,7 @@ def _read_array(path: str | Path, file: np.lib.npyio.NpzFile, name: str) -> NDAr
 
 def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
     try:
-        header = json.loads(str(content["header"]))
+        header = load_json(str(content["header"]))
         version = header["format_version"]
     except (KeyError, TypeError, ValueError) as error:
         raise ModelError(
@@ -331,6 +339,20 @@ def _check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
         raise ModelError(
             describe(f"{path}: none_prior", "between 0 and 1", numbers["none_prior"], RETRAIN)
         )
+
+
+def _check_plausible(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
+    """Durations that a movement can have, and covariances."""
+    for name, largest in (
+        ("log_duration_mean", LONGEST_LOG_S),
+        ("none_log_duration", LONGEST_LOG_S),
+        ("log_duration_std", LARGEST_LOG_STD),
+    ):
+        if np.any(np.abs(numbers[name]) > largest):
+            expected = f"at most {largest:g}"
+            raise ModelError(describe(f"{path}: {name}", expected, numbers[name], RETRAIN))
+    for name in ("weight_covariance", "none_covariance", "recognition_covariance"):
+        check_covariances(path, name, numbers[name])
 
 
 def _check_groups(path: str | Path, groups: NDArray[Any], n_observed: int, n_onset: int) -> None:

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The file of an annotated object: one `.npz` without pickled objects, checked on reading."""
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from intent_recognition.errors import IntentError, ModelError, describe
 from intent_recognition.share import share_path
+from intent_recognition.untrusted import UntrustedError, check_archive
 from intent_recognition.warping import AnnotatedObject
 
 FORMAT_VERSION = 1
@@ -40,13 +40,20 @@ def load_object(path: str | Path) -> AnnotatedObject:
         ModelError: it is not there, of another version, or an array is missing or bad.
     """
     try:
+        check_archive(Path(path))
         with np.load(path, allow_pickle=False) as content:
             arrays = {name: content[name] for name in content.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        found = error if isinstance(error, OSError) else "another file, or a damaged one"
+    except Exception as error:  # numpy and zipfile raise many kinds for what is no object
+        known = isinstance(error, (OSError, UntrustedError))
+        found = error if known else "another file, or a damaged one"
         raise ModelError(describe(str(path), "an annotated object", found, CURE)) from error
     version = arrays.get("format_version")
-    if version is None or version.shape or int(version) != FORMAT_VERSION:
+    if (
+        version is None
+        or version.shape
+        or version.dtype.kind not in "iu"
+        or version != FORMAT_VERSION
+    ):
         place = f"{path}: format_version"
         raise ModelError(describe(place, str(FORMAT_VERSION), version, CURE))
     missing = {"name", "points", "normals", "labels"} - arrays.keys()

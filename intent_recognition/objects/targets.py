@@ -14,6 +14,8 @@ from intent_recognition.warping import ObjectCloud, with_estimated_normals
 if TYPE_CHECKING:
     import trimesh
 
+MOST_BYTES = 200_000_000
+"""Size of a file of a mesh or cloud. Convention: four million triangles."""
 N_POINTS = 4000
 """Points of a cloud that is warped. Convention: a few millimetres apart on a cup."""
 N_SURFACE_POINTS = 100_000
@@ -65,6 +67,9 @@ def load_target(
     place = str(path)
     if not Path(path).is_file():
         raise ArgumentError(describe(place, NEEDED, "no file", "Check the path."))
+    if Path(path).stat().st_size > MOST_BYTES:
+        got = f"a file of more than {MOST_BYTES} bytes"
+        raise ArgumentError(describe(place, NEEDED, got, "Export fewer triangles."))
     try:
         # Files may lack material values; trimesh computes with the gaps.
         with np.errstate(invalid="ignore"):
@@ -78,6 +83,9 @@ def load_target(
         return mesh_target(_one_mesh(place, loaded), n_points, scale, seed)
     except IntentError as error:
         raise type(error)(f"{place}: {error}") from error
+    except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
+        got = f"one that cannot be used: {error}"
+        raise ArgumentError(describe(place, NEEDED, got, "Export it again.")) from error
 
 
 def mesh_target(

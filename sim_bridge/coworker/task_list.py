@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import yaml
 
 from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 from sim_bridge.coworker.habit import habitual_tasks
 from sim_bridge.coworker.styles import STYLES, TASKS
 
@@ -128,8 +128,8 @@ def _labels_of(text: str) -> tuple[str, ...]:
     """Labels of a comma separated text or of a file."""
     if text and "," not in text and text not in STYLES and Path(text).is_file():
         try:
-            content = yaml.safe_load(Path(text).read_text(encoding="utf-8"))
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            content = load_yaml(read_text(Path(text)))
+        except (OSError, UntrustedError) as error:
             raise ArgumentError(
                 describe("task_list", "a text or YAML file", text, f"Repair it: {error}.")
             ) from error

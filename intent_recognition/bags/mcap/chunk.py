@@ -29,6 +29,12 @@ from intent_recognition.bags.mcap.records import (
 CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, compression length
 PARSE_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError)
 CHECKSUM = "checksum of the chunk does not match"
+MOST_CHUNK = 2**26
+"""Bytes of the records of one chunk. Convention: rosbag2 writes 0.8 MB, or one larger message."""
+CUT_BYTES = 2**16
+"""Bytes decompressed at once of a chunk that is cut off. Convention."""
+LATEST_NS = 2**63
+"""Log times lie before it [ns], in 2262: they fit signed integers."""
 
 
 class McapBlock(NamedTuple):
@@ -104,6 +110,8 @@ def message_positions(data: bytes | memoryview, positions: NDArray) -> NDArray:
 def message_table(data: bytes | memoryview, positions: NDArray) -> MessageTable:
     """The messages at `positions` (n,)."""
     heads = gather(data, positions, MESSAGE_HEADER.itemsize).view(MESSAGE_HEADER)
+    if np.any(heads["log_ns"] >= LATEST_NS):
+        raise ValueError("a log time after the year 2262")
     return MessageTable(
         data,
         heads["channel"],
@@ -165,7 +173,10 @@ def chunk_content(view: bytes | mmap.mmap, block: McapBlock) -> tuple[str, bytes
 
 
 def block_size(view: bytes | mmap.mmap, block: McapBlock) -> int:
-    """Bytes of the records of a block, as a chunk says itself."""
+    """Bytes of the records of a block, as a chunk says itself.
+
+    They need not be true: `decompress` bounds them.
+    """
     if not block.is_chunk:
         return RECORD_HEADER.size + block.length
     return CHUNK_HEADER.unpack_from(view, block.offset + RECORD_HEADER.size)[2]
@@ -192,14 +203,38 @@ def decompress(compression: str, data: bytes, size: int, is_cut: bool = False) -
     Raises:
         ValueError and others: as `read_messages`.
     """
+    if size > MOST_CHUNK:
+        raise ValueError(f"a chunk of {size} bytes, more than {MOST_CHUNK}")
     if compression == "zstd":
+        check_frame(data, size)
         if is_cut:
-            return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+            return _cut_zstd(data, size)
         return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
     if compression == "lz4":
-        if is_cut:
-            return lz4.frame.LZ4FrameDecompressor().decompress(data)
-        return lz4.frame.decompress(data)
+        return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size)
     if compression == "":
         return data
     raise ValueError(f"unknown compression {compression!r}")
+
+
+def check_frame(data: bytes, size: int) -> None:
+    """Make sure that zstd, which allots what its frame says, is told the size of the chunk.
+
+    Raises:
+        ValueError, zstandard.ZstdError: it is told another, or the frame is none.
+    """
+    said = zstandard.frame_content_size(data)
+    if said not in (-1, size):
+        raise ValueError(f"a frame of {said} bytes in a chunk that says it has {size}")
+
+
+def _cut_zstd(data: bytes, size: int) -> bytes:
+    """As many records as the rest of a frame gives, a piece at a time."""
+    found = bytearray()
+    with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+        while len(found) < size:
+            piece = reader.read(min(size - len(found), CUT_BYTES))
+            if not piece:
+                break
+            found += piece
+    return bytes(found)

@@ -17,6 +17,12 @@ from intent_recognition.bags.mcap.scan import Damage, open_view, scan_file
 from intent_recognition.bags.messages import RECOVER
 from intent_recognition.errors import BagError, describe
 
+MOST_WAITING = 2**29
+"""Bytes of messages held at once to put them in order. Convention: a recorder's chunks hardly
+overlap, and hold 1 MB."""
+ITEM_BYTES = 400
+"""What one message takes beside its content [bytes], measured."""
+
 
 class _Item(NamedTuple):
     """One message; sorts by log time, then as recorded: by block, then by row."""
@@ -108,7 +114,12 @@ class McapFile:
                 before = bisect_left(waiting, block.start_ns, key=lambda i: i.log_time_ns)
                 yield from waiting[:before]
                 del waiting[:before]
-                waiting += self._block_items(block, self._table(view, block), wanted)
+                table = self._table(view, block)
+                held = sum(ITEM_BYTES + len(item.data) for item in waiting)
+                if held + len(table.data) + ITEM_BYTES * table.starts.size > MOST_WAITING:
+                    reason = "too many messages whose times overlap"
+                    raise self._error(Damage(block.offset, reason, block.start_ns, block.end_ns))
+                waiting += self._block_items(block, table, wanted)
                 waiting.sort()
             yield from waiting
         self._raise_damage()

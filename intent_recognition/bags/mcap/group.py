@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from intent_recognition.bags.mcap.chunk import (
     CHECKSUM,
+    MOST_CHUNK,
     McapBlock,
     MessageTable,
     block_size,
+    check_frame,
     chunk_content,
     decompress,
     message_positions,
@@ -32,8 +34,6 @@ CHANNEL, LOG_NS = (
     for before in (("opcode", "length"), ("opcode", "length", "channel", "sequence"))
 )
 """Offsets of the channel and of the log time in a message record [bytes]."""
-LARGEST_RATIO = 2**16
-"""Of decompressed to compressed bytes. No compression does better: a larger size is damage."""
 
 
 def groups(view: bytes | mmap.mmap, blocks: Iterable[McapBlock]) -> Iterator[list[McapBlock]]:
@@ -77,7 +77,7 @@ class GroupReader:
         """
         sizes = [block_size(self._view, block) for block in blocks]
         for block, size in zip(blocks, sizes, strict=True):
-            if size > LARGEST_RATIO * block.length:
+            if size > MOST_CHUNK:
                 raise ValueError(f"{block.length} bytes say they are {size} decompressed")
         if sum(sizes) > len(self._buffer):
             self._buffer = bytearray(max(sum(sizes), GROUP_BYTES))
@@ -121,6 +121,8 @@ class GroupReader:
             target[:] = self._view[block.offset : block.offset + len(target)]
             return
         compression, content, crc = chunk_content(self._view, block)
+        if compression == "zstd":
+            check_frame(content, len(target))
         if compression == "zstd" and len(target) >= LARGE_BYTES:
             with self._zstd.stream_reader(content) as reader:
                 if reader.readinto(target) != len(target) or reader.read(1):

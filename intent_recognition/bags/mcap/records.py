@@ -26,6 +26,8 @@ LONGEST_PERIOD = 16
 SHORTEST_RUN = 64
 """Messages in a run; if a run is shorter, the rest of the chunk is searched. Measured: for fewer
 the search is faster."""
+MOST_OTHERS = 2**17
+"""Records of a chunk that are no messages: ids of schemas and channels have 16 bits."""
 SEARCH_BYTES = 2**17
 """Bytes searched at once. Convention: they and what is found in them fit the processor's cache."""
 
@@ -44,7 +46,7 @@ def record_positions(data: bytes | memoryview, is_cut: bool) -> NDArray:
         ValueError: a record is too short, or the last one incomplete.
     """
     found: list[NDArray[np.int64]] = []
-    at, size = 0, len(data)
+    at, size, others = 0, len(data), 0
     search: _Search | None = None
     while at + RECORD_HEADER.size <= size:
         opcode, length = RECORD_HEADER.unpack_from(data, at)
@@ -52,6 +54,9 @@ def record_positions(data: bytes | memoryview, is_cut: bool) -> NDArray:
         if end > size:
             break
         if opcode != MESSAGE:
+            others += 1
+            if others > MOST_OTHERS:
+                raise ValueError(f"more than {MOST_OTHERS} records that are no messages")
             found.append(np.array([at]))
             at = end
             continue

@@ -16,8 +16,11 @@ from mcap.records import Channel, Schema, Statistics
 
 from intent_recognition.bags.mcap.chunk import (
     CHUNK_HEADER,
+    LATEST_NS,
+    MOST_CHUNK,
     PARSE_ERRORS,
     McapBlock,
+    block_size,
     parse_definition,
     read_definitions,
 )
@@ -32,6 +35,10 @@ INDEX_RECORD = struct.Struct("<BQHI")  # the same with opcode and length before
 CHUNK, MESSAGE_INDEX = int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
 LONGEST_COMPRESSION = 16
 """Bytes of the name of a compression. Convention: longer than any, short enough to tell damage."""
+MOST_EXPANSION = 100
+"""Bytes of messages for one of the file. Convention: the shipped recordings have up to 5."""
+FREE_BYTES = 2**26
+"""Bytes of messages that even the smallest file may have. Convention."""
 CHUNK_START = re.compile(
     rb"(?=\x06.{36}(?:\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4|\x00\x00\x00\x00))", re.DOTALL
 )
@@ -100,10 +107,22 @@ def scan_file(path: Path) -> FileScan:
                 )
             with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as view:
                 _walk(view, scan)
+                _check_expansion(path, view, scan)
                 _read_summary(view, scan)
     except OSError as error:
         raise BagError(describe(str(path), "a readable file", error, "Check the path.")) from error
     return scan
+
+
+def _check_expansion(path: Path, view: mmap.mmap, scan: FileScan) -> None:
+    """Refuse a file whose chunks say that they are far larger than it, before one is read."""
+    sizes = (block_size(view, block) for block in scan.blocks if not block.is_cut)
+    said = sum(size for size in sizes if size <= MOST_CHUNK)  # larger ones are not read
+    most = FREE_BYTES + MOST_EXPANSION * len(view)
+    if said > most:
+        expected = f"at most {most} bytes of messages in {len(view)}"
+        cure = "No recorder writes such a file; record again."
+        raise BagError(describe(str(path), expected, said, cure))
 
 
 def open_view(path: Path) -> mmap.mmap:
@@ -204,6 +223,8 @@ def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan:
         if length < 22:
             return False
         (log_ns,) = struct.unpack_from("<Q", view, start + 6)
+        if log_ns >= LATEST_NS:
+            return False
         scan.blocks.append(McapBlock(position, length, log_ns, log_ns, is_chunk=False))
     elif opcode == Opcode.MESSAGE_INDEX:
         return length >= 6 and struct.unpack_from("<I", view, start + 2)[0] == length - 6
@@ -230,7 +251,7 @@ def _chunk_block(view: mmap.mmap, position: int, length: int) -> McapBlock | Non
     if name_length > LONGEST_COMPRESSION or length < head + name_length + 8:
         return None
     (data_length,) = struct.unpack_from("<Q", view, start + head + name_length)
-    if head + name_length + 8 + data_length != length:
+    if head + name_length + 8 + data_length != length or max(first, last) >= LATEST_NS:
         return None
     return McapBlock(position, length, first, last)
 

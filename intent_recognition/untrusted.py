@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of strangers: regular ones of bounded size, and YAML and JSON that cannot grow in memory.
+
+Whatever is wrong with a file is an `UntrustedError`, whose text says what came in place of what was
+expected; the caller adds which file, and the cure.
+"""
+
+import json
+import stat
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+MOST_TEXT = 4_000_000
+"""Bytes of a YAML or JSON text. Convention: the metadata of a thousand topics take 0.7 MB."""
+DEEPEST = 32
+"""Nesting of YAML. Convention: a DOF file has 4 levels, metadata.yaml 7."""
+MOST_NODES = 100_000
+"""Nodes of YAML, with those that aliases repeat. Convention: a thousand topics take 60 000."""
+LONGEST_NUMBER = 100
+"""Characters of a number. Convention: 2^64 takes 20."""
+MOST_ARRAYS = 2**29
+"""Bytes of all arrays in an `.npz`, unpacked. Convention: a model of ten tasks takes 0.02 GB."""
+LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""The loader in C, where PyYAML was built with it: ten times as fast."""
+
+
+class UntrustedError(ValueError):
+    """A file that is not what it should be; the text says what it is."""
+
+
+def check_regular(path: Path, most_bytes: int | None = None) -> None:
+    """Make sure that a path is a file that can be read to its end: no FIFO, device or folder.
+
+    Args:
+        path: of the file.
+        most_bytes: size allowed; None for any.
+
+    Raises:
+        OSError: nothing is there, or it may not be looked at.
+        UntrustedError: it is another thing, or too large.
+    """
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise UntrustedError("a folder" if stat.S_ISDIR(found.st_mode) else "no regular file")
+    if most_bytes is not None and found.st_size > most_bytes:
+        raise UntrustedError(f"{found.st_size} bytes, more than {most_bytes}")
+
+
+def read_text(path: Path, most_bytes: int = MOST_TEXT) -> str:
+    """The text of a file.
+
+    Raises:
+        OSError: it cannot be read.
+        UntrustedError: it is no regular file, too large, or no UTF-8.
+    """
+    check_regular(path, most_bytes)
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise UntrustedError(str(error)) from error
+
+
+def load_yaml(text: str) -> Any:
+    """Plain values of a YAML text.
+
+    Raises:
+        UntrustedError: it is no YAML, too deep, or aliases make it too large.
+    """
+    try:
+        _check_events(text)
+        return yaml.load(text, Loader=LOADER)
+    except UntrustedError:
+        raise
+    except Exception as error:  # dates, numbers and keys that are none raise what they meet
+        raise UntrustedError(" ".join(str(error).split()) or type(error).__name__) from error
+
+
+def load_json(text: str) -> Any:
+    """Plain values of a JSON text.
+
+    Raises:
+        UntrustedError: it is no JSON, too deep or too large.
+    """
+    if len(text) > MOST_TEXT:
+        raise UntrustedError(f"{len(text)} characters, more than {MOST_TEXT}")
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise UntrustedError(str(error)) from error
+
+
+def check_archive(path: Path) -> None:
+    """Make sure that an `.npz` is a regular file and unpacks to a bounded size.
+
+    Raises:
+        OSError: nothing is there, or it cannot be read.
+        UntrustedError: it is another thing, or too large.
+    """
+    check_regular(path)
+    try:
+        with zipfile.ZipFile(path) as archive:
+            total = sum(info.file_size for info in archive.infolist())
+    except (zipfile.BadZipFile, ValueError, NotImplementedError, EOFError) as error:
+        raise UntrustedError("another file, or a damaged one") from error
+    if total > MOST_ARRAYS:
+        raise UntrustedError(f"arrays of {total} bytes, more than {MOST_ARRAYS}")
+
+
+def _check_events(text: str) -> None:
+    """Bound depth, nodes and numbers before anything is built: the loaders recurse."""
+    sizes: dict[str, int] = {}  # nodes under each anchor
+    open_: list[tuple[str | None, int]] = []  # anchor, and nodes before it
+    nodes = 0
+    for event in yaml.parse(text, Loader=LOADER):
+        anchor = getattr(event, "anchor", None)
+        if isinstance(event, yaml.AliasEvent):
+            nodes += sizes.get(event.anchor or "", 0)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            open_.append((anchor, nodes))
+            nodes += 1
+        elif isinstance(event, yaml.ScalarEvent):
+            nodes += 1
+            if anchor is not None:
+                sizes[anchor] = 1
+            if len(event.value) > LONGEST_NUMBER and _is_number(event):
+                raise UntrustedError(f"a number of {len(event.value)} characters")
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = open_.pop()
+            if anchor is not None:
+                sizes[anchor] = nodes - before
+        if len(open_) > DEEPEST:
+            raise UntrustedError(f"more than {DEEPEST} levels")
+        if nodes > MOST_NODES:
+            raise UntrustedError(f"more than {MOST_NODES} values")
+
+
+def _is_number(event: yaml.ScalarEvent) -> bool:
+    plain = event.implicit[0] and event.value.lstrip("+-")[:1].isdigit()
+    return bool(plain or (event.tag or "").endswith((":int", ":float")))
