@@ -20,6 +20,7 @@ from intent_recognition.kinematics import (
     JointLimits,
 )
 from intent_recognition.motion import scaled_limits
+from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, parameter
 from intent_recognition.promp import least_end_std
 from intent_recognition.recognition import DecisionSettings, start_mean
@@ -70,6 +71,9 @@ FIXED = {
 }
 """Parameters by name that are read once, at the start."""
 
+ARM_LIMITS = ("lower", "upper", "velocity")
+"""Parameters that together replace the LWR's limits."""
+
 AT_REST = {
     "home": ParameterSpec(DOUBLES, "Posture to return to [rad]; empty: the first seen."),
     "acceleration_limit": ParameterSpec(
@@ -104,6 +108,12 @@ ANY_TIME = {
     "return_home": ParameterSpec(True, "Go home after each interaction."),
 }
 """Parameters that may change at any time, with effect from the next observation or plan on."""
+
+GUARDS = (
+    *("velocity_scale", "acceleration_limit", "threshold", "n_observations", "max_end_std"),
+    *("timeout", "max_joint_state_age", "max_tracking_error"),
+)
+"""Parameters that say how fast, how surely and how long the arm is moved."""
 
 
 class ActivationParameters:
@@ -145,6 +155,23 @@ class ActivationParameters:
             return names, starts
         self._check_pretrigger()
         return names, {}
+
+    def limits_in_force(self, names: tuple[str, ...], sources: Mapping[str, str]) -> str:
+        """The limits and guards a motion of these joints is held to, and where each comes from.
+
+        Args:
+            names: of the joints.
+            sources: parameter name to where it was set; see `parameter_sources`.
+        """
+        shown = [f"{name} {self._values[name]} ({sources.get(name, DEFAULT)})" for name in GUARDS]
+        limits = self._limits_of(names)
+        own = all(self._values[name] for name in ARM_LIMITS)
+        for name in ARM_LIMITS:
+            array = getattr(limits, name).round(4).tolist()
+            unit = "rad/s, scaled" if name == "velocity" else "rad"
+            source = sources.get(name, DEFAULT) if own else "the LWR's"
+            shown.append(f"{name} {array} {unit} ({source})")
+        return "; ".join(shown)
 
     def never_certain(self) -> dict[str, float]:
         """Tasks of the model that are never acted on, and how uncertain their ends stay [rad]."""
@@ -211,7 +238,7 @@ class ActivationParameters:
             RejectionError: a joint is none of the LWR's and no limits are given.
             ArgumentError: limits of another size.
         """
-        given = [self._values[name] for name in ("lower", "upper", "velocity")]
+        given = [self._values[name] for name in ARM_LIMITS]
         acceleration = np.full(len(names), self._values["acceleration_limit"])
         if all(given):
             lower, upper, velocity = (np.array(values) for values in given)

@@ -53,7 +53,11 @@ ARGUMENTS = {
         Argument("model", str, "Model file written by `intent train`.", needed=True),
         Argument("bag", str, "Recording to replay.", needed=True),
         Argument("dofs", str, "DOF file to check the model against; empty: the model's own."),
-        Argument("params_file", str, "Parameters of all nodes; the other arguments win."),
+        Argument(
+            "params_file",
+            str,
+            "Parameters, over those of the graph's own file; the other arguments win.",
+        ),
         Argument("namespace", str, "Namespace of the nodes."),
         Argument("use_sim_time", bool, "Take the time from /clock."),
         Argument("bodies", tuple, "Tracked bodies, separated by commas."),

@@ -68,23 +68,25 @@ def _from(*same: str, **other: str) -> dict[str, str]:
     return {name: name for name in same} | other
 
 
-_ARM = {"joint_states": "joint_states_topic"}
+_STATES = {"joint_states": "joint_states_topic"}
+_ARM = _STATES | {"joint_trajectory": "command_topic"}
 NODES = {
     "lwr_sim": NodeSpec(
         "sim_bridge.nodes.lwr_sim",
         _from("publish_clock", "headless", "sensor_noise", "seed", real_time_factor="rate"),
+        remappings=_ARM,
         clock="publish_clock",
     ),
     "mocap_ingest": NodeSpec("intent_recognition.nodes.mocap_ingest", _from("bodies")),
     "intent_estimator": NodeSpec(
         "intent_recognition.nodes.intent_estimator",
         _from("model", "dofs", "transition_prior"),
-        remappings=_ARM,
+        remappings=_STATES,
     ),
     "primitive_activation": NodeSpec(
         "intent_recognition.nodes.primitive_activation",
         _from("model", "pretrigger_threshold", autostart="activate"),
-        remappings=_ARM | {"joint_trajectory": "command_topic"},
+        remappings=_ARM,
     ),
     "coworker_sim": NodeSpec(
         "sim_bridge.nodes.coworker_sim", _from("seed", "task_list"), when="coworker"
@@ -93,17 +95,20 @@ NODES = {
         "intent_recognition.nodes.bag_player",
         _from("bag", "rate", "loop", "start_paused"),
         fixed={"clock": True, "without": list(OWN_TOPICS)},
+        remappings=_STATES,
         clock="clock",
     ),
     "bag_recorder": NodeSpec(
         "intent_recognition.nodes.bag_recorder",
         _from(output="record"),
         fixed={"topics": list(RECORDED)},
+        remappings=_ARM,
         when="record",
     ),
     "task_teacher": NodeSpec(
         "intent_recognition.nodes.task_teacher",
         _from("model", "library", "dofs"),
+        remappings=_ARM,
         when="dashboard",
     ),
     "dashboard": NodeSpec(
@@ -113,7 +118,7 @@ NODES = {
         when="dashboard",
     ),
     "robot_state_publisher": NodeSpec(
-        "", remappings=_ARM, frames=True, when="rviz", package="robot_state_publisher"
+        "", remappings=_STATES, frames=True, when="rviz", package="robot_state_publisher"
     ),
     "rviz2": NodeSpec("", frames=True, when="rviz", package="rviz2"),
 }
@@ -128,10 +133,12 @@ class GraphSpec:
     Attributes:
         nodes: names of the nodes.
         defaults: values of arguments that are not given.
+        params: shipped parameter file of all nodes; the user's file lies over it.
     """
 
     nodes: tuple[str, ...]
     defaults: Mapping[str, object]
+    params: str = "config/params.yaml"
 
     def arguments(self) -> list[Argument]:
         """Arguments of the graph, in the order of `ARGUMENTS`."""
@@ -139,33 +146,32 @@ class GraphSpec:
         return [argument for name, argument in ARGUMENTS.items() if name in used]
 
 
-_PARAMS: dict[str, object] = {"params_file": "config/params.yaml"}
 _TASKS: dict[str, object] = {"library": "tasks"}
 _SIM: dict[str, object] = {"use_sim_time": True, "publish_clock": True, "coworker": True}
 GRAPHS = {
     "demo": GraphSpec(
         ("lwr_sim", *RECOGNITION, "coworker_sim", "bag_recorder", *PAGE)
         + ("robot_state_publisher", "rviz2"),
-        _PARAMS | _TASKS | _SIM,
+        _TASKS | _SIM,
     ),
     "sim": GraphSpec(
         ("lwr_sim", "coworker_sim", "robot_state_publisher", "rviz2"),
-        _PARAMS | {"coworker": True},
+        {"coworker": True},
     ),
-    "intent": GraphSpec((*RECOGNITION, *PAGE, "rviz2"), _PARAMS | _TASKS),
+    "intent": GraphSpec((*RECOGNITION, *PAGE, "rviz2"), _TASKS),
     "real": GraphSpec(
         (*RECOGNITION, "bag_recorder", *PAGE, "rviz2"),
         _TASKS
         | {
-            "params_file": "config/real_arm.yaml",
             "command_topic": "joint_trajectory_controller/joint_trajectory",
             "activate": False,
         },
+        params="config/real_arm.yaml",
     ),
     "replay": GraphSpec(
         ("bag_player", "mocap_ingest", "intent_estimator", *PAGE)
         + ("robot_state_publisher", "rviz2"),
-        _PARAMS | _TASKS | {"use_sim_time": True},
+        _TASKS | {"use_sim_time": True},
     ),
 }
 

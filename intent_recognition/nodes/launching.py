@@ -43,11 +43,12 @@ def _start(context: LaunchContext, graph: str, robot_description: str) -> list[N
     """The nodes, now that the arguments have values."""
     names = [argument.name for argument in GRAPHS[graph].arguments()]
     given = {name: LaunchConfiguration(name).perform(context) for name in names}
-    params_file = _params_file(str(arguments_of(graph, given)["params_file"]))
-    return [_node(call, params_file, robot_description) for call in resolve(graph, given)]
+    own = arguments_of(graph, given).get("params_file")
+    files = [str(share_path(GRAPHS[graph].params)), *([_params_file(str(own))] if own else [])]
+    return [_node(call, files, robot_description) for call in resolve(graph, given)]
 
 
-def _node(call: NodeCall, params_file: str, robot_description: str) -> Node:
+def _node(call: NodeCall, files: list[str], robot_description: str) -> Node:
     parameters = dict(call.parameters)
     if call.name == "robot_state_publisher":
         parameters["robot_description"] = robot_description
@@ -58,7 +59,7 @@ def _node(call: NodeCall, params_file: str, robot_description: str) -> Node:
         executable=call.name,
         name=call.name,
         namespace=call.namespace,
-        parameters=[params_file, typed],
+        parameters=[*files, typed],
         remappings=list(call.remappings),
         arguments=arguments,
         output="screen",

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: recognised task and predicted trajectory to the arm's `joint_trajectory`."""
 
+import sys
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -31,6 +32,7 @@ from intent_recognition.nodes.conversions import (
 )
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.lifecycle import ManagedNode
+from intent_recognition.nodes.parameter_sources import parameter_sources
 from intent_recognition.nodes.parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import run
 
@@ -282,6 +284,9 @@ class PrimitiveActivation(ManagedNode):
         self._limits = settings.limits
         if self.activation is None or names != self.joint_names:
             self.activation = Activation(settings, self.diagnostics.reject)
+            sources = parameter_sources(sys.argv, self.get_fully_qualified_name())
+            in_force = self._settings.limits_in_force(names, sources)
+            self.get_logger().info(f"limits in force: {in_force}")
         else:
             self.activation.change(settings)
         self.joint_names, self._builder = names, TrajectoryBuilder(names)

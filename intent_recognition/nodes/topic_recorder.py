@@ -71,11 +71,11 @@ class _RecordedTopic:
 class TopicRecorder(Node):
     """Listens to topics all the time and writes them to a bag between `open_bag` and `close_bag`.
 
-    Topics are stored by their name relative to the node's namespace, so that a bag recorded in
-    one namespace trains, and plays in, any other. Log time is the time of reception, publish time
-    that of the publisher, both as the middleware gives them; with `use_sim_time` both are the
-    simulated time of reception, and nothing is written before the clock runs. The last message of
-    latched topics received before the start is written at the start.
+    Topics are stored by their name relative to the node's namespace, before remapping, so that a
+    bag trains, and plays, where namespace or remappings are others. Log time is the time of
+    reception, publish time that of the publisher, both as the middleware gives them; with
+    `use_sim_time` both are the simulated time of reception, and nothing is written before the
+    clock runs. The last message of latched topics received before the start is written at it.
 
     A subclass calls `listen` once its parameters are known.
 
@@ -189,8 +189,8 @@ class TopicRecorder(Node):
     def _check_names(self, topics: Sequence[str]) -> None:
         """Refuse topics that would be one and the same in the bag."""
         stored: dict[str, str] = {}
-        for topic in map(self.resolve_topic_name, topics):
-            other = stored.setdefault(self._stored_name(topic), topic)
+        for topic in topics:
+            other = stored.setdefault(self._stored_name(self._expanded(topic)), topic)
             if other != topic:
                 cure = "Record one of them, or record both without a namespace."
                 found = f"{other} and {topic}"
@@ -199,7 +199,8 @@ class TopicRecorder(Node):
     def _wanted_topics(self, found: Iterable[str]) -> dict[str, str]:
         """Stored name of every topic to record, by its resolved name."""
         if self._wanted:
-            return {t: self._stored_name(t) for t in self.wanted}
+            names = zip(self.wanted, map(self._expanded, self._wanted), strict=True)
+            return {resolved: self._stored_name(expanded) for resolved, expanded in names}
         space = self.get_namespace().rstrip("/") + "/"
         hidden = [t for t in found if any(part.startswith("_") for part in t.split("/"))]
         return {
@@ -210,6 +211,10 @@ class TopicRecorder(Node):
             and t not in hidden
             and (self.count_publishers(t) or t in self._sources)
         }
+
+    def _expanded(self, topic: str) -> str:
+        """Full name of a topic as the user means it, before remapping."""
+        return str(self.resolve_topic_name(topic, only_expand=True))
 
     def _stored_name(self, topic: str) -> str:
         space = self.get_namespace().rstrip("/") + "/"

@@ -103,7 +103,7 @@ def on(entities):
 
 def values(node):
     """What a node's parameters are set to, the file aside."""
-    _, given = node["parameters"]
+    *_, given = node["parameters"]
     return {k: v.args[0] if isinstance(v, Call) else v for k, v in given.items()}
 
 
@@ -177,9 +177,10 @@ def test_what_is_not_given_is_left_to_the_parameter_file(describe):
 def test_a_file_of_ones_own_is_taken(describe, tmp_path):
     own = tmp_path / "mine.yaml"
     own.write_text("{}", encoding="utf-8")
-    assert start(describe("real"), params_file=str(own))["mocap_ingest"]["parameters"][0] == str(
-        own
-    )
+    for name, shipped in (("real", "config/real_arm.yaml"), ("intent", "config/params.yaml")):
+        for node in start(describe(name), params_file=str(own)).values():
+            first, second, _ = node["parameters"]
+            assert first.endswith(shipped) and second == str(own)
 
 
 def test_a_real_arm_is_slow_and_waits(describe, repository):
@@ -199,9 +200,8 @@ def test_a_real_arm_is_slow_and_waits(describe, repository):
         yaml.safe_load((repository / "config" / name).read_text(encoding="utf-8"))
         for name in ("params.yaml", "real_arm.yaml")
     )
-    shipped, safe = (
-        read["/**/primitive_activation"]["ros__parameters"] for read in (shipped, safe)
-    )
+    shipped = shipped["/**/primitive_activation"]["ros__parameters"]
+    safe = safe["/**"]["ros__parameters"]
     assert activation["parameters"][0].endswith("config/real_arm.yaml")
     slower = ("velocity_scale", "acceleration_limit", "timeout", "max_end_std")
     assert all(safe[key] < shipped[key] for key in slower)
@@ -235,3 +235,19 @@ def test_quick_discovery_is_the_demos(describe):
 def test_a_value_of_another_kind_is_named(describe, given):
     with pytest.raises(ArgumentError, match=next(iter(given))):
         start(describe("demo"), **given)
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_the_arms_topics_reach_every_node_that_uses_them(describe, name):
+    entities = describe(name)
+    topics = {"joint_states_topic": "/arm/states", "command_topic": "/arm/go"}
+    given = {
+        argument: topic for argument, topic in topics.items() if argument in declared(entities)
+    }
+    nodes = start(entities, **given, **on(entities))
+    for node, options in nodes.items():
+        remapped = dict(options["remappings"])
+        uses_states = node not in ("mocap_ingest", "coworker_sim", "rviz2")
+        assert remapped.get("joint_states") == ("/arm/states" if uses_states else None), node
+        commands = node in ("lwr_sim", "primitive_activation", "bag_recorder", "dashboard")
+        assert (remapped.get("joint_trajectory") == "/arm/go") >= commands, node
