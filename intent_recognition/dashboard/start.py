@@ -4,6 +4,8 @@
 import sys
 from collections.abc import Sequence
 
+import intent_recognition.nodes  # noqa: F401  before all else: quiet while importing
+
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the page; 1 with one line on stderr where its libraries are not installed."""

@@ -21,6 +21,8 @@ from intent_recognition.errors import ArgumentError, IntentError, describe, one_
 
 SPIN_PERIOD_S = 0.1
 """Time between two looks at signals and at `done` [s]. Convention."""
+SAME_SIGNAL_S = 1.0
+"""Signals that come within this time of the first are one request to end [s]. Convention."""
 MAX_DOMAIN = 232
 """Largest ROS_DOMAIN_ID whose ports fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)."""
 _START_ERRORS = (
@@ -36,9 +38,10 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
 
     The node ends its process by setting an attribute `done` to True, by `rclpy.try_shutdown()`,
     or by raising an IntentError; an attribute `exit_code` on the node, if any, is returned.
-    SIGINT and SIGTERM end it with 0, once the callback in hand is done: an interrupt raised
-    inside a callback would leave a traceback and lose what it was writing. A second signal
-    interrupts at once.
+    SIGINT and SIGTERM end it with 0, once it is built and the callback in hand is done: an
+    interrupt raised inside a callback would leave a traceback and lose what it was writing. A
+    terminal and launch both send one, so that a second one within `SAME_SIGNAL_S` is the same;
+    a later one interrupts at once.
 
     Args:
         make_node: builds the node; called once, after `rclpy.init`.
@@ -68,7 +71,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         return 1
     finally:
         _close(node)
-        signals.restore()
+        signals.restore(ending=args is None)
     return int(getattr(node, "exit_code", 0) or 0)
 
 
@@ -131,26 +134,29 @@ def _check_domain(domain: str) -> None:
 
 
 class _Signals:
-    """SIGINT and SIGTERM: while spinning the first is only noted, else KeyboardInterrupt."""
+    """SIGINT and SIGTERM: noted; one that comes long after the first is a KeyboardInterrupt."""
 
     def __init__(self) -> None:
-        self.spinning = self.received = False
+        self.received = False
+        self._first_s = 0.0
         numbers = (signal.SIGINT, signal.SIGTERM)
         self._previous = {number: signal.signal(number, self._handle) for number in numbers}
 
-    def restore(self) -> None:
-        """Give the signals back to the handlers they had."""
+    def restore(self, *, ending: bool) -> None:
+        """Give the signals back to the handlers they had; a process that ends hears no SIGINT."""
         for number, handler in self._previous.items():
-            signal.signal(number, handler)
+            ignored = ending and number == signal.SIGINT
+            signal.signal(number, signal.SIG_IGN if ignored else handler)
 
     def _handle(self, *_: object) -> None:
-        first, self.received = not self.received, True
-        if not (self.spinning and first):
+        now_s = time.monotonic()
+        if not self.received:
+            self.received, self._first_s = True, now_s
+        elif now_s - self._first_s > SAME_SIGNAL_S:
             raise KeyboardInterrupt
 
 
 def _spin(node: Node, signals: _Signals) -> None:
-    signals.spinning = True
     executor = make_executor()
     executor.add_node(node)
     try:

@@ -3,6 +3,8 @@
 
 import gc
 import signal
+import sys
+from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,7 +18,9 @@ from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameters import parameter
-from intent_recognition.nodes.runtime import run, settle
+from intent_recognition.nodes.runtime import _Signals, run, settle
+
+ROOT = Path(__file__).parents[2]
 
 
 class Quitter(Node):
@@ -89,6 +93,67 @@ def test_signals_end_a_node_quietly(harness, signal_number):
         harness.spin_until(lambda: reports, what="diagnostics")
         assert node.stop(signal_number) == 0
     assert "Traceback" not in node.errors
+
+
+@pytest.fixture
+def executable(tmp_path):
+    """Function from a node's name to its console script, as pip writes it."""
+
+    def write(name):
+        room = "sim_bridge" if name in ("lwr_sim", "coworker_sim") else "intent_recognition"
+        path = tmp_path / name
+        path.write_text(
+            f"#!{sys.executable}\nimport sys\nfrom {room}.nodes.{name} import main\n"
+            "sys.exit(main())\n"
+        )
+        path.chmod(0o755)
+        return path
+
+    return write
+
+
+def interrupt_twice(node):
+    """As terminal and launch both do."""
+    node.process.send_signal(signal.SIGINT)
+    node.process.send_signal(signal.SIGINT)
+    assert node.wait() == 0, node.errors
+    assert "Traceback" not in node.errors and "Error" not in node.errors
+
+
+@pytest.mark.parametrize("name", ["mocap_ingest", "lwr_sim"])
+def test_two_interrupts_within_milliseconds_are_one(harness, executable, name):
+    reports = harness.collect(DiagnosticArray, "/diagnostics")
+    with NodeProcess(executable(name), environment={"PYTHONPATH": str(ROOT)}) as node:
+        harness.spin_until(lambda: reports, what="diagnostics")
+        interrupt_twice(node)
+
+
+@pytest.mark.parametrize("n_imports", [0, 150, 400, 700])
+def test_interrupts_while_a_node_starts_are_quiet(executable, n_imports):
+    environment = {"PYTHONPATH": str(ROOT), "PYTHONVERBOSE": "1"}
+    with NodeProcess(executable("mocap_ingest"), environment=environment) as node:
+        lines = iter(node.process.stderr)  # each import is a line: wait for some share of them
+        next(line for line in lines if "intent_recognition.nodes" in line)
+        for _ in range(n_imports):
+            next(lines)
+        node.process.send_signal(signal.SIGINT)
+        node.process.send_signal(signal.SIGINT)
+        assert node.wait() == 0
+    assert "Traceback" not in node.errors
+
+
+def test_a_node_that_does_not_end_is_ended_by_a_later_interrupt(monkeypatch):
+    now_s = iter([10.0, 10.5, 11.5])
+    monkeypatch.setattr("intent_recognition.nodes.runtime.time.monotonic", lambda: next(now_s))
+    signals = _Signals()
+    try:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        assert signals.received
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signals.restore(ending=False)
 
 
 def node_with(harness, **overrides):

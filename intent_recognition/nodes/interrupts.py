@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node is quiet from its first import on.
+
+Importing a node takes a second or two. An interrupt meanwhile would leave a traceback from the
+middle of a library; here it ends the process, which has nothing to clean up yet.
+"""
+
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+
+EXECUTABLES = (
+    *("mocap_ingest", "intent_estimator", "primitive_activation", "bag_recorder", "bag_player"),
+    *("object_warper", "task_teacher", "dashboard", "lwr_sim", "coworker_sim"),
+)
+
+
+def end_at_interrupt() -> None:
+    """End at SIGINT or SIGTERM, if this process is the executable of a node; until `run`."""
+    of_node = Path(sys.argv[0] if sys.argv else "").name in EXECUTABLES
+    if of_node and threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, _end)
+
+
+def _end(*_: object) -> None:
+    os._exit(0)
