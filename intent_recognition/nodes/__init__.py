@@ -3,9 +3,9 @@
 
 import os
 
-from intent_recognition.nodes.interrupts import end_at_interrupt
+import intent_recognition.nodes.interrupts as _interrupts
 
 # Before anything here loads numpy: the matrices are small, and threads of BLAS that wait for one
 # another cost tens of milliseconds an observation where other processes want the cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-end_at_interrupt()
+_interrupts.end_at_interrupt()

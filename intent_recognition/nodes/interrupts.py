@@ -8,8 +8,7 @@ middle of a library; here it ends the process, which has nothing to clean up yet
 import os
 import signal
 import sys
-import threading
-from pathlib import Path
+from contextlib import suppress
 
 EXECUTABLES = (
     *("mocap_ingest", "intent_estimator", "primitive_activation", "bag_recorder", "bag_player"),
@@ -19,10 +18,10 @@ EXECUTABLES = (
 
 def end_at_interrupt() -> None:
     """End at SIGINT or SIGTERM, if this process is the executable of a node; until `run`."""
-    of_node = Path(sys.argv[0] if sys.argv else "").name in EXECUTABLES
-    if of_node and threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, _end)
+    if sys.argv and sys.argv[0].rsplit(os.sep, 1)[-1] in EXECUTABLES:
+        with suppress(ValueError):  # imported in another thread than the main one
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, _end)
 
 
 def _end(*_: object) -> None:
