@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MCAP bags: read, write, recover."""
+"""MCAP bags: read, write, cut, recover."""
 
 from intent_recognition.bags.cdr.columns import (
     JOINT_STATE,
@@ -15,6 +15,7 @@ from intent_recognition.bags.cdr.layout import (
     header_stamp_ns,
 )
 from intent_recognition.bags.cdr.template import SerializedTemplate
+from intent_recognition.bags.copying import BagPart, cut_bag
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import BagMessage
 from intent_recognition.bags.metadata import FILE_NAME, TopicInfo, read_metadata
@@ -31,6 +32,7 @@ __all__ = [
     "NANOSECONDS",
     "POSE",
     "BagMessage",
+    "BagPart",
     "BagReader",
     "BagWriter",
     "Columns",
@@ -43,6 +45,7 @@ __all__ = [
     "RecoveryReport",
     "SerializedTemplate",
     "TopicInfo",
+    "cut_bag",
     "decode",
     "header_stamp_ns",
     "qos_policy",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 
+from intent_recognition.bags.copying import copy_message, declare_topics
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
@@ -67,18 +68,9 @@ def recover(source: str | Path, output: str | Path) -> RecoveryReport:
     counts: Counter[str] = Counter()
     last_ns = first.log_time_ns
     with BagWriter(output, reader.custom_data, flush_period_s=None) as writer:
-        for topic in reader.topics.values():
-            found = reader.definition_of(topic.name)
-            writer.add_topic(topic.name, topic.type, topic.offered_qos_profiles, found)
+        declare_topics(writer, reader)
         for message in chain([first], messages):
-            writer.write(
-                message.topic,
-                message.type,
-                message.data,
-                message.log_time_ns,
-                message.publish_time_ns,
-                sequence=message.sequence,
-            )
+            copy_message(writer, message)
             counts[message.topic] += 1
             last_ns = max(last_ns, message.log_time_ns)
     damage = tuple(sorted(reader.damage, key=lambda found: found.offset))

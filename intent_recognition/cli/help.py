@@ -7,7 +7,7 @@ from typing import Any
 
 GROUPS = {
     "see it work": ("demo", "experiments"),
-    "from recordings to a model": ("inspect", "train", "evaluate", "replay"),
+    "from recordings to a model": ("inspect", "segment", "train", "evaluate", "replay"),
     "record and play": ("record", "play", "recover"),
     "teach while the graph runs": ("teach", "undo"),
     "measure objects": ("warp",),

@@ -21,8 +21,9 @@ from intent_recognition.demonstrations.reading import (
     iter_demonstrations,
     read_demonstrations,
     read_task_sequences,
+    read_whole,
 )
-from intent_recognition.demonstrations.sessions import MARKER_TOPIC, MARKER_TYPE
+from intent_recognition.demonstrations.sessions import MARKER_TOPIC, MARKER_TYPE, clock_shift_ns
 
 __all__ = [
     "MARKER_TOPIC",
@@ -33,6 +34,7 @@ __all__ = [
     "DofSpec",
     "ObservationReader",
     "TopicSummary",
+    "clock_shift_ns",
     "extract",
     "find_bags",
     "inspect_bag",
@@ -45,4 +47,5 @@ __all__ = [
     "observation_readers",
     "read_demonstrations",
     "read_task_sequences",
+    "read_whole",
 ]

@@ -3,6 +3,7 @@
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from intent_recognition.demonstrations.sessions import (
     task_of,
     task_sequences,
 )
-from intent_recognition.errors import BagError, MessageError
+from intent_recognition.errors import BagError, MessageError, describe
 from intent_recognition.signals import Demonstration, Rejection, Signal, stream_defect
 from intent_recognition.tracking import JUMP
 
@@ -81,6 +82,34 @@ def iter_demonstrations(
             yield Rejection(str(path), "", 0, NO_BAG)
         for bag in bags:
             yield from _read_bag(bag, dofs, extrinsics)
+
+
+def read_whole(path: str | Path, dofs: DofSpec) -> Demonstration:
+    """A recording as one, whatever parts its markers divide it into.
+
+    Of the controlled agent only the topics that the recording has are read.
+
+    Args:
+        path: of one bag.
+        dofs: topics and fields to read.
+
+    Raises:
+        BagError: it is not one bag, is damaged, or a topic of the observed agent cannot be read.
+    """
+    bags = find_bags(Path(path))
+    if len(bags) != 1:
+        cure = "Give one session bag."
+        raise BagError(describe(str(path), "one bag", f"{len(bags)} of them", cure))
+    reader = BagReader(bags[0])
+    recorded = set(map(relative_topic, reader.topics))
+    dofs = replace(dofs, controlled=tuple(e for e in dofs.controlled if e.topic in recorded))
+    problem: Rejection | None = _missing_topic(reader, dofs)
+    if problem is None:
+        samples, _, problem = _collect(reader, dofs, None, None)
+    found = problem or _demonstration(reader, dofs, samples)
+    if isinstance(found, Rejection):
+        raise BagError(str(found))
+    return found
 
 
 def read_task_sequences(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.bags import BagMessage, BagReader
 from intent_recognition.demonstrations.cleaning import TopicSamples
@@ -54,6 +55,16 @@ class TaskSequence(NamedTuple):
     tasks: tuple[str, ...]
 
 
+def clock_shift_ns(differences: NDArray[np.int64]) -> int:
+    """Log time minus stamp, where the two are different clocks; 0 where they are one.
+
+    Args:
+        differences: log time minus stamp of some messages, (n,).
+    """
+    shift_ns = int(np.median(differences)) if differences.size else 0
+    return shift_ns if abs(shift_ns) > SAME_CLOCK_NS else 0
+
+
 def task_of(reader: BagReader) -> str | None:
     """The label of a whole bag, None when it has none."""
     return reader.custom_data.get("task") or None
@@ -72,7 +83,8 @@ def split_session(
     Markers have no stamp: their time is the log time. If the stamps of the data are of another
     clock (simulated time), it is shifted by the median difference.
     """
-    shift_ns = _clock_shift_ns(samples)
+    differences = [topic.log_times_ns - topic.stamps_ns for topic in samples.values()]
+    shift_ns = clock_shift_ns(np.concatenate([*differences, np.empty(0, np.int64)]))
     label, start_ns, index = "", 0, 0
     for marker in markers:
         now_ns = marker.log_time_ns - shift_ns
@@ -130,11 +142,3 @@ def _label(message: BagMessage) -> str:
 def _unended(source: str, marker: BagMessage, label: str, when: str) -> Rejection:
     reason = f"truncated: demonstration of {label!r} did not end {when}"
     return Rejection(source, marker.topic, marker.log_time_ns, reason)
-
-
-def _clock_shift_ns(samples: Mapping[str, TopicSamples]) -> int:
-    """Log time minus stamp, where the two are different clocks; 0 where they are one."""
-    differences = [topic.log_times_ns - topic.stamps_ns for topic in samples.values()]
-    joined = np.concatenate(differences) if differences else np.empty(0)
-    shift_ns = int(np.median(joined)) if joined.size else 0
-    return shift_ns if abs(shift_ns) > SAME_CLOCK_NS else 0

@@ -9,6 +9,12 @@ from intent_recognition.evaluation.protocol import evaluate
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.evaluation.roc import GRID, on_grid, roc_curve
 from intent_recognition.evaluation.scoring import PHASES
+from intent_recognition.evaluation.segmenting import (
+    Segment,
+    propose_segments,
+    recognise_segments,
+    write_segments,
+)
 from intent_recognition.evaluation.session_log import SessionLog
 from intent_recognition.evaluation.session_summary import (
     CM_PER_M,
@@ -35,6 +41,7 @@ __all__ = [
     "Fold",
     "HandError",
     "InteractionRecord",
+    "Segment",
     "SessionLog",
     "Trace",
     "evaluate",
@@ -42,6 +49,8 @@ __all__ = [
     "mean_of_task",
     "nearest_neighbour",
     "on_grid",
+    "propose_segments",
+    "recognise_segments",
     "reliability_bins",
     "replay",
     "roc_curve",
@@ -51,4 +60,5 @@ __all__ = [
     "summary_line",
     "to_json",
     "usable",
+    "write_segments",
 ]

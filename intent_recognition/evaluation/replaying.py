@@ -7,16 +7,39 @@ from collections.abc import Iterator
 import numpy as np
 
 from intent_recognition.bags import BagReader
-from intent_recognition.demonstrations import iter_samples
+from intent_recognition.demonstrations import DofSpec, iter_samples
 from intent_recognition.model import Model
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import (
     DecisionSettings,
     DecisionState,
+    Estimate,
     IntentEstimator,
     decide,
     uncertain_end,
 )
+
+
+def estimates(
+    estimator: IntentEstimator, reader: BagReader, dofs: DofSpec, rejected: Counter[str]
+) -> Iterator[Estimate]:
+    """Show a recording to an estimator; its estimate after each observation of the human.
+
+    Args:
+        estimator: of a model that was trained on these DOFs.
+        reader: the recording.
+        dofs: topics and fields to read.
+        rejected: filled with the number of dropped observations, by reason.
+    """
+    for controlled, observation in iter_samples(reader, dofs, rejected=rejected):
+        if controlled:
+            estimator.update_controlled(observation)
+            continue
+        reason = estimator.reason_to_reject(observation)
+        if reason is not None:
+            rejected[reason] += 1
+            continue
+        yield estimator.update(observation)
 
 
 def replay(
@@ -40,15 +63,7 @@ def replay(
     held_back = {} if held_back is None else held_back
     estimator, state = IntentEstimator(model.library), DecisionState()
     labels = (*model.library.labels, NONE)
-    for controlled, observation in iter_samples(reader, model.dofs, rejected=rejected):
-        if controlled:
-            estimator.update_controlled(observation)
-            continue
-        reason = estimator.reason_to_reject(observation)
-        if reason is not None:
-            rejected[reason] += 1
-            continue
-        estimate = estimator.update(observation)
+    for estimate in estimates(estimator, reader, model.dofs, rejected):
         end_std = None
         if estimate.moving and np.argmax(estimate.probabilities) < model.library.n_tasks:
             end_std = estimator.predicted_end_std()

@@ -11,6 +11,7 @@ from intent_recognition.signals.lags import (
 from intent_recognition.signals.observation import Observation, every_second, merge
 from intent_recognition.signals.onset import OnsetSettings, at_rest, detect_onset, is_slow
 from intent_recognition.signals.past import SignalPast
+from intent_recognition.signals.proposals import Span, propose_spans
 from intent_recognition.signals.segmentation import movement_span, onset_settings
 from intent_recognition.signals.signal import Signal
 from intent_recognition.signals.streams import common_span, stream_defect
@@ -23,6 +24,7 @@ __all__ = [
     "Rejection",
     "Signal",
     "SignalPast",
+    "Span",
     "SpeedCorrelation",
     "StreamFinding",
     "at_rest",
@@ -34,6 +36,7 @@ __all__ = [
     "merge",
     "movement_span",
     "onset_settings",
+    "propose_spans",
     "stream_defect",
     "stream_doubts",
 ]

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent segment`: a session into demonstrations."""
+
+import argparse
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.help import examples
+from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.output import check_output, print_json, write_json
+from intent_recognition.demonstrations import load_dofs
+from intent_recognition.evaluation import (
+    Segment,
+    propose_segments,
+    recognise_segments,
+    write_segments,
+)
+from intent_recognition.model import load_model
+
+PRINTED = Path("-")
+"""In place of a file: standard output."""
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command to `intent`."""
+    parser = subparsers.add_parser(
+        "segment",
+        help="cut a session into demonstrations",
+        description="Find the interactions of a session, which holds many on end, and write each as"
+        " a bag of its own: labelled by a model, or without labels from motion alone. Markers in"
+        " the session are not used.",
+        **examples(
+            (
+                "cut at the rests of both agents, then find out which tasks there are",
+                "intent segment sessions/monday --unlabelled --output demos",
+            ),
+            ("then learn from them", "intent train demos --unlabelled --output model.npz"),
+            (
+                "cut and label by what is known already",
+                "intent segment sessions/monday --model model.npz --output demos",
+            ),
+        ),
+    )
+    parser.add_argument("session", type=Path, metavar="SESSION", help="bag directory or .mcap file")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--model", type=Path, metavar="M.npz", help="label by this model")
+    how.add_argument(
+        "--unlabelled", action="store_true", help="propose from motion alone (without --model)"
+    )
+    parser.add_argument(
+        "--dofs", type=Path, metavar="F", help="DOF file without a model (default: the shipped one)"
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("out/segments"),
+        metavar="BAGS",
+        help="folder of the new bags (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--json",
+        type=Path,
+        nargs="?",
+        const=PRINTED,
+        metavar="OUT",
+        help="write the segments as JSON, to standard output without OUT",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Segment, write the bags, print what was found.
+
+    Raises:
+        BagError: the session cannot be read.
+        ResourceBusyError: a bag of that name exists already.
+    """
+    console = Console(stderr=True) if args.json == PRINTED else make_console()
+    if args.json != PRINTED:
+        check_output("--json", args.json)
+    with busy(console, "segmenting"):
+        if args.model:
+            model = load_model(args.model)
+            dofs, segments = model.dofs, recognise_segments(args.session, model)
+        else:
+            dofs = load_dofs(args.dofs)
+            segments = propose_segments(args.session, dofs)
+        bags = write_segments(args.session, dofs, segments, args.output)
+    content = [
+        segment._asdict() | {"bag": str(bag)} for segment, bag in zip(segments, bags, strict=True)
+    ]
+    if args.json == PRINTED:
+        print_json(content)
+        return 0
+    if args.json:
+        write_json(args.json, content)
+    _print(console, segments, bags)
+    console.print(f"{len(bags)} demonstrations in {args.output}", highlight=False, soft_wrap=True)
+    return 0
+
+
+def _print(console: Console, segments: list[Segment], bags: list[Path]) -> None:
+    table = Table(box=None, header_style="bold")
+    for title in ("bag", "from [s]", "to [s]", "task"):
+        table.add_column(title, justify="right" if "[" in title else "left")
+    for segment, bag in zip(segments, bags, strict=True):
+        at = [f"{(ns - segments[0].start_ns) * 1e-9:.2f}" for ns in segment[:2]]
+        table.add_row(escape(bag.name), *at, escape(segment.task or "-"))
+    if segments:
+        console.print(table)

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A session into demonstrations: where its interactions are, and, by a model, which they are."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice, pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.bags import BagPart, BagReader, cut_bag
+from intent_recognition.demonstrations import (
+    MARKER_TOPIC,
+    DofSpec,
+    clock_shift_ns,
+    read_whole,
+)
+from intent_recognition.errors import ResourceBusyError, describe
+from intent_recognition.evaluation.replaying import estimates
+from intent_recognition.model import Model
+from intent_recognition.promp import NONE
+from intent_recognition.recognition import Estimate, IntentEstimator
+from intent_recognition.signals import Span, propose_spans
+
+AT_REST_NS = 300_000_000
+"""A movement that the estimator found so near a boundary is the one that begins there [ns].
+
+Convention: the rest after which `OnsetSettings` lets another movement begin.
+"""
+
+CLOCK_SAMPLES = 100
+"""Messages from which the difference of log time and stamp is told. Convention."""
+
+
+class Segment(NamedTuple):
+    """One interaction of a session.
+
+    Attributes:
+        start_ns: onset of the human's movement.
+        end_ns: when the last of both agents has come to rest.
+        task: its label; None where no model has said one.
+    """
+
+    start_ns: int
+    end_ns: int
+    task: str | None
+
+
+def propose_segments(path: Path, dofs: DofSpec) -> list[Segment]:
+    """Propose the interactions of a session from motion alone (`signals.propose_spans`).
+
+    Raises:
+        BagError: the session cannot be read.
+    """
+    session = read_whole(path, dofs)
+    return [Segment(*span, None) for span in propose_spans(session.observed, session.controlled)]
+
+
+def recognise_segments(path: Path, model: Model) -> list[Segment]:
+    """The interactions of a session with the tasks that the online estimator takes them for.
+
+    Where the agents do not rest in between, an interaction begins where the estimator says that
+    another movement began. What is none of the tasks when it ends is left out.
+
+    Raises:
+        BagError: the session cannot be read.
+    """
+    session = read_whole(path, model.dofs)
+    spans = propose_spans(session.observed, session.controlled)
+    seen = estimates(IntentEstimator(model.library), BagReader(path), model.dofs, Counter())
+    return label_spans(spans, seen)
+
+
+def label_spans(spans: Sequence[Span], seen: Iterable[Estimate]) -> list[Segment]:
+    """Divide spans at the onsets that an estimator found within them, and label each part.
+
+    Args:
+        spans: from rest to rest.
+        seen: the estimates of the whole session, in order.
+    """
+    moving = [one for one in seen if one.moving]
+    stamps = np.array([one.stamp_ns for one in moving], dtype=np.int64)
+    onsets = np.array([one.onset_ns for one in moving], dtype=np.int64)
+    found = []
+    for span in spans:
+        within = np.unique(onsets[(stamps > span.start_ns) & (stamps <= span.end_ns)])
+        inner = within[
+            (within > span.start_ns + AT_REST_NS) & (within < span.end_ns - AT_REST_NS)
+        ].tolist()
+        bounds = [span.start_ns, *inner, span.end_ns]
+        for start_ns, end_ns in pairwise(bounds):
+            last = int(np.searchsorted(stamps, end_ns, side="right")) - 1
+            if last >= 0 and stamps[last] > start_ns and moving[last].task != NONE:
+                found.append(Segment(start_ns, end_ns, moving[last].task))
+    return found
+
+
+def write_segments(
+    path: Path, dofs: DofSpec, segments: Sequence[Segment], output: Path
+) -> list[Path]:
+    """Write segments of a session as demonstrations, each a bag of its own.
+
+    All topics are copied but the session's own markers.
+
+    Args:
+        path: of the session.
+        dofs: by which it was segmented.
+        segments: in order of time.
+        output: folder of the new bags, `<name of the session>_000` and so on.
+
+    Returns:
+        The directories of the bags.
+
+    Raises:
+        ResourceBusyError: a directory exists already.
+    """
+    reader = BagReader(path)
+    messages = islice(reader.messages([entry.topic for entry in dofs.observed]), CLOCK_SAMPLES)
+    shift_ns = clock_shift_ns(np.array([m.log_time_ns - m.stamp_ns for m in messages], np.int64))
+    session = path.resolve().name.removesuffix(".mcap")
+    parts = [
+        BagPart(
+            segment.start_ns + shift_ns,
+            segment.end_ns + shift_ns,
+            output / f"{session}_{number:03d}",
+            _labels(reader.custom_data, session, segment),
+        )
+        for number, segment in enumerate(segments)
+    ]
+    markers = [name for name in reader.topics if f"/{name}".endswith(f"/{MARKER_TOPIC}")]
+    _check_free([part.path for part in parts])
+    cut_bag(reader, parts, markers)
+    return [part.path for part in parts]
+
+
+def _check_free(paths: Sequence[Path]) -> None:
+    """Find out before anything is written that a directory exists already.
+
+    Raises:
+        ResourceBusyError: one does.
+    """
+    for path in paths:
+        if path.exists():
+            cure = "Choose another folder."
+            raise ResourceBusyError(describe("output", "no bag of that name", path, cure))
+
+
+def _labels(custom_data: Mapping[str, str], session: str, segment: Segment) -> dict[str, str]:
+    """Labels of a segment's bag: the session's, but for those of the whole of it."""
+    labels = {key: value for key, value in custom_data.items() if key not in ("task", "tasks")}
+    labels["session"] = session
+    return labels | ({"task": segment.task} if segment.task else {})

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a session without labels may be cut: each interaction of the two agents, from motion alone.
+
+Two agents that work together rest together between movements: onset and rest are told apart by the
+same rules as in training and online. A session begins where the two rest before each interaction,
+at home. What they do until they come back there is one interaction, in however many movements; the
+way back is none. Where they never come back, each movement counts as one.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.signals.onset import (
+    OnsetSettings,
+    first_onset,
+    last_motion,
+    peak_speed,
+    windowed_velocity,
+)
+from intent_recognition.signals.segmentation import onset_settings
+from intent_recognition.signals.signal import Signal
+
+STEP_S = 0.01
+"""Step of the time grid on which both agents' speeds are compared [s]. Convention."""
+
+N_HOME = 3
+"""Passes in which the middle of home and its limit settle. Convention: two leave them as they are.
+"""
+
+
+class Span(NamedTuple):
+    """A proposed part of a session.
+
+    Attributes:
+        start_ns: onset of the observed agent's movement.
+        end_ns: when the last of both agents has come to rest.
+    """
+
+    start_ns: int
+    end_ns: int
+
+
+def propose_spans(observed: Sequence[Signal], controlled: Sequence[Signal]) -> list[Span]:
+    """Propose where the interactions of a session begin and end.
+
+    Args:
+        observed: the signals of the observed agent, over the whole session.
+        controlled: those of the controlled agent, on the same clock; none where there is none.
+    """
+    signals = (*observed, *controlled)
+    # Offline nothing is lost by a late look, so that all that is no rest is taken for movement.
+    settings = tuple(replace(one, start_share=one.rest_share) for one in onset_settings([signals]))
+    spans: list[Span] = []
+    # The reference of "moving" is the median peak over movements, which are known only afterwards.
+    for _ in range(2):
+        spans = list(_movements(observed, controlled, settings))
+        if not spans:
+            return []
+        settings = _typical(signals, spans, settings)
+    return _interactions(signals, spans)
+
+
+def _movements(
+    observed: Sequence[Signal], controlled: Sequence[Signal], settings: Sequence[OnsetSettings]
+) -> Iterator[Span]:
+    """Movements between common rests."""
+    signals, n_observed = (*observed, *controlled), len(observed)
+    start_ns = min(int(s.stamps_ns[0]) for s in signals)
+    end_ns = max(int(s.stamps_ns[-1]) for s in signals)
+    grid = np.arange(0.0, (end_ns - start_ns) * 1e-9 + STEP_S, STEP_S)
+    activity = np.max(
+        [_activity(s, one, start_ns, grid) for s, one in zip(signals, settings, strict=True)],
+        axis=0,
+    )
+    rest_s = max(one.rest_s for one in settings)
+    for first, last in _between_rests(activity, settings[0], round(rest_s / STEP_S)):
+        cut = start_ns + round(grid[first] * 1e9), start_ns + round(grid[last] * 1e9)
+        span = _movement([s.between(*cut) for s in signals], n_observed, settings, cut[0])
+        if span is not None:
+            yield span
+
+
+def _movement(
+    signals: Sequence[Signal], n_observed: int, settings: Sequence[OnsetSettings], from_ns: int
+) -> Span | None:
+    """From the onset of the observed agents, else of the others, until the last of all rests."""
+    seen = [
+        (one, signal.seconds(from_ns), signal.values)
+        for one, signal in zip(settings, signals, strict=True)
+    ]
+    onsets = [(k, first_onset(*samples)) for k, samples in enumerate(seen)]
+    begun = [(k >= n_observed, onset) for k, onset in onsets if onset is not None]
+    if not begun:
+        return None
+    last_s = max(last_motion(*samples) for samples in seen if samples[1].size)
+    return Span(*(from_ns + round(at_s * 1e9) for at_s in (min(begun)[1], last_s)))
+
+
+def _activity(
+    signal: Signal, settings: OnsetSettings, start_ns: int, grid: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Speed of one signal in parts of its reference, on the grid; gaps are bridged."""
+    times = signal.seconds(start_ns)
+    speed = np.linalg.norm(windowed_velocity(times, signal.values, settings.window_s), axis=1)
+    known = np.isfinite(speed)
+    if not np.any(known):
+        return np.zeros_like(grid)
+    # The slope is that of the middle of its window.
+    middle = times[known] - 0.5 * settings.window_s
+    return np.interp(grid, middle, speed[known]) / settings.reference_speed
+
+
+def _between_rests(
+    activity: NDArray[np.float64], settings: OnsetSettings, n_rest: int
+) -> Iterator[tuple[int, int]]:
+    """Indices from the middle of one rest to that of the next, around each movement."""
+    edges = np.flatnonzero(np.diff(np.r_[0, activity < settings.rest_share, 0]))
+    rests = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= n_rest]
+    bounds = [0, *((a + b) // 2 for a, b in rests), len(activity) - 1]
+    for first, last in pairwise(bounds):
+        if last > first and np.any(activity[first:last] > settings.start_share):
+            yield int(first), int(last)
+
+
+def _typical(
+    signals: Sequence[Signal], spans: Sequence[Span], settings: Sequence[OnsetSettings]
+) -> tuple[OnsetSettings, ...]:
+    """The settings with the median of the movements' peak speeds as reference."""
+    found = []
+    for signal, one in zip(signals, settings, strict=True):
+        own = [signal.between(span.start_ns, span.end_ns) for span in spans]
+        peaks = np.array([peak_speed(p.seconds(spans[0].start_ns), p.values) for p in own])
+        moved = peaks[peaks > one.start_share * one.reference_speed]  # the others are the partner's
+        found.append(replace(one, reference_speed=float(np.median(moved))) if moved.size else one)
+    return tuple(found)
+
+
+def _interactions(signals: Sequence[Signal], movements: Sequence[Span]) -> list[Span]:
+    """Join the movements from one rest at home to the next, and leave out the way back."""
+    stays, ends = _at_home(signals, movements)
+    if not np.any(ends & ~stays):
+        return list(movements)
+    found: list[Span] = []
+    begun: list[Span] = []
+    for movement, stays_at_home, ends_at_home in zip(movements, stays, ends, strict=True):
+        if stays_at_home:
+            continue
+        if not ends_at_home or not begun:
+            begun.append(movement)
+        if ends_at_home:
+            found.append(Span(begun[0].start_ns, begun[-1].end_ns))
+            begun = []
+    return [*found, *([Span(begun[0].start_ns, begun[-1].end_ns)] if begun else [])]
+
+
+def _at_home(
+    signals: Sequence[Signal], movements: Sequence[Span]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether both agents are at home all through each movement, and at its end, (n,) each.
+
+    Home is around the session's first rest. Its limit divides all distances from it, of the rests
+    and of the farthest points of the movements, into two groups with the least variance within
+    (Otsu 1979).
+    """
+    paths = [_path(signals, movement) for movement in movements]
+    rests = np.array([path[[0, -1]] for path in paths])
+    centre = rests[0, 0]
+    stays = near = np.zeros(rests.shape[:2], dtype=bool)
+    for _ in range(N_HOME):
+        distance = np.linalg.norm(rests - centre, axis=2)
+        farthest = np.array([np.linalg.norm(path - centre, axis=1).max() for path in paths])
+        limit = _two_groups(np.r_[distance.ravel(), farthest])
+        stays, near = farthest <= limit, distance <= limit
+        centre = np.median(rests[near], axis=0)
+    return stays, near[:, 1]
+
+
+def _two_groups(values: NDArray[np.float64]) -> float:
+    """The largest value (n,) of the lower of two groups with the least variance within."""
+    ordered = np.sort(values)
+    scores = [
+        k * np.var(ordered[:k]) + (len(ordered) - k) * np.var(ordered[k:])
+        for k in range(1, len(ordered))
+    ]
+    return float(ordered[int(np.argmin(scores))])
+
+
+def _path(signals: Sequence[Signal], span: Span) -> NDArray[np.float64]:
+    """Course (S, P + Q) of both agents in a span, each signal in parts of its own range."""
+    grid = np.arange(span.start_ns, span.end_ns + 1, round(STEP_S * 1e9))
+    columns = []
+    for signal in signals:
+        extent = float(np.linalg.norm(np.ptp(signal.values, axis=0))) or 1.0
+        columns += [np.interp(grid, signal.stamps_ns, c) / extent for c in signal.values.T]
+    return np.column_stack(columns)
