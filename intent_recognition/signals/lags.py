@@ -24,8 +24,8 @@ LEAST_GAIN = 0.1
 """By how much it must exceed the correlation at the others' lag. Measured: docs/bags.md."""
 USUAL_SPREAD = 4.0
 """Robust standard deviations of the others' lags that are usual. Measured: docs/bags.md."""
-LEAST_OTHERS = 3
-"""Other recordings from which a usual lag is known. Convention: a median with a spread."""
+LEAST_OTHERS = 5
+"""Other recordings from which a usual lag is known. Convention: with three, a good one is named."""
 MAD_TO_STD = 1.4826
 """Standard deviation of a normal distribution in median absolute deviations."""
 

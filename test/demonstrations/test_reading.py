@@ -209,3 +209,17 @@ def test_inspection_reports_gaps_rates_and_outliers(tmp_path):
     assert wrist.gaps == ((START_NS + 19 * STEP_NS, pytest.approx(0.16)),)
     assert wrist.rejected == {"jump": 1, "not_finite": 1} and wrist.not_finite == 1
     assert summary.task == "plate" and summary.message_count == 90 and not summary.damage
+
+
+def test_a_session_whose_streams_are_on_two_clocks_says_so(tmp_path):
+    off_ns = 300_000_000_000
+    with BagWriter(tmp_path / "session") as writer:
+        for step in range(60):
+            at_ns = START_NS + step * STEP_NS
+            writer.write_message("mocap/wrist/pose", POSE, pose(step), at_ns)
+            writer.write_message("joint_states", JOINTS, joints(0, stamp_ns=at_ns - off_ns), at_ns)
+            if step in (5, 50):
+                mark = {"data": "plate" if step == 5 else ""}
+                writer.write_message("demonstration", TEXT, mark, at_ns)
+    (rejected,) = iter_demonstrations(tmp_path / "session", DOFS)
+    assert "two clocks" in rejected.reason

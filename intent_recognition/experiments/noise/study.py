@@ -75,7 +75,7 @@ def make_plan(quick: bool) -> Plan:
     }
     if quick:
         return Plan((0.0, 0.04), (51, N_SAMPLES), 2, pools)
-    return Plan((0.0, 0.01, 0.02, 0.03, 0.04), (11, 26, 51, 76, N_SAMPLES), 8, pools)
+    return Plan((0.0, 0.01, 0.02, 0.03, 0.04), (11, 26, 51, 76, N_SAMPLES), 10, pools)
 
 
 def one_data_set(rng: np.random.Generator, plan: Plan) -> dict[str, NDArray[np.float64]]:

@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.experiments.pointing.draws import PointingDraw, draw_again
 from intent_recognition.experiments.pointing.report import CONDITIONS, blocks, findings
 from intent_recognition.experiments.pointing.study import (
     Tested,
@@ -31,11 +32,16 @@ def run(settings: Settings) -> ExperimentResult:
     chosen = QUICK if settings.quick else range(len(recordings))
     tested = []
     for count, index in enumerate(chosen):
-        settings.progress(0.2 + 0.7 * count / len(chosen), f"test position #{index + 1}")
+        settings.progress(0.1 + 0.2 * count / len(chosen), f"test position #{index + 1}")
         tested.append(predict_and_execute(library, recordings[index], index))
+    draws = draw_again(
+        settings.seed + 1,
+        settings.quick,
+        lambda share: settings.progress(0.3 + 0.6 * share, "other seeds"),
+    )
     settings.progress(0.9, "figures")
     nearest = nearest_errors(train, tested)
-    return _outcome(library, train, tested, nearest)
+    return _outcome(library, train, tested, nearest, draws)
 
 
 def _outcome(
@@ -43,6 +49,7 @@ def _outcome(
     train: list[Demonstration],
     tested: list[Tested],
     nearest: NDArray[np.float64],
+    draws: list[PointingDraw],
 ) -> ExperimentResult:
     errors = np.array([one.error_m for one in tested])
     predicted = np.array([np.linalg.norm(one.predicted_m - one.spot_m) for one in tested])
@@ -59,13 +66,14 @@ def _outcome(
             " was led to point there too. Can the arm point at nine other spots from the person's"
             " wrist alone, without any sensor for the table?"
         ),
-        findings=findings(errors, nearest, tested),
+        findings=findings(errors, nearest, tested, draws),
         blocks=blocks(library, tested, errors, predicted, nearest, teaching, moved),
         conditions=CONDITIONS,
         numbers={
             "error_m": errors.tolist(),
             "largest_error_m": float(errors.max()),
             "mean_error_m": float(errors.mean()),
+            "draws": [draw._asdict() for draw in draws],
             "predicted_error_m": predicted.tolist(),
             "nearest_demonstration_error_m": nearest.tolist(),
             "teaching_error_m": teaching.tolist(),

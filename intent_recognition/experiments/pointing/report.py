@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Report of the pointing experiment: findings, figures, tables."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.experiments.pointing.draws import PointingDraw
 from intent_recognition.experiments.pointing.figures import (
     PointedSpot,
     conditioned_figure,
@@ -32,26 +35,36 @@ CONDITIONS = (
 
 
 def findings(
-    errors: NDArray[np.float64], nearest: NDArray[np.float64], tested: list[Tested]
+    errors: NDArray[np.float64],
+    nearest: NDArray[np.float64],
+    tested: list[Tested],
+    draws: Sequence[PointingDraw],
 ) -> tuple[Finding, ...]:
     """The paper's figures and ours, side by side."""
-    largest = float(errors.max())
+    shipped = float(errors.max())
+    all_largest = np.array([shipped, *(draw.largest_m for draw in draws)])
+    all_mean = np.array([errors.mean(), *(draw.mean_m for draw in draws)])
+    largest = float(np.median(all_largest))
     holds = bool(round(largest, 3) <= PAPER_LARGEST_M)
-    why = "" if holds else "The simulated marker and posture noise alone amount to this much."
+    met = int(np.sum(np.round(all_largest, 3) <= PAPER_LARGEST_M))
+    why = (
+        f"Median and range of {len(all_largest)} draws, {met} of them within 3 cm; the shipped one"
+        f" {100 * shipped:.1f}. The noise of marker and teaching decides."
+    )
     inside = sum(one.inside for one in tested)
     return (
-        Finding("largest error of the finger [cm]", "3", f"{100 * largest:.1f}", holds, why),
+        Finding("largest error of the finger [cm]", "3", _range(100 * all_largest), holds, why),
         Finding(
             "largest error, of the circle's diameter [%]",
             "10",
-            f"{100 * largest / CIRCLE_DIAMETER_M:.0f}",
+            _range(100 * all_largest / CIRCLE_DIAMETER_M, 0),
             holds,
             why,
         ),
         Finding(
             "mean error of the finger [cm]",
             "",
-            f"{100 * errors.mean():.1f}",
+            _range(100 * all_mean),
             None,
             "The paper shows bars without numbers.",
         ),
@@ -70,6 +83,12 @@ def findings(
             "Not in the paper: 86 % are to be expected of a calibrated prediction.",
         ),
     )
+
+
+def _range(values: NDArray[np.float64], digits: int = 1) -> str:
+    """Median and range of some draws."""
+    middle, low, high = (f"{f(values):.{digits}f}" for f in (np.median, np.min, np.max))
+    return f"{middle} ({low} to {high})"
 
 
 def blocks(

@@ -79,6 +79,12 @@ def both_agents(library: TaskLibrary, weights: Gaussian) -> Trajectory:
     return rollout(library.basis, weights, phase, duration, library.noise_variance)
 
 
+def predicted_spot(library: TaskLibrary, recording: Demonstration) -> NDArray[np.float64]:
+    """Where the finger is predicted to point, from a person's final wrist position, (2,) [m]."""
+    trajectory = both_agents(library, condition_on_end(library, final_wrist(recording)))
+    return pointed_at(trajectory.positions[-1, library.n_observed :])[:2]
+
+
 def predict_and_execute(library: TaskLibrary, recording: Demonstration, index: int) -> Tested:
     """Predict from a person's final wrist position, and point with the arm."""
     from sim_bridge.scenarios.pointing import execute

@@ -19,7 +19,7 @@ from intent_recognition.report import ExperimentResult
 def run(settings: Settings) -> ExperimentResult:
     """Repeat on independent data sets: draw, choose, condition, score."""
     counts = (4, 10) if settings.quick else (3, 4, 6, 10)
-    repeats = 2 if settings.quick else 6
+    repeats = 2 if settings.quick else 10
     choices, scores = spline_choices(settings.quick), []
     for repeat in range(repeats):
         settings.progress(repeat / repeats, f"data set {repeat + 1} of {repeats}")

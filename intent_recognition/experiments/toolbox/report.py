@@ -30,6 +30,10 @@ from intent_recognition.report import (
 
 PAPER_CM = {"plate_handover": (3.2, 2.6), "hold_screwdriver": (2.1, 2.3)}
 """Mean error of the hand and two standard deviations."""
+WHY_END_ALONE = (
+    "In the paper each interaction ends in a region of its own, so the final wrist tells the"
+    " component; here the regions overlap on purpose."
+)
 N_JOINTS_SHOWN = 4
 WRIST = ("wrist x [m]", "wrist y [m]", "wrist z [m]")
 
@@ -55,6 +59,7 @@ def findings(study: ToolboxStudy) -> tuple[Finding, ...]:
             "" if found == 1.0 else "Some recordings lie between two components.",
         ),
         *(_hand_finding(study, task) for task in HAND_TASKS),
+        *(_end_alone_finding(study, task) for task in HAND_TASKS),
         Finding(
             "left-out demonstrations recognised",
             "",
@@ -75,13 +80,25 @@ def findings(study: ToolboxStudy) -> tuple[Finding, ...]:
 def _hand_finding(study: ToolboxStudy, task: str) -> Finding:
     errors = 100.0 * study.hand_error_m(study.from_end)[study.tasks == task]
     mean, spread = PAPER_CM[task]
-    holds = bool(errors.mean() <= mean)
     return Finding(
-        f"error of the hand, {readable(task)}, mean ± 2 sigma [cm]",
+        f"error of the hand, {readable(task)}, component from the whole movement [cm]",
         f"{mean} ± {spread}",
         f"{errors.mean():.1f} ± {2 * errors.std(ddof=1):.1f}",
-        holds,
-        "" if holds else "The simulated demonstrator is less exact.",
+        None,
+        "The paper's component comes from the final wrist: see the row below. Mean ± 2 sigma.",
+    )
+
+
+def _end_alone_finding(study: ToolboxStudy, task: str) -> Finding:
+    errors = 100.0 * study.hand_error_m(study.end_alone)[study.tasks == task]
+    right, n = int(study.recognised(study.end_alone).sum()), len(study.tasks)
+    mean, spread = PAPER_CM[task]
+    return Finding(
+        f"error of the hand, {readable(task)}, from the final wrist alone [cm]",
+        f"{mean} ± {spread}",
+        f"{errors.mean():.1f} ± {2 * errors.std(ddof=1):.1f}",
+        bool(errors.mean() <= mean),
+        f"{WHY_END_ALONE} It is right in {right} of {n}.",
     )
 
 
@@ -114,7 +131,7 @@ def _key_numbers(study: ToolboxStudy) -> KeyNumbers:
                 f"hand, {readable(task)}",
                 f"{values.mean():.1f} ± {2 * values.std(ddof=1):.1f} cm",
                 f"{mean} ± {spread} cm",
-                bool(values.mean() <= mean),
+                note="component from the whole movement",
             )
         )
     numbers.append(KeyNumber("executions recognised", f"{right} of {n}", "all of 40", right == n))

@@ -32,7 +32,10 @@ from sim_bridge.coworker import parse_task_list, plan_session
 
 LARGEST_NUMBER = 10
 QUICK_LARGEST = 3
-EXECUTIONS = 40
+SESSIONS = 10
+"""Sessions of executions, each drawn from a seed of its own. Convention: they show the spread."""
+EXECUTIONS = 4
+"""Executions in each; 40 in all, as many as in the paper."""
 QUICK_EXECUTIONS = 3
 SESSION_SEED = 7000
 """Added to the seed, so that no session repeats a demonstration."""
@@ -73,7 +76,7 @@ class ToolboxStudy:
             from the whole movement.
         end_alone: the same, the component recognised from the final position too.
         names: the task that most members of each of the library's components are.
-        executions: the session's interactions before the online estimator.
+        executions: the interactions of all sessions before the online estimator.
     """
 
     demonstrations: tuple[Demonstration, ...]
@@ -113,12 +116,14 @@ def investigate(settings: Settings) -> ToolboxStudy:
     component = predict(pairs, mixtures, WHOLE).component
     settings.progress(0.3, "learning the components")
     library, names = learn_unlabelled(demonstrations, chosen, settings.rng(100))
-    count = QUICK_EXECUTIONS if settings.quick else EXECUTIONS
-    seed = SESSION_SEED + settings.seed
-    plan = plan_session(seed, parse_task_list("random", seed, count))
-    executions = play(
-        library, names, plan, lambda share: settings.progress(0.35 + 0.6 * share, "executions")
-    )
+    count, n_sessions = (QUICK_EXECUTIONS, 1) if settings.quick else (EXECUTIONS, SESSIONS)
+    executions: list[Execution] = []
+    for session in range(n_sessions):
+        settings.progress(0.35 + 0.6 * session / n_sessions, "executions")
+        seed = SESSION_SEED + settings.seed + session
+        executions += play(
+            library, names, plan_session(seed, parse_task_list("random", seed, count))
+        )
     return ToolboxStudy(
         tuple(demonstrations),
         pairs,
