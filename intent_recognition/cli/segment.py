@@ -5,10 +5,8 @@ import argparse
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.console import busy, escape, make_console, plain_table
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.output import check_output, print_json, write_json
@@ -104,9 +102,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print(console: Console, segments: list[Segment], bags: list[Path]) -> None:
-    table = Table(box=None, header_style="bold")
-    for title in ("bag", "from [s]", "to [s]", "task"):
-        table.add_column(title, justify="right" if "[" in title else "left")
+    table = plain_table("bag", ">from [s]", ">to [s]", "task")
     for segment, bag in zip(segments, bags, strict=True):
         at = [f"{(ns - segments[0].start_ns) * 1e-9:.2f}" for ns in segment[:2]]
         table.add_row(escape(bag.name), *at, escape(segment.task or "-"))

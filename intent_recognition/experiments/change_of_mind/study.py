@@ -255,6 +255,10 @@ def table_lines(study: ChangeStudy) -> list[str]:
         f" {sum(bool(one.others) for one in same)} with another task active,"
         f" {sum(one.withdrawals > 0 for one in same)} let go"
     )
+    for session in study.sessions:
+        right = sum(session.recognised)
+        order = "in order" if session.in_order else f"became active: {session.activated}"
+        lines.append(f"without a pause: {right} of {len(session.tasks)} recognised, {order}")
     return lines
 
 
@@ -265,6 +269,7 @@ def main(args: Sequence[str] | None = None) -> int:
     parser.add_argument("--unchanged", type=int, default=UNCHANGED, help="reaches unchanged")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--usual", action="store_true", help="changes to tasks, usual blend, only")
+    parser.add_argument("--sessions", type=int, default=0, help="sessions without pauses")
     options = parser.parse_args(args)
     changes = [
         change
@@ -273,6 +278,8 @@ def main(args: Sequence[str] | None = None) -> int:
     ]
     library = learn_toolbox(Settings())
     study = follow_all(library, options.seed, options.n, options.unchanged, changes=changes)
+    sessions = follow_sessions(library, options.seed, options.sessions, INTERACTIONS)
+    study = replace(study, sessions=tuple(sessions))
     sys.stdout.write("\n".join(table_lines(study)) + "\n")
     return 0
 
