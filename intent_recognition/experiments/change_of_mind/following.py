@@ -26,7 +26,7 @@ class Followed(NamedTuple):
         duration_s: of the reach.
         change_s: when the mind changed for the last time, after the onset; 0 if it did not.
         final: the task active at the end, "" if none: `DECIDED_WITHIN_S` after the movement, or
-            when the estimator called it over.
+            when the estimator called it over, not before it was as long before its end.
         first_active_s: when the last of `tasks` became active for the first time after the
             change, after the onset; NaN if it did not.
         old_until_s: when another of `tasks` was active for the last time, after the onset;
@@ -89,7 +89,7 @@ def follow_reach(library: TaskLibrary, movement: Movement, rng: np.random.Genera
     for seen in watch(estimator, samples):
         if seen.time_s >= end_s and hand is None and seen.estimate.task == movement.task:
             hand = predicted_hand(estimator)
-        if seen.decision.event == "over" and seen.time_s > REST_S:
+        if seen.decision.event == "over" and seen.time_s >= end_s - DECIDED_WITHIN_S:
             break
         final = seen.decision.active
         times.append(seen.time_s - REST_S)
