@@ -99,8 +99,8 @@ def rest_of_both(library: TaskLibrary, task: str, seen, estimate) -> tuple[np.nd
     run = MovementFilter(library, make_hypotheses(library), estimate.onset_ns)
     for observation in seen:
         run.observe(observation)
-    basis, observed = library.primitives.basis, run.task_filters[index].observed_weights()
-    controlled = controlled_weights(library.primitives, index, observed)
+    basis, observed = library.basis, run.prediction(index).observed_weights()
+    controlled = controlled_weights(library, index, observed)
     design = basis.design_matrix(np.linspace(estimate.phase[index], 1.0, N_POINTS))
     paths = []
     for weights in (observed, controlled):

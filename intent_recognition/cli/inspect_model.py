@@ -9,7 +9,7 @@ from rich.console import Console
 
 from intent_recognition.cli.console import escape, plain_table, print_facts
 from intent_recognition.model import Model
-from intent_recognition.promp import AlignedPrimitives, least_end_std
+from intent_recognition.promp import TaskLibrary, least_end_std
 
 BAGS_SHOWN = 5
 
@@ -25,7 +25,7 @@ def model_json(model: Model) -> dict:
                 "median_duration_s": float(library.durations_s[k]),
                 "log_duration_std": float(library.log_duration_std[k]),
                 "prior": float(library.task_prior[k]),
-                "least_end_std": least_end_std(library.primitives, k),
+                "least_end_std": least_end_std(library, k),
             }
             for k, label in enumerate(library.labels)
         },
@@ -34,8 +34,9 @@ def model_json(model: Model) -> dict:
         "noise_std": dict(zip(names, map(float, library.noise_variance**0.5), strict=True)),
         "n_basis": library.basis.n_basis,
         "noise_scale": library.noise_scale,
-        "recognition_noise_scale": library.recognition_noise_scale,
-        "aligned": _aligned_json(library.aligned),
+        "largest_phase_deviation": float(library.phase_deviation.deviation_std.max()),
+        "controlled_follows": library.phase_deviation.controlled_follows,
+        "none_margin": library.none_margin,
         "correlation_time_s": library.correlation_time_s,
         "none_prior": library.none_prior,
         "dofs": model.dofs.to_dict(),
@@ -43,27 +44,12 @@ def model_json(model: Model) -> dict:
     }
 
 
-def _aligned_json(primitives: AlignedPrimitives | None) -> dict | None:
-    """The primitives over reference phase as plain values."""
-    if primitives is None:
-        return None
-    return {
-        "n_basis": primitives.basis.n_basis,
-        "noise_scale": primitives.noise_scale,
-        "largest_phase_deviation_std": float(primitives.phase_deviation.deviation_std.max()),
-        "phase_deviation_correlation": primitives.phase_deviation.correlation,
-    }
-
-
-def _prediction(primitives: AlignedPrimitives | None) -> str:
-    """What trajectories are predicted from."""
-    if primitives is None:
-        return "at steady progress"
-    deviation_std = primitives.phase_deviation.deviation_std.max()
-    return (
-        f"aligned, {primitives.basis.n_basis} functions, noise scale {primitives.noise_scale:.3g},"
-        f" phase deviations up to {100 * deviation_std:.2g} % of the movement (std)"
-    )
+def _progress(library: TaskLibrary) -> str:
+    """How people's progress is modelled."""
+    deviation = library.phase_deviation
+    largest = f"phase deviations of {100 * deviation.deviation_std.max():.2g} % of the movement"
+    follows = "follows them" if deviation.controlled_follows else "keeps steady progress"
+    return f"{largest}; the controlled agent {follows}"
 
 
 def print_model(console: Console, path: Path, model: Model) -> None:
@@ -76,11 +62,10 @@ def print_model(console: Console, path: Path, model: Model) -> None:
         {
             "model": str(path),
             "basis": f"{library.basis.n_basis} functions per degree of freedom",
-            "none": f"prior {library.none_prior:.3g}",
+            "none": f"prior {library.none_prior:.3g}, margin {library.none_margin:.3g} nats",
             "noise": f"scale {library.noise_scale:.3g}, correlated over"
-            f" {library.correlation_time_s:.3g} s; in recognition, scale"
-            f" {library.recognition_noise_scale:.3g}",
-            "prediction": _prediction(library.aligned),
+            f" {library.correlation_time_s:.3g} s",
+            "progress": _progress(library),
             **{key: _brief(value) for key, value in origin.items()},
         },
     )
@@ -102,7 +87,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             f"{library.durations_s[k]:.2f}",
             f"{low[k]:.2f} to {high[k]:.2f}",
             f"{library.task_prior[k]:.3f}",
-            f"{least_end_std(library.primitives, k):.3f}",
+            _ends(least_end_std(library, k)),
         )
     console.print(tasks)
     dofs = plain_table("agent", "degree of freedom", "unit", ">noise std")
@@ -117,6 +102,10 @@ def print_model(console: Console, path: Path, model: Model) -> None:
         more = f", and {len(bags) - BAGS_SHOWN} more" if len(bags) > BAGS_SHOWN else ""
         shown = ", ".join(bags[:BAGS_SHOWN])
         console.print(f"from {len(bags)} bags: {escape(shown)}{more}", highlight=False)
+
+
+def _ends(std: Mapping[str, float]) -> str:
+    return ", ".join(f"{value:.3f} {unit}" for unit, value in std.items())
 
 
 def _listed(value: object) -> Iterable:

@@ -167,12 +167,10 @@ def print_library(console: Console, library: TaskLibrary, report: TrainingReport
         )
     console.print(table)
     chosen = report.chosen
-    strength, scale, kind = chosen.strength, chosen.noise_scale, "at steady progress"
-    if chosen.aligned:
-        strength, scale, kind = chosen.aligned_strength, chosen.aligned_noise_scale, "aligned"
+    kind = "aligned in time" if chosen.aligned else "at steady progress"
     console.print(
-        f"regularisation by leave-one-out, {kind}: target equivalent to {strength:g}"
-        f" demonstrations, noise variance x {scale:g} ({len(report.tried)} pairs tried; error at"
-        f" steady progress {chosen.score:.3f} of the variance)",
+        f"chosen on demonstrations left out, of {len(report.tried)}: {kind}, noise variance x"
+        f" {chosen.noise_scale:g} (log loss {chosen.log_loss:.3f}, error {chosen.error:.3f} of the"
+        f" variance)",
         highlight=False,
     )

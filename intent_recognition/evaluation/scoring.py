@@ -171,8 +171,7 @@ class _PredictionCase(NamedTuple):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean and standard deviation (T, Q) of the mixture over tasks (K,) and durations."""
         likely = np.flatnonzero(task_weights > UNLIKELY)
-        filters = self.run.task_filters
-        moments = [filters[int(k)].mixture_at(self.times, start) for k in likely]
+        moments = [self.run.prediction(int(k)).mixture_at(self.times, start) for k in likely]
         share = task_weights[likely] / task_weights[likely].sum()
         mean, square = (np.tensordot(share, part, axes=1) for part in map(np.array, zip(*moments)))
         return mean, np.sqrt(np.maximum(square - mean**2, 0.0))

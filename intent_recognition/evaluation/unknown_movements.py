@@ -90,12 +90,12 @@ class DecisionMonitor:
             self._recognising, self._recognised = decide(settings, state, *current, None, evidence)
         if self._recognised:
             task = self._labels.index(self._recognised)
-            self._end_std = partial(run.task_filters.end_std, task)
+            self._end_std = partial(run.end_std, task)
         if self._activated:
             return
         ready = self._state.n_for + 1 >= self._settings.n_observations
         sure = posterior.probabilities[best] >= self._settings.threshold
-        end_std = run.task_filters.end_std(best) if ready and sure else None
+        end_std = run.end_std(best) if ready and sure else None
         self._state, self._activated = decide(
             self._settings, self._state, *current, end_std, evidence
         )

@@ -2,28 +2,36 @@
 """Recursive conditioning of every hypothesis over task, duration and phase; pruning."""
 
 from intent_recognition.filtering.bank import FilterBank, condition_bank, start_bank
+from intent_recognition.filtering.deviation import Deviations, Step, condition_on
 from intent_recognition.filtering.hypotheses import (
     N_SCALES,
     SCALE_SPAN,
     Hypotheses,
+    duration_offsets,
     fixed_hypotheses,
     make_hypotheses,
 )
 from intent_recognition.filtering.movement import MovementFilter, make_memory, run_bank
 from intent_recognition.filtering.observation_model import ObservationModel
-from intent_recognition.filtering.phase_deviation_filter import PhaseDeviationFilter
 from intent_recognition.filtering.running_bank import RunningBank
+from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid, deviations_at
 
 __all__ = [
     "N_SCALES",
     "SCALE_SPAN",
+    "Deviations",
     "FilterBank",
     "Hypotheses",
     "MovementFilter",
     "ObservationModel",
-    "PhaseDeviationFilter",
     "RunningBank",
+    "Step",
+    "TaskPrediction",
     "condition_bank",
+    "condition_on",
+    "control_grid",
+    "deviations_at",
+    "duration_offsets",
     "fixed_hypotheses",
     "make_hypotheses",
     "make_memory",

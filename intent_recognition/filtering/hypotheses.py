@@ -1,21 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """The grid of hypotheses: tasks by durations."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.promp import IDENTITY_CALIBRATION, TaskLibrary
+from intent_recognition.promp import TaskLibrary
 
 N_SCALES = 15
 """Durations per task. Convention."""
 SCALE_SPAN = 2.5
 """Reach of the durations to either side of the median, in standard deviations of the log duration.
 
-Convention: it holds 98.8 % of the timing prior.
+Convention.
 """
+DURATION_FREEDOM = 4.0
+"""Degrees of freedom of the log duration's Student prior: new people are often slower or faster
+than any demonstration (docs/decisions/one_filter.md)."""
 
 
 class Hypotheses(NamedTuple):
@@ -26,14 +28,14 @@ class Hypotheses(NamedTuple):
         duration_s: duration of the whole interaction under each hypothesis, (B,).
         log_prior: log prior probability of each, (B,); sums to one as probabilities.
         duration_evidence: exponent of the evidence in the posterior of the duration.
-        none_calibration: how the evidence against none is read; see `none_calibration`.
+        none_margin: evidence that a known task must have over none before it counts, in nats.
     """
 
     n_scales: int
     duration_s: NDArray[np.float64]
     log_prior: NDArray[np.float64]
     duration_evidence: float = 1.0
-    none_calibration: Sequence[float] | NDArray[np.float64] = IDENTITY_CALIBRATION
+    none_margin: float = 0.0
 
     @property
     def log_task_prior(self) -> NDArray[np.float64]:
@@ -62,9 +64,7 @@ def make_hypotheses(
         n_scales: durations per task.
     """
     prior = library.task_prior if task_prior is None else task_prior
-    offsets = np.linspace(-SCALE_SPAN, SCALE_SPAN, n_scales) if n_scales > 1 else np.zeros(1)
-    log_weight = -0.5 * offsets**2
-    log_weight -= np.logaddexp.reduce(log_weight)
+    offsets, log_weight = duration_offsets(n_scales)
     mean = np.r_[library.log_duration_mean, library.none_log_duration[0]]
     std = np.r_[library.log_duration_std, library.none_log_duration[1]]
     duration = np.exp(mean[:, None] + std[:, None] * offsets)
@@ -76,8 +76,19 @@ def make_hypotheses(
         duration.ravel(),
         log_prior,
         library.duration_evidence,
-        library.none_calibration,
+        library.none_margin,
     )
+
+
+def duration_offsets(n_scales: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Durations of a task, in standard deviations of their logarithm, and log probabilities, (S,).
+
+    Args:
+        n_scales: S.
+    """
+    offsets = np.linspace(-SCALE_SPAN, SCALE_SPAN, n_scales) if n_scales > 1 else np.zeros(1)
+    log_weight = -0.5 * (DURATION_FREEDOM + 1.0) * np.log1p(offsets**2 / DURATION_FREEDOM)
+    return offsets, log_weight - np.logaddexp.reduce(log_weight)
 
 
 def fixed_hypotheses(library: TaskLibrary, duration_s: float) -> Hypotheses:
@@ -87,4 +98,4 @@ def fixed_hypotheses(library: TaskLibrary, duration_s: float) -> Hypotheses:
             np.r_[library.task_prior * (1.0 - library.none_prior), library.none_prior]
         )
     duration = np.full(library.n_tasks + 1, float(duration_s))
-    return Hypotheses(1, duration, log_prior, none_calibration=library.none_calibration)
+    return Hypotheses(1, duration, log_prior, none_margin=library.none_margin)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The filter of one movement: from observations to evidence and predicted trajectories.
+"""The filter of one movement: one posterior over task, duration, phase deviation and weights.
 
-An observation passes through the observation model into the bank of hypotheses, which gives the
-evidence of every task and duration, and is kept for the task filters, which predict trajectories
-when asked.
+An observation passes through the observation model into the bank of hypotheses. Task, progress and
+both agents' trajectories are read off the same bank.
 """
 
 from collections.abc import Iterable
@@ -16,9 +15,16 @@ from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.pruning import PrunedBank
 from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.filtering.task_filter import TaskFilters
-from intent_recognition.gaussian import Gaussian
-from intent_recognition.promp import ControlGrid, TaskLibrary
+from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid
+from intent_recognition.promp import (
+    ControlGrid,
+    StartPosture,
+    TaskLibrary,
+    Trajectory,
+    deviation_grid,
+    deviation_prior,
+    largest_by_unit,
+)
 from intent_recognition.signals import Observation
 
 PRUNE_FROM = 128
@@ -33,9 +39,10 @@ def make_memory(library: TaskLibrary, hypotheses: Hypotheses) -> RunningBank:
     return RunningBank(*_shape(library, hypotheses))
 
 
-def _shape(library: TaskLibrary, hypotheses: Hypotheses) -> tuple[int, int, int, int]:
+def _shape(library: TaskLibrary, hypotheses: Hypotheses) -> tuple[int, int, int, int, int]:
     n_tasks = len(hypotheses.duration_s) // hypotheses.n_scales
-    return n_tasks, hypotheses.n_scales, library.n_observed, library.basis.n_basis
+    n_deviations = len(deviation_grid(library.phase_deviation))
+    return n_tasks, hypotheses.n_scales, library.n_observed, library.basis.n_basis, n_deviations
 
 
 class MovementFilter:
@@ -47,14 +54,13 @@ class MovementFilter:
         onset_ns: stamp from which phases count.
         initial: the bank at onset; None for the library's priors.
         memory: that of a filter which is not used any more; None for new memory.
-        grids: those of `TaskFilters`, kept from movement to movement.
+        grids: the library's `control_grid` of tasks that had one; others are added.
         prune: do not filter tasks whose posterior is negligible (`pruning`), when there are many.
         task_weight: what the posterior of the known tasks may be multiplied by, (K,); see there.
 
     Attributes:
-        observation_model: what observations are to the filters.
+        observation_model: what observations are to the filter.
         memory: the filtered hypotheses.
-        task_filters: each task's filter for prediction.
     """
 
     def __init__(
@@ -73,24 +79,34 @@ class MovementFilter:
         if memory is None or memory.shape != _shape(library, hypotheses):
             memory = make_memory(library, hypotheses)
         self.memory = memory
+        deviation = deviation_prior(library.phase_deviation)
         if initial is None:
-            self.memory.start(library.observed_mean, library.observed_covariance)
+            prior = library.observed_mean, library.observed_covariance
+            self.memory.start(*prior, deviation=deviation)
         else:
-            self.memory.start(*initial)
+            self.memory.start(*initial, deviation=deviation)
         self.observation_model = ObservationModel(library, hypotheses, onset_ns)
         prune = prune and len(hypotheses.duration_s) >= PRUNE_FROM
         self._bank = PrunedBank(memory, self.observation_model, task_weight, prune=prune)
-        self.task_filters = TaskFilters(self.observation_model, grids)
+        self._grids = {} if grids is None else grids
+        self._n_used, self._elapsed_s = 0, 0.0
+        self._predictions: dict[int, TaskPrediction] = {}
+        self._last: tuple[tuple[int, int, int], StartPosture | None, Trajectory] | None = None
 
     def observe(self, observation: Observation) -> None:
-        """Condition every hypothesis on an observation.
+        """Condition every hypothesis on an observation, unless it follows too closely on the last.
 
         Raises:
             ShapeError: values, DOFs and covariance do not fit each other.
             ArgumentError: a value is not finite, or velocities come without a covariance.
         """
-        self._bank.condition(self.observation_model.for_recognition(observation))
-        self.task_filters.observe(observation)
+        measurement = self.observation_model.measurement(observation)
+        if measurement is None:
+            return
+        self._bank.condition(measurement)
+        self._n_used += 1
+        self._elapsed_s = max(self._elapsed_s, measurement.elapsed_s)
+        self._predictions.clear()
 
     @property
     def log_evidence(self) -> NDArray[np.float64]:
@@ -112,15 +128,37 @@ class MovementFilter:
         n_scales = self.hypotheses.n_scales
         return self._copy(np.arange(task * n_scales, (task + 1) * n_scales))
 
-    def moments(self, task: int, scale_weights: NDArray[np.float64]) -> Gaussian:
-        """Observed weights given a task, durations marginalised by matching moments.
+    def prediction(self, task: int) -> TaskPrediction:
+        """What the observations so far say about a task's movement, if it is this task (or none)."""
+        found = self._predictions.get(task)
+        if found is None:
+            first = task * self.hypotheses.n_scales
+            found = TaskPrediction(
+                self.library,
+                task,
+                self.hypotheses,
+                self.task(task),
+                self._bank.history.of(first, first + self.hypotheses.n_scales),
+                self._elapsed_s,
+            )
+            self._predictions[task] = found
+        return found
 
-        Args:
-            task: number of the task.
-            scale_weights: p(duration | task), (S,).
-        """
-        self._restore(np.array([task]))
-        return Gaussian(*self.memory.moments(task, scale_weights))
+    def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
+        """The controlled agent's whole interaction under a task, as `TaskPrediction.controlled`."""
+        asked = (task, n_points, self._n_used)
+        if self._last is not None and self._last[0] == asked and self._last[1] is start:
+            return self._last[2]
+        if task not in self._grids:
+            self._grids[task] = control_grid(self.library, task)
+        trajectory = self.prediction(task).controlled(n_points, start, self._grids[task])
+        self._last = asked, start, trajectory
+        return trajectory
+
+    def end_std(self, task: int, start: StartPosture | None = None) -> dict[str, float]:
+        """Largest standard deviation of the end predicted for a task over the DOFs of each unit."""
+        std = self.controlled(task, 1, start).std[-1]
+        return largest_by_unit(std, self.library.controlled_units)
 
     def _copy(self, index: NDArray[np.int64]) -> FilterBank:
         self._restore(np.unique(index // self.hypotheses.n_scales))

@@ -13,16 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.filtering.deviation import Step
 from intent_recognition.filtering.hypotheses import Hypotheses
-from intent_recognition.promp import TaskLibrary
+from intent_recognition.promp import TaskLibrary, deviation_transition, reference_phase
 from intent_recognition.signals import Observation
+
+SPACING = 0.4995
+"""Least time between two used observations of the same DOFs, in parts of the correlation time:
+half of it, and a thousandth of slack for stamps (docs/decisions/one_filter.md)."""
 
 
 class Measurement(NamedTuple):
-    """One observation as a filter takes it.
+    """One observation as the filter takes it.
 
     Attributes:
         elapsed_s: time since onset.
+        interval_s: time since the measurement before, zero or more; infinite at the first one.
         dofs: index of the observed DOF behind each value, (m,).
         values: (m,).
         noise_covariance: of the values, (m, m), positive definite.
@@ -30,6 +36,7 @@ class Measurement(NamedTuple):
     """
 
     elapsed_s: float
+    interval_s: float
     dofs: NDArray[np.int64]
     values: NDArray[np.float64]
     noise_covariance: NDArray[np.float64]
@@ -37,7 +44,10 @@ class Measurement(NamedTuple):
 
 
 class ObservationModel:
-    """Turns the observations of one movement into measurements, and these into rows.
+    """Turns the observations of one movement into measurements, and these into steps of the filter.
+
+    Observations of the same DOFs closer together than half of the library's `correlation_time_s`
+    say nothing new about what a primitive leaves unexplained; of them the first is used.
 
     Args:
         library: the learned tasks.
@@ -47,67 +57,81 @@ class ObservationModel:
 
     def __init__(self, library: TaskLibrary, hypotheses: Hypotheses, onset_ns: int):
         self.library, self.hypotheses, self.onset_ns = library, hypotheses, onset_ns
+        self._spacing_ns = SPACING * library.correlation_time_s * 1e9
         self._last_ns: list[int | None] = [None] * library.n_observed
+        self._used_ns: dict[tuple[int, tuple[int, ...] | None, bool], int] = {}
+        self._last_s: float | None = None
 
     def elapsed_s(self, observation: Observation) -> float:
         """Time from onset to an observation."""
         return (observation.stamp_ns - self.onset_ns) * 1e-9
 
-    def for_recognition(self, observation: Observation) -> Measurement:
-        """An observation with the noise by which tasks are told apart.
+    def measurement(self, observation: Observation) -> Measurement | None:
+        """An observation with its noise; None if it follows too closely on the last one.
 
-        That of positions grows as samples get denser (`TaskLibrary.noise_covariance`); the model
-        remembers when each DOF was last observed. The sender's covariance is added.
+        The noise of positions grows as samples get denser (`TaskLibrary.noise_covariance`); the
+        model remembers when each DOF was last measured. The sender's covariance is added.
 
         Raises:
             ShapeError: values, DOFs and covariance do not fit each other.
             ArgumentError: a value is not finite, or velocities come without a covariance.
         """
         dofs = self.library.observed_dofs(observation.group, observation.dofs)
-        if observation.derivative:
-            return self._measurement(observation, dofs, None)
-        last_ns = [self._last_ns[dof] for dof in dofs]
-        known_ns = [stamp_ns for stamp_ns in last_ns if stamp_ns is not None]
-        interval_s = (observation.stamp_ns - max(known_ns)) * 1e-9 if known_ns else inf
-        learned = self.library.noise_covariance(dofs, interval_s)
-        measurement = self._measurement(observation, dofs, learned)
-        for dof in dofs:
-            self._last_ns[dof] = observation.stamp_ns
-        return measurement
+        learned = None
+        if not observation.derivative:
+            last_ns = [self._last_ns[dof] for dof in dofs]
+            known_ns = [stamp_ns for stamp_ns in last_ns if stamp_ns is not None]
+            interval_s = (observation.stamp_ns - max(known_ns)) * 1e-9 if known_ns else inf
+            learned = self.library.noise_covariance(dofs, interval_s)
+        noise = self._noise(observation, learned)
+        check_observation(dofs, observation.values, noise)
+        kind = (observation.group, observation.dofs, observation.derivative)
+        used_ns = self._used_ns.get(kind)
+        if used_ns is not None and observation.stamp_ns - used_ns < self._spacing_ns:
+            return None
+        self._used_ns[kind] = observation.stamp_ns
+        if not observation.derivative:
+            for dof in dofs:
+                self._last_ns[dof] = observation.stamp_ns
+        elapsed_s = self.elapsed_s(observation)
+        passed_s = inf if self._last_s is None else max(elapsed_s - self._last_s, 0.0)
+        self._last_s = elapsed_s if self._last_s is None else max(elapsed_s, self._last_s)
+        return Measurement(
+            elapsed_s, passed_s, dofs, observation.values, noise, observation.derivative
+        )
 
-    def for_prediction(self, observation: Observation) -> Measurement:
-        """Observed positions with the noise of the primitives that trajectories come from.
+    def step(self, measurement: Measurement, index: NDArray[np.int64] | slice) -> Step:
+        """A measurement as some hypotheses take it."""
+        library, hypotheses, elapsed_s = self.library, self.hypotheses, measurement.elapsed_s
+        deviation, basis = library.phase_deviation, library.basis
+        phase = reference_phase(deviation, hypotheses.phase(elapsed_s)[index])
+        if measurement.derivative:
+            rate = hypotheses.phase_rate(elapsed_s)[index]
+            rows = basis.derivative_matrix(phase) * rate[:, None, None]
+        else:
+            rows = basis.design_matrix(phase)
+        transition = None
+        if phase.shape[1] > 1 and measurement.interval_s < inf:
+            passed = measurement.interval_s / hypotheses.duration_s[index]
+            transition = deviation_transition(deviation, passed)
+        return Step(
+            measurement.dofs,
+            rows,
+            measurement.values,
+            measurement.noise_covariance,
+            transition,
+            deviation.evidence,
+            library.evidence_freedom,
+        )
 
-        Raises:
-            ShapeError: values, DOFs and covariance do not fit each other.
-            ArgumentError: a value is not finite.
-        """
-        dofs = self.library.observed_dofs(observation.group, observation.dofs)
-        learned = self.library.primitives.noise_covariance(dofs)
-        return self._measurement(observation, dofs, learned)
-
-    def rows(
-        self, measurement: Measurement, index: NDArray[np.int64] | slice
+    def _noise(
+        self, observation: Observation, learned: NDArray[np.float64] | None
     ) -> NDArray[np.float64]:
-        """Rows of H under some hypotheses, one that all DOFs share: (n, 1, N)."""
-        basis, elapsed_s = self.library.basis, measurement.elapsed_s
-        phase = self.hypotheses.phase(elapsed_s)[index]
-        if not measurement.derivative:
-            return basis.design_matrix(phase)[:, None]
-        rate = self.hypotheses.phase_rate(elapsed_s)[index]
-        return (basis.derivative_matrix(phase) * rate[:, None])[:, None]
-
-    def _measurement(
-        self,
-        observation: Observation,
-        dofs: NDArray[np.int64],
-        learned: NDArray[np.float64] | None,
-    ) -> Measurement:
-        """The learned noise and the sender's, checked."""
+        """The learned noise and the sender's."""
         noise = observation.covariance
         if learned is not None:
-            noise = learned if noise is None else learned + noise
-        elif noise is None:
+            return learned if noise is None else learned + noise
+        if noise is None:
             raise ArgumentError(
                 describe(
                     "observation",
@@ -116,9 +140,7 @@ class ObservationModel:
                     "Pass the sensor's: noise is learned for positions only.",
                 )
             )
-        check_observation(dofs, observation.values, noise)
-        elapsed_s = self.elapsed_s(observation)
-        return Measurement(elapsed_s, dofs, observation.values, noise, observation.derivative)
+        return noise
 
 
 def check_observation(

@@ -3,7 +3,7 @@
 
 A task of negligible posterior is pruned: it keeps its state, and the measurements since are kept
 for it. The task `none` is never pruned, and tasks are compared with each other only, because the
-evidence of none is calibrated (`recognition.calibrated_none`). A kept measurement cannot be more
+evidence of none counts beyond a margin (`recognition.counted_none`). A kept measurement cannot be more
 probable under any task than at the peak of its own noise, because an innovation covariance
 H S H^T + R is never smaller than R. So
 
@@ -14,12 +14,16 @@ of some kept measurements lowers the bound. If that is not enough, all of them a
 task is restored to the state it would have had.
 """
 
+from collections.abc import Sequence
+from math import inf
+
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.filtering.deviation import DeviationHistory, condition_on
 from intent_recognition.filtering.observation_model import Measurement, ObservationModel
-from intent_recognition.filtering.running_bank import RunningBank
-from intent_recognition.gaussian import GaussianBatch, cholesky, log_normalizer
+from intent_recognition.filtering.running_bank import Block, RunningBank
+from intent_recognition.gaussian import cholesky, student_log_density
 
 PRUNE_BELOW = 60.0
 """A task is pruned when its log posterior is this far below the most probable task's.
@@ -53,6 +57,9 @@ class PrunedBank:
         task_weight: factors that the posterior of the known tasks may be multiplied by (another
             p(s)), (T - 1,): what is negligible is so with and without them.
         prune: False filters all tasks always.
+
+    Attributes:
+        history: the phase deviations of all hypotheses after each measurement.
     """
 
     def __init__(
@@ -79,6 +86,7 @@ class PrunedBank:
         self._bound = np.full(n_tasks, -np.inf)  # on the log joint, less the peaks so far
         self._peak = 0.0
         self._until_check = PRUNE_EVERY
+        self.history = DeviationHistory()
 
     @property
     def pruned_tasks(self) -> NDArray[np.int64]:
@@ -99,14 +107,15 @@ class PrunedBank:
 
     def condition(self, measurement: Measurement) -> None:
         """Condition the active tasks on a measurement; restore and prune tasks as needed."""
-        rows = self._model.rows(measurement, self._bank.active)
-        self._bank.condition(
-            measurement.dofs, rows, measurement.values, measurement.noise_covariance
-        )
+        step = self._model.step(measurement, self._bank.active)
+        deviation, likelihood = self._bank.condition(step)
+        if deviation.shape[1] > 1:
+            active = self._bank.active_hypotheses.copy()
+            self.history.add(measurement.elapsed_s, active, deviation.copy(), likelihood)
         if not self._prunes:
             return
         if self._is_pruned.any():
-            peak = _peak(measurement.noise_covariance)
+            peak = _peak(measurement.noise_covariance, step.degrees_of_freedom)
             self._kept.append(measurement)
             self._peaks.append(peak)
             self._peak += peak
@@ -122,8 +131,8 @@ class PrunedBank:
         for since in np.unique(self._since[tasks]):
             group = tasks[self._since[tasks] == since]
             blocks = self._bank.gather(group)
-            density = self._log_density(blocks, group, self._kept[since:])
-            for block in blocks:
+            density = self._log_density(blocks, group, self._kept[since:], self.history)
+            for block, _ in blocks:
                 block.apply_downdates()
             self._bank.activate(group, density)
         self._is_pruned[tasks] = False
@@ -133,19 +142,23 @@ class PrunedBank:
 
     def _log_density(
         self,
-        blocks: list[GaussianBatch],
+        blocks: list[Block],
         tasks: NDArray[np.int64],
-        measurements: list[Measurement],
+        measurements: Sequence[Measurement],
+        history: DeviationHistory | None = None,
     ) -> NDArray[np.float64]:
         """Condition the blocks of some tasks on measurements: joint log density, (n S,)."""
         n_scales = self._bank.shape[1]
         index = (tasks[:, None] * n_scales + np.arange(n_scales)).ravel()
         density, first = np.zeros(len(index)), 0
-        for block in blocks:
-            some = slice(first, first + len(block.mean))
+        for weights, deviation in blocks:
+            some = slice(first, first + len(deviation))
             for one in measurements:
-                rows = self._model.rows(one, index[some])
-                density[some] += block.condition(one.dofs, rows, one.values, one.noise_covariance)
+                step = self._model.step(one, index[some])
+                added, likelihood = condition_on(weights, deviation, step)
+                density[some] += added
+                if history is not None and deviation.shape[1] > 1:
+                    history.add(one.elapsed_s, index[some], deviation.copy(), likelihood)
             first = some.stop
         return density
 
@@ -180,9 +193,12 @@ class PrunedBank:
         n_scales = self._bank.shape[1]
         first, last = int(np.max(self._since[tasks])), len(self._kept) - 1
         chosen = np.unique(np.linspace(first, last, N_EXACT).round().astype(int))
-        density = self._log_density(
-            self._bank.copies(tasks), tasks, [self._kept[k] for k in chosen]
-        )
+        exact, last_s = [], None
+        for one in (self._kept[k] for k in chosen):
+            interval_s = inf if last_s is None else max(one.elapsed_s - last_s, 0.0)
+            exact.append(one._replace(interval_s=interval_s))
+            last_s = one.elapsed_s
+        density = self._log_density(self._bank.copies(tasks), tasks, exact)
         evidence = self._bank.log_evidence.reshape(-1, n_scales)[tasks]
         joint = self._log_prior.reshape(-1, n_scales)[tasks] + evidence
         joint += density.reshape(-1, n_scales)
@@ -207,6 +223,9 @@ class PrunedBank:
         return np.logaddexp.reduce(joint, axis=1)
 
 
-def _peak(noise_covariance: NDArray[np.float64]) -> float:
+def _peak(noise_covariance: NDArray[np.float64], degrees_of_freedom: float) -> float:
     """Highest log density that a measurement can have under any hypothesis."""
-    return float(np.max(-log_normalizer(cholesky(noise_covariance, name="noise covariance"))))
+    factor = cholesky(noise_covariance, name="noise covariance")
+    log_scale = np.log(np.diagonal(factor)).sum()
+    m = len(noise_covariance)
+    return float(student_log_density(np.zeros(()), log_scale, m, degrees_of_freedom))

@@ -11,10 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, describe
+from intent_recognition.filtering.deviation import Step, condition_on
 from intent_recognition.gaussian import GaussianBatch, pending_shape, state_width
 
 BLOCK_SIZE = 512
 """Hypotheses in one block. Measured: the working set of a block stays in the cache."""
+
+Block = tuple[GaussianBatch, NDArray[np.float64]]
+"""Weights of some hypotheses, and the probabilities of their phase deviations, (n, E)."""
 
 
 class RunningBank:
@@ -27,15 +31,19 @@ class RunningBank:
         n_scales: S.
         n_dofs: P.
         n_basis: N.
+        n_deviations: E values of the phase deviation.
     """
 
-    def __init__(self, n_tasks: int, n_scales: int, n_dofs: int, n_basis: int):
-        self.shape = (n_tasks, n_scales, n_dofs, n_basis)
+    def __init__(
+        self, n_tasks: int, n_scales: int, n_dofs: int, n_basis: int, n_deviations: int = 1
+    ):
+        self.shape = (n_tasks, n_scales, n_dofs, n_basis, n_deviations)
         n, size = n_tasks * n_scales, n_dofs * n_basis
         self._state = np.empty((n, size, state_width(n_dofs, n_basis)))
         self._pending = np.empty((n, *pending_shape(n_dofs, n_basis)))
         for array in (self._state, self._pending):
             array.fill(0.0)  # the system hands out memory when it is touched: now, not later
+        self._deviation = np.ones((n, n_deviations))
         self._evidence = np.zeros(n)
         self._activate_all()
 
@@ -68,6 +76,7 @@ class RunningBank:
         mean: NDArray[np.float64],
         covariance: NDArray[np.float64],
         log_evidence: NDArray[np.float64] | float = 0.0,
+        deviation: NDArray[np.float64] | float = 1.0,
     ) -> None:
         """Begin with these distributions, all active.
 
@@ -75,6 +84,7 @@ class RunningBank:
             mean: (T, P N), shared by the hypotheses of a task, or (T S, P N).
             covariance: alike, with one dimension more.
             log_evidence: of what they were conditioned on before, (T S,).
+            deviation: probability of each phase deviation, (E,).
 
         Raises:
             ShapeError: the arrays do not fit the bank.
@@ -97,6 +107,7 @@ class RunningBank:
         state[..., :size] = covariance[:, None]
         state[..., size] = mean[:, None]
         self._evidence[:] = log_evidence
+        self._deviation[:] = deviation
         self._activate_all()
 
     @property
@@ -109,6 +120,11 @@ class RunningBank:
         """The hypotheses that are filtered, in the order in which `condition` wants their rows."""
         if not self._moved:
             return slice(None)
+        return self._hypothesis_at[: self.n_active * self.shape[1]]
+
+    @property
+    def active_hypotheses(self) -> NDArray[np.int64]:
+        """Their numbers."""
         return self._hypothesis_at[: self.n_active * self.shape[1]]
 
     @property
@@ -125,25 +141,23 @@ class RunningBank:
         evidence[self._hypothesis_at] = self._evidence
         return evidence
 
-    def condition(
-        self,
-        dofs: NDArray[np.int64],
-        rows: NDArray[np.float64],
-        values: NDArray[np.float64],
-        noise_covariance: NDArray[np.float64],
-    ) -> None:
-        """Condition the active hypotheses on one observation; see `GaussianBatch.condition`.
+    def condition(self, step: Step) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Condition the active hypotheses on a measurement.
 
         Args:
-            dofs: (m,).
-            rows: (n, m, N) or (n, 1, N), of the `active` hypotheses.
-            values: (m,).
-            noise_covariance: (m, m).
+            step: the measurement as the `active` hypotheses take it.
+
+        Returns:
+            Probability of each deviation, and what it was weighed with, (n, E) each.
         """
+        weighed = []
         for start, stop, block in self._blocks:
-            self._evidence[start:stop] += block.condition(
-                dofs, rows[start:stop], values, noise_covariance
-            )
+            some = slice(start, stop)
+            density, likelihood = condition_on(block, self._deviation[some], step.part(some))
+            self._evidence[some] += density
+            weighed.append(likelihood)
+        n = self.n_active * self.shape[1]
+        return self._deviation[:n], np.concatenate(weighed)
 
     def apply_downdates(self) -> None:
         """Bring all means and covariances up to date with what was observed."""
@@ -164,28 +178,6 @@ class RunningBank:
                 mean[inside], covariance[inside] = block.current(at[inside] - start)
         return mean, covariance
 
-    def moments(
-        self, task: int, weights: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean (P N,) and covariance (P N, P N) of the mixture of an active task's hypotheses.
-
-        Args:
-            task: its number.
-            weights: of its hypotheses, (S,), summing to one.
-        """
-        size, n = self._state.shape[1], self.shape[1]
-        first = self._place_of[task] * n
-        means, covariance = np.empty((n, size)), np.zeros((size, size))
-        for start, stop, block in self._blocks:
-            low, high = max(first, start), min(first + n, stop)
-            if low < high:
-                part = slice(low - first, high - first)
-                means[part], sum_ = block.mixed(slice(low - start, high - start), weights[part])
-                covariance += sum_
-        mean = weights @ means
-        deviation = (means - mean) * np.sqrt(weights)[:, None]
-        return mean, covariance + deviation.T @ deviation
-
     def prune(self, tasks: NDArray[np.int64]) -> None:
         """Stop filtering some active tasks; their state stays as it is."""
         self.apply_downdates()
@@ -196,14 +188,17 @@ class RunningBank:
             self._swap(self._place_of[task], self._place_of[other])
         self._make_blocks()
 
-    def copies(self, tasks: NDArray[np.int64]) -> list[GaussianBatch]:
+    def copies(self, tasks: NDArray[np.int64]) -> list[Block]:
         """Blocks over copies of the hypotheses of pruned tasks, in their order."""
         n_scales = self.shape[1]
         at = (self._place_of[tasks][:, None] * n_scales + np.arange(n_scales)).ravel()
         edges = range(0, len(at), BLOCK_SIZE)
-        return [GaussianBatch(self._state[at[k : k + BLOCK_SIZE]], self.shape[3]) for k in edges]
+        return [
+            (GaussianBatch(self._state[some], self.shape[3]), self._deviation[some])
+            for some in (at[k : k + BLOCK_SIZE] for k in edges)
+        ]
 
-    def gather(self, tasks: NDArray[np.int64]) -> list[GaussianBatch]:
+    def gather(self, tasks: NDArray[np.int64]) -> list[Block]:
         """Move pruned tasks next to the active ones, to be conditioned on what they missed.
 
         Returns:
@@ -213,10 +208,8 @@ class RunningBank:
             self._swap(self._place_of[task], place)
         first = self.n_active * self.shape[1]
         last = first + len(tasks) * self.shape[1]
-        return [
-            self._block(start, min(start + BLOCK_SIZE, last))
-            for start in range(first, last, BLOCK_SIZE)
-        ]
+        edges = [(start, min(start + BLOCK_SIZE, last)) for start in range(first, last, BLOCK_SIZE)]
+        return [(self._block(start, stop), self._deviation[start:stop]) for start, stop in edges]
 
     def activate(self, tasks: NDArray[np.int64], log_density: NDArray[np.float64]) -> None:
         """Filter the tasks of the last `gather` again, conditioned on what they missed.
@@ -238,7 +231,7 @@ class RunningBank:
         self._moved = True
         n_scales = self.shape[1]
         one, other = (slice(p * n_scales, (p + 1) * n_scales) for p in (a, b))
-        for array in (self._state, self._evidence, self._hypothesis_at):
+        for array in (self._state, self._deviation, self._evidence, self._hypothesis_at):
             copy = array[one].copy()
             array[one] = array[other]
             array[other] = copy

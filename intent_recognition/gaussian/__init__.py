@@ -8,6 +8,7 @@ from intent_recognition.gaussian.linalg import (
     cholesky,
     log_normalizer,
     solve_lower,
+    student_log_density,
     symmetrize,
 )
 from intent_recognition.gaussian.mixture import (
@@ -64,6 +65,7 @@ __all__ = [
     "regression",
     "solve_lower",
     "state_width",
+    "student_log_density",
     "symmetrize",
     "tube_faces",
     "tube_rings",

@@ -9,12 +9,12 @@ are `PENDING_ROWS` are they subtracted, in one product of matrices. This is exac
 H S that the next observation needs are corrected for what is pending.
 """
 
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.gaussian.linalg import LOG_2_PI, cholesky
+from intent_recognition.gaussian.linalg import cholesky, student_log_density
 
 PENDING_ROWS = 24
 """Rows of V kept before they are subtracted. Measured: about the least time (docs/speed.md)."""
@@ -70,6 +70,7 @@ class GaussianBatch:
         rows: NDArray[np.float64],
         values: NDArray[np.float64],
         noise_covariance: NDArray[np.float64],
+        degrees_of_freedom: float = inf,
     ) -> NDArray[np.float64]:
         """Condition on one observation; on an error nothing has changed.
 
@@ -77,8 +78,10 @@ class GaussianBatch:
             dofs: index of the DOF behind each observed value, (m,), in any order; one may come
                 twice.
             rows: (n, m, N), or (n, 1, N) for one row that all DOFs share.
-            values: (m,).
+            values: (m,), or (n, m) for values of their own.
             noise_covariance: (m, m) or (n, m, m), positive definite.
+            degrees_of_freedom: of the density that is returned, Student's; infinite for the normal
+                one. The distributions are conditioned alike.
 
         Returns:
             Log density of the observation under each Gaussian, (n,).
@@ -86,7 +89,7 @@ class GaussianBatch:
         Raises:
             ArgumentError: an innovation covariance is not positive definite.
         """
-        m = len(values)
+        m = np.shape(values)[-1]
         if self._n_pending + m > self._limit or m > self._most_values:
             self.apply_downdates()
             if m > self._most_values:
@@ -105,13 +108,40 @@ class GaussianBatch:
         self._n_pending = first + m
         whitened = new[:, :, self._size]
         squares = np.matmul(whitened[:, None, :], whitened[:, :, None])[:, 0, 0]
-        return -0.5 * squares - log_scale - 0.5 * m * LOG_2_PI
+        return student_log_density(squares, log_scale, m, degrees_of_freedom)
+
+    def predicted(
+        self, dofs: NDArray[np.int64], row: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What is known of some DOFs before an observation; nothing changes.
+
+        Args:
+            dofs: which DOFs, (m,).
+            row: of the basis functions, one for all DOFs, (n, N).
+
+        Returns:
+            Mean weights of the DOFs, (n, m, N), and covariance of their values, (n, m, m).
+        """
+        m, size, pending = len(dofs), self._size, self._pending[:, : self._n_pending]
+        runs = _runs(dofs, row[:, None])
+        cross = np.empty((len(row), m, self._width))
+        for observed, some, _ in runs:
+            np.matmul(row[:, None, None], self._by_dof[:, some], out=cross[:, observed, None])
+        by_dof = cross[:, :, :size].reshape(len(row), m, -1, self._n_basis)[:, :, dofs]
+        covariance = np.matmul(by_dof, row[:, None, :, None])[..., 0]
+        mean = self.mean
+        if self._n_pending:
+            product = np.empty((len(row), m, self._n_pending))
+            self._times_rows(runs, slice(0, self._n_pending), product)
+            covariance -= np.matmul(product, product.transpose(0, 2, 1))
+            mean = mean - np.matmul(pending[:, None, :, size], pending[:, :, :size])[:, 0]
+        return mean.reshape(len(row), -1, self._n_basis)[:, dofs], covariance
 
     def _refuse(
         self, runs: list[Run], values: NDArray[np.float64], noise_covariance: NDArray[np.float64]
     ) -> None:
         """Raise the error of an innovation covariance that is not positive definite."""
-        m = len(values)
+        m = np.shape(values)[-1]
         self._project(runs, values)
         own = np.empty((len(self.mean), m, m))
         self._times_rows(runs, slice(self._n_pending, self._n_pending + m), own)
@@ -119,7 +149,7 @@ class GaussianBatch:
 
     def _project(self, runs: list[Run], values: NDArray[np.float64]) -> NDArray[np.float64]:
         """H S and, after it, H m - y of the distributions in force: (n, m, columns)."""
-        first, m = self._n_pending, len(values)
+        first, m = self._n_pending, np.shape(values)[-1]
         new = self._pending[:, first : first + m]
         known = new[:, :, : self._width]
         for observed, dofs, row in runs:
@@ -158,21 +188,6 @@ class GaussianBatch:
         """Means (k, P N) and covariances (k, P N, P N) of some, up to date; nothing changes."""
         change, downdate = self._pending_change(index)
         return self.mean[index] - change, self.covariance[index] - downdate
-
-    def mixed(
-        self, some: slice, weights: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Means (k, P N) of some and the weighted sum of their covariances (P N, P N), up to date.
-
-        Args:
-            some: which ones, k of them.
-            weights: (k,), not negative.
-        """
-        pending = self._pending[some, : self._n_pending]
-        rows = pending[:, :, : self._size]
-        means = self.mean[some] - np.matmul(pending[:, None, :, self._size], rows)[:, 0]
-        rows = (rows * np.sqrt(weights)[:, None, None]).reshape(-1, self._size)
-        return means, np.einsum("k,kij->ij", weights, self.covariance[some]) - rows.T @ rows
 
     def _pending_change(
         self, some: slice | NDArray[np.int64], out: NDArray[np.float64] | None = None

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The delicate numerics, once: symmetric positive definite factors, solves and log densities."""
 
-from math import isfinite
+from math import inf, isfinite, lgamma, log, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,3 +65,24 @@ def log_normalizer(factor: NDArray[np.float64]) -> NDArray[np.float64]:
     """0.5 log det(2 pi S) from the Cholesky factor of S, (...)."""
     diagonal = np.diagonal(factor, axis1=-2, axis2=-1)
     return np.add.reduce(np.log(diagonal), axis=-1) + 0.5 * factor.shape[-1] * LOG_2_PI
+
+
+def student_log_density(
+    squares: NDArray[np.float64],
+    log_scale: NDArray[np.float64],
+    dimension: int,
+    degrees_of_freedom: float = inf,
+) -> NDArray[np.float64]:
+    """Log density of a multivariate Student distribution, (...); normal for infinite freedom.
+
+    Args:
+        squares: squared Mahalanobis distances, (...).
+        log_scale: half the log determinant of the scale matrix, (...).
+        dimension: m of the values.
+        degrees_of_freedom: nu, above 0.
+    """
+    nu, m = degrees_of_freedom, dimension
+    if nu == inf:
+        return -0.5 * squares - log_scale - 0.5 * m * LOG_2_PI
+    constant = lgamma(0.5 * (nu + m)) - lgamma(0.5 * nu) - 0.5 * m * log(nu * pi)
+    return constant - log_scale - 0.5 * (nu + m) * np.log1p(squares / nu)

@@ -27,7 +27,7 @@ from intent_recognition.learning.examples import (
     sample_phases,
     scored_phases,
 )
-from intent_recognition.learning.fitting import aligned_primitives, library_from_statistics
+from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.interaction_promp import fit_interaction_promp
 from intent_recognition.learning.mixture import (
     BASIS,
@@ -53,9 +53,10 @@ from intent_recognition.learning.training import (
     learn,
     learn_accumulated,
     learn_with_report,
+    with_margin,
 )
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
-from intent_recognition.learning.unknown_task import calibrate_none, is_outdated
+from intent_recognition.learning.unknown_task import is_outdated, learn_none_margin
 from intent_recognition.learning.unlabelled import (
     Relabelled,
     label_by_components,
@@ -90,8 +91,6 @@ __all__ = [
     "accumulate",
     "add_demonstration",
     "add_statistics",
-    "aligned_primitives",
-    "calibrate_none",
     "choose_again",
     "choose_components",
     "cluster",
@@ -105,6 +104,7 @@ __all__ = [
     "learn_accumulated",
     "learn_components",
     "learn_mixture",
+    "learn_none_margin",
     "learn_with_report",
     "library_from_statistics",
     "make_example",
@@ -118,5 +118,7 @@ __all__ = [
     "scored_phases",
     "smallest_within_one_error",
     "smoothed_transitions",
+    "statistics_of",
     "summarize",
+    "with_margin",
 ]

@@ -27,6 +27,8 @@ SCORED_PHASES = 20
 """Phases at which predictions of the controlled agent are scored. Convention."""
 SAMPLES_PER_MOVEMENT = 30
 """Samples of one movement that count as independent evidence; denser ones share it. Convention."""
+SAMPLES_USED = 2 * SAMPLES_PER_MOVEMENT
+"""Samples of one movement that the filter uses (`filtering.SPACING`)."""
 MIN_DURATION_S = 0.2
 """Shortest movement that can be learned from [s]. Convention."""
 
@@ -58,7 +60,7 @@ class TrainingExample(NamedTuple):
 
 def sample_phases() -> NDArray[np.float64]:
     """Phases of the samples that hyperparameters are scored on, (m,)."""
-    return (np.arange(SAMPLES_PER_MOVEMENT) + 0.5) / SAMPLES_PER_MOVEMENT
+    return (np.arange(SAMPLES_USED) + 0.5) / SAMPLES_USED
 
 
 def scored_phases() -> NDArray[np.float64]:

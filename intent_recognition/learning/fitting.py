@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
-from intent_recognition.learning.held_out_recognition import recognition_covariance
 from intent_recognition.learning.preprocessing import Preprocessing
-from intent_recognition.learning.selection import Hyperparameters
+from intent_recognition.learning.selection import REGRESSION_STRENGTH, STRENGTH, Hyperparameters
 from intent_recognition.learning.statistics import (
     TaskStatistics,
     aligned_statistics,
@@ -20,9 +19,9 @@ from intent_recognition.learning.statistics import (
 )
 from intent_recognition.learning.unknown_task import departure, none_primitive, none_timing
 from intent_recognition.promp import (
-    IDENTITY_CALIBRATION,
-    AlignedPrimitives,
     TaskLibrary,
+    observed_block,
+    shared_covariance,
     shrunk_covariance,
     structured_target,
 )
@@ -30,6 +29,9 @@ from intent_recognition.promp import (
 DURATION_SAMPLE_SIZE = 4.0
 """Equivalent sample size, in demonstrations, of the prior that the log durations of all tasks have
 the same variance. Convention."""
+EVIDENCE_FREEDOM = 4.0
+"""Degrees of freedom of the Student density that evidence is computed with
+(docs/decisions/one_filter.md)."""
 SMALLEST_DURATION_STD = 0.05
 """Smallest standard deviation of the log duration of a task: 5 % of the duration. Convention."""
 
@@ -45,12 +47,10 @@ class LearnedFields(TypedDict):
     log_duration_mean: NDArray[np.float64]
     log_duration_std: NDArray[np.float64]
     correlation_time_s: float
-    recognition_covariance: NDArray[np.float64]
-    recognition_noise_scale: float
+    observed_weight_covariance: NDArray[np.float64]
     none_mean: NDArray[np.float64]
     none_covariance: NDArray[np.float64]
     none_log_duration: NDArray[np.float64]
-    aligned: AlignedPrimitives | None
 
 
 def library_from_statistics(
@@ -58,7 +58,6 @@ def library_from_statistics(
     preprocessing: Preprocessing,
     chosen: Hyperparameters,
     provenance: Mapping[str, object] | None = None,
-    none_calibration: Sequence[float] = IDENTITY_CALIBRATION,
 ) -> TaskLibrary:
     """The library of given statistics.
 
@@ -67,13 +66,12 @@ def library_from_statistics(
         preprocessing: how their examples were made.
         chosen: the hyperparameters.
         provenance: stored in the library, beside settings and hyperparameters.
-        none_calibration: see `calibrate_none`, which needs a library to choose it.
     """
     settings, n_tasks = preprocessing.settings, len(tasks)
     observed, controlled = preprocessing.observed, preprocessing.controlled
     return TaskLibrary(
         labels=tuple(tasks),
-        basis=preprocessing.basis,
+        basis=preprocessing.basis_of(chosen.aligned),
         observed_names=tuple(name for signal in observed for name in signal.names),
         controlled_names=tuple(name for signal in controlled for name in signal.names),
         observed_units=tuple(signal.unit for signal in observed for _ in signal.names),
@@ -84,7 +82,8 @@ def library_from_statistics(
         transition_prior=np.full((n_tasks + 1, n_tasks), 1.0 / n_tasks),
         none_prior=settings.none_prior,
         duration_evidence=settings.duration_evidence,
-        none_calibration=np.array(none_calibration),
+        phase_deviation=preprocessing.timing.phase_deviation(chosen.aligned),
+        evidence_freedom=EVIDENCE_FREEDOM,
         onset=preprocessing.onset,
         provenance={
             **(provenance or {}),
@@ -98,53 +97,46 @@ def learned_from(
     tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing, chosen: Hyperparameters
 ) -> LearnedFields:
     """The fields of the library that change with every demonstration."""
-    statistics, n_observed = list(tasks.values()), preprocessing.n_observed
-    _, noise = variance_scales(tasks)
-    log_mean, log_std = _durations(statistics)
-    covariance = recognition_covariance(tasks, preprocessing, chosen.recognition_strength)
-    means = np.array([task.mean[:n_observed] for task in statistics])
-    none = none_primitive(means, covariance, departure(statistics, n_observed))
-    n = np.array([task.n for task in statistics])
-    mean_duration_s = float(sum(task.duration_sum_s for task in statistics) / n.sum())
+    n_observed, over = preprocessing.n_observed, statistics_of(tasks, chosen.aligned)
+    floor, noise = variance_scales(over)
+    log_mean, log_std = _durations(list(tasks.values()))
+    n = np.array([task.n for task in tasks.values()])
+    means = np.array([task.mean[:n_observed] for task in over.values()])
+    pooled = observed_block(pooled_moments(over.values()), means[0].size)
+    shared = shared_covariance(pooled, floor[:n_observed], STRENGTH)
+    covariance = (1.0 + 1.0 / n)[:, None, None] * shared
+    none = none_primitive(means, covariance, departure(list(over.values()), n_observed))
+    mean_duration_s = float(sum(task.duration_sum_s for task in tasks.values()) / n.sum())
     return {
-        "weight_mean": np.array([task.mean.ravel() for task in statistics]),
-        "weight_covariance": predictive_covariances(tasks, chosen.strength),
+        "weight_mean": np.array([task.mean.ravel() for task in over.values()]),
+        "weight_covariance": predictive_covariances(over, REGRESSION_STRENGTH),
         "noise_variance": noise,
         "noise_scale": chosen.noise_scale,
         "n_demonstrations": n,
         "log_duration_mean": log_mean,
         "log_duration_std": log_std,
         "correlation_time_s": mean_duration_s / SAMPLES_PER_MOVEMENT,
-        "recognition_covariance": covariance,
-        "recognition_noise_scale": chosen.recognition_noise_scale,
+        "observed_weight_covariance": covariance,
         "none_mean": none.mean,
         "none_covariance": none.covariance,
         "none_log_duration": none_timing(log_mean, log_std),
-        "aligned": aligned_primitives(tasks, preprocessing, chosen) if chosen.aligned else None,
     }
 
 
-def aligned_primitives(
-    tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing, chosen: Hyperparameters
-) -> AlignedPrimitives:
-    """Primitives over reference phase.
+def statistics_of(
+    tasks: Mapping[str, TaskStatistics], aligned: bool
+) -> Mapping[str, TaskStatistics]:
+    """Statistics of the aligned examples, or of those as they were recorded.
 
     Raises:
         ValueError: the examples of a task were not aligned.
     """
-    aligned = aligned_statistics(tasks)
-    if aligned is None:
-        raise ValueError("aligned_primitives needs tasks whose examples are all aligned")
-    _, noise = variance_scales(aligned)
-    return AlignedPrimitives(
-        basis=preprocessing.aligned_basis,
-        n_observed=preprocessing.n_observed,
-        weight_mean=np.array([task.mean.ravel() for task in aligned.values()]),
-        weight_covariance=predictive_covariances(aligned, chosen.aligned_strength),
-        noise_variance=noise,
-        noise_scale=chosen.aligned_noise_scale,
-        phase_deviation=preprocessing.timing.phase_deviation,
-    )
+    if not aligned:
+        return tasks
+    found = aligned_statistics(tasks)
+    if found is None:
+        raise ValueError("statistics_of needs tasks whose examples are all aligned")
+    return found
 
 
 def predictive_covariances(

@@ -44,15 +44,11 @@ class Preprocessing:
     timing: Timing
     source: str = ""
 
-    @property
-    def basis(self) -> NormalizedRBFBasis:
-        """The basis functions over recorded phase."""
-        return NormalizedRBFBasis(self.settings.n_basis, self.settings.width)
-
-    @property
-    def aligned_basis(self) -> NormalizedRBFBasis:
-        """The basis functions over reference phase, of the aligned examples."""
-        return NormalizedRBFBasis(self.settings.n_aligned_basis, self.settings.width)
+    def basis_of(self, aligned: bool) -> NormalizedRBFBasis:
+        """The basis functions over recorded phase, or over reference phase of aligned examples."""
+        settings = self.settings
+        n_basis = settings.n_aligned_basis if aligned else settings.n_basis
+        return NormalizedRBFBasis(n_basis, settings.width)
 
     @property
     def n_observed(self) -> int:
@@ -99,14 +95,14 @@ def examples_of(
             usable.append((len(found) - 1, preprocessing.cut(recorded)))
     settings, fitted = preprocessing.settings, []
     cut = [recorded for _, recorded in usable]
-    examples = make_examples(cut, preprocessing.basis, settings.ridge)
+    examples = make_examples(cut, preprocessing.basis_of(False), settings.ridge)
     for (index, recorded), example in zip(usable, examples, strict=True):
         found[index] = example
         if isinstance(example, TrainingExample):
             fitted.append((index, example, recorded))
     cut = [recorded for _, _, recorded in fitted]
     warps = preprocessing.timing.warps(cut)
-    aligned = make_examples(cut, preprocessing.aligned_basis, settings.ridge, warps)
+    aligned = make_examples(cut, preprocessing.basis_of(True), settings.ridge, warps)
     for (index, example, _), counterpart in zip(fitted, aligned, strict=True):
         if isinstance(counterpart, TrainingError):
             found[index] = counterpart

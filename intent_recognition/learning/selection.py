@@ -1,238 +1,234 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Choose the regularisation by leave-one-out prediction of the controlled agent.
+"""Hyperparameters chosen by held-out validation, with the filter that runs online.
 
-For every demonstration left out of its own task, the controlled agent's trajectory is predicted
-from evenly spaced samples of the observed one, after each of `FRACTIONS` of the movement. Of the
-pairs (strength of the target, scale of the noise) the one of least error is taken. The target too
-is estimated without the one left out.
+Demonstrations are left out in turn. From samples of the observed agent the filter recognises the
+task and predicts the controlled agent. What is chosen is whether demonstrations are aligned in time
+before their weights are fitted, and the noise of an observation. The score of a candidate is in
+nats: the log loss of the task, plus that of the controlled agent's Q DOFs under a normal error of
+fitted variance, Q / 2 log(mean squared error).
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.gaussian import symmetrize
-from intent_recognition.learning.examples import TrainingExample, sample_phases, scored_phases
+from intent_recognition.filtering import deviations_at
+from intent_recognition.gaussian import Gaussian, symmetrize
+from intent_recognition.learning.examples import (
+    TrainingExample,
+    scored_phases,
+)
+from intent_recognition.learning.held_out import (
+    MAX_FLOATS,
+    Progress,
+    evenly,
+    filter_samples,
+    nearest_tasks,
+)
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
-    NormalizedRBFBasis,
     Scatter,
+    TaskLibrary,
     leave_one_out_scatter,
     leave_one_out_targets,
+    observed_block,
+    reference_phase,
+    shared_covariance,
     shrunk_covariance,
 )
 
-STRENGTHS = (0.3, 1.0, 2.0, 4.0, 10.0, 30.0, 100.0, 300.0)
-"""Equivalent sample sizes of the covariances' target that are tried, in demonstrations. Convention.
-"""
-NOISE_SCALES = (1.0, 4.0, 16.0, 64.0)
+STRENGTH = 4.0
+"""Equivalent sample size of the target of the shared covariance, in demonstrations
+(docs/decisions/one_filter.md)."""
+REGRESSION_STRENGTH = 30.0
+"""The same for each task's own covariance, from which the controlled agent's regression comes
+(docs/decisions/one_filter.md)."""
+NOISE_SCALES = (1.0, 4.0, 16.0)
 """Factors of the observed DOFs' noise variance that are tried. Convention."""
 FRACTIONS = (0.25, 0.5, 0.75, 1.0)
 """Shares of the movement after which the rest is predicted. Convention: those of `intent evaluate`.
 """
-MAX_SCORED = 600
-"""Demonstrations of all tasks that hyperparameters are chosen on, at most. Convention: it bounds
-the time."""
-SCORED_TOGETHER = 16
-"""Demonstrations left out at a time. Convention: it bounds the memory of their covariances."""
+MAX_VALIDATED = 60
+"""Demonstrations left out, evenly drawn from all tasks. Convention: it bounds the time."""
 
 
 class Hyperparameters(NamedTuple):
-    """Hyperparameters and their leave-one-out score, lower wins.
+    """Hyperparameters and their score on demonstrations left out, lower wins.
 
     Attributes:
-        strength: equivalent sample size of the covariances' target, in demonstrations.
+        aligned: whether demonstrations are aligned before their weights are fitted.
         noise_scale: factor of the observed DOFs' noise variance.
-        score: mean squared error of the controlled agent, each DOF in parts of its variance.
-        aligned: whether trajectories are predicted from the aligned primitives.
-        aligned_strength, aligned_noise_scale: the first two for the aligned primitives.
-        recognition_strength, recognition_noise_scale: the first two for recognition.
+        log_loss: of the task, mean over the movement, in nats.
+        error: mean squared error of the controlled agent, each DOF in parts of its variance.
+        score: both together, in nats; NaN where nothing could be left out.
     """
 
-    strength: float
-    noise_scale: float
-    score: float
     aligned: bool = False
-    aligned_strength: float = 30.0
-    aligned_noise_scale: float = 4.0
-    recognition_strength: float = 1.0
-    recognition_noise_scale: float = 1.0
+    noise_scale: float = 4.0
+    log_loss: float = float("nan")
+    error: float = float("nan")
+    score: float = float("nan")
 
 
-class TaskSamples(NamedTuple):
-    """Evenly spaced samples of demonstrations of one task, for scoring.
+class _LeftOut(NamedTuple):
+    """One demonstration, and its task without it.
 
     Attributes:
-        mean: mean weights of all demonstrations of the task, (D, N), observed DOFs first.
-        scatter: about that mean, of all demonstrations of the task.
-        weights: of the n demonstrations to score, some or all of them, (n, D, N).
-        observed: samples of the observed DOFs, (n, m, P).
-        design: basis at the samples' phases, (n, m, N).
-        phase: their phases, (n, m), increasing.
-        controlled: truth of the controlled DOFs at the scored phases, (n, s, Q).
+        task: number of its task.
+        mean: weights of its task, (D N,).
+        covariance: of the observed weights, shared by the tasks, (P N, P N).
+        gain: of the controlled weights on the observed ones, (Q N, P N).
+        rivals: numbers of the other tasks it is compared with.
+        observed: its samples, (m, P).
+        truth: of the controlled DOFs, (s, Q).
     """
 
+    task: int
     mean: NDArray[np.float64]
-    scatter: Scatter
-    weights: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    rivals: NDArray[np.int64]
     observed: NDArray[np.float64]
-    design: NDArray[np.float64]
-    phase: NDArray[np.float64]
-    controlled: NDArray[np.float64]
+    truth: NDArray[np.float64]
 
 
-def leave_one_out_scores(
-    samples: TaskSamples,
-    targets: NDArray[np.float64],
-    noise_variance: NDArray[np.float64],
-    scored_design: NDArray[np.float64],
-    strength: float,
-    noise_scales: Sequence[float] = NOISE_SCALES,
-) -> NDArray[np.float64]:
-    """Mean squared error of each demonstration's controlled samples, (len(noise_scales), n).
-
-    Each DOF counts in parts of its variance along the task and between demonstrations.
-
-    Args:
-        samples: of a task of at least two demonstrations.
-        targets: target covariance without each demonstration in turn, (n, D N, D N).
-        noise_variance: residual variance per DOF, (D,).
-        scored_design: basis at the scored phases, (s, N).
-        strength: equivalent sample size of the target, in demonstrations.
-        noise_scales: factors of the observed DOFs' noise variance to try.
-    """
-    n, n_dofs, n_basis = samples.weights.shape
-    n_observed = samples.observed.shape[2]
-    split = n_observed * n_basis
-    rest = samples.scatter.freedom  # demonstrations of the task without the one left out
-    deviation = (samples.weights - samples.mean).reshape(n, -1)
-    mean = samples.mean.ravel() - deviation / rest
-    scatter = leave_one_out_scatter(samples.scatter, deviation)
-    covariance = shrunk_covariance(scatter, rest, targets, strength)
-    s_oo, s_oc = covariance[:, :split, :split], covariance[:, :split, split:]
-    precision = symmetrize(np.asarray(np.linalg.inv(s_oo), dtype=np.float64))
-    gain = np.swapaxes(np.matmul(precision, s_oc), 1, 2)  # (n, QN, PN)
-    n_controlled = n_dofs - n_observed
-    per_dof = gain.reshape(n, n_controlled, n_basis, split)
-    response = np.einsum("sk,nqkp->nqsp", scored_design, per_dof).reshape(n, -1, split)
-    controlled_mean = np.einsum(
-        "sk,nqk->nqs", scored_design, mean[:, split:].reshape(n, n_controlled, n_basis)
-    ).reshape(n, -1)
-    truth = np.swapaxes(samples.controlled, 1, 2).reshape(n, -1)
-    own = np.diag(samples.scatter.matrix).reshape(n_dofs, n_basis).mean(axis=1) / rest
-    variance = (own + np.var(samples.mean, axis=1) + noise_variance)[n_observed:]
-    scale_of_truth = np.repeat(variance, len(scored_design))
-    centred = samples.observed - np.einsum(
-        "nmk,npk->nmp", samples.design, mean[:, :split].reshape(n, n_observed, n_basis)
-    )
-    scores = np.zeros((len(noise_scales), n))
-    for fraction in FRACTIONS:
-        seen = samples.design * (samples.phase <= fraction + 1e-9)[:, :, None]
-        gram = np.einsum("nmk,nml->nkl", seen, seen)
-        moment = np.einsum("nmk,nmp->npk", seen, centred)
-        for index, scale in enumerate(noise_scales):
-            r = scale * noise_variance[:n_observed]
-            information = precision.copy()
-            for p in range(n_observed):
-                block = slice(p * n_basis, (p + 1) * n_basis)
-                information[:, block, block] += gram / r[p]
-            posterior = np.linalg.inv(information)
-            update = np.matmul(posterior, (moment / r[None, :, None]).reshape(n, split, 1))
-            error = truth - controlled_mean - np.matmul(response, update)[..., 0]
-            scores[index] += np.mean(error**2 / scale_of_truth, axis=1) / len(FRACTIONS)
-    return scores
-
-
-def select(
-    tasks: Iterable[TaskSamples],
-    targets: Iterable[NDArray[np.float64]],
-    noise_variance: NDArray[np.float64],
-    scored_design: NDArray[np.float64],
+def choose(
+    candidates: Sequence[tuple[TaskLibrary, Mapping[str, TaskStatistics]]],
+    recorded: Mapping[str, TaskStatistics],
 ) -> tuple[Hyperparameters, tuple[Hyperparameters, ...]]:
-    """The best pair of strength and noise scale, and all that were tried.
-
-    Tasks of one demonstration cannot be left out and are ignored; when none can, the middle of both
-    grids is taken, with a score of NaN.
+    """The best hyperparameters, and all that were tried.
 
     Args:
-        tasks: samples of each task; those of many demonstrations may come in parts.
-        targets: for each of these, the target covariance without each demonstration in turn,
-            (n, D N, D N). Only one is held at a time, so both may be generators.
-        noise_variance: residual variance per DOF, (D,).
-        scored_design: basis at the scored phases, (s, N).
+        candidates: a library for each kind of primitives, steady first and aligned second if there
+            are any, with the statistics it was built from.
+        recorded: statistics of the examples as they were recorded.
     """
-    parts = []
-    for samples, loo_targets in zip(tasks, targets, strict=True):
-        if samples.scatter.freedom > 0:
-            scores = [
-                leave_one_out_scores(samples, loo_targets, noise_variance, scored_design, strength)
-                for strength in STRENGTHS
-            ]
-            parts.append(np.concatenate(scores))
-    if not parts:
-        middle = Hyperparameters(
-            STRENGTHS[len(STRENGTHS) // 2], NOISE_SCALES[len(NOISE_SCALES) // 2], float("nan")
-        )
-        return middle, (middle,)
-    per_demonstration = np.hstack(parts)
-    grid = [(strength, scale) for strength in STRENGTHS for scale in NOISE_SCALES]
-    tried = [
-        Hyperparameters(strength, scale, float(score))
-        for (strength, scale), score in zip(grid, per_demonstration.mean(axis=1), strict=True)
-    ]
+    tried = []
+    for aligned, (library, tasks) in enumerate(candidates):
+        left_out = _leave_out(tasks, recorded)
+        if not left_out:
+            return Hyperparameters(), (Hyperparameters(),)
+        for noise_scale in NOISE_SCALES:
+            log_loss, error = validate(replace(library, noise_scale=noise_scale), left_out, tasks)
+            score = log_loss + 0.5 * library.n_controlled * float(np.log(max(error, 1e-12)))
+            tried.append(Hyperparameters(bool(aligned), noise_scale, log_loss, error, score))
     return min(tried, key=lambda candidate: candidate.score), tuple(tried)
 
 
-def choose_steady(
-    tasks: Mapping[str, TaskStatistics], basis: NormalizedRBFBasis
-) -> tuple[Hyperparameters, tuple[Hyperparameters, ...]]:
-    """Hyperparameters of the primitives at steady progress, and all that were tried.
+def validate(
+    library: TaskLibrary, left_out: Sequence[_LeftOut], tasks: Mapping[str, TaskStatistics]
+) -> tuple[float, float]:
+    """Log loss of the task and relative error of the controlled agent, the duration known."""
+    count = np.array([task.n for task in tasks.values()])
+    variance = np.maximum(np.var(np.concatenate([one.truth for one in left_out]), axis=0), 1e-12)
+    losses, errors = [], []
+    size = library.n_observed_weights
+    most = max(1, MAX_FLOATS // (size**2 * (1 + max(len(one.rivals) for one in left_out))))
+    for start in range(0, len(left_out), most):
+        part = left_out[start : start + most]
+        groups = [np.r_[one.task, one.rivals] for one in part]
+        mean = [
+            np.vstack([one.mean[:size], library.weight_mean[one.rivals, :size]]) for one in part
+        ]
+        scale = [1.0 + 1.0 / np.r_[max(count[one.task] - 1, 1), count[one.rivals]] for one in part]
+        covariance = [
+            one.covariance * factors[:, None, None]
+            for one, factors in zip(part, scale, strict=True)
+        ]
+        sizes = [len(group) for group in groups]
+        edges = np.r_[0, np.cumsum(sizes)]
+        values = np.repeat(np.array([one.observed for one in part]), sizes, axis=0)
+        prior = Gaussian(np.concatenate(mean), np.concatenate(covariance))
+        loss = np.zeros(len(part))
+        shares = list(FRACTIONS)
+        pace = np.ones(len(prior.mean))
+        samples = np.swapaxes(values, 0, 1)
+        for progress in filter_samples(library, prior, pace, samples):
+            evidence = np.logaddexp.reduceat(progress.log_evidence, edges[:-1])
+            loss += evidence - progress.log_evidence[edges[:-1]]
+            seen = (progress.n_samples + 0.5) / len(samples)
+            while shares and (seen > shares[0] or progress.n_samples == len(samples)):
+                predicted = _predict(library, part, progress, edges[:-1])
+                truth = np.array([one.truth for one in part])
+                errors.append(np.mean((predicted - truth) ** 2 / variance, axis=(1, 2)))
+                shares.pop(0)
+        losses.append(loss / len(samples))
+    return float(np.concatenate(losses).mean()), float(np.concatenate(errors).mean())
 
-    Every demonstration that was kept whole is left out in turn, of very many `MAX_SCORED`, as many
-    of each task; the statistics it is predicted from are those of all others.
-    """
-    most = MAX_SCORED
-    if sum(len(task.examples) for task in tasks.values()) > MAX_SCORED:
-        most = max(MAX_SCORED // len(tasks), 1)
-    parts = [
-        (task, task.examples[start : min(start + SCORED_TOGETHER, most)])
-        for task in tasks.values()
-        for start in range(0, min(len(task.examples), most), SCORED_TOGETHER)
+
+def _predict(
+    library: TaskLibrary,
+    left_out: Sequence[_LeftOut],
+    progress: Progress,
+    own: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Mean of the controlled agent at the scored phases, under the own task, (n, s, Q)."""
+    model, size = library.phase_deviation, library.n_observed_weights
+    filtered, _ = progress.weights.current(own)
+    mean = np.array([one.mean for one in left_out])
+    change = np.matmul(
+        np.array([one.gain for one in left_out]), (filtered - mean[:, :size])[..., None]
+    )[..., 0]
+    weights = (mean[:, size:] + change).reshape(len(own), library.n_controlled, -1)
+    phases = scored_phases()
+    if not model.controlled_follows:
+        return np.einsum("sk,nqk->nsq", library.basis.design_matrix(phases), weights)
+    _, deviation, likelihood = progress.deviations
+    own_deviations = progress.deviations._replace(
+        filtered=deviation[:, own], likelihood=likelihood[:, own]
+    )
+    share = deviations_at(model, np.ones(len(own)), own_deviations, phases)
+    design = library.basis.design_matrix(reference_phase(model, phases))
+    return np.einsum("nse,sek,nqk->nsq", share, design, weights, optimize=True)
+
+
+def _leave_out(
+    tasks: Mapping[str, TaskStatistics], recorded: Mapping[str, TaskStatistics]
+) -> list[_LeftOut]:
+    """Demonstrations of tasks that have two or more, each with its task without it."""
+    statistics = list(tasks.values())
+    floor, _ = variance_scales(tasks)
+    pooled = pooled_moments(statistics)
+    pairs = [
+        (k, example, as_recorded)
+        for k, label in enumerate(tasks)
+        if tasks[label].n > 1
+        for example, as_recorded in zip(
+            tasks[label].examples, recorded[label].examples, strict=True
+        )
     ]
-    floor, noise = variance_scales(tasks)
-    return select(
-        (_samples(task, examples, basis) for task, examples in parts),
-        _targets(parts, tasks, floor),
-        noise,
-        basis.design_matrix(scored_phases()),
-    )
+    found = []
+    for k, example, as_recorded in evenly(pairs, MAX_VALIDATED):
+        found.append(_without(statistics, k, pooled, floor, example, as_recorded))
+    return found
 
 
-def _targets(
-    parts: Iterable[tuple[TaskStatistics, Sequence[TrainingExample]]],
-    tasks: Mapping[str, TaskStatistics],
+def _without(
+    tasks: Sequence[TaskStatistics],
+    number: int,
+    pooled: Scatter,
     floor: NDArray[np.float64],
-) -> Iterator[NDArray[np.float64]]:
-    """Target covariances without each demonstration in turn, part after part."""
-    pooled = pooled_moments(tasks.values())
-    for task, examples in parts:
-        deviations = np.array([example.weights for example in examples]) - task.mean
-        yield leave_one_out_targets(task.moments, pooled, deviations, floor)
-
-
-def _samples(
-    task: TaskStatistics, examples: Sequence[TrainingExample], basis: NormalizedRBFBasis
-) -> TaskSamples:
-    """What the hyperparameters are scored on, of some demonstrations of one task."""
-    phase = np.repeat(sample_phases()[None], len(examples), axis=0)
-    return TaskSamples(
-        task.mean,
-        task.moments,
-        np.array([e.weights for e in examples]),
-        np.array([e.observed for e in examples]),
-        basis.design_matrix(phase),
-        phase,
-        np.array([e.controlled for e in examples]),
-    )
+    example: TrainingExample,
+    as_recorded: TrainingExample,
+) -> _LeftOut:
+    task, n_observed = tasks[number], example.observed.shape[1]
+    size = n_observed * example.weights.shape[1]
+    deviation = (example.weights - task.mean)[None]
+    own = task.moments
+    if pooled.freedom > 1:
+        part = leave_one_out_scatter(own, deviation.ravel())
+        rest = Scatter(pooled.matrix - (own.matrix - part), pooled.freedom - 1)
+    else:  # two demonstrations in all: nothing would be left
+        part, rest = np.zeros_like(own.matrix), pooled
+    shared = shared_covariance(observed_block(rest, size), floor[:n_observed], STRENGTH)
+    (target,) = leave_one_out_targets(own, pooled, deviation, floor)
+    covariance = symmetrize(shrunk_covariance(part, task.n - 1, target, REGRESSION_STRENGTH))
+    gain = np.linalg.solve(covariance[:size, :size], covariance[:size, size:]).T
+    mean = (task.mean - deviation[0] / (task.n - 1)).ravel()
+    others = np.delete(np.arange(len(tasks)), number)
+    rivals = nearest_tasks(tasks, example, others)
+    truth, samples = as_recorded.controlled, as_recorded.observed
+    return _LeftOut(number, mean, shared, gain, rivals, samples, truth)

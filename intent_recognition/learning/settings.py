@@ -22,7 +22,7 @@ class TrainingSettings:
         none_prior: prior probability that a movement is none of the tasks; above one less the
             decision's threshold, no task is acted on without evidence against none.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration, in
-            (0, 1]; on real recordings 0.1 predicts better than 1 (docs/method.md).
+            (0, 1]; on real recordings 0.2 predicts better than 1 (docs/decisions).
 
     Raises:
         ArgumentError: a setting is out of range.
@@ -34,7 +34,7 @@ class TrainingSettings:
     ridge: float = 3e-3
     segmentation: str = "movement"
     none_prior: float = 0.11
-    duration_evidence: float = 0.1
+    duration_evidence: float = 0.2
 
     def __post_init__(self) -> None:
         if self.segmentation not in SEGMENTATIONS:
@@ -46,7 +46,7 @@ class TrainingSettings:
         if not 0 < self.duration_evidence <= 1:
             raise ArgumentError(
                 describe(
-                    "duration_evidence", "an exponent in (0, 1]", self.duration_evidence, "Try 0.1."
+                    "duration_evidence", "an exponent in (0, 1]", self.duration_evidence, "Try 0.2."
                 )
             )
         if not 0 < self.none_prior < 1:

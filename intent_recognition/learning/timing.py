@@ -4,11 +4,6 @@
 Templates and the standard deviation of the phase deviation are estimated once and are part of the
 preprocessing; a later recording is warped onto the same template by itself (Maeda et al. 2014, part
 III-E).
-
-A person whose phase deviates by e from steady progress u is, to first order, at
-mu(u + e) = mu(u) + e mu'(u). A hesitation can happen anywhere, but a few demonstrations show only
-a few of them. `timing_covariance` is the covariance that the phase deviation implies; a part of it
-is added to the covariances that tasks are recognised by (docs/decisions/hesitations.md).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.alignment import Template, Warp, align, align_to, even_trajectory
-from intent_recognition.promp import OWN_COVARIANCE_SHARE, NormalizedRBFBasis, PhaseDeviation
+from intent_recognition.promp import PhaseDeviation
 from intent_recognition.signals import Demonstration
 
 N_DEVIATION_PHASES = 51
@@ -31,11 +26,17 @@ DEFAULT_DEVIATION_STD = 0.03
 Convention."""
 DEVIATION_CORRELATION = 0.4
 """Correlation length of the phase deviation, in phase (docs/prediction.md)."""
-DEVIATION_EVIDENCE = 0.3
-"""Exponent of the evidence on the phase deviation, in (0, 1] (docs/prediction.md)."""
-UNSHOWN_DEVIATION_SHARE = 0.5
-"""Share of a phase deviation that the demonstrations' own covariance does not contain
-(docs/decisions/hesitations.md)."""
+DEVIATION_EVIDENCE = 0.15
+"""Exponent of the evidence on the phase deviation, in (0, 1] (docs/decisions/one_filter.md)."""
+ALIGNED_FLOOR = 0.04
+"""Smallest scale of the phase deviation of aligned primitives, a share of the duration
+(docs/decisions/one_filter.md)."""
+STEADY_SHARE = 0.5
+"""Share of the phase deviation that primitives at steady progress do not hold in their covariance
+(docs/decisions/one_filter.md)."""
+STEADY_FLOOR = 0.01
+"""Smallest scale of the phase deviation of primitives at steady progress, a share of the duration.
+Convention."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +61,11 @@ class Timing:
 
     __hash__ = None  # type: ignore[assignment]  # arrays have no hash
 
-    @property
-    def phase_deviation(self) -> PhaseDeviation:
-        """The prior of a person's phase deviation."""
-        return PhaseDeviation(self.deviation_std, DEVIATION_CORRELATION, DEVIATION_EVIDENCE)
+    def phase_deviation(self, aligned: bool) -> PhaseDeviation:
+        """The prior of a person's phase deviation, for aligned or steady primitives."""
+        share, floor = (1.0, ALIGNED_FLOOR) if aligned else (STEADY_SHARE, STEADY_FLOOR)
+        scale = np.maximum(share * self.deviation_std, floor)
+        return PhaseDeviation(scale, DEVIATION_CORRELATION, DEVIATION_EVIDENCE, aligned)
 
     def warps(self, recordings: Sequence[Demonstration]) -> list[Warp]:
         """From reference phase to the recorded phase of each; the identity without a template."""
@@ -135,49 +137,3 @@ def _path(recorded: Demonstration) -> NDArray[np.float64]:
     """All DOFs at even recorded phases, (T, D)."""
     signals = (*recorded.observed, *recorded.controlled)
     return even_trajectory(signals, recorded.start_ns, recorded.end_ns)
-
-
-def timing_covariance(
-    basis: NormalizedRBFBasis, mean: NDArray[np.float64], phase_deviation: PhaseDeviation
-) -> NDArray[np.float64]:
-    """Covariance of the weights that comes from the phase deviation alone, (P N, P N).
-
-    Positive semidefinite, by the Schur product theorem.
-
-    Args:
-        basis: N basis functions.
-        mean: mean weights, grouped by DOF, (P N,).
-        phase_deviation: its prior.
-    """
-    at_centers = basis.design_matrix(basis.centers)
-    slope = basis.derivative_matrix(basis.centers) @ mean.reshape(-1, basis.n_basis).T
-    weights, *_ = np.linalg.lstsq(at_centers, slope, rcond=None)
-    even = np.linspace(0.0, 1.0, len(phase_deviation.deviation_std))
-    deviation = (weights.T * np.interp(basis.centers, even, phase_deviation.deviation_std)).ravel()
-    apart = np.abs(basis.centers[:, None] - basis.centers)
-    correlation = np.exp(-apart / phase_deviation.correlation)
-    n_dofs = len(mean) // basis.n_basis
-    return np.outer(deviation, deviation) * np.tile(correlation, (n_dofs, n_dofs))
-
-
-def mean_timing_covariance(
-    basis: NormalizedRBFBasis, means: Sequence[NDArray[np.float64]], phase_deviation: PhaseDeviation
-) -> NDArray[np.float64]:
-    """The mean of `timing_covariance` over tasks of these mean weights, (P N, P N)."""
-    first, *others = (timing_covariance(basis, mean, phase_deviation) for mean in means)
-    return sum(others, first) / len(means)
-
-
-def unshown_timing_covariance(
-    own: NDArray[np.float64], shared: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """The part of the timing covariance that a task's demonstrations have not shown.
-
-    Half is the task's own and half is shared, as in the covariance that it is added to.
-
-    Args:
-        own: `timing_covariance` of the task, (P N, P N).
-        shared: `mean_timing_covariance` of all tasks, (P N, P N).
-    """
-    mixed = OWN_COVARIANCE_SHARE * own + (1.0 - OWN_COVARIANCE_SHARE) * shared
-    return UNSHOWN_DEVIATION_SHARE**2 * mixed

@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 from intent_recognition.errors import TrainingError, describe
 from intent_recognition.learning.accumulation import NAMES_KEPT, Accumulated, accumulate
 from intent_recognition.learning.fitting import (
-    aligned_primitives,
     learned_from,
     library_from_statistics,
+    statistics_of,
 )
-from intent_recognition.learning.held_out_recognition import choose_recognition
-from intent_recognition.learning.held_out_validation import choose_aligned
 from intent_recognition.learning.preprocessing import Preprocessing, example_of
-from intent_recognition.learning.selection import Hyperparameters, choose_steady
+from intent_recognition.learning.selection import Hyperparameters, choose
 from intent_recognition.learning.settings import TrainingSettings
 from intent_recognition.learning.statistics import (
     TaskStatistics,
@@ -26,7 +24,7 @@ from intent_recognition.learning.statistics import (
     merge_statistics,
     summarize,
 )
-from intent_recognition.learning.unknown_task import calibrate_none
+from intent_recognition.learning.unknown_task import learn_none_margin
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
 
@@ -124,9 +122,9 @@ def learn_accumulated(
         TrainingError: nothing usable, or no task with at least two demonstrations.
     """
     preprocessing = _check_enough(accumulated)
-    chosen, tried = choose(accumulated.tasks, preprocessing)
+    chosen, tried = choose_hyperparameters(accumulated.tasks, preprocessing)
     library = library_from_statistics(accumulated.tasks, preprocessing, chosen, provenance)
-    library = _calibrated(library, accumulated.tasks, preprocessing, chosen)
+    trained = with_margin(Trained(library, preprocessing, accumulated.tasks, chosen))
     return TrainingReport(
         accumulated.used,
         accumulated.rejected,
@@ -134,21 +132,23 @@ def learn_accumulated(
         tried,
         accumulated.n_used,
         accumulated.n_rejected,
-        Trained(library, preprocessing, accumulated.tasks, chosen),
+        trained,
     )
 
 
-def choose(
+def choose_hyperparameters(
     tasks: Mapping[str, TaskStatistics], preprocessing: Preprocessing
 ) -> tuple[Hyperparameters, tuple[Hyperparameters, ...]]:
-    """The hyperparameters by cross-validation, and all that were tried at steady progress."""
-    chosen, tried = choose_steady(tasks, preprocessing.basis)
-    library = library_from_statistics(tasks, preprocessing, chosen)
-    chosen = choose_recognition(library, tasks, preprocessing, chosen)
-    if aligned_statistics(tasks) is not None:
-        aligned = aligned_primitives(tasks, preprocessing, chosen)
-        chosen = choose_aligned(library.primitives, aligned, tasks, chosen)
-    return chosen, tried
+    """The hyperparameters by held-out validation, and all that were tried."""
+    kinds = (False, True) if aligned_statistics(tasks) is not None else (False,)
+    candidates = [
+        (
+            library_from_statistics(tasks, preprocessing, Hyperparameters(aligned)),
+            statistics_of(tasks, aligned),
+        )
+        for aligned in kinds
+    ]
+    return choose(candidates, tasks)
 
 
 def add_demonstration(trained: Trained, demonstration: Demonstration) -> Trained:
@@ -194,26 +194,23 @@ def add_statistics(
 
 def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]]:
     """Choose the hyperparameters again on all demonstrations; also all that were tried."""
-    chosen, tried = choose(trained.tasks, trained.preprocessing)
+    chosen, tried = choose_hyperparameters(trained.tasks, trained.preprocessing)
+    preprocessing = trained.preprocessing
     library = replace(
         trained.library,
-        **learned_from(trained.tasks, trained.preprocessing, chosen),
+        basis=preprocessing.basis_of(chosen.aligned),
+        phase_deviation=preprocessing.timing.phase_deviation(chosen.aligned),
+        **learned_from(trained.tasks, preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},
     )
-    library = _calibrated(library, trained.tasks, trained.preprocessing, chosen)
-    return replace(trained, library=library, chosen=chosen), tried
+    return with_margin(replace(trained, library=library, chosen=chosen)), tried
 
 
-def _calibrated(
-    library: TaskLibrary,
-    tasks: Mapping[str, TaskStatistics],
-    preprocessing: Preprocessing,
-    chosen: Hyperparameters,
-) -> TaskLibrary:
-    """The library with the calibration of none that these demonstrations give."""
-    strength = chosen.recognition_strength
-    calibration = calibrate_none(library, tasks, preprocessing, strength)
-    return replace(library, none_calibration=calibration)
+def with_margin(trained: Trained) -> Trained:
+    """The same with the margin over none that these demonstrations give."""
+    tasks = statistics_of(trained.tasks, trained.chosen.aligned)
+    margin = learn_none_margin(trained.library, tasks, trained.tasks)
+    return replace(trained, library=replace(trained.library, none_margin=margin))
 
 
 class _Priors(TypedDict):

@@ -5,32 +5,26 @@ The model: an unknown movement is one more draw from the population of the known
 distributed about their mean as they are themselves, and it varies as they vary. The scatter of few
 tasks is hardly known, so it is shrunk towards how far movements depart from their starts.
 
-The calibration: how much evidence against `none` counts is learned from the demonstrations. The log
-Bayes factor of the known tasks over none is computed along each demonstration, once with a library
-that knows its task (the demonstration itself held out) and once with a library without its task. A
-decision is taken the first time a probability is high enough, so the highest factor of an unknown
-movement counts, and the lowest of a known one; values between them decide nothing
-(docs/recognition.md).
+The margin: the log Bayes factor of the known tasks over none is computed along demonstrations of
+each task, with a library without it. As a decision is taken the first time that a factor is high
+enough, the highest factor along each of these unknown movements counts. The margin is their
+conformal quantile (docs/recognition.md).
 """
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
+from intent_recognition.filtering import duration_offsets
 from intent_recognition.gaussian import Gaussian, symmetrize
-from intent_recognition.learning.examples import sample_phases
-from intent_recognition.learning.held_out_recognition import (
-    HeldOut,
-    held_out,
-    others_evidence,
-    own_evidence,
-    total_evidence,
-)
-from intent_recognition.learning.movement_evidence import prefix_log_evidence
-from intent_recognition.learning.preprocessing import Preprocessing
-from intent_recognition.learning.statistics import TaskStatistics
-from intent_recognition.promp import TaskLibrary
+from intent_recognition.learning.examples import TrainingExample, sample_phases
+from intent_recognition.learning.held_out import evenly, filter_samples, nearest_tasks
+from intent_recognition.learning.selection import STRENGTH
+from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
+from intent_recognition.promp import Scatter, TaskLibrary, observed_block, shared_covariance
 
 DEPARTURE_SAMPLE_SIZE = 0.25
 """Equivalent sample size, in tasks, of the prior that tasks differ as much as movements depart from
@@ -41,25 +35,18 @@ mean along the movement. Convention."""
 UNKNOWN_AMPLITUDE_WIDTH = 0.1
 """Width of the kernel, in phase, that the variance of this deviation is averaged with. Convention.
 """
-EXTREME_STDS = 2.0
-"""Standard deviations from the mean extreme at which a log Bayes factor begins to count
-(docs/recognition.md)."""
-LOWER_TAIL_PROBABILITY = 0.005
-"""Share of known movements whose factor may count as evidence for none (docs/recognition.md)."""
-TAIL_SHARE = 0.1
-"""Share of known movements, those with the lowest factors, that an exponential tail is fitted to.
-Convention."""
-TAIL_RATE = 2.373
-"""Rate at which the tail of a normal distribution falls at `EXTREME_STDS`:
-d(-log(1 - Phi(z)))/dz at z = 2."""
+UNKNOWN_ACCEPTED = 0.05
+"""Share of unknown movements that may count as known (docs/recognition.md). Convention."""
 MIN_DEMONSTRATIONS = 5
 """Demonstrations from which on a task is used for calibration, where two tasks have as many
 (docs/recognition.md)."""
 MAX_RECALIBRATED = 10
 """Demonstrations of a task beyond which one more does not ask for a new calibration
 (docs/recognition.md)."""
-MAX_CALIBRATED = 120
+MAX_CALIBRATED = 60
 """Demonstrations used for calibration at most. Convention: it bounds the time."""
+N_CALIBRATED_SCALES = 5
+"""Durations per task in the calibration. Convention: it bounds the time."""
 N_SIMULATED = 40
 """Unknown movements simulated where there is one task only; the seed of their generator, too.
 Convention."""
@@ -118,100 +105,131 @@ def none_timing(log_mean: NDArray[np.float64], log_std: NDArray[np.float64]) -> 
     return np.array([log_mean.mean(), np.sqrt(np.mean(log_std**2) + log_mean.var())])
 
 
-def evidence_of_none(
-    library: TaskLibrary,
-    one: HeldOut,
-    tasks: NDArray[np.int64],
-    own: Gaussian | None,
-    departed: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Log evidence of none as a library of these tasks would have it, (m,).
-
-    Args:
-        library: the learned tasks.
-        one: the movement.
-        tasks: numbers of the tasks that none is drawn from, (k,).
-        own: in place of the library's model of its own task, where that is among them.
-        departed: see `departure`.
-    """
-    n_basis = library.basis.n_basis
-    means = library.observed_mean[tasks].reshape(len(tasks), -1, n_basis)
-    covariances = library.observed_covariance[tasks]
-    if own is not None:
-        place = int(np.flatnonzero(tasks == one.task)[0])
-        means[place] = own.mean.reshape(-1, n_basis)
-        covariances[place] = own.covariance
-    timing = none_timing(library.log_duration_mean[tasks], library.log_duration_std[tasks])
-    none = none_primitive(means, covariances, departed)
-    return prefix_log_evidence(library, none, timing, one.times_s, one.values)
-
-
-def calibrate(known: NDArray[np.float64], unknown: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The calibration of the log Bayes factor of the known tasks over none, (4,).
-
-    Slope and threshold above which it is evidence for a known task, then slope and threshold below
-    which it is evidence against one, as `recognition` applies them. Slopes are at most 1: evidence
-    is never made stronger than Bayes' rule has it.
-
-    Args:
-        known: factors along movements of known tasks, (n, m).
-        unknown: along movements of tasks left out, (n', m). With fewer than two rows of either,
-            that side is not changed: slope 1, threshold 0.
-    """
-    upper_slope = lower_slope = 1.0
-    upper = lower = 0.0
-    if len(unknown) > 1:
-        best = np.max(unknown, axis=1)
-        std = max(float(best.std(ddof=1)), 1e-9)
-        upper_slope = min(1.0, TAIL_RATE / std)
-        upper = max(float(best.mean()) + EXTREME_STDS * std, 0.0)
-    if len(known) > 1:
-        worst = np.min(known, axis=1)
-        std = max(float(worst.std(ddof=1)), 1e-9)
-        lower_slope = min(1.0, TAIL_RATE / std)
-        begin = np.quantile(worst, TAIL_SHARE)
-        excess = max(float(np.mean(begin - worst[worst <= begin])), 1e-9)
-        lower_slope = min(lower_slope, 1.0 / excess)
-        usual = float(worst.mean()) - EXTREME_STDS * std
-        lower = min(usual, float(begin) - excess * np.log(TAIL_SHARE / LOWER_TAIL_PROBABILITY), 0.0)
-    return np.array([upper_slope, upper, lower_slope, lower])
-
-
-def calibrate_none(
+def learn_none_margin(
     library: TaskLibrary,
     tasks: Mapping[str, TaskStatistics],
-    preprocessing: Preprocessing,
-    strength: float,
-) -> NDArray[np.float64]:
-    """The calibration of a library's none, from `MAX_CALIBRATED` of its demonstrations, (4,).
+    recorded: Mapping[str, TaskStatistics],
+) -> float:
+    """Evidence that a known task must have over none before it counts, in nats, zero or more.
 
     Args:
         library: the learned tasks; its own none is not used.
-        tasks: their statistics.
-        preprocessing: how their examples were made.
-        strength: equivalent sample size of the recognition covariances' target.
+        tasks: statistics that it was built from.
+        recorded: statistics of the examples as they were recorded.
     """
-    departed = departure(list(tasks.values()), library.n_observed)
-    everyone, known, unknown = np.arange(library.n_tasks), [], []
-    calibrating = calibrating_tasks([task.n for task in tasks.values()])
-    for one in held_out(library, tasks, preprocessing, strength, MAX_CALIBRATED):
-        if one.task not in calibrating:
-            continue
-        others = np.delete(everyone, one.task)
-        rivals = np.setdiff1d(calibrating, [one.task])
-        evidence = others_evidence(library, one, others)
-        if len(rivals):
-            none = evidence_of_none(library, one, others, None, departed)
-            complete = len(rivals) == len(others)
-            theirs = evidence if complete else others_evidence(library, one, rivals)
-            unknown.append(total_evidence(theirs, len(rivals)) - none)
-        if one.own is not None:
-            own = own_evidence(library, one, one.own)
-            none = evidence_of_none(library, one, everyone, one.own, departed)
-            known.append(total_evidence([*evidence, own], library.n_tasks) - none)
+    statistics = list(tasks.values())
     if library.n_tasks == 1:
-        unknown = _simulated_unknown(library, departed)
-    return calibrate(np.array(known), np.array(unknown))
+        return margin_over(_simulated_factors(library, departure(statistics, library.n_observed)))
+    calibrating = calibrating_tasks([task.n for task in statistics])
+    pairs = [
+        (k, example, as_recorded)
+        for k, label in enumerate(tasks)
+        if k in calibrating and len(calibrating) > 1
+        for example, as_recorded in zip(
+            tasks[label].examples, recorded[label].examples, strict=True
+        )
+    ]
+    pooled = observed_block(pooled_moments(statistics), library.n_observed_weights)
+    floor = variance_scales(tasks)[0][: library.n_observed]
+    departed = departure(statistics, library.n_observed)
+    without: dict[int, _Without] = {}
+    highest = []
+    for k, example, as_recorded in evenly(pairs, MAX_CALIBRATED):
+        if k not in without:
+            own = observed_block(statistics[k].moments, library.n_observed_weights)
+            rest = Scatter(pooled.matrix - own.matrix, pooled.freedom - own.freedom)
+            rest = rest if rest.freedom else pooled
+            covariance = shared_covariance(rest, floor, STRENGTH)
+            without[k] = _without(library, np.array([k]), covariance, departed)
+        rivals = np.setdiff1d(calibrating, [k])
+        compared = nearest_tasks(statistics, example, rivals)
+        found = log_factors(without[k], compared, len(rivals), as_recorded)
+        highest.append(float(np.max(found)))
+    return margin_over(np.array(highest))
+
+
+def margin_over(highest: NDArray[np.float64]) -> float:
+    """The margin that unknown movements with these highest factors (n,) give, zero or more.
+
+    The conformal quantile: one more movement of their kind exceeds it with a probability of at most
+    `UNKNOWN_ACCEPTED`, whatever the distribution (Vovk et al. 2005). Fewer movements than that takes
+    are extrapolated by a normal distribution; of fewer than two nothing is learned.
+
+    Args:
+        highest: highest log Bayes factor of the known tasks over none along each.
+    """
+    n = len(highest)
+    if n < 2:
+        return 0.0
+    rank = int(np.ceil((n + 1) * (1.0 - UNKNOWN_ACCEPTED)))
+    if rank <= n:
+        return max(float(np.sort(highest)[rank - 1]), 0.0)
+    quantile = float(ndtri(1.0 - UNKNOWN_ACCEPTED))
+    return max(float(np.mean(highest) + quantile * np.std(highest, ddof=1)), highest.max(), 0.0)
+
+
+class _Without(NamedTuple):
+    """What a library without some of its tasks believes of the observed weights.
+
+    Attributes:
+        library: of all tasks.
+        covariance: of the observed weights under each task, the others' means known, (P N, P N).
+        none: its none.
+        timing: mean and standard deviation of the log duration of none, (2,).
+    """
+
+    library: TaskLibrary
+    covariance: NDArray[np.float64]
+    none: Gaussian
+    timing: NDArray[np.float64]
+
+
+def _without(
+    library: TaskLibrary,
+    left_out: NDArray[np.int64],
+    covariance: NDArray[np.float64],
+    departed: NDArray[np.float64],
+) -> _Without:
+    kept = np.delete(np.arange(library.n_tasks), left_out)
+    means = library.observed_mean[kept].reshape(len(kept), library.n_observed, -1)
+    inflation = 1.0 + 1.0 / library.n_demonstrations[kept]
+    none = none_primitive(means, inflation[:, None, None] * covariance, departed)
+    timing = none_timing(library.log_duration_mean[kept], library.log_duration_std[kept])
+    return _Without(library, covariance, none, timing)
+
+
+def log_factors(
+    without: _Without, compared: NDArray[np.int64], n_tasks: int, recorded: TrainingExample
+) -> NDArray[np.float64]:
+    """Log Bayes factor of some tasks over none after each sample of a movement, (m,).
+
+    The duration is unknown.
+
+    Args:
+        without: a library without some of its tasks.
+        compared: numbers of the tasks.
+        n_tasks: how many share the prior; those not compared are too far away to count.
+        recorded: the movement.
+    """
+    library, (offsets, log_weight) = without.library, duration_offsets(N_CALIBRATED_SCALES)
+    inflation = 1.0 + 1.0 / library.n_demonstrations[compared]
+    mean = np.vstack([library.observed_mean[compared], without.none.mean])
+    covariance = np.concatenate(
+        [inflation[:, None, None] * without.covariance, without.none.covariance[None]]
+    )
+    log_mean = np.r_[library.log_duration_mean[compared], without.timing[0]]
+    log_std = np.r_[library.log_duration_std[compared], without.timing[1]]
+    pace = recorded.duration_s / np.exp(log_mean[:, None] + log_std[:, None] * offsets)
+    prior = Gaussian(
+        np.repeat(mean, len(offsets), axis=0), np.repeat(covariance, len(offsets), axis=0)
+    )
+    samples = np.repeat(recorded.observed[:, None], pace.size, axis=1)
+    factors = []
+    for progress in filter_samples(library, prior, pace.ravel(), samples):
+        joint = progress.log_evidence.reshape(pace.shape) + log_weight
+        evidence = np.logaddexp.reduce(joint, axis=1)
+        factors.append(np.logaddexp.reduce(evidence[:-1]) - np.log(n_tasks) - evidence[-1])
+    return np.array(factors)
 
 
 def calibrating_tasks(counts: Sequence[int]) -> NDArray[np.int64]:
@@ -234,24 +252,21 @@ def is_outdated(before: Mapping[str, int], now: Mapping[str, int]) -> bool:
     return used(before) != used(now)
 
 
-def _simulated_unknown(
-    library: TaskLibrary, departed: NDArray[np.float64]
-) -> list[NDArray[np.float64]]:
-    """Factors along movements drawn from none itself, where no task can be left out."""
+def _simulated_factors(library: TaskLibrary, departed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Highest factors along movements drawn from none itself, where no task can be left out."""
     rng = np.random.default_rng(N_SIMULATED)
     every = np.arange(library.n_tasks)
-    means = library.observed_mean[every].reshape(len(every), library.n_observed, -1)
-    none = none_primitive(means, library.observed_covariance[every], departed)
-    log_mean, log_std = none_timing(library.log_duration_mean, library.log_duration_std)
+    inflation = 1.0 + 1.0 / library.n_demonstrations[0]
+    covariance = library.observed_covariance[0] / inflation
+    whole = _without(library, np.array([], dtype=int), covariance, departed)
     design = library.basis.design_matrix(sample_phases())
-    weights = rng.multivariate_normal(none.mean, none.covariance, size=N_SIMULATED)
+    weights = rng.multivariate_normal(whole.none.mean, whole.none.covariance, size=N_SIMULATED)
     noise_std = np.sqrt(library.noise_variance[: library.n_observed])
-    factors = []
+    highest = []
     for one in weights.reshape(N_SIMULATED, library.n_observed, -1):
-        times_s = sample_phases() * np.exp(log_mean + log_std * rng.normal())
+        duration_s = float(np.exp(whole.timing[0] + whole.timing[1] * rng.normal()))
         values = design @ one.T + noise_std * rng.normal(size=(len(design), library.n_observed))
-        simulated = HeldOut(-1, times_s, values, None)
-        evidence = others_evidence(library, simulated, every)
-        none_evidence = evidence_of_none(library, simulated, every, None, departed)
-        factors.append(total_evidence(evidence, library.n_tasks) - none_evidence)
-    return factors
+        nothing = np.zeros(0)
+        simulated = TrainingExample("", "", nothing, nothing, duration_s, values, nothing)
+        highest.append(np.max(log_factors(whole, every, len(every), simulated)))
+    return np.array(highest)

@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from math import inf, isinf
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +16,14 @@ from numpy.typing import NDArray
 from intent_recognition.demonstrations import DofSpec
 from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
 from intent_recognition.learning import Trained
-from intent_recognition.model.aligned import ALIGNED, pack_aligned, unpack_aligned
 from intent_recognition.model.arrays import RETRAIN, check_arrays, check_covariances, check_positive
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
-from intent_recognition.promp import NONE, NormalizedRBFBasis, TaskLibrary
+from intent_recognition.promp import NONE, NormalizedRBFBasis, PhaseDeviation, TaskLibrary
 from intent_recognition.signals import OnsetSettings
 from intent_recognition.untrusted import UntrustedError, check_archive, load_json
 
-FORMAT_VERSION = 2
-FORMER_NAMES = {
-    "aligned_deviation_std": "aligned_lead_std",
-    "timing_deviation_std": "timing_lead_std",
-}
-"""Names of arrays in files of version 1, which are still read."""
+FORMAT_VERSION = 3
+DEVIATION_STD = "phase_deviation_std"
 LONGEST_LOG_S = 20.0
 """Logarithm of a duration [log s]. Convention: neither nanoseconds nor years."""
 LARGEST_LOG_STD = 10.0
@@ -46,19 +42,18 @@ NUMBERS = (
     "none_covariance",
     "none_log_duration",
     "none_prior",
-    "none_calibration",
+    "none_margin",
     "duration_evidence",
     "n_demonstrations",
     "observed_groups",
-    "recognition_covariance",
-    "recognition_noise_scale",
+    "observed_weight_covariance",
 )
 SCALARS = (
     "noise_scale",
     "correlation_time_s",
     "none_prior",
+    "none_margin",
     "duration_evidence",
-    "recognition_noise_scale",
 )
 
 
@@ -97,7 +92,11 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
         ModelError: the folder cannot be written to.
     """
     library = model.library
-    arrays = {name: np.asarray(value) for name, value in _recognition(library).items()}
+    deviation = library.phase_deviation
+    arrays = {
+        "observed_weight_covariance": library.observed_covariance[:-1],
+        DEVIATION_STD: deviation.deviation_std,
+    }
     arrays |= {n: np.asarray(getattr(library, n)) for n in NUMBERS if n not in arrays}
     header = {
         "format_version": FORMAT_VERSION,
@@ -105,11 +104,14 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
         "basis": asdict(library.basis),
         "onset": [asdict(settings) for settings in library.onset],
         "dofs": model.dofs.to_dict(),
+        "phase_deviation": {
+            "correlation": deviation.correlation,
+            "evidence": deviation.evidence,
+            "controlled_follows": deviation.controlled_follows,
+        },
+        "evidence_freedom": None if isinf(library.evidence_freedom) else library.evidence_freedom,
         "provenance": dict(library.provenance),
     }
-    if library.aligned is not None:
-        header["aligned"], aligned = pack_aligned(library.aligned)
-        arrays |= aligned
     if trained is not None:
         header["statistics"], statistics = pack_statistics(trained)
         arrays |= statistics
@@ -139,7 +141,7 @@ def load_model(path: str | Path) -> Model:
         ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
             value that is not finite or makes no sense; names the file and the array.
     """
-    content = _read(path, (*NUMBERS, *ALIGNED))
+    content = _read(path, (*NUMBERS, DEVIATION_STD))
     header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
@@ -155,15 +157,11 @@ def load_model(path: str | Path) -> Model:
     numbers: dict[str, Any] = {name: content[name] for name in NUMBERS}
     _check_values(path, numbers)
     _check_plausible(path, numbers)
+    deviation = _phase_deviation(path, header, content)
     _check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
     for name in SCALARS:
         numbers[name] = float(numbers[name])
     numbers["observed_groups"] = tuple(numbers["observed_groups"].tolist())
-    n_observed, n_tasks = len(dofs.observed_names), len(labels)
-    n_dofs = n_observed + len(dofs.controlled_names)
-    aligned = None
-    if "aligned" in header:
-        aligned = unpack_aligned(str(path), header["aligned"], content, n_tasks, n_observed, n_dofs)
     library = TaskLibrary(
         labels=labels,
         basis=basis,
@@ -172,7 +170,8 @@ def load_model(path: str | Path) -> Model:
         observed_units=tuple(entry.unit for entry in dofs.observed for _ in entry.names),
         controlled_units=tuple(entry.unit for entry in dofs.controlled for _ in entry.names),
         onset=onset,
-        aligned=aligned,
+        phase_deviation=deviation,
+        evidence_freedom=_freedom(path, header),
         provenance=provenance,
         **numbers,
     )
@@ -215,16 +214,14 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> None:
 
 
 def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Header and wanted arrays that the file holds, under their present names."""
+    """Header and wanted arrays that the file holds."""
     try:
         check_archive(Path(path))
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            stored = {name: name for name in ("header", *wanted)}
-            stored |= {new: old for new, old in FORMER_NAMES.items() if old in file.files}
             return {
-                name: _read_array(path, file, stored[name])
+                name: _read_array(path, file, name)
                 for name in ("header", *wanted)
-                if stored[name] in file.files
+                if name in file.files
             }
     except ModelError:
         raise
@@ -256,8 +253,6 @@ def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
         raise ModelError(
             describe(f"{path}: header", "JSON with a format_version", error, RETRAIN)
         ) from error
-    if version == 1:
-        return _upgraded(header)
     if version != FORMAT_VERSION:
         raise ModelError(
             describe(
@@ -270,23 +265,41 @@ def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
     return header
 
 
-def _upgraded(header: dict) -> dict:
-    """The header of a file of version 1 under the names of version 2."""
-    statistics = header.get("statistics")
-    if isinstance(statistics, dict) and "reference" in statistics:
-        statistics["preprocessing"] = statistics.pop("reference")
-        settings = statistics["preprocessing"].get("settings", {})
-        if "n_forecast_basis" in settings:
-            settings["n_aligned_basis"] = settings.pop("n_forecast_basis")
-    return header
+def _phase_deviation(
+    path: str | Path, header: dict, content: dict[str, NDArray[Any]]
+) -> PhaseDeviation:
+    """The prior of the phase deviation, checked."""
+    n_phases = max(np.size(content.get(DEVIATION_STD, ())), 2)
+    check_arrays(path, content, {DEVIATION_STD: (n_phases,)})
+    try:
+        entry = header["phase_deviation"]
+        correlation, evidence = float(entry["correlation"]), float(entry["evidence"])
+        follows = bool(entry["controlled_follows"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ModelError(
+            describe(f"{path}: phase_deviation", "a complete header", error, RETRAIN)
+        ) from error
+    std = content[DEVIATION_STD]
+    if not (0.0 < correlation < np.inf and 0.0 < evidence <= 1.0 and np.all(std >= 0.0)):
+        raise ModelError(
+            describe(
+                f"{path}: phase_deviation",
+                "a correlation above 0, an evidence in (0, 1] and no std below zero",
+                f"{correlation}, {evidence} and {std.min()}",
+                RETRAIN,
+            )
+        )
+    return PhaseDeviation(std, correlation, evidence, follows)
 
 
-def _recognition(library: TaskLibrary) -> dict[str, object]:
-    """What recognition has of its own, or takes from the primitives."""
-    return {
-        "recognition_covariance": library.observed_covariance[:-1],
-        "recognition_noise_scale": library.recognition_noise_scale or library.noise_scale,
-    }
+def _freedom(path: str | Path, header: dict) -> float:
+    """Degrees of freedom of the evidence; null stands for the normal density."""
+    found = header.get("evidence_freedom")
+    if found is None:
+        return inf
+    if not isinstance(found, (int, float)) or not 0.0 < found < inf:
+        raise ModelError(describe(f"{path}: evidence_freedom", "above zero", found, RETRAIN))
+    return float(found)
 
 
 def _labels(labels: list) -> tuple[str, ...]:
@@ -313,10 +326,9 @@ def _shapes(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int, .
         "none_mean": (size,),
         "none_covariance": (size, size),
         "none_log_duration": (2,),
-        "none_calibration": (4,),
         "n_demonstrations": (n_tasks,),
         "observed_groups": (len(dofs.observed),),
-        "recognition_covariance": (n_tasks, size, size),
+        "observed_weight_covariance": (n_tasks, size, size),
         **dict.fromkeys(SCALARS, ()),
     }
 
@@ -329,7 +341,6 @@ def _check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
         "noise_scale",
         "correlation_time_s",
         "log_duration_std",
-        "recognition_noise_scale",
     )
     for name in ("task_prior", "transition_prior"):
         prior = numbers[name]

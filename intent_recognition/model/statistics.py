@@ -101,8 +101,9 @@ def unpack_statistics(
             describe(f"{path}: statistics", f"the tasks {library.labels}", labels, RETRAIN)
         )
     check_arrays(path, arrays, {COUNT: (len(labels),)}, (COUNT,))
-    for kind, basis in ((STEADY, library.basis), (ALIGNED, preprocessing.aligned_basis)):
-        shapes = _shapes(library, len(names), basis.n_basis, kind)
+    for kind in (STEADY, ALIGNED):
+        n_basis = preprocessing.basis_of(kind == ALIGNED).n_basis
+        shapes = _shapes(library, len(names), n_basis, kind)
         check_arrays(path, arrays, shapes, (f"{kind}statistics_n",))
         few = np.any(arrays[f"{kind}statistics_n"] < arrays[COUNT])
         if few or arrays[COUNT].sum() != len(names) or np.any(arrays[COUNT] < 0):

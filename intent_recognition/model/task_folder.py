@@ -16,7 +16,7 @@ much evidence against `none` counts is learned again while tasks have few record
 import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
 
@@ -32,9 +32,9 @@ from intent_recognition.learning import (
     Trained,
     TrainingSettings,
     add_statistics,
-    calibrate_none,
     is_outdated,
     learn_accumulated,
+    with_margin,
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, accumulate_bags
@@ -209,9 +209,7 @@ class TaskFolder:
         before, now = ({label: s.n for label, s in t.tasks.items()} for t in (trained, more))
         if not is_outdated(before, now):
             return more
-        strength = more.chosen.recognition_strength
-        calibration = calibrate_none(more.library, more.tasks, preprocessing, strength)
-        return replace(more, library=replace(more.library, none_calibration=calibration))
+        return with_margin(more)
 
     def _first(self) -> Trained | None:
         """Learn from all recordings, if there are enough by now."""

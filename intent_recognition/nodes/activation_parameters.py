@@ -277,6 +277,8 @@ def _read_model(
             )
         )
     starts = {label: start_mean(model.library, k) for k, label in enumerate(model.labels)}
-    primitives = model.library.primitives
-    ends = {label: least_end_std(primitives, k) for k, label in enumerate(model.labels)}
+    ends = {
+        label: least_end_std(model.library, k).get("rad", 0.0)
+        for k, label in enumerate(model.labels)
+    }
     return of_model, starts, ends

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The interaction primitive: basis functions, weights, their prior, and prediction."""
 
-from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.interaction import InteractionProMP
-from intent_recognition.promp.library import IDENTITY_CALIBRATION, NONE, TaskLibrary
+from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.phase_deviation import (
+    STEADY,
     PhaseDeviation,
     deviation_grid,
     deviation_prior,
@@ -15,24 +15,21 @@ from intent_recognition.promp.phase_deviation import (
 )
 from intent_recognition.promp.prediction import (
     StartPosture,
-    Trajectory,
     controlled_weights,
-    dof_variance,
     largest_by_unit,
     least_end_std,
-    rollout,
 )
 from intent_recognition.promp.prior import (
-    OWN_COVARIANCE_SHARE,
     Scatter,
     leave_one_out_scatter,
     leave_one_out_targets,
     observed_block,
-    recognition_covariances,
+    shared_covariance,
     shrunk_covariance,
     structured_target,
     weight_floor,
 )
+from intent_recognition.promp.trajectory import Trajectory, dof_variance, rollout
 from intent_recognition.promp.weights import (
     WeightFit,
     fit_weights,
@@ -40,10 +37,8 @@ from intent_recognition.promp.weights import (
 )
 
 __all__ = [
-    "IDENTITY_CALIBRATION",
     "NONE",
-    "OWN_COVARIANCE_SHARE",
-    "AlignedPrimitives",
+    "STEADY",
     "ControlGrid",
     "InteractionProMP",
     "NormalizedRBFBasis",
@@ -65,9 +60,9 @@ __all__ = [
     "leave_one_out_scatter",
     "leave_one_out_targets",
     "observed_block",
-    "recognition_covariances",
     "reference_phase",
     "rollout",
+    "shared_covariance",
     "shrunk_covariance",
     "structured_target",
     "weight_floor",

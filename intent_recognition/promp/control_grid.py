@@ -11,25 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.gaussian import Gaussian, symmetrize, whiten_innovation
-from intent_recognition.promp.aligned import AlignedPrimitives
-from intent_recognition.promp.prediction import StartPosture, Trajectory
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.prediction import StartPosture
+from intent_recognition.promp.trajectory import Trajectory
 
 
 class ControlGrid:
     """T evenly spaced phases of one task from start to end, or its end alone.
 
     Args:
-        primitives: the learned primitives.
+        library: the learned tasks.
         task: number of the task.
         n_points: T; 1 is the end.
     """
 
-    def __init__(self, primitives: AlignedPrimitives, task: int, n_points: int):
+    def __init__(self, library: TaskLibrary, task: int, n_points: int):
         self.phase = np.linspace(1.0, 0.0, n_points)[::-1]
-        self._n_controlled = primitives.n_controlled
-        self._noise = primitives.control_noise_variance()
-        basis, (matrix, offset, covariance) = primitives.basis, primitives.regressions[task]
-        shape = (primitives.n_controlled, basis.n_basis)
+        self._n_controlled = library.n_controlled
+        self._noise = library.control_noise_variance()
+        basis, (matrix, offset, covariance) = library.basis, library.regressions[task]
+        shape = (library.n_controlled, basis.n_basis)
         matrix, offset = matrix.reshape(*shape, -1), offset.reshape(shape)
         covariance = covariance.reshape(*shape, *shape)
         design, slope = basis.design_matrix(self.phase), basis.derivative_matrix(self.phase)

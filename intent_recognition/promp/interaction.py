@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.gaussian import Gaussian, condition, marginal
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.prediction import Trajectory, rollout
+from intent_recognition.promp.trajectory import Trajectory, rollout
 
 
 @dataclass(frozen=True)

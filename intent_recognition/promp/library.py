@@ -4,21 +4,20 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.gaussian import Gaussian
-from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.interaction import InteractionProMP
-from intent_recognition.promp.phase_deviation import STEADY
+from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
+from intent_recognition.promp.regressions import Regressions
 from intent_recognition.signals import OnsetSettings
 
 NONE = "none"
 """Label of the hypothesis that the movement is none of the known tasks."""
-IDENTITY_CALIBRATION = (1.0, 0.0, 1.0, 0.0)
-"""Calibration that leaves a Bayes factor alone."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class TaskLibrary:
         weight_mean: (K, D N).
         weight_covariance: predictive covariance of the next demonstration's weights, (K, D N, D N).
         noise_variance: residual variance per DOF, (D,), as training left it unexplained.
-        noise_scale: factor of the observed DOFs' noise variance in prediction.
+        noise_scale: factor of the observed DOFs' noise variance in the filter.
         correlation_time_s: time over which residuals are taken to be one piece of evidence.
         log_duration_mean, log_duration_std: timing prior per task, log seconds, (K,).
         task_prior: p(s), (K,), sums to one.
@@ -43,15 +42,17 @@ class TaskLibrary:
         none_mean, none_covariance: observed weights of any human movement, (P N,), (P N, P N).
         none_log_duration: mean and standard deviation of its timing, (2,).
         none_prior: prior probability that a movement is none of the tasks.
-        none_calibration: how the evidence against none is read, (4,); see `none_calibration`.
+        none_margin: evidence that a known task must have over none before it counts, in nats.
         n_demonstrations: per task, (K,).
         observed_groups: number of DOFs of each observed signal, in order; they sum to P.
         onset: how movement onset is detected, one for each observed signal.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration.
-        recognition_covariance: of the observed weights, as recognition has it, (K, P N, P N).
-        recognition_noise_scale: factor of the observed DOFs' noise variance in recognition.
-        aligned: primitives over reference phase that trajectories are predicted from; None where
-            those above, at steady progress, predict as well.
+        observed_weight_covariance: prior covariance of the observed weights in the filter, which
+            the tasks share but for the uncertainty of their means, (K, P N, P N); None for that of
+            `weight_covariance`.
+        phase_deviation: prior of a person's phase deviation from steady progress.
+        evidence_freedom: degrees of freedom of the Student density that the evidence of an
+            observation is computed with; infinite for the normal density.
         provenance: where it came from: bags, settings, version, score.
     """
 
@@ -78,12 +79,10 @@ class TaskLibrary:
     observed_groups: tuple[int, ...]
     onset: tuple[OnsetSettings, ...]
     duration_evidence: float = 1.0
-    none_calibration: NDArray[np.float64] = field(
-        default_factory=lambda: np.array(IDENTITY_CALIBRATION)
-    )
-    recognition_covariance: NDArray[np.float64] | None = None
-    recognition_noise_scale: float | None = None
-    aligned: AlignedPrimitives | None = None
+    none_margin: float = 0.0
+    observed_weight_covariance: NDArray[np.float64] | None = None
+    phase_deviation: PhaseDeviation = STEADY
+    evidence_freedom: float = inf
     provenance: Mapping[str, object] = field(default_factory=dict)
 
     @property
@@ -129,23 +128,19 @@ class TaskLibrary:
     @cached_property
     def observed_covariance(self) -> NDArray[np.float64]:
         """Prior covariances of the observed weights, tasks then none, (K + 1, P N, P N)."""
-        size, known = self.n_observed_weights, self.recognition_covariance
+        size, known = self.n_observed_weights, self.observed_weight_covariance
         if known is None:
             known = self.weight_covariance[:, :size, :size]
         return np.concatenate([known, self.none_covariance[None]])
 
     @cached_property
-    def primitives(self) -> AlignedPrimitives:
-        """The primitives that trajectories are predicted from."""
-        return self.aligned or AlignedPrimitives(
-            self.basis,
-            self.n_observed,
-            self.weight_mean,
-            self.weight_covariance,
-            self.noise_variance,
-            self.noise_scale,
-            STEADY,
-        )
+    def regressions(self) -> Regressions:
+        """Regression of the controlled weights on the observed ones, one for each task.
+
+        Observations touch only the observed weights; the controlled ones follow exactly when asked
+        for: N(A w_o + b, C).
+        """
+        return Regressions(self.weight_mean, self.weight_covariance, self.n_observed_weights)
 
     def observed_dofs(self, group: int, dofs: Sequence[int] | None = None) -> NDArray[np.int64]:
         """Indices of the observed DOFs of a signal, (m,).
@@ -172,8 +167,7 @@ class TaskLibrary:
             interval_s: time since the DOFs were last observed; infinite at the first.
         """
         crowding = max(1.0, self.correlation_time_s / max(interval_s, 1e-6))
-        scale = self.recognition_noise_scale or self.noise_scale
-        return np.diag(self.noise_variance[dofs] * (scale * crowding))
+        return np.diag(self.noise_variance[dofs] * (self.noise_scale * crowding))
 
     def control_noise_variance(self) -> NDArray[np.float64]:
         """Residual variance of the controlled DOFs, (Q,)."""

@@ -3,7 +3,8 @@
 
 At a recorded phase u, the share of the movement's duration that has passed, a person has reached
 the reference phase u + s(u) e. The phase deviation e is a stationary Ornstein-Uhlenbeck process of
-unit variance along u, so that hesitations and hurries pass again; its scale s(u) is learned from
+unit scale along u, so that hesitations and hurries pass again. Its stationary distribution is
+Student's, because a few demonstrations show few of the long ones. The scale s(u) is learned from
 the warps that align the demonstrations (`learning.timing`). The deviation is filtered on a grid,
 beside the Gaussian over the weights.
 """
@@ -15,9 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 N_DEVIATIONS = 15
-"""Values of the phase deviation on its grid. Convention."""
-DEVIATION_SPAN = 2.5
-"""Reach of that grid to either side, in standard deviations. Convention: it holds 98.8 %."""
+"""Values of the phase deviation on its grid (docs/decisions/one_filter.md)."""
+DEVIATION_SPAN = 3.5
+"""Reach of that grid to either side, in scales (docs/decisions/one_filter.md)."""
+DEVIATION_FREEDOM = 4.0
+"""Degrees of freedom of the Student distribution that the phase deviation has
+(docs/decisions/one_filter.md)."""
 JUMP = 1e-12
 """Probability that the deviation is drawn anew between two observations, so that none is ruled out.
 
@@ -29,16 +33,19 @@ class PhaseDeviation(NamedTuple):
     """Prior of a person's phase deviation.
 
     Attributes:
-        deviation_std: standard deviation at even recorded phases from 0 to 1, (U,); with
-            zeros, progress is steady and there is a single deviation.
+        deviation_std: scale at even recorded phases from 0 to 1, (U,); with zeros, progress is
+            steady and there is a single deviation.
         correlation: recorded phase after which the autocorrelation has fallen to 1/e.
         evidence: exponent of an observation's likelihood in the posterior of the deviation;
             residuals last along a movement, so that its samples are not independent.
+        controlled_follows: whether the controlled agent deviates with the observed one; if not, it
+            keeps steady progress.
     """
 
     deviation_std: NDArray[np.float64]
     correlation: float
     evidence: float
+    controlled_follows: bool = True
 
 
 STEADY = PhaseDeviation(np.zeros(2), 1.0, 1.0)
@@ -46,7 +53,7 @@ STEADY = PhaseDeviation(np.zeros(2), 1.0, 1.0)
 
 
 def deviation_grid(phase_deviation: PhaseDeviation) -> NDArray[np.float64]:
-    """Values of the phase deviation in its standard deviations, (E,)."""
+    """Values of the phase deviation in its scales, (E,)."""
     if not np.any(phase_deviation.deviation_std):
         return np.zeros(1)
     return np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, N_DEVIATIONS)
@@ -54,7 +61,7 @@ def deviation_grid(phase_deviation: PhaseDeviation) -> NDArray[np.float64]:
 
 def deviation_prior(phase_deviation: PhaseDeviation) -> NDArray[np.float64]:
     """Probability of each of them before anything is seen, (E,)."""
-    return _normal(deviation_grid(phase_deviation))
+    return _student(deviation_grid(phase_deviation))
 
 
 def deviation_transition(
@@ -75,7 +82,7 @@ def deviation_transition(
     decay, left, right = _modes(len(grid))
     share = np.maximum(passed, 0.0) / phase_deviation.correlation
     kernel = (left * np.exp(-share[..., None, None] * decay)) @ right
-    kernel = np.maximum(kernel, 0.0) + JUMP * _normal(grid)
+    kernel = np.maximum(kernel, 0.0) + JUMP * _student(grid)
     return kernel / kernel.sum(axis=-1, keepdims=True)
 
 
@@ -91,9 +98,9 @@ def reference_phase(
     )
 
 
-def _normal(grid: NDArray[np.float64]) -> NDArray[np.float64]:
+def _student(grid: NDArray[np.float64]) -> NDArray[np.float64]:
     """Probabilities of deviations under their prior, (E,)."""
-    weight = np.exp(-0.5 * grid**2)
+    weight = (1.0 + grid**2 / DEVIATION_FREEDOM) ** (-0.5 * (DEVIATION_FREEDOM + 1.0))
     return weight / weight.sum()
 
 
@@ -106,7 +113,7 @@ def _modes(
     Neighbours i and j change places at a rate of sqrt(p_j / p_i), which keeps the prior p by
     detailed balance; rates are relative to that of the slowest mode, the process's own.
     """
-    root = np.sqrt(_normal(np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, n_deviations)))
+    root = np.sqrt(_student(np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, n_deviations)))
     generator = np.eye(n_deviations, k=1) + np.eye(n_deviations, k=-1)
     generator -= np.diag(generator @ root / root)
     rate, vectors = np.linalg.eigh(generator)

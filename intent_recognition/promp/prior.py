@@ -17,7 +17,6 @@ coupling of the agents at one phase is not diluted by other phases, as it is in 
 prior. `learn` chooses it by leave-one-out prediction (`learning.selection`).
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -38,8 +37,6 @@ Convention.
 """
 PHASE_WIDTH = 0.15
 """Width in phase over which the correlation over DOFs is averaged. Convention."""
-OWN_COVARIANCE_SHARE = 0.5
-"""Share of a task's own covariance in the one it is recognised by (docs/prediction.md)."""
 AMPLITUDE_SAMPLE_SIZE = 4.0
 """Equivalent sample size of the assumption that a DOF varies alike at all phases.
 
@@ -189,31 +186,21 @@ def leave_one_out_scatter(own: Scatter, deviations: NDArray[np.float64]) -> NDAr
     return own.matrix - factor * deviations[..., :, None] * deviations[..., None, :]
 
 
-def recognition_covariances(
-    own: Sequence[Scatter], pooled: Scatter, floor: NDArray[np.float64], strength: float
+def shared_covariance(
+    pooled: Scatter, floor: NDArray[np.float64], strength: float
 ) -> NDArray[np.float64]:
-    """Covariances that tasks are told apart by, (K, d, d): half their own, half shared by all.
+    """Covariance that all tasks share, (d, d).
 
-    Differences between covariances of few demonstrations are mostly due to chance, which would tell
-    tasks apart wrongly (regularised discriminant analysis, Friedman 1989).
+    Differences between covariances of few demonstrations are mostly due to chance and would tell
+    tasks apart wrongly (linear discriminant analysis; Friedman 1989).
 
     Args:
-        own: scatter of each task.
-        pooled: their sum, some of two demonstrations.
+        pooled: scatter of all demonstrations about the means of their tasks.
         floor: variance floor per DOF, (D,).
-        strength: equivalent sample size of the targets, in demonstrations.
+        strength: equivalent sample size of the target, in demonstrations.
     """
     target = structured_target(pooled, pooled, floor).covariance()
-    shared = (pooled.matrix + strength * target) / (pooled.freedom + strength)
-    covariances = []
-    for scatter in own:
-        n = scatter.freedom + 1
-        target = structured_target(scatter, pooled, floor).covariance()
-        mine = shrunk_covariance(scatter.matrix, n, target, strength)
-        covariances.append(
-            OWN_COVARIANCE_SHARE * mine + (1.0 - OWN_COVARIANCE_SHARE) * (1.0 + 1.0 / n) * shared
-        )
-    return np.array(covariances)
+    return (pooled.matrix + strength * target) / (pooled.freedom + strength)
 
 
 def observed_block(scatter: Scatter, size: int) -> Scatter:

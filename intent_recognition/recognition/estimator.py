@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
 from intent_recognition.filtering import N_SCALES, MovementFilter, make_hypotheses, make_memory
-from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, largest_by_unit, rollout
+from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, largest_by_unit
 from intent_recognition.recognition.estimate import Estimate, Prediction
-from intent_recognition.recognition.hysteresis import PosteriorHysteresis
 from intent_recognition.recognition.motion_detection import MotionDetector
 from intent_recognition.recognition.posterior import TaskPosterior, task_posterior
 from intent_recognition.recognition.start_posture import POSTURE_UNKNOWN, OnsetPosture
@@ -26,8 +25,6 @@ CLOCK_RESET_AFTER = 50
 
 Convention: half a second of a motion capture system at 100 Hz.
 """
-N_COURSE = 50
-"""Points of the predicted course that `PosteriorHysteresis` compares positions with. Convention."""
 MAX_OBSERVATIONS = 2**14
 """Observations of a movement kept for a change of library; beyond, every second one is dropped.
 
@@ -36,16 +33,10 @@ Convention: it bounds the memory.
 
 
 class _Movement:
-    """The movement under way: its filter, its hysteresis, and what was observed of it."""
+    """The movement under way: its filter, and what was observed of it."""
 
     def __init__(self, movement_filter: MovementFilter):
         self.filter, self.observations = movement_filter, list[Observation]()
-        task_filters = movement_filter.task_filters
-        self.hysteresis = PosteriorHysteresis(
-            movement_filter.hypotheses.log_task_prior,
-            movement_filter.library.n_observed,
-            lambda task: task_filters[task].observed(N_COURSE),
-        )
 
     @property
     def onset_ns(self) -> int:
@@ -53,9 +44,6 @@ class _Movement:
 
     def observe(self, observation: Observation) -> None:
         self.filter.observe(observation)
-        if not observation.derivative:
-            dofs = self.filter.library.observed_dofs(observation.group, observation.dofs)
-            self.hysteresis.observe(dofs, observation.values)
         self.observations.append(observation)
         if len(self.observations) > MAX_OBSERVATIONS:
             self.observations = every_second(self.observations)
@@ -218,8 +206,7 @@ class IntentEstimator:
         if self._movement is None:
             return self._idle(observation.stamp_ns)
         posterior = self._movement.posterior(observation.stamp_ns)
-        self._posterior = self.expectation.weigh(self._movement.hysteresis.apply(posterior))
-        self._movement.hysteresis.update(self._posterior.probabilities)
+        self._posterior = self.expectation.weigh(posterior)
         elapsed_s = (observation.stamp_ns - self._movement.onset_ns) * 1e-9
         if self._detector.is_over(elapsed_s, self._posterior):
             self.expectation.remember(observation.stamp_ns, self._posterior)
@@ -293,7 +280,7 @@ class IntentEstimator:
         start, used = None, POSTURE_UNKNOWN
         if self._posture is not None:
             start, used = self._posture.given(self.library, task, self._movement.onset_ns)
-        trajectory = self._movement.filter.task_filters.controlled(task, n_points, start)
+        trajectory = self._movement.filter.controlled(task, n_points, start)
         return Prediction(self.library.labels[task], self._movement.onset_ns, trajectory, used)
 
     def predicted_end_std(self) -> dict[str, float] | None:
@@ -311,14 +298,7 @@ class IntentEstimator:
         if self._movement is None or self._posterior is None:
             return None
         task = int(np.argmax(self._posterior.probabilities))
-        if task < self.library.n_tasks:
-            trajectory = self._movement.filter.task_filters[task].observed(n_points)
-            return Prediction(self.library.labels[task], self._movement.onset_ns, trajectory)
-        weights = self._movement.filter.moments(task, self._posterior.scale_weights[task])
-        noise = self.library.noise_variance[: self.library.n_observed]
-        phase = np.linspace(self._posterior.phase[task], 1.0, n_points)
-        duration_s = float(self._posterior.duration_s[task])
-        trajectory = rollout(self.library.basis, weights, phase, duration_s, noise)
+        trajectory = self._movement.filter.prediction(task).observed(n_points)
         return Prediction(self._labels[task], self._movement.onset_ns, trajectory)
 
     def reset(self) -> None:

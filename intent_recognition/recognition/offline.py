@@ -93,11 +93,11 @@ def predict_controlled(
     run, last_ns = _filtered(library, hypotheses, times_s, human, onset_s)
     if task is None:
         posterior = task_posterior(run.log_evidence, hypotheses, (last_ns - run.onset_ns) * 1e-9)
-        return run.task_filters.controlled(int(np.argmax(posterior.probabilities[:-1])), n_points)
+        return run.controlled(int(np.argmax(posterior.probabilities[:-1])), n_points)
     if task not in library.labels:
         cure = "Learn it first, or pass None for the most probable task."
         raise ArgumentError(describe("task", f"one of {library.labels}", task, cure))
-    return run.task_filters.controlled(library.labels.index(task), n_points)
+    return run.controlled(library.labels.index(task), n_points)
 
 
 def _hypotheses(library: TaskLibrary, duration_s: float | None) -> Hypotheses:

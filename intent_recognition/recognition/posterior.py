@@ -9,19 +9,17 @@ correlated, and their product is surer of the duration than it should be. The po
 duration, and only this one, therefore takes the evidence to a power (`duration_evidence`; 1 is
 Bayes' rule as it stands).
 
-The evidence against `none` is read by a calibration learned from demonstrations of known tasks and
-of tasks left out (`none_calibration.py`); the evidence of the tasks against each other is not
-touched.
+Evidence between the known tasks and `none` counts beyond a margin only, which is learned from
+movements of tasks that were left out (`learning.unknown_task`); the evidence of the tasks against
+each other is not touched.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.filtering import Hypotheses
-from intent_recognition.promp import IDENTITY_CALIBRATION
 
 
 class TaskPosterior(NamedTuple):
@@ -29,8 +27,8 @@ class TaskPosterior(NamedTuple):
 
     Attributes:
         probabilities: of the K tasks and none, (K + 1,); sums to one.
-        log_evidence: log p(observations | task), phase marginalised, (K + 1,); that of none is as
-            its calibration reads it.
+        log_evidence: log p(observations | task), phase marginalised, (K + 1,); that of none is
+            what counts beyond the margin.
         phase: expected phase given the task, (K + 1,).
         duration_s: expected duration given the task, (K + 1,).
         scale_weights: p(duration | task, observations), (K + 1, S); rows sum to one.
@@ -62,9 +60,9 @@ def task_posterior(
     possible = np.isfinite(log_task)
     with np.errstate(invalid="ignore"):
         log_task_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
-        if tuple(hypotheses.none_calibration) != IDENTITY_CALIBRATION:
-            log_task_evidence[-1] = calibrated_none(
-                log_task_evidence, log_task_prior, hypotheses.none_calibration
+        if hypotheses.none_margin:
+            log_task_evidence[-1] = counted_none(
+                log_task_evidence, log_task_prior, hypotheses.none_margin
             )
             log_task[-1] = log_task_prior[-1] + log_task_evidence[-1]
         tempered = log_prior + hypotheses.duration_evidence * log_scale_evidence
@@ -84,38 +82,32 @@ def task_posterior(
     )
 
 
-def calibrated_none(
-    log_evidence: NDArray[np.float64],
-    log_prior: NDArray[np.float64],
-    calibration: Sequence[float] | NDArray[np.float64],
+def counted_none(
+    log_evidence: NDArray[np.float64], log_prior: NDArray[np.float64], margin: float
 ) -> float:
-    """Log evidence of none, the known tasks' factor over it being read by the calibration.
+    """Log evidence of none, the known tasks' factor over it counting beyond the margin only.
 
     Args:
         log_evidence: of the K tasks and none, (K + 1,).
         log_prior: theirs, (K + 1,).
-        calibration: see `read_factor`.
+        margin: in nats, zero or more.
     """
     known = log_prior[:-1] - np.logaddexp.reduce(log_prior[:-1]) + log_evidence[:-1]
     total = np.logaddexp.reduce(known)
     if not np.isfinite(total - log_evidence[-1]):
         return float(log_evidence[-1])
-    return float(total - read_factor(total - log_evidence[-1], calibration))
+    return float(total - beyond_margin(total - log_evidence[-1], margin))
 
 
-def read_factor(
-    log_factor: NDArray[np.float64], calibration: Sequence[float] | NDArray[np.float64]
-) -> NDArray[np.float64]:
+def beyond_margin(log_factor: NDArray[np.float64], margin: float) -> NDArray[np.float64]:
     """What a log Bayes factor of the known tasks over none counts, (...).
 
-    log(1 + exp(a (L - b))) - log(1 + exp(-c (L - d))): it grows with slope a above b, falls with
-    slope c below d, and is nearly zero between; (1, 0, 1, 0) leaves it as it is.
+    log(1 + exp(L - b)) - log(1 + exp(-L - b)): L - b far above the margin b, L + b far below -b,
+    nearly zero between; L itself for a margin of zero.
 
     Args:
         log_factor: L, (...).
-        calibration: a, b, c, d.
+        margin: b, in nats.
     """
-    a, b, c, d = calibration
-    log_factor = np.asarray(log_factor)
-    above = np.logaddexp(0.0, a * (log_factor - b))
-    return above - np.logaddexp(0.0, -c * (log_factor - d))
+    above = np.logaddexp(0.0, np.asarray(log_factor) - margin)
+    return above - np.logaddexp(0.0, -np.asarray(log_factor) - margin)

@@ -143,11 +143,11 @@ def start_distance(library: TaskLibrary, task: int, position: NDArray[np.float64
         task: number of the task.
         position: of the controlled DOFs, (Q,).
     """
-    primitives, controlled = library.primitives, slice(library.primitives.n_observed_weights, None)
-    row = primitives.basis.design_matrix(np.zeros(1))
-    design = np.kron(np.eye(primitives.n_controlled), row)
-    covariance = design @ primitives.weight_covariance[task, controlled, controlled] @ design.T
-    noise = primitives.control_noise_variance() + start_variance(library)
+    controlled = slice(library.n_observed_weights, None)
+    row = library.basis.design_matrix(np.zeros(1))
+    design = np.kron(np.eye(library.n_controlled), row)
+    covariance = design @ library.weight_covariance[task, controlled, controlled] @ design.T
+    noise = library.control_noise_variance() + start_variance(library)
     covariance = symmetrize(covariance) + np.diag(noise)
     factor = cholesky(covariance, name="covariance of the trained starts")
     whitened = solve_lower(factor, (position - start_mean(library, task))[:, None])
@@ -166,7 +166,6 @@ def within_trained_starts(library: TaskLibrary, task: int, position: NDArray[np.
 
 def start_mean(library: TaskLibrary, task: int) -> NDArray[np.float64]:
     """Mean posture in which a task begins, (Q,)."""
-    primitives = library.primitives
-    row = primitives.basis.design_matrix(np.zeros(1))[0]
-    weights = primitives.weight_mean[task, primitives.n_observed_weights :]
-    return weights.reshape(primitives.n_controlled, -1) @ row
+    row = library.basis.design_matrix(np.zeros(1))[0]
+    weights = library.weight_mean[task, library.n_observed_weights :]
+    return weights.reshape(library.n_controlled, -1) @ row

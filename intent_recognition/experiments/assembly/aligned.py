@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from intent_recognition.alignment import Warp
 from intent_recognition.gaussian import Gaussian, condition
-from intent_recognition.promp import AlignedPrimitives
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
 
 
 def aligned_evidence(
-    primitives: AlignedPrimitives, warp: Warp, recorded: Demonstration, n: int
+    library: TaskLibrary, warp: Warp, recorded: Demonstration, n: int
 ) -> NDArray[np.float64]:
     """Log evidence of the tasks before any and after each of n observations, (n + 1, K).
 
     Args:
-        primitives: primitives over reference phase.
+        library: primitives over reference phase.
         warp: from reference phase to the recorded phase of the demonstration.
         recorded: cut to its movement.
         n: observations, those nearest to even reference phases.
@@ -32,13 +32,13 @@ def aligned_evidence(
     )
     rows = spread_rows(phases, n)
     designs = [
-        np.kron(np.eye(primitives.n_observed), row)
-        for row in primitives.basis.design_matrix(phases[rows])[:, None]
+        np.kron(np.eye(library.n_observed), row)
+        for row in library.basis.design_matrix(phases[rows])[:, None]
     ]
-    noise = np.diag(primitives.noise_variance[: primitives.n_observed] * primitives.noise_scale)
-    steps = np.zeros((n + 1, len(primitives.weight_mean)))
+    noise = np.diag(library.noise_variance[: library.n_observed] * library.noise_scale)
+    steps = np.zeros((n + 1, len(library.weight_mean)))
     for task in range(steps.shape[1]):
-        weights = _observed(primitives, task)
+        weights = _observed(library, task)
         for k, (design, row) in enumerate(zip(designs, rows, strict=True)):
             weights, steps[k + 1, task] = condition(weights, design, signal.values[row], noise)
     return np.cumsum(steps, axis=0)
@@ -56,9 +56,7 @@ def spread_rows(phases: NDArray[np.float64], n: int) -> NDArray[np.float64]:
     return np.maximum.accumulate(rows - np.arange(n)) + np.arange(n)
 
 
-def _observed(primitives: AlignedPrimitives, task: int) -> Gaussian:
+def _observed(library: TaskLibrary, task: int) -> Gaussian:
     """Prior of the observed weights."""
-    size = primitives.n_observed_weights
-    return Gaussian(
-        primitives.weight_mean[task, :size], primitives.weight_covariance[task, :size, :size]
-    )
+    size = library.n_observed_weights
+    return Gaussian(library.weight_mean[task, :size], library.weight_covariance[task, :size, :size])

@@ -177,7 +177,7 @@ def _mixture(
     """Mean and mean square of the assistant's wrist over all tasks that may be, (T, 3) each."""
     likely = np.flatnonzero(belief > 1e-3)
     share = belief[likely] / belief[likely].sum()
-    moments = [run.task_filters[int(task)].mixture_at(times_s) for task in likely]
+    moments = [run.prediction(int(task)).mixture_at(times_s) for task in likely]
     return [np.tensordot(share, np.array(part), axes=1) for part in zip(*moments, strict=True)]
 
 

@@ -22,11 +22,11 @@ from intent_recognition.experiments.settings import Settings
 from intent_recognition.learning import (
     Timing,
     TrainingSettings,
-    aligned_primitives,
     cut_one,
     learn_with_report,
+    library_from_statistics,
 )
-from intent_recognition.promp import AlignedPrimitives, TaskLibrary
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.share import share_path
 from intent_recognition.signals import Demonstration
 
@@ -73,7 +73,7 @@ class Fold(NamedTuple):
     """
 
     library: TaskLibrary
-    aligned: AlignedPrimitives
+    aligned: TaskLibrary
     timing: Timing
     training: list[Demonstration]
     left_out: list[Demonstration]
@@ -168,7 +168,9 @@ def leave_out(demonstrations: Sequence[Demonstration], numbers: Sequence[int], t
     report = learn_with_report(training, TrainingSettings(none_prior=NONE_PRIOR))
     library = report.library
     preprocessing = report.trained.preprocessing
-    aligned = aligned_primitives(report.trained.tasks, preprocessing, report.chosen)
+    aligned = library_from_statistics(
+        report.trained.tasks, preprocessing, report.chosen._replace(aligned=True)
+    )
     cut, left_out = (
         [cut_one(d, preprocessing.onset, preprocessing.controlled_onset) for d in part]
         for part in (training, as_recorded)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Weights and phase deviation of hypotheses, conditioned together on one observation.
+
+An observation weighs the deviations by how well each explains it. The weights are then conditioned
+on it once, at the expected basis functions, with the covariance that the uncertain phase induces as
+additional noise (assumed-density filtering). At steady progress there is a single deviation, and
+this is the exact update (Maeda et al. 2014, Eq. 6).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.gaussian import (
+    GaussianBatch,
+    cholesky,
+    solve_lower,
+    student_log_density,
+    symmetrize,
+)
+
+
+class Step(NamedTuple):
+    """One measurement, as n hypotheses take it.
+
+    Attributes:
+        dofs: index of the observed DOF behind each value, (m,).
+        rows: of the basis functions at each phase deviation, shared by the DOFs, (n, E, N).
+        values: (m,), or (n, m) for values of their own.
+        noise_covariance: (m, m).
+        transition: of the deviation since the measurement before, (n, E, E); None at the first one.
+        exponent: of the evidence in the posterior of the deviation.
+        degrees_of_freedom: of the density that the evidence is computed with.
+    """
+
+    dofs: NDArray[np.int64]
+    rows: NDArray[np.float64]
+    values: NDArray[np.float64]
+    noise_covariance: NDArray[np.float64]
+    transition: NDArray[np.float64] | None
+    exponent: float
+    degrees_of_freedom: float
+
+    def part(self, some: slice) -> "Step":
+        """The step of some of the hypotheses."""
+        moved = None if self.transition is None else self.transition[some]
+        return self._replace(rows=self.rows[some], transition=moved)
+
+
+def condition_on(
+    weights: GaussianBatch, deviation: NDArray[np.float64], step: Step
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Condition hypotheses on a measurement, in place.
+
+    Args:
+        weights: of the n hypotheses.
+        deviation: probability of each phase deviation, (n, E).
+        step: the measurement.
+
+    Returns:
+        Log density of the measurement, (n,), and what the deviations were weighed with, (n, E).
+
+    Raises:
+        ArgumentError: an innovation covariance is not positive definite.
+    """
+    dofs, rows, values, noise, transition, exponent, freedom = step
+    if deviation.shape[1] == 1:
+        return weights.condition(dofs, rows, values, noise, freedom), np.ones_like(deviation)
+    if transition is not None:
+        deviation[:] = np.matmul(deviation[:, None], transition)[:, 0]
+    density, innovation = _densities(weights, deviation, step)
+    best = density.max(axis=1, keepdims=True)
+    evidence = np.log(np.sum(deviation * np.exp(density - best), axis=1)) + best[:, 0]
+    likelihood = np.exp(exponent * (density - best))
+    deviation *= likelihood
+    deviation /= deviation.sum(axis=1, keepdims=True)
+    apart = innovation - np.matmul(deviation[:, None], innovation)
+    induced = np.matmul(np.swapaxes(apart * deviation[..., None], 1, 2), apart)
+    weights.condition(dofs, np.matmul(deviation[:, None], rows), values, noise + induced)
+    return evidence, likelihood
+
+
+def _densities(
+    weights: GaussianBatch, deviation: NDArray[np.float64], step: Step
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Log density (n, E) and innovation (n, E, m) of the measurement at each deviation.
+
+    The innovation covariance is that at the expected basis functions, for all deviations.
+    """
+    expected = np.matmul(deviation[:, None], step.rows)[:, 0]
+    mean, covariance = weights.predicted(step.dofs, expected)
+    factor = cholesky(symmetrize(covariance + step.noise_covariance), name="innovation covariance")
+    innovation = step.values[..., None, :] - np.matmul(step.rows, np.swapaxes(mean, 1, 2))
+    whitened = solve_lower(factor, np.swapaxes(innovation, 1, 2))
+    log_scale = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+    squares = np.sum(whitened**2, axis=1)
+    m = innovation.shape[2]
+    density = student_log_density(squares, log_scale[:, None], m, step.degrees_of_freedom)
+    return density, innovation
+
+
+class Deviations(NamedTuple):
+    """What was believed of some hypotheses' phase deviation, one measurement after the other.
+
+    Attributes:
+        times_s: of the n measurements after onset, (n,), ascending.
+        filtered: probability of each deviation given the measurements so far, (n, S, E).
+        likelihood: what each measurement weighed the deviations with, (n, S, E).
+    """
+
+    times_s: NDArray[np.float64]
+    filtered: NDArray[np.float64]
+    likelihood: NDArray[np.float64]
+
+
+class DeviationHistory:
+    """The phase deviations of a movement under way, hypothesis by hypothesis."""
+
+    def __init__(self) -> None:
+        self._steps: list[tuple[float, NDArray[np.int64], NDArray[np.float64]]] = []
+
+    def add(
+        self,
+        elapsed_s: float,
+        hypotheses: NDArray[np.int64],
+        deviation: NDArray[np.float64],
+        likelihood: NDArray[np.float64],
+    ) -> None:
+        """Keep what some hypotheses (n,) believe after a measurement, (n, E) each."""
+        self._steps.append((elapsed_s, hypotheses, np.stack([deviation, likelihood], axis=1)))
+
+    def of(self, first: int, stop: int) -> Deviations:
+        """Those of a range of hypotheses, which were conditioned together."""
+        found = []
+        for elapsed_s, hypotheses, both in self._steps:
+            inside = np.flatnonzero((hypotheses >= first) & (hypotheses < stop))
+            if inside.size:
+                order = inside[np.argsort(hypotheses[inside])]
+                found.append((elapsed_s, both[order]))
+        found.sort(key=lambda step: step[0])
+        times_s = np.array([elapsed_s for elapsed_s, _ in found])
+        if not found:
+            empty = np.zeros((0, stop - first, 1))
+            return Deviations(times_s, empty, empty)
+        both = np.array([step for _, step in found])
+        return Deviations(times_s, both[:, :, 0], both[:, :, 1])

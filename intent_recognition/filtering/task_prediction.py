@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One task's trajectories, from the hypotheses of a movement under way."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.filtering.bank import FilterBank
+from intent_recognition.filtering.deviation import Deviations
+from intent_recognition.filtering.hypotheses import Hypotheses
+from intent_recognition.gaussian import Gaussian, symmetrize
+from intent_recognition.promp import (
+    ControlGrid,
+    PhaseDeviation,
+    StartPosture,
+    TaskLibrary,
+    Trajectory,
+    controlled_weights,
+    deviation_grid,
+    deviation_prior,
+    deviation_transition,
+    dof_variance,
+    reference_phase,
+)
+
+N_PHASES = 201
+"""Reference phases at which a mixture's trajectories are tabulated. Convention."""
+N_TABULATED = 101
+"""Reference phases between which the controlled agent's trajectory is interpolated. Convention."""
+NEGLIGIBLE_DURATION = 1e-4
+"""Posterior probability below which a duration is left out of a mixture. Convention."""
+
+
+class TaskPrediction:
+    """Duration, phase deviation and weights of one task, given the observations so far.
+
+    Args:
+        library: the learned tasks.
+        task: number of the task; K is none, which has no controlled agent.
+        hypotheses: the grid of tasks and durations.
+        bank: the task's filtered hypotheses.
+        deviations: what was believed of their phase deviations.
+        elapsed_s: time of the last observation after onset.
+    """
+
+    def __init__(
+        self,
+        library: TaskLibrary,
+        task: int,
+        hypotheses: Hypotheses,
+        bank: FilterBank,
+        deviations: Deviations,
+        elapsed_s: float,
+    ):
+        grid = slice(task * hypotheses.n_scales, (task + 1) * hypotheses.n_scales)
+        log_prior = hypotheses.log_prior[grid]
+        if not np.any(np.isfinite(log_prior)):  # an impossible task can still be asked for
+            log_prior = np.zeros_like(log_prior)
+        self.library, self.task, self.bank, self.elapsed_s = library, task, bank, elapsed_s
+        self.durations_s = hypotheses.duration_s[grid]
+        self._deviations = deviations
+        log_weight = log_prior + hypotheses.duration_evidence * bank.log_evidence
+        weight = np.exp(log_weight - log_weight.max())
+        self.duration_weights = weight / weight.sum()
+
+    @property
+    def duration_s(self) -> float:
+        """Expected duration of the whole movement."""
+        return float(self.duration_weights @ self.durations_s)
+
+    def observed_weights(self) -> Gaussian:
+        """Observed weights, durations marginalised by matching moments."""
+        weight, means = self.duration_weights, self.bank.mean
+        mean = weight @ means
+        deviation = (means - mean) * np.sqrt(weight)[:, None]
+        covariance = np.tensordot(weight, self.bank.covariance, axes=1)
+        return Gaussian(mean, symmetrize(covariance + deviation.T @ deviation))
+
+    def deviations_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Probability of each deviation at times after onset given all observations, (S, T, E)."""
+        model, durations = self.library.phase_deviation, self.durations_s
+        return deviations_at(model, durations, self._deviations, times_s)
+
+    def controlled_phases_at(
+        self, times_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Reference phases of the controlled agent, and their probabilities, (S, T, E) each."""
+        model, durations = self.library.phase_deviation, self.durations_s
+        if not model.controlled_follows:
+            phase = np.clip(times_s / durations[:, None], 0.0, 1.0)[..., None]
+            return phase, np.ones_like(phase)
+        phase = reference_phase(model, times_s / durations[:, None])
+        return phase, self.deviations_at(times_s)
+
+    def phases_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Probability of each tabulated reference phase of the controlled agent, (S, T, G)."""
+        phase, phase_deviation = self.controlled_phases_at(times_s)
+        durations = self.durations_s
+        place = phase * (N_PHASES - 1)
+        cell = np.minimum(place.astype(np.int64), N_PHASES - 2)
+        share = place - cell
+        n_rows = len(durations) * len(times_s)
+        index = cell.reshape(n_rows, -1) + N_PHASES * np.arange(n_rows)[:, None]
+        table = np.bincount(
+            np.concatenate([index.ravel(), index.ravel() + 1]),
+            np.concatenate(
+                [(phase_deviation * (1.0 - share)).ravel(), (phase_deviation * share).ravel()]
+            ),
+            n_rows * N_PHASES,
+        )
+        shape = len(durations), len(times_s), N_PHASES
+        return np.asarray(table, dtype=np.float64).reshape(shape)
+
+    def mixture_at(
+        self, times_s: NDArray[np.float64], start: StartPosture | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean and mean square of the controlled agent at true times after onset, (T, Q) each.
+
+        The mean square includes the noise (Ewerton et al. 2015, Eq. 14, over durations and
+        phase deviations).
+        """
+        library, weights = self.library, self.duration_weights
+        design = library.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
+        phases = self.phases_at(times_s)
+        mean = np.zeros((len(times_s), library.n_controlled))
+        square = np.zeros_like(mean)
+        for index in np.flatnonzero(weights > NEGLIGIBLE_DURATION):
+            observed = Gaussian(self.bank.mean[index], self.bank.covariance[index])
+            controlled = controlled_weights(library, self.task, observed, start)
+            position = design @ controlled.mean.reshape(library.n_controlled, -1).T
+            variance = dof_variance(design, controlled.covariance)
+            variance += library.control_noise_variance()
+            mean += weights[index] * phases[index] @ position
+            square += weights[index] * phases[index] @ (variance + position**2)
+        total = weights[weights > NEGLIGIBLE_DURATION].sum()
+        return mean / total, square / total
+
+    def controlled(
+        self, n_points: int, start: StartPosture | None = None, grid: ControlGrid | None = None
+    ) -> Trajectory:
+        """The controlled agent's whole interaction from onset, or its end alone for one point.
+
+        Args:
+            n_points: T.
+            start: measured posture of the controlled agent at onset.
+            grid: `control_grid` of this task, if there is one.
+        """
+        grid = grid or control_grid(self.library, self.task)
+        duration_s = self.duration_s
+        along = grid.predict(self.observed_weights(), 1.0, start)
+        times_s = np.linspace(1.0, 0.0, n_points)[::-1] * duration_s
+        phase, phase_variance, rate = self._path(times_s, controlled=True)
+        positions, slope, std = _between(along, phase)
+        variance = std**2 + slope**2 * phase_variance[:, None]
+        return Trajectory(times_s, positions, slope * rate[:, None], np.sqrt(variance))
+
+    def observed(self, n_points: int) -> Trajectory:
+        """The rest of the observed agent's movement; its end alone when that is due, or for T = 1.
+
+        Args:
+            n_points: T.
+        """
+        library, duration_s = self.library, self.duration_s
+        begin_s = min(self.elapsed_s, duration_s)
+        times_s = np.linspace(duration_s, begin_s, n_points)[::-1]
+        phase, phase_variance, rate = self._path(times_s)
+        weights = self.observed_weights()
+        per_dof = weights.mean.reshape(library.n_observed, -1).T
+        slope = library.basis.derivative_matrix(phase) @ per_dof
+        design = library.basis.design_matrix(phase)
+        variance = dof_variance(design, weights.covariance)
+        variance += library.noise_variance[: library.n_observed]
+        variance += slope**2 * phase_variance[:, None]
+        return Trajectory(times_s, design @ per_dof, slope * rate[:, None], np.sqrt(variance))
+
+    def _path(
+        self, times_s: NDArray[np.float64], *, controlled: bool = False
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Expected progress: reference phase, its variance, and phase per second, each (T,).
+
+        It never goes back, and is at the end at the last of the times.
+        """
+        model = self.library.phase_deviation
+        steady = controlled and not model.controlled_follows
+        if steady or len(deviation_grid(model)) == 1:
+            mean = np.clip(times_s / self.duration_s, 0.0, 1.0)
+            variance = np.zeros_like(mean)
+        else:
+            mean, variance = self._expected_phase(times_s)
+        if times_s[-1] <= times_s[0]:
+            return np.ones_like(mean), variance, np.zeros_like(mean)
+        mean = np.maximum.accumulate(mean)
+        mean += (1.0 - mean[-1]) * times_s / times_s[-1]
+        return mean, variance, np.gradient(mean, times_s)
+
+    def _expected_phase(
+        self, times_s: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean and variance of the reference phase, durations and deviations marginalised, (T,)."""
+        weights = self.duration_weights
+        likely = np.flatnonzero(weights > NEGLIGIBLE_DURATION)
+        share = weights[likely, None, None] / weights[likely].sum()
+        share = share * self.deviations_at(times_s)[likely]
+        model = self.library.phase_deviation
+        phase = reference_phase(model, times_s / self.durations_s[likely, None])
+        mean = np.einsum("ste,ste->t", share, phase)
+        return mean, np.maximum(np.einsum("ste,ste->t", share, phase**2) - mean**2, 0.0)
+
+
+def deviations_at(
+    model: PhaseDeviation,
+    durations_s: NDArray[np.float64],
+    deviations: Deviations,
+    times_s: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Probability of each deviation at times given all observations, (S, T, E).
+
+    Args:
+        model: prior of the phase deviation.
+        durations_s: of the whole movement under each hypothesis, (S,).
+        deviations: what was believed after each measurement.
+        times_s: after onset, (T,).
+    """
+    seen_s, filtered, likelihood = deviations
+    prior = deviation_prior(model)
+    if not len(seen_s) or len(prior) == 1:
+        return np.tile(prior, (len(durations_s), len(times_s), 1))
+    smoothed = _smoothed(model, durations_s, seen_s, filtered, likelihood)
+    after = np.clip(np.searchsorted(seen_s, times_s), 0, len(seen_s) - 1)
+    before = np.maximum(after - 1, 0)
+    gap = np.maximum(seen_s[after] - seen_s[before], 1e-9)
+    share = np.clip((times_s - seen_s[before]) / gap, 0.0, 1.0)[:, None]
+    found = (1.0 - share) * smoothed[:, before] + share * smoothed[:, after]
+    future = times_s > seen_s[-1]
+    passed = (times_s[future] - seen_s[-1]) / durations_s[:, None]
+    found[:, future] = np.einsum("se,stef->stf", filtered[-1], deviation_transition(model, passed))
+    return found
+
+
+def _smoothed(
+    model: PhaseDeviation,
+    durations_s: NDArray[np.float64],
+    times_s: NDArray[np.float64],
+    filtered: NDArray[np.float64],
+    likelihood: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Deviations at the measurements given all of them, (S, n, E): the backward recursion."""
+    later = np.ones_like(filtered[0])
+    smoothed = []
+    for k in range(len(times_s) - 1, -1, -1):
+        now = filtered[k] * later
+        smoothed.append(now / now.sum(axis=1, keepdims=True))
+        if k:
+            moved = deviation_transition(model, (times_s[k] - times_s[k - 1]) / durations_s)
+            later = np.einsum("sef,sf->se", moved, later * likelihood[k])
+            later /= later.max(axis=1, keepdims=True)
+    return np.stack(smoothed[::-1], axis=1)
+
+
+def control_grid(library: TaskLibrary, task: int) -> ControlGrid:
+    """The controlled agent over reference phase, for `TaskPrediction.controlled`."""
+    return ControlGrid(library, task, N_TABULATED)
+
+
+def _between(
+    along: Trajectory, phase: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Positions, slopes and standard deviations at phases (T,), each (T, Q).
+
+    Cubic Hermite polynomials between evenly spaced phases; the deviation is linear there.
+    """
+    last = len(along.times_s) - 1
+    place = phase * last
+    cell = np.clip(place.astype(np.int64), 0, last - 1)
+    share = (place - cell)[:, None]
+    start, end = along.positions[cell], along.positions[cell + 1]
+    first, second = along.velocities[cell] / last, along.velocities[cell + 1] / last
+    step = end - start
+    square, cube = 3.0 * step - 2.0 * first - second, first + second - 2.0 * step
+    positions = start + share * (first + share * (square + share * cube))
+    slope = (first + share * (2.0 * square + 3.0 * share * cube)) * last
+    low = along.std[cell]
+    return positions, slope, low + share * (along.std[cell + 1] - low)

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trajectories: mean and standard deviation over time, from a distribution of the weights."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.gaussian import Gaussian
+from intent_recognition.promp.basis import NormalizedRBFBasis
+
+
+class Trajectory(NamedTuple):
+    """Mean and standard deviation of some DOFs over a grid of times.
+
+    Attributes:
+        times_s: (T,).
+        positions: mean, (T, d).
+        velocities: mean, per second, (T, d).
+        std: standard deviation of the position, (T, d).
+    """
+
+    times_s: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    std: NDArray[np.float64]
+
+
+def rollout(
+    basis: NormalizedRBFBasis,
+    weights: Gaussian,
+    phase: NDArray[np.float64],
+    duration_s: float,
+    noise_variance: NDArray[np.float64],
+) -> Trajectory:
+    """Trajectory of d DOFs at phases (T,), lasting `duration_s` from phase 0 to 1.
+
+    Args:
+        basis: the basis functions.
+        weights: distribution of the weights, (d N,).
+        phase: (T,).
+        duration_s: time from phase 0 to 1.
+        noise_variance: residual variance per DOF, added to the variance of the mean, (d,).
+    """
+    design = basis.design_matrix(phase)
+    n_dofs = len(weights.mean) // basis.n_basis
+    per_dof = weights.mean.reshape(n_dofs, basis.n_basis)
+    velocities = basis.derivative_matrix(phase) @ per_dof.T / duration_s
+    variance = dof_variance(design, weights.covariance) + noise_variance
+    return Trajectory(phase * duration_s, design @ per_dof.T, velocities, np.sqrt(variance))
+
+
+def dof_variance(
+    design: NDArray[np.float64], covariance: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Variance of each DOF at each row of the design (T, N), given weights' covariance: (T, d)."""
+    n_basis = design.shape[1]
+    n_dofs = len(covariance) // n_basis
+    blocks = covariance.reshape(n_dofs, n_basis, n_dofs, n_basis)
+    own = np.einsum("dkdl->dkl", blocks)
+    return np.einsum("tk,dkl,tl->td", design, own, design, optimize=True)
