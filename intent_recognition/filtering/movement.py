@@ -129,7 +129,7 @@ class MovementFilter:
         return self._copy(np.arange(task * n_scales, (task + 1) * n_scales))
 
     def prediction(self, task: int) -> TaskPrediction:
-        """What the observations so far say about a task's movement, if it is this task (or none)."""
+        """What the observations so far say about the movement, if it is of a task (or none)."""
         found = self._predictions.get(task)
         if found is None:
             first = task * self.hypotheses.n_scales

@@ -3,7 +3,7 @@
 
 A task of negligible posterior is pruned: it keeps its state, and the measurements since are kept
 for it. The task `none` is never pruned, and tasks are compared with each other only, because the
-evidence of none counts beyond a margin (`recognition.counted_none`). A kept measurement cannot be more
+evidence of none counts beyond a margin only. A kept measurement cannot be more
 probable under any task than at the peak of its own noise, because an innovation covariance
 H S H^T + R is never smaller than R. So
 

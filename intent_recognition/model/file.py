@@ -362,7 +362,7 @@ def _check_plausible(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None
         if np.any(np.abs(numbers[name]) > largest):
             expected = f"at most {largest:g}"
             raise ModelError(describe(f"{path}: {name}", expected, numbers[name], RETRAIN))
-    for name in ("weight_covariance", "none_covariance", "recognition_covariance"):
+    for name in ("weight_covariance", "none_covariance", "observed_weight_covariance"):
         check_covariances(path, name, numbers[name])
 
 
