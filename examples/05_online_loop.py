@@ -36,7 +36,7 @@ for task in ("plate", "screw", "screwdriver"):
 # The loop. `decide` keeps what it must remember in a value that goes in and comes out.
 
 estimator = ir.IntentEstimator(library)
-settings, state = ir.DecisionSettings(), ir.DecisionState()
+settings, state = ir.decision_settings(library), ir.DecisionState()
 stamps, probabilities, predicted, active = [], [], [], []
 for stamp_s, position in stream:
     estimate = estimator.observe(stamp_s, position)

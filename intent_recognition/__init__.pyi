@@ -32,6 +32,7 @@ from .recognition import (
     IntentEstimator,
     TaskPosterior,
     decide,
+    decision_settings,
     predict_controlled,
     recognize_task,
 )
@@ -95,6 +96,7 @@ __all__ = [
     "condition",
     "cut_to_movement",
     "decide",
+    "decision_settings",
     "evaluate",
     "find_object",
     "fit_gaussian_mixture",

@@ -22,7 +22,6 @@ from intent_recognition.cli.unlabelled import (
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds
-from intent_recognition.recognition import DecisionSettings
 from intent_recognition.signals import Demonstration, Rejection, StreamFinding
 
 PROTOCOLS = ("loo", "kfold:K", "logo:KEY", "temporal[:F]", "holdout:FOLDER")
@@ -257,12 +256,11 @@ def _print_none(console: Console, none: dict) -> None:
 
 def _why_held_back(end_std: dict) -> str:
     """What the ends of recognised movements are predicted with, beside what is asked for."""
-    limit = DecisionSettings().max_end_std_rad
     return (
         f"ends of recognised movements are predicted to a standard deviation of"
         f" {end_std['0.5']:.2f} (median; 10 % below {end_std['0.1']:.2f}, 90 % below"
-        f" {end_std['0.9']:.2f}) once all was seen; `max_end_std` asks for {limit:g}. Demonstrate"
-        f" more alike, or raise it where such an uncertainty is safe (docs/recognition.md)."
+        f" {end_std['0.9']:.2f}) once all was seen, more than demonstrations of their task allow"
+        " to ask for (docs/recognition.md)."
     )
 
 

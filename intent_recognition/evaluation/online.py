@@ -16,6 +16,7 @@ from intent_recognition.recognition import (
     DecisionState,
     IntentEstimator,
     decide,
+    decision_settings,
 )
 from intent_recognition.signals import Demonstration, common_span, merge
 
@@ -61,7 +62,7 @@ def run_online(
         settings: of the decision; the node's defaults when None.
         phase_known: give the movement's start and duration instead.
     """
-    settings = settings or DecisionSettings()
+    settings = settings or decision_settings(library)
     certain_or_not = replace(settings, max_end_std_rad=np.inf, max_end_std_m=np.inf)
     estimator = _told(library, recorded) if phase_known else IntentEstimator(library)
     state = recognising = DecisionState()

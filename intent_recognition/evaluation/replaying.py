@@ -16,6 +16,7 @@ from intent_recognition.recognition import (
     Estimate,
     IntentEstimator,
     decide,
+    decision_settings,
     uncertain_end,
 )
 
@@ -59,7 +60,7 @@ def replay(
         held_back: filled with the last reason why a recognised task was not active, by task.
     """
     rejected = Counter() if rejected is None else rejected
-    settings = settings or DecisionSettings()
+    settings = settings or decision_settings(model.library)
     held_back = {} if held_back is None else held_back
     estimator, state = IntentEstimator(model.library), DecisionState()
     labels = (*model.library.labels, NONE)

@@ -21,6 +21,7 @@ from intent_recognition.recognition import (
     DecisionSettings,
     DecisionState,
     decide,
+    decision_settings,
     least_certain_unit,
     task_posterior,
 )
@@ -64,7 +65,7 @@ class DecisionMonitor:
     """
 
     def __init__(self, library: TaskLibrary, settings: DecisionSettings | None = None):
-        self._settings = settings or DecisionSettings()
+        self._settings = settings or decision_settings(library)
         self._certain_or_not = replace(self._settings, max_end_std_rad=np.inf, max_end_std_m=np.inf)
         self._labels = (*library.labels, NONE)
         self._state = self._recognising = DecisionState()
@@ -106,7 +107,11 @@ class DecisionMonitor:
         limit = np.log(threshold) - np.log1p(-threshold) if threshold < 1.0 else np.inf
         above = bool(self._highest >= limit)
         end_std = self._end_std()
-        worst = end_std[least_certain_unit(self._settings, end_std)] if end_std else np.nan
+        worst = (
+            end_std[least_certain_unit(self._settings, end_std, self._recognised)]
+            if end_std
+            else np.nan
+        )
         found = self._activated, self._recognised, worst
         return MovementOutcome(task, self._highest, above, *found)
 

@@ -152,8 +152,8 @@ def margin_over(highest: NDArray[np.float64]) -> float:
     """The margin that unknown movements with these highest factors (n,) give, zero or more.
 
     The conformal quantile: one more movement of their kind exceeds it with a probability of at most
-    `UNKNOWN_ACCEPTED`, whatever the distribution (Vovk et al. 2005). Fewer movements than that takes
-    are extrapolated by a normal distribution; of fewer than two nothing is learned.
+    `UNKNOWN_ACCEPTED`, whatever the distribution (Vovk et al. 2005). Fewer movements than that
+    takes are extrapolated by a normal distribution; of fewer than two nothing is learned.
 
     Args:
         highest: highest log Bayes factor of the known tasks over none along each.

@@ -4,7 +4,8 @@
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import astuple, dataclass
-from typing import Any
+from math import inf
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,11 @@ from intent_recognition.kinematics import (
 from intent_recognition.motion import scaled_limits
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, parameter
-from intent_recognition.promp import least_end_std
+from intent_recognition.promp import end_std_limits, least_end_std
 from intent_recognition.recognition import DecisionSettings, start_mean
+
+if TYPE_CHECKING:
+    from intent_recognition.model import Model
 
 DOUBLES = Parameter.Type.DOUBLE_ARRAY
 
@@ -86,7 +90,9 @@ AT_REST = {
 ANY_TIME = {
     "threshold": ParameterSpec(0.9, "Probability a task must reach.", 0.501, 1.0),
     "n_observations": ParameterSpec(5, "Consecutive observations it must hold for.", 1, 10000),
-    "max_end_std": ParameterSpec(0.35, "Largest predicted end-point std [rad].", 1e-6, 1e6),
+    "max_end_std": ParameterSpec(
+        0.0, "Largest predicted end-point std [rad]; 0: as learned, 0.35 without a model.", 0.0, 1e6
+    ),
     "release_below": ParameterSpec(0.5, "Let go of a task less probable than this.", 0.0, 0.5),
     "min_evidence": ParameterSpec(
         0.6, "Share of the movement's own evidence it must have.", 0.0, 0.99
@@ -130,6 +136,7 @@ class ActivationParameters:
         }
         self.rate_hz: float = self._values["command_rate"]
         self._least_end_std: dict[str, float] = {}
+        self._learned_end_std: dict[str, dict[str, float]] = {}
 
     def changed(self, changes: Changes) -> "ActivationParameters":
         """The same with other values.
@@ -151,8 +158,14 @@ class ActivationParameters:
         """
         names = tuple(name for name in self._values["joint_names"] if name)
         if self._values["model"]:
-            names, starts, self._least_end_std = _read_model(self._values["model"], names)
-            return names, starts
+            model = _read_model(self._values["model"], names)
+            self._learned_end_std = end_std_limits(model.library)
+            self._least_end_std = {
+                label: least_end_std(model.library, k).get("rad", 0.0)
+                for k, label in enumerate(model.labels)
+            }
+            starts = {label: start_mean(model.library, k) for k, label in enumerate(model.labels)}
+            return tuple(model.controlled_names), starts
         self._check_pretrigger()
         return names, {}
 
@@ -175,7 +188,7 @@ class ActivationParameters:
 
     def never_certain(self) -> dict[str, float]:
         """Tasks of the model that are never acted on, and how uncertain their ends stay [rad]."""
-        limit = self._values["max_end_std"]
+        limit = self._values["max_end_std"] or inf
         return {label: std for label, std in self._least_end_std.items() if std > limit}
 
     def settings(
@@ -221,7 +234,8 @@ class ActivationParameters:
         return DecisionSettings(
             threshold=value["threshold"],
             n_observations=value["n_observations"],
-            max_end_std_rad=value["max_end_std"],
+            max_end_std_rad=value["max_end_std"] or None,
+            learned_end_std=self._learned_end_std,
             release_below=value["release_below"],
             min_evidence=value["min_evidence"],
         )
@@ -256,12 +270,8 @@ class ActivationParameters:
         return scaled_limits(limits, self._values["velocity_scale"])
 
 
-def _read_model(
-    path: str, names: tuple[str, ...]
-) -> tuple[tuple[str, ...], dict[str, NDArray[np.float64]], dict[str, float]]:
-    """Joint names of a model file, where each task begins, and how uncertain its end stays.
-
-    Begins are label to (n,) [rad], ends label to the least standard deviation [rad].
+def _read_model(path: str, names: tuple[str, ...]) -> "Model":
+    """A model file, checked.
 
     Raises:
         ArgumentError: its joints differ from `names`.
@@ -276,9 +286,4 @@ def _read_model(
                 "joint_names", f"those of the model {path}: {of_model}", names, "Leave one away."
             )
         )
-    starts = {label: start_mean(model.library, k) for k, label in enumerate(model.labels)}
-    ends = {
-        label: least_end_std(model.library, k).get("rad", 0.0)
-        for k, label in enumerate(model.labels)
-    }
-    return of_model, starts, ends
+    return model

@@ -16,6 +16,7 @@ from intent_recognition.promp.phase_deviation import (
 from intent_recognition.promp.prediction import (
     StartPosture,
     controlled_weights,
+    end_std_limits,
     largest_by_unit,
     least_end_std,
 )
@@ -53,6 +54,7 @@ __all__ = [
     "deviation_prior",
     "deviation_transition",
     "dof_variance",
+    "end_std_limits",
     "fit_weights",
     "fit_weights_together",
     "largest_by_unit",

@@ -11,6 +11,10 @@ from intent_recognition.gaussian import Gaussian, condition, symmetrize
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.trajectory import dof_variance
 
+CERTAIN_END = 1.25
+"""A predicted end is certain when its standard deviation is at most this many times the least that
+a whole movement leaves (docs/decisions/end_certainty.md)."""
+
 
 class StartPosture(NamedTuple):
     """The controlled agent's measured position at onset: (Q,) and its variance (Q,)."""
@@ -46,16 +50,35 @@ def largest_by_unit(std: NDArray[np.float64], units: Sequence[str]) -> dict[str,
     return largest
 
 
-def least_end_std(library: TaskLibrary, task: int) -> dict[str, float]:
+def least_end_std(library: TaskLibrary, task: int, *, start_known: bool = True) -> dict[str, float]:
     """Least uncertainty of a task's predicted end, however much is observed, by unit.
 
-    Largest standard deviation over the controlled DOFs of each unit when the observed weights and
-    the controlled agent's start are known exactly.
+    Largest standard deviation over the controlled DOFs of each unit when the observed weights are
+    known exactly.
+
+    Args:
+        library: the learned tasks.
+        task: number of the task.
+        start_known: whether the controlled agent's start is known exactly, too.
     """
     n, size = library.n_controlled, library.n_observed_weights
     known = Gaussian(np.zeros(size), np.zeros((size, size)))
-    start = StartPosture(np.zeros(n), np.zeros(n))
+    start = StartPosture(np.zeros(n), np.zeros(n)) if start_known else None
     covariance = controlled_weights(library, task, known, start).covariance
     variance = dof_variance(library.basis.design_matrix(np.ones(1)), covariance)[0]
     std = np.sqrt(variance + library.control_noise_variance())
     return largest_by_unit(std, library.controlled_units)
+
+
+def end_std_limits(library: TaskLibrary) -> dict[str, dict[str, float]]:
+    """What may be asked of the certainty of each task's predicted end, by label and unit.
+
+    `CERTAIN_END` times the least that observing the whole movement leaves.
+    """
+    return {
+        label: {
+            unit: CERTAIN_END * std
+            for unit, std in least_end_std(library, k, start_known=False).items()
+        }
+        for k, label in enumerate(library.labels)
+    }

@@ -5,6 +5,7 @@ from intent_recognition.recognition.decision import (
     DecisionSettings,
     DecisionState,
     decide,
+    decision_settings,
     least_certain_unit,
     uncertain_end,
 )
@@ -31,6 +32,7 @@ __all__ = [
     "TaskMemory",
     "TaskPosterior",
     "decide",
+    "decision_settings",
     "least_certain_unit",
     "predict_controlled",
     "recognize_task",

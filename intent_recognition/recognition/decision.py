@@ -6,7 +6,7 @@ One pure function, used by the activation node and by a replay of a recording al
 - a task activates when its probability has been at or above `threshold` for `n_observations`
   consecutive observations, with at least `min_evidence` of the movement's own evidence among the
   tasks and no evidence for none, and the standard deviation of its predicted end point is at
-  most `max_end_std_rad` in every joint and `max_end_std_m` along every axis;
+  most what the task's demonstrations allow to ask for, or a limit in rad and m that is given;
 - once active it stays so, also while the human holds still, until the interaction is over (the
   estimator reports idle) or the evidence turns against it;
 - evidence turns against it when its probability has been below `release_below` for
@@ -21,18 +21,23 @@ that nobody taught is no less unknown for coming when a known one is expected.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.promp import NONE
+from intent_recognition.promp import NONE, TaskLibrary, end_std_limits
 
 EVEN = 1e-6
 """Log Bayes factor that counts as zero. Convention: rounding, and what a calibration leaves of it.
 """
+
+DEFAULT_MAX_END_STD = {"rad": 0.35, "m": 0.1}
+"""Largest standard deviation of the predicted end of a task about which nothing was learned, by
+unit, in [rad] and [m]. Convention."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +48,11 @@ class DecisionSettings:
         threshold: probability a task must reach, in (0.5, 1].
         n_observations: consecutive observations for which it must hold (or fail), at least 1.
         max_end_std_rad: largest standard deviation of the predicted end point over the
-            controlled DOFs in radians (docs/decisions/end_certainty.md); infinity for no limit.
+            controlled DOFs in radians; infinity for no limit, None for the learned one
+            (docs/decisions/end_certainty.md).
         max_end_std_m: the same over the controlled DOFs in metres.
+        learned_end_std: the learned limits, by task and unit (`end_std_limits`); a task that is
+            not among them has `DEFAULT_MAX_END_STD`.
         release_below: probability below which the active task is let go, in [0, threshold).
         min_evidence: least share of the likelihood among the tasks, in [0, 1): what the task's
             probability would be if all tasks were equally probable beforehand.
@@ -53,11 +61,12 @@ class DecisionSettings:
 
     threshold: float = 0.9
     n_observations: int = 5
-    max_end_std_rad: float = 0.35
-    max_end_std_m: float = 0.1
+    max_end_std_rad: float | None = None
+    max_end_std_m: float | None = None
     release_below: float = 0.5
     min_evidence: float = 0.6
     idle_margin: float = 1e-12
+    learned_end_std: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -66,16 +75,26 @@ class DecisionSettings:
         if self.n_observations < 1:
             _refuse("n_observations", "at least 1", self.n_observations)
         for name in ("max_end_std_rad", "max_end_std_m"):
-            if not getattr(self, name) > 0.0:
-                _refuse(name, "a positive number", getattr(self, name))
+            limit = getattr(self, name)
+            if limit is not None and not limit > 0.0:
+                _refuse(name, "a positive number, or None for the learned limit", limit)
         if not 0.0 <= self.release_below < self.threshold:
             _refuse("release_below", "a probability below threshold", self.release_below)
         if not 0.0 <= self.min_evidence < 1.0:
             _refuse("min_evidence", "a share in [0, 1)", self.min_evidence)
 
-    def max_end_std(self, unit: str) -> float:
-        """Largest standard deviation of a predicted end in a unit; 0 for one without a limit."""
-        return {"rad": self.max_end_std_rad, "m": self.max_end_std_m}.get(unit, 0.0)
+    def max_end_std(self, unit: str, task: str) -> float:
+        """Largest standard deviation of a task's predicted end in a unit; 0 in an unknown unit."""
+        fixed = {"rad": self.max_end_std_rad, "m": self.max_end_std_m}.get(unit)
+        if fixed is not None:
+            return fixed
+        learned = self.learned_end_std.get(task, {})
+        return learned.get(unit, DEFAULT_MAX_END_STD.get(unit, 0.0))
+
+
+def decision_settings(library: TaskLibrary) -> DecisionSettings:
+    """The default settings, with what may be asked of the ends of a library's tasks."""
+    return DecisionSettings(learned_end_std=end_std_limits(library))
 
 
 class DecisionState(NamedTuple):
@@ -137,22 +156,24 @@ def decide(
     sure = sure and not favours_none(labels, log_evidence)
     candidate = labels[best] if sure else ""
     n_for = (state.n_for + 1 if candidate == state.candidate else 1) if candidate else 0
-    certain = is_certain(settings, end_std)
+    certain = is_certain(settings, end_std, labels[best])
     ready = candidate if n_for >= settings.n_observations and certain else ""
     active, n_against, event = _follow(settings, state, labels, p, ready)
     return DecisionState(active, candidate, n_for, n_against, event, False), active
 
 
-def is_certain(settings: DecisionSettings, end_std: Mapping[str, float] | None) -> bool:
-    """Whether a predicted end is certain enough in every unit; see `decide`."""
+def is_certain(settings: DecisionSettings, end_std: Mapping[str, float] | None, task: str) -> bool:
+    """Whether a task's predicted end is certain enough in every unit; see `decide`."""
     if end_std is None:
-        return bool(np.isinf(settings.max_end_std_rad) and np.isinf(settings.max_end_std_m))
-    return all(std <= settings.max_end_std(unit) for unit, std in end_std.items())
+        return settings.max_end_std_rad == inf and settings.max_end_std_m == inf
+    return all(std <= settings.max_end_std(unit, task) for unit, std in end_std.items())
 
 
-def least_certain_unit(settings: DecisionSettings, end_std: Mapping[str, float]) -> str:
-    """The unit in which a predicted end is the most uncertain, compared with its limit."""
-    return max(end_std, key=lambda unit: end_std[unit] / max(settings.max_end_std(unit), 1e-300))
+def least_certain_unit(settings: DecisionSettings, end_std: Mapping[str, float], task: str) -> str:
+    """The unit in which a task's predicted end is the most uncertain, compared with its limit."""
+    return max(
+        end_std, key=lambda unit: end_std[unit] / max(settings.max_end_std(unit, task), 1e-300)
+    )
 
 
 def evidence_share(
@@ -200,11 +221,11 @@ def uncertain_end(
         return ""
     if end_std is None:
         return f"recognised {state.candidate}, but its end was not predicted"
-    unit = least_certain_unit(settings, end_std)
+    unit = least_certain_unit(settings, end_std, state.candidate)
     limit = "max_end_std" if unit == "rad" else f"max_end_std_{unit}"
     return (
         f"recognised {state.candidate}, but the predicted end is uncertain: "
-        f"{end_std[unit]:.2f} {unit} > {limit} {settings.max_end_std(unit):g}"
+        f"{end_std[unit]:.2f} {unit} > {limit} {settings.max_end_std(unit, state.candidate):.2g}"
     )
 
 

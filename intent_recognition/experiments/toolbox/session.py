@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from intent_recognition.kinematics import hand_position
 from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import (
-    DecisionSettings,
     DecisionState,
     Estimate,
     IntentEstimator,
     decide,
+    decision_settings,
 )
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
@@ -72,7 +72,7 @@ def watch(estimator: IntentEstimator, samples: WristSamples) -> Iterator[Seen]:
         estimator: of the toolbox; it goes on from what it has seen before.
         samples: what the tracker sees.
     """
-    settings, decision = DecisionSettings(), DecisionState()
+    settings, decision = decision_settings(estimator.library), DecisionState()
     ingest, state = IngestSettings(), IngestState.initial()
     for k in np.flatnonzero(samples.visible):
         stamp = EPOCH_NS + int(k) * SAMPLE_NS
