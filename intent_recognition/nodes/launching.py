@@ -74,7 +74,7 @@ def _node(call: NodeCall, files: list[str], robot_description: str) -> Node:
 
 
 def _end_if_refused(event: Any, _context: object) -> object:
-    """End the launch where a node says why it cannot run (exit code 1): again would be no better."""
+    """End the launch where a node cannot run (exit code 1): a new start would be no better."""
     if event.returncode != 1:
         return None
     from launch.actions import Shutdown
