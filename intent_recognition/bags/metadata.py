@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """metadata.yaml of a rosbag2 directory, version 9 (Jazzy): read, write."""
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import yaml
 
 from intent_recognition.bags.qos_profiles import parse_qos
+from intent_recognition.durable import commit
 from intent_recognition.errors import BagError, describe
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
@@ -86,9 +86,7 @@ def write_metadata(folder: Path, metadata: BagMetadata) -> None:
     temporary = folder / f".{FILE_NAME}.new"
     with temporary.open("w", encoding="utf-8") as stream:
         stream.write(dump_yaml({"rosbag2_bagfile_information": _to_dict(metadata)}))
-        stream.flush()
-        os.fsync(stream.fileno())
-    temporary.replace(target)
+    commit(temporary, target)
 
 
 def read_metadata(folder: Path) -> BagMetadata:

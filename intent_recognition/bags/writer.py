@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Write a rosbag2 directory with MCAP storage; a killed recorder loses less than a second."""
 
+import contextlib
 import os
 import shutil
 import time
@@ -337,5 +338,7 @@ class _SafeStream:
     def close(self) -> None:
         """Close the file; a second call does nothing."""
         if self._descriptor >= 0:
+            with contextlib.suppress(OSError):  # a file that cannot be: a pipe, some networks
+                os.fsync(self._descriptor)
             os.close(self._descriptor)
             self._descriptor = -1

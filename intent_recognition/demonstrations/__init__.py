@@ -10,6 +10,7 @@ from intent_recognition.demonstrations.inspect import (
     inspect_bag,
     inspect_streams,
 )
+from intent_recognition.demonstrations.labels import check_label
 from intent_recognition.demonstrations.observations import (
     ObservationReader,
     iter_observations,
@@ -34,6 +35,7 @@ __all__ = [
     "DofSpec",
     "ObservationReader",
     "TopicSummary",
+    "check_label",
     "clock_shift_ns",
     "extract",
     "find_bags",

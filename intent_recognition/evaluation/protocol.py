@@ -59,7 +59,7 @@ def evaluate(
             for each of `unknown_tasks` and `online`.
 
     Returns:
-        Numbers by name, as docs/evaluation.md defines them: `recognition` and `prediction` by
+        Numbers by name, as docs/recognition.md defines them: `recognition` and `prediction` by
         phase knowledge and share of the movement observed, `reliability`, `coverage`,
         `confusion` and `none`; and which recordings are `left_out` or `doubtful`, each with the
         reason.

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofSpec
+from intent_recognition.durable import commit
 from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
 from intent_recognition.learning import Trained
 from intent_recognition.model.arrays import RETRAIN, check_arrays, check_covariances, check_positive
@@ -124,7 +125,7 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
                 everything: dict[str, Any] = {"header": np.array(json.dumps(header)), **arrays}
                 np.savez_compressed(file, **everything)
             Path(temporary).chmod(0o644)
-            Path(temporary).replace(path)
+            commit(Path(temporary), path)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise

@@ -13,14 +13,18 @@ milliseconds; a folder without a model learns from all its recordings once there
 much evidence against `none` counts is learned again while tasks have few recordings.
 """
 
+import filecmp
 import json
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
 
-from intent_recognition.demonstrations import DofSpec
+from intent_recognition.bags import BagReader
+from intent_recognition.demonstrations import DofSpec, check_label
+from intent_recognition.durable import append_line, copy, locked, sync_folder, write_text
 from intent_recognition.errors import (
     BagError,
     ModelError,
@@ -38,11 +42,14 @@ from intent_recognition.learning import (
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, accumulate_bags
+from intent_recognition.untrusted import UntrustedError, load_json
 
 MODEL, HISTORY = "model.npz", "history.jsonl"
 BAGS, UNDONE, MODELS = "bags", "undone", "models"
 START, LEARN, WAIT, UNDO = "start", "learn", "wait", "undo"
-FORBIDDEN = frozenset("/\\\0")
+ACTIONS = (START, LEARN, WAIT, UNDO)
+DAMAGED, LOCK = "history.damaged", ".lock"
+METADATA = "metadata.yaml"
 
 
 def _now() -> datetime:
@@ -96,6 +103,8 @@ class TaskFolder:
             raise ResourceBusyError(
                 describe(str(self.path), "a folder that can be made", error, cure)
             ) from error
+        with self._locked():
+            pass
         if self.model_path.exists():
             check_dofs(load_model(self.model_path), dofs, "the DOFs asked for")
 
@@ -106,10 +115,15 @@ class TaskFolder:
 
     def history(self) -> list[Change]:
         """All changes, the oldest first."""
-        file = self.path / HISTORY
-        if not file.exists():
-            return []
-        return [Change(**json.loads(line)) for line in file.read_text("utf-8").splitlines()]
+        return [change for _, change in self._lines() if change is not None]
+
+    def waiting(self) -> list[Path]:
+        """Recordings that are complete, and were neither learned nor taken back, by name."""
+        if (self.path / DAMAGED).exists():
+            return []  # what was learned is not known
+        known = {change.bag for change in self.history()}
+        bags = sorted(path.parent for path in (self.path / BAGS).glob(f"*/*/{METADATA}"))
+        return [bag for bag in bags if self._relative(bag) not in known and _is_finished(bag)]
 
     def start_from(self, model: str | Path) -> None:
         """Begin with a model that was trained elsewhere.
@@ -119,12 +133,13 @@ class TaskFolder:
             DofError: it has other DOFs.
             ResourceBusyError: the folder has a model already.
         """
-        if self.model_path.exists():
-            cure = "Choose a new folder, or leave the model out."
-            raise ResourceBusyError(describe("model", "a folder without one", self.path, cure))
-        loaded, trained = load_trained(model)
-        check_dofs(loaded, self.dofs, "the DOFs asked for")
-        self._keep(START, "", "", trained)
+        with self._locked():
+            if self.model_path.exists():
+                cure = "Choose a new folder, or leave the model out."
+                raise ResourceBusyError(describe("model", "a folder without one", self.path, cure))
+            loaded, trained = load_trained(model)
+            check_dofs(loaded, self.dofs, "the DOFs asked for")
+            self._keep(START, "", "", trained)
 
     def new_bag(self, task: str) -> Path:
         """Directory for the next recording of a task; nothing is made yet.
@@ -132,9 +147,7 @@ class TaskFolder:
         Raises:
             BagError: the label cannot be the name of a folder, or means no task.
         """
-        if not task or task.startswith(".") or task == "none" or FORBIDDEN & set(task):
-            cure = "Give a label such as give_cup."
-            raise BagError(describe("task", "a label that can name a folder", repr(task), cure))
+        check_label(task)
         used = {p.name for home in (BAGS, UNDONE) for p in (self.path / home / task).glob("*")}
         number = next(n for n in range(len(used) + 1) if f"{task}_{n:02d}" not in used)
         return self.path / BAGS / task / f"{task}_{number:02d}"
@@ -149,13 +162,17 @@ class TaskFolder:
             BagError: the recording cannot be read.
             TrainingError: it cannot be learned from; it is moved to `undone`.
         """
-        task = bag.parent.name
-        try:
-            trained = self._more(bag) if self.model_path.exists() else self._first()
-        except (BagError, TrainingError):
-            self.prune(bag)
-            raise
-        return self._keep(LEARN if trained else WAIT, task, self._relative(bag), trained)
+        task, name = bag.parent.name, self._relative(bag)
+        with self._locked():
+            for change in self._standing():
+                if change.bag == name:  # another teacher was faster
+                    return change
+            try:
+                trained = self._more(bag) if self.model_path.exists() else self._first()
+            except (BagError, TrainingError):
+                self.prune(bag)
+                raise
+            return self._keep(LEARN if trained else WAIT, task, name, trained)
 
     def undo(self) -> Change:
         """Take the last recording back: the model before it returns, the bag goes to `undone`.
@@ -163,23 +180,22 @@ class TaskFolder:
         Raises:
             ModelError: there is nothing to take back.
         """
-        kept = self._standing()
-        if not kept or kept[-1].action not in (LEARN, WAIT):
-            cure = "Only recordings made in this folder can be taken back."
-            raise ModelError(describe("undo", "a recording to take back", "none", cure))
-        last, before = kept[-1], kept[-2] if len(kept) > 1 else None
-        self.prune(self.path / last.bag)
-        if before is not None and before.model:
-            _copy(self.path / before.model, self.model_path)
-        else:
-            self.model_path.unlink(missing_ok=True)
-        return self._write(
-            UNDO,
-            last.task,
-            last.bag,
-            before.model if before else "",
-            before.tasks if before else {},
-        )
+        with self._locked():
+            kept = self._standing()
+            if not kept or kept[-1].action not in (LEARN, WAIT):
+                cure = "Only recordings made in this folder can be taken back."
+                raise ModelError(describe("undo", "a recording to take back", "none", cure))
+            last, before = kept[-1], kept[-2] if len(kept) > 1 else None
+            if before is not None and before.model and not (self.path / before.model).is_file():
+                cure = "Put it back, or go on with the present model."
+                raise ModelError(describe(before.model, "the model before", "none", cure))
+            return self._write(
+                UNDO,
+                last.task,
+                last.bag,
+                before.model if before else "",
+                before.tasks if before else {},
+            )
 
     def prune(self, bag: Path) -> None:
         """Move a recording to `undone`."""
@@ -187,13 +203,14 @@ class TaskFolder:
         target.parent.mkdir(parents=True, exist_ok=True)
         if bag.exists():
             shutil.move(bag, target)
+            sync_folder(target.parent)
 
     def _standing(self) -> list[Change]:
         """The changes that were not taken back."""
         kept: list[Change] = []
         for change in self.history():
             if change.action == UNDO:
-                kept.pop()
+                del kept[-1:]
             else:
                 kept.append(change)
         return kept
@@ -223,20 +240,85 @@ class TaskFolder:
         if trained is None:
             return self._write(action, task, bag, "", {})
         numbers = [int(p.stem) for p in (self.path / MODELS).glob("*.npz") if p.stem.isdigit()]
-        copy = self.path / MODELS / f"{max(numbers, default=0) + 1:04d}.npz"
-        save_model(copy, Model(trained.library, self.dofs), trained)
-        _copy(copy, self.model_path)
+        kept = self.path / MODELS / f"{max(numbers, default=0) + 1:04d}.npz"
+        save_model(kept, Model(trained.library, self.dofs), trained)
         counts = {label: statistics.n for label, statistics in trained.tasks.items()}
-        return self._write(action, task, bag, self._relative(copy), counts)
+        return self._write(action, task, bag, self._relative(kept), counts)
 
     def _write(
         self, action: str, task: str, bag: str, model: str, tasks: Mapping[str, int]
     ) -> Change:
         now = self._clock().isoformat(timespec="milliseconds")
         change = Change(now, action, task, bag, model, dict(tasks))
-        with (self.path / HISTORY).open("a", encoding="utf-8") as file:
-            file.write(json.dumps(asdict(change)) + "\n")
+        append_line(self.path / HISTORY, json.dumps(asdict(change)))
+        self._follow()
         return change
+
+    def _follow(self) -> None:
+        """Bring model and recordings to what the history says.
+
+        The line in the history is what commits a change: before it everything is as it was, and
+        whatever comes after it is made up for at the next start.
+        """
+        changes, standing = self.history(), self._standing()
+        bags = {change.bag for change in standing}
+        for change in changes:
+            if change.action == UNDO and change.bag not in bags:
+                self.prune(self.path / change.bag)
+        if not changes:
+            return
+        model = changes[-1].model
+        if not model:
+            self.model_path.unlink(missing_ok=True)
+            sync_folder(self.path)
+        elif (self.path / model).is_file() and not _same(self.path / model, self.model_path):
+            copy(self.path / model, self.model_path)
+
+    def _recover(self) -> None:
+        """Make up for a kill at any instant; nothing that was recorded is removed."""
+        for part in (*self.path.glob("*.part"), *(self.path / MODELS).glob("*.part")):
+            part.unlink()
+        lines = self._lines()
+        if any(change is None for _, change in lines):
+            damaged = [line for line, change in lines[:-1] if change is None]
+            for line in damaged:  # the last one was not written to its end: it never happened
+                append_line(self.path / DAMAGED, line)
+            whole = "".join(f"{line}\n" for line, change in lines if change is not None)
+            write_text(self.path / HISTORY, whole)
+        if not self.history():
+            self._derive()
+        referred = [Path(change.model).stem for change in self.history()]
+        last = max((int(stem) for stem in referred if stem.isdigit()), default=None)
+        for model in (self.path / MODELS).glob("*.npz"):
+            if last is not None and model.stem.isdigit() and int(model.stem) > last:
+                model.unlink()
+        self._follow()
+
+    def _derive(self) -> None:
+        """Begin a history that was lost anew, with the model there is."""
+        models = sorted((self.path / MODELS).glob("*.npz"))
+        if not models:
+            return
+        present = self.model_path if self.model_path.exists() else models[-1]
+        if present != self.model_path and not (self.path / DAMAGED).exists():
+            return  # the first model was being written
+        append_line(self.path / DAMAGED, "the history was lost")
+        self._keep(START, "", "", load_trained(present)[1])
+
+    def _lines(self) -> list[tuple[str, Change | None]]:
+        """Lines of the history, each with its change; None for what is not whole."""
+        try:
+            text = (self.path / HISTORY).read_bytes().decode(errors="replace")
+        except FileNotFoundError:
+            return []
+        return [(line, _change(line)) for line in text.split("\n") if line]
+
+    @contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Let no other teacher change the folder meanwhile."""
+        with locked(self.path / LOCK):
+            self._recover()
+            yield
 
     def _relative(self, path: Path) -> str:
         return path.absolute().relative_to(self.path).as_posix()
@@ -257,8 +339,26 @@ def _check(found: FromBags, bag: Path) -> None:
     )
 
 
-def _copy(source: Path, target: Path) -> None:
-    """Copy a file so that the target is whole at every moment."""
-    part = target.with_suffix(".part")
-    shutil.copyfile(source, part)
-    part.replace(target)
+def _change(line: str) -> Change | None:
+    """The change of a line, None where it is not a whole one."""
+    try:
+        change = Change(**load_json(line))
+    except (TypeError, UntrustedError):
+        return None
+    texts = (change.time, change.action, change.task, change.bag, change.model)
+    inside = not any(".." in Path(name).parts or name[:1] == "/" for name in texts[3:5] if name)
+    sound = all(isinstance(text, str) for text in texts) and isinstance(change.tasks, dict)
+    return change if sound and inside and change.action in ACTIONS else None
+
+
+def _is_finished(bag: Path) -> bool:
+    """Whether a recording was closed."""
+    try:
+        return BagReader(bag, tolerant=True).is_finished
+    except BagError:
+        return False
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two files hold the same."""
+    return other.is_file() and filecmp.cmp(one, other, shallow=False)

@@ -59,6 +59,7 @@ ARGUMENTS = {
             "Parameters, over those of the graph's own file; the other arguments win.",
         ),
         Argument("namespace", str, "Namespace of the nodes."),
+        Argument("respawn", bool, "Start a node again that dies; true unless false is given."),
         Argument("use_sim_time", bool, "Take the time from /clock."),
         Argument("bodies", tuple, "Tracked bodies, separated by commas."),
         Argument("command_topic", str, "Where the arm takes a JointTrajectory."),

@@ -6,10 +6,11 @@ from typing import Any
 
 from std_srvs.srv import Trigger
 
+from intent_recognition.demonstrations import check_label
 from intent_recognition.errors import BagError, describe
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
-from intent_recognition.nodes.topic_recorder import TopicRecorder, answer
+from intent_recognition.nodes.topic_recorder import TopicRecorder, answer, refuse_label
 
 
 class BagRecorder(TopicRecorder):
@@ -22,6 +23,9 @@ class BagRecorder(TopicRecorder):
         topics: list[str] = fixed_parameter(
             self, "topics", [], "topics to record; none means all there are in the namespace"
         )
+        if label := self.get_parameter("task").value:
+            check_label(label)
+        self.add_on_set_parameters_callback(refuse_label)
         self.done = False
         self.exit_code = 0
         self.create_service(Trigger, "~/start", self._on_start)

@@ -30,7 +30,7 @@ TRANSFORMS = (("/tf", "tf"), ("/tf_static", "tf_static"))
 """Relative, so that two robots in two namespaces keep their frames apart."""
 
 
-COMMON = ("params_file", "namespace", "use_sim_time")
+COMMON = ("params_file", "namespace", "use_sim_time", "respawn")
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class NodeSpec:
         clock: parameter that makes the node publish /clock; it then does not follow it.
         when: argument that must be set for the node to start; empty: always started.
         package: package that the node is installed from.
+        respawns: whether it starts again where it died; not one that ends with its bag or window.
     """
 
     module: str
@@ -56,6 +57,7 @@ class NodeSpec:
     clock: str = ""
     when: str = ""
     package: str = PACKAGE
+    respawns: bool = True
 
     def arguments(self) -> set[str]:
         """Names of the arguments that the node depends on."""
@@ -97,6 +99,7 @@ NODES = {
         fixed={"clock": True, "without": list(OWN_TOPICS)},
         remappings=_STATES,
         clock="clock",
+        respawns=False,
     ),
     "bag_recorder": NodeSpec(
         "intent_recognition.nodes.bag_recorder",
@@ -104,6 +107,7 @@ NODES = {
         fixed={"topics": list(RECORDED)},
         remappings=_ARM,
         when="record",
+        respawns=False,
     ),
     "task_teacher": NodeSpec(
         "intent_recognition.nodes.task_teacher",
@@ -120,7 +124,7 @@ NODES = {
     "robot_state_publisher": NodeSpec(
         "", remappings=_STATES, frames=True, when="rviz", package="robot_state_publisher"
     ),
-    "rviz2": NodeSpec("", frames=True, when="rviz", package="rviz2"),
+    "rviz2": NodeSpec("", frames=True, when="rviz", package="rviz2", respawns=False),
 }
 RECOGNITION = ("mocap_ingest", "intent_estimator", "primitive_activation")
 PAGE = ("task_teacher", "dashboard")
@@ -134,6 +138,8 @@ class GraphSpec:
         nodes: names of the nodes.
         defaults: values of arguments that are not given.
         params: shipped parameter file of all nodes; the user's file lies over it.
+
+    With `respawn` (default true) nodes that die start again; see `NodeSpec.respawns`.
     """
 
     nodes: tuple[str, ...]
@@ -187,6 +193,7 @@ class NodeCall:
         namespace: namespace of its topics; empty: none.
         parameters: parameters that are set.
         remappings: pairs of names, from and to.
+        respawns: whether it starts again where it died.
     """
 
     name: str
@@ -195,6 +202,7 @@ class NodeCall:
     namespace: str
     parameters: dict[str, object]
     remappings: tuple[tuple[str, str], ...]
+    respawns: bool = False
 
 
 def resolve(graph: str, given: Mapping[str, object]) -> list[NodeCall]:
@@ -209,6 +217,7 @@ def resolve(graph: str, given: Mapping[str, object]) -> list[NodeCall]:
             missing.
     """
     values = arguments_of(graph, given)
+    _follow_the_clock(graph, values)
     calls = []
     for name in GRAPHS[graph].nodes:
         spec = NODES[name]
@@ -234,6 +243,20 @@ def arguments_of(graph: str, given: Mapping[str, object]) -> dict[str, object]:
     return values
 
 
+def _follow_the_clock(graph: str, values: dict[str, object]) -> None:
+    """Let all nodes take the time from /clock where one of them publishes it.
+
+    Raises:
+        ArgumentError: one does, and the others are not to follow it.
+    """
+    for name in GRAPHS[graph].nodes:
+        spec = NODES[name]
+        published = spec.fixed.get(spec.clock) or values.get(spec.parameters.get(spec.clock, ""))
+        if spec.clock and published and not values.setdefault("use_sim_time", True):
+            cure = f"Leave it away, or let {name} publish no /clock."
+            raise ArgumentError(describe("use_sim_time", "true with a /clock", False, cure))
+
+
 def _call(name: str, spec: NodeSpec, values: Mapping[str, object]) -> NodeCall:
     taken = {p: values[a] for p, a in spec.parameters.items() if a in values}
     parameters = dict(spec.fixed) | {
@@ -250,4 +273,5 @@ def _call(name: str, spec: NodeSpec, values: Mapping[str, object]) -> NodeCall:
         str(values.get("namespace", "")).strip("/"),
         parameters,
         (*topics, *frames),
+        spec.respawns and values.get("respawn") is not False,
     )

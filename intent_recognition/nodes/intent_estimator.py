@@ -28,7 +28,7 @@ from intent_recognition.nodes.markers import (
 )
 from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
-from intent_recognition.nodes.runtime import elapsed_s, run
+from intent_recognition.nodes.runtime import elapsed_s, run, when_clock_goes_back
 from intent_recognition.nodes.serialized import SerializedNamedVector, SerializedTrajectory
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import FORGET_AFTER_S, Estimate, IntentEstimator, Prediction
@@ -105,7 +105,13 @@ class IntentEstimatorNode(ManagedNode):
         self._watchdog = self.create_timer(
             CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+        when_clock_goes_back(self, self._start_over)
         self.start()
+
+    def _start_over(self) -> None:
+        """Forget the movement and what came before: what comes next is earlier."""
+        if self.active:
+            self._forget()
 
     def _change(self, changes: Changes) -> None:
         """Apply new values of parameters."""

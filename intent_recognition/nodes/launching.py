@@ -2,6 +2,7 @@
 """Launch descriptions of the graphs in `graph.py`. Needs ROS 2 launch."""
 
 from pathlib import Path
+from typing import Any
 
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
@@ -12,6 +13,9 @@ from launch_ros.parameter_descriptions import ParameterValue
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
 from intent_recognition.nodes.processes import FAST_DISCOVERY
 from intent_recognition.share import share_path
+
+RESPAWN_DELAY_S = 2.0
+"""Time between the death of a node and its next start [s]. Convention."""
 
 
 def describe_graph(
@@ -63,7 +67,19 @@ def _node(call: NodeCall, files: list[str], robot_description: str) -> Node:
         remappings=list(call.remappings),
         arguments=arguments,
         output="screen",
+        respawn=call.respawns,
+        respawn_delay=RESPAWN_DELAY_S,
+        on_exit=_end_if_refused if call.respawns else None,
     )
+
+
+def _end_if_refused(event: Any, _context: object) -> object:
+    """End the launch where a node cannot run (exit code 1): a new start would be no better."""
+    if event.returncode != 1:
+        return None
+    from launch.actions import Shutdown
+
+    return Shutdown(reason=f"{event.process_name} cannot run")
 
 
 def _parameter(value: object) -> object:

@@ -17,7 +17,7 @@ from intent_recognition.errors import ArgumentError, MessageError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import run, when_clock_goes_back
 from intent_recognition.nodes.serialized import SerializedOdometry, read_pose
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
 
@@ -63,6 +63,11 @@ class MocapIngest(Node):
         for body, subscription in zip(bodies, self._inputs, strict=True):
             self._diagnostics.watch(subscription, f"mocap/{body}/pose")
         keep_live(self, (*LIVE, ORIENTATION_STD), self._changed, self._change)
+        when_clock_goes_back(self, self._start_over)
+
+    def _start_over(self) -> None:
+        """Forget the tracks: what comes next is earlier."""
+        self._states = dict.fromkeys(self._states, IngestState.initial())
 
     def _orientation_variance(self) -> float:
         """Variance of a measured orientation [rad^2]."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -37,6 +38,17 @@ from intent_recognition.nodes.parameters import Changes, keep_live
 from intent_recognition.nodes.runtime import run
 
 _OK, _WARN = 0, 1
+
+SILENT_S = 0.6
+"""A stream without a message for this long is reported as silent [s]. Convention: with the time
+between two looks, a sender that died is named within 1 s."""
+_LOOK_S = 0.1
+"""Time between two looks for silent streams [s]. Convention."""
+STREAMS = {
+    "intent/tasks": "estimator or tracker",
+    "joint_states": "arm driver",
+}
+"""Streams that never pause while all is well, and who is dead if they do."""
 
 
 class PrimitiveActivation(ManagedNode):
@@ -68,7 +80,12 @@ class PrimitiveActivation(ManagedNode):
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._starts: dict[str, NDArray[np.float64]] = {}
         keep_live(self, (*ANY_TIME, *AT_REST), self._changed, self._change)
+        self._heard_s = dict.fromkeys(STREAMS, time.monotonic())
+        self._silent = ""
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
+        self._look = self.create_timer(
+            _LOOK_S, self._look_for_silence, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
         self.start()
 
     # Lifecycle
@@ -101,7 +118,7 @@ class PrimitiveActivation(ManagedNode):
     # Messages in
 
     def _on_tasks(self, message: JointState) -> None:
-        self.diagnostics.tick("intent/tasks")
+        self._hear("intent/tasks")
         activation = self.activation
         if not self.active or activation is None:
             return
@@ -157,7 +174,7 @@ class PrimitiveActivation(ManagedNode):
         return PredictedInteraction(label, onset_ns, path, end_std)
 
     def _on_joint_states(self, message: JointState) -> None:
-        self.diagnostics.tick("joint_states")
+        self._hear("joint_states")
         if not self.active or self.activation is None:
             return
         try:
@@ -201,6 +218,26 @@ class PrimitiveActivation(ManagedNode):
         if self.active and self.activation is not None:
             self._step(self.activation)
 
+    # Silence
+
+    def _hear(self, stream: str) -> None:
+        self.diagnostics.tick(stream)
+        self._heard_s[stream] = time.monotonic()
+
+    def _look_for_silence(self) -> None:
+        """Report at once who has fallen silent, or speaks again; in real time, whatever /clock."""
+        now_s = time.monotonic()
+        dead = [
+            f"{name} ({STREAMS[name]})"
+            for name, heard_s in self._heard_s.items()
+            if now_s - heard_s > SILENT_S
+        ]
+        silent = f"silent: {', '.join(dead)}" if dead and self.active else ""
+        if silent != self._silent:
+            self._silent = silent
+            self._report_status()
+            self.diagnostics.publish()
+
     # Messages out
 
     def _step(self, activation: Activation) -> bool:
@@ -238,15 +275,27 @@ class PrimitiveActivation(ManagedNode):
         for name, count in activation.counts.items():
             self.diagnostics.value(f"count {name}", count)
         self.diagnostics.value("expected task", activation.pretrigger.expected or "none")
-        if activation.mode is Mode.STOPPED:
-            self.diagnostics.status(_WARN, f"stopped: {activation.stop_reason}")
-        elif activation.held_back:
+        if activation.held_back:
             self.diagnostics.value("last held back", activation.held_back)
-            self.diagnostics.status(_WARN, activation.held_back)
-        elif activation.mode is Mode.PRETRIGGERED:
-            self.diagnostics.status(_OK, f"pretriggered: {activation.pretrigger.label}")
-        else:
-            self.diagnostics.status(_OK, activation.mode.value)
+        self._report_status()
+
+    def _report_status(self) -> None:
+        """Level and message: what the arm does, and who is silent."""
+        level, text = self._status()
+        parts = [part for part in (text, self._silent) if part]
+        self.diagnostics.status(_WARN if self._silent else level, "; ".join(parts))
+
+    def _status(self) -> tuple[int, str]:
+        activation = self.activation
+        if activation is None:
+            return _OK, "running"
+        if activation.mode is Mode.STOPPED:
+            return _WARN, f"stopped: {activation.stop_reason}"
+        if activation.held_back:
+            return _WARN, activation.held_back
+        if activation.mode is Mode.PRETRIGGERED:
+            return _OK, f"pretriggered: {activation.pretrigger.label}"
+        return _OK, activation.mode.value
 
     # Set-up
 

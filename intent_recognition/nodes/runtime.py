@@ -9,7 +9,8 @@ import time
 from collections.abc import Callable, Sequence
 
 import rclpy
-from rclpy.clock import ROSClock
+from rclpy.clock import JumpThreshold, ROSClock, TimeJump
+from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -23,6 +24,9 @@ SPIN_PERIOD_S = 0.1
 """Time between two looks at signals and at `done` [s]. Convention."""
 SAME_SIGNAL_S = 1.0
 """Signals that come within this time of the first are one request to end [s]. Convention."""
+LARGEST_BACK_S = 0.1
+"""/clock may go back by this [s] and be the same. Convention: more than jitter, less than a pass
+of any recording."""
 MAX_DOMAIN = 232
 """Largest ROS_DOMAIN_ID whose ports fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)."""
 _START_ERRORS = (
@@ -100,6 +104,20 @@ def simulated_ns(node: Node) -> int | None:
     clock = node.get_clock()
     active = isinstance(clock, ROSClock) and clock.ros_time_is_active
     return clock.now().nanoseconds if active else None
+
+
+def when_clock_goes_back(node: Node, action: Callable[[], object]) -> None:
+    """Act when simulated time goes back: a recording plays again, a simulation restarts."""
+
+    def jumped(jump: TimeJump) -> None:
+        node.get_logger().info(f"/clock went back by {-jump.delta.nanoseconds * 1e-9:.1f} s")
+        action()
+
+    threshold = JumpThreshold(
+        min_forward=None, min_backward=Duration(seconds=-LARGEST_BACK_S), on_clock_change=False
+    )
+    handle = node.get_clock().create_jump_callback(threshold, post_callback=jumped)
+    node.__dict__.setdefault("_jump_handles", []).append(handle)  # it ends with the last reference
 
 
 def make_executor() -> Executor:

@@ -19,7 +19,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
-from intent_recognition.nodes.topic_recorder import TopicRecorder, answer
+from intent_recognition.nodes.topic_recorder import TopicRecorder, answer, refuse_label
 
 ESTIMATOR = "intent_estimator"
 
@@ -44,10 +44,11 @@ class TaskTeacher(TopicRecorder):
         super().__init__("task_teacher", **kwargs)
         parameter(self, "task", "", "label of the demonstration")
         parameter(self, "learn_at_stop", True, "learn each recording at once, not at ~/learn")
-        self.waiting: list[Path] = []
         self.last_status = ""
         self.sending_model = False
         self.folder = self._open_folder()
+        self.waiting: list[Path] = self.folder.waiting()
+        self.add_on_set_parameters_callback(refuse_label)
         self._status = self.create_publisher(String, "teach/status", qos.LATCHED)
         for name, action in (
             ("start", self.start),
@@ -61,7 +62,8 @@ class TaskTeacher(TopicRecorder):
         self._reload = self.create_client(Trigger, f"{ESTIMATOR}/reload_model")
         entries = (*self.folder.dofs.observed, *self.folder.dofs.controlled)
         self.listen([entry.topic.lstrip("/") for entry in entries])
-        self._report(Level.OK, f"ready; library {self.folder.path}")
+        left = f"; {len(self.waiting)} recordings wait to be learned" if self.waiting else ""
+        self._report(Level.OK, f"ready; library {self.folder.path}{left}")
 
     def start(self) -> str:
         """Begin a recording of the task named by the parameter `task`; returns its path.

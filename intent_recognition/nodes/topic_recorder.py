@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import (
     QoSDurabilityPolicy,
     QoSHistoryPolicy,
@@ -20,7 +22,8 @@ from rclpy.qos import (
 from std_srvs.srv import Trigger
 
 from intent_recognition.bags import FLUSH_PERIOD_S, BagWriter, DiskFullError, rosbag2_profile
-from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe
+from intent_recognition.demonstrations import check_label
+from intent_recognition.errors import BagError, IntentError, ResourceBusyError, describe, one_line
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
@@ -168,12 +171,12 @@ class TopicRecorder(Node):
 
     def destroy_node(self) -> None:
         """Close the bag, then the node."""
-        self._listener.close()
         if self._writer is not None:
             try:
                 self.close_bag()
             except IntentError as error:
                 self.get_logger().error(str(error))
+        self._listener.close()
         super().destroy_node()
 
     def discover(self) -> None:
@@ -301,6 +304,17 @@ class TopicRecorder(Node):
         self.diagnostics.status(Level.ERROR, str(error))
         self.get_logger().error(str(error))
         self.gave_up()
+
+
+def refuse_label(changes: Sequence[Parameter]) -> SetParametersResult:
+    """Refuse a parameter `task` that cannot name a task; empty means none."""
+    try:
+        for change in changes:
+            if change.name == "task" and change.value:
+                check_label(str(change.value))
+    except BagError as error:
+        return SetParametersResult(successful=False, reason=one_line(error))
+    return SetParametersResult(successful=True)
 
 
 def answer(response: Trigger.Response, action: Callable[[], str]) -> Trigger.Response:

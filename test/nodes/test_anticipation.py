@@ -9,13 +9,19 @@ from model_builder import ROBOT, WRIST, learned_model, make_dofs, perform, true_
 from nav_msgs.msg import Odometry
 from nodes.test_intent_estimator import message_for, shifted, with_covariance
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.model.file import save_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import stamp_ns, to_joint_state, trajectory_arrays
+from intent_recognition.nodes.conversions import (
+    stamp_ns,
+    to_joint_state,
+    to_stamp,
+    trajectory_arrays,
+)
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.start_posture import POSTURE_USED, start_mean
@@ -218,3 +224,29 @@ def test_the_last_task_is_forgotten_after_a_while(harness, path, truth):
     graph.feed(shifted(observations[-2:], 5.1))
     harness.spin_until(lambda: len(graph.next) == 3, what="nothing expected again")
     assert graph.next[2].header.frame_id == ""
+
+
+def test_when_the_clock_goes_back_the_estimator_starts_anew_at_once(harness, model, path, truth):
+    graph = Graph(harness, path, use_sim_time=True)
+    clock = harness.publisher(Clock, "/clock", 10)
+    harness.connect(clock)
+    observations = movement(truth, 1)
+    for _ in range(2):  # the second pass of a recording
+        now_ns = observations[0].stamp_ns
+        clock.publish(Clock(clock=to_stamp(now_ns)))
+        harness.spin_until(
+            lambda: graph.node.get_clock().now().nanoseconds == now_ns,  # noqa: B023
+            what="clock",
+        )
+        graph.feed(observations)
+        later_ns = observations[-1].stamp_ns
+        clock.publish(Clock(clock=to_stamp(later_ns)))
+        harness.spin_until(
+            lambda: graph.node.get_clock().now().nanoseconds == later_ns,  # noqa: B023
+            what="clock",
+        )
+    n = len(observations)
+    harness.spin_until(lambda: len(graph.tasks) == 2 * n, what="both passes")
+    for first, second in zip(graph.tasks[:n], graph.tasks[n:], strict=True):
+        assert stamp_ns(first) == stamp_ns(second)
+        np.testing.assert_allclose(first.position, second.position, atol=1e-9)

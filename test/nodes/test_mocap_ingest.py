@@ -7,6 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes import qos
@@ -124,3 +125,24 @@ def test_extrinsics_are_read():
     np.testing.assert_array_equal(parsed["cam"][0], [1.0, 2.0, 3.0])
     with pytest.raises(ArgumentError):
         parse_extrinsics(["cam 1 2 3 0 0 0 1"] * 2)
+
+
+def test_when_the_clock_goes_back_the_first_pose_counts(harness):
+    node = start(harness, use_sim_time=True)
+    clock = harness.publisher(Clock, "/clock", 10)
+    harness.connect(clock)
+
+    def now(index):
+        stamp = to_stamp(T0 + index * STEP)
+        clock.publish(Clock(clock=stamp))
+        harness.spin_until(
+            lambda: node.get_clock().now().nanoseconds == T0 + index * STEP, what="clock"
+        )
+
+    received = []
+    for first in (1000, 0):
+        now(first)
+        messages = [pose(first + i, (0.01 * i, 0.5, 1.0)) for i in range(3)]
+        received += exchange(harness, messages, 3)
+    expected = [T0 + k * STEP for k in (1000, 1001, 1002, 0, 1, 2)]
+    assert [stamp_ns(message) for message in received] == expected

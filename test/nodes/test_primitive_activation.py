@@ -2,10 +2,12 @@
 """The activation node on its topics, on simulated time, with a fake estimator and arm."""
 
 import copy
+import time
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -497,3 +499,37 @@ def test_a_joint_state_from_the_future_does_not_block_the_arm(harness, ahead_ns)
     graph.until(lambda: graph.mode == "executing", longest_s=0.5)
     assert graph.rejected("joint_state_not_increasing") == 0
     assert graph.rejected("joint_state_in_future") == (ahead_ns > 10**9)
+
+
+@pytest.mark.parametrize("dead", ["intent/tasks", "joint_states"])
+def test_a_sender_that_died_is_named_within_a_second(graph, dead):
+    reports = graph.harness.collect(DiagnosticArray, "/diagnostics")
+
+    def messages():
+        return [s.message for r in reports for s in r.status if s.name == "primitive_activation"]
+
+    last = {"intent/tasks": 0.0, "joint_states": 0.0}
+
+    def speak(*streams):
+        for stream in streams:
+            last[stream] = time.monotonic()
+            send = graph.send_tasks if stream == "intent/tasks" else graph.send_joints
+            send()
+
+    other = "joint_states" if dead == "intent/tasks" else "intent/tasks"
+    graph.begin()
+    graph.until(lambda: graph.mode == "executing")
+    graph.harness.spin_until(lambda: (speak(*last), messages())[1], what="a report")
+    assert "silent" not in messages()[-1]
+
+    def named():
+        speak(other)
+        return any(f"silent: {dead}" in message for message in messages())
+
+    graph.harness.spin_until(named, what="the silence")
+    assert time.monotonic() - last[dead] < 1.0
+    assert other not in messages()[-1]
+    speak(dead)
+    graph.harness.spin_until(
+        lambda: (speak(*last), "silent" not in messages()[-1])[1], what="the end of the silence"
+    )

@@ -12,13 +12,15 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.time import Time
 from ros_harness import NodeProcess
+from rosgraph_msgs.msg import Clock as ClockMessage
 
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameters import parameter
-from intent_recognition.nodes.runtime import _Signals, run, settle
+from intent_recognition.nodes.runtime import _Signals, run, settle, when_clock_goes_back
 
 ROOT = Path(__file__).parents[2]
 
@@ -337,3 +339,18 @@ def test_what_stays_is_passed_over_by_the_collector():
         assert gc.get_freeze_count() > before + 1000
     finally:
         gc.unfreeze()
+
+
+@pytest.mark.parametrize("back_s", [0.05, 0.2, 30.0])
+def test_a_clock_that_goes_back_is_acted_on_at_once(harness, back_s):
+    node = harness.add(Node("owner", parameter_overrides=[Parameter("use_sim_time", value=True)]))
+    acted = []
+    when_clock_goes_back(node, lambda: acted.append(True))
+    gc.collect()
+    clock = harness.publisher(ClockMessage, "/clock", 10)
+    harness.connect(clock)
+    for now_s in (100.0, 150.0, 150.0 - back_s, 200.0):
+        now_ns = round(now_s * 1e9)
+        clock.publish(ClockMessage(clock=Time(nanoseconds=now_ns).to_msg()))
+        harness.spin_until(lambda: node.get_clock().now().nanoseconds == now_ns, what="clock")  # noqa: B023
+    assert len(acted) == (back_s > 0.1)

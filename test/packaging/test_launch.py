@@ -22,7 +22,7 @@ EXECUTABLES = {
 OTHERS = {"rviz2", "robot_state_publisher"}
 NODE_OPTIONS = {
     *("package", "executable", "name", "namespace", "exec_name", "parameters", "remappings"),
-    *("ros_arguments", "arguments", "output"),
+    *("ros_arguments", "arguments", "output", "respawn", "respawn_delay", "on_exit"),
 }
 NEEDED = {"model": "m.npz", "bag": "recorded"}
 ALL_ON = {"dashboard": "true", "rviz": "true", "record": "a/bag"}
@@ -53,7 +53,9 @@ def recorder(kind):
 
 MODULES = {
     "launch": ["LaunchContext", "LaunchDescription"],
-    "launch.actions": ["DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable"],
+    "launch.actions": [
+        *("DeclareLaunchArgument", "OpaqueFunction", "SetEnvironmentVariable", "Shutdown")
+    ],
     "launch.substitutions": ["LaunchConfiguration"],
     "launch_ros": [],
     "launch_ros.actions": ["Node"],
@@ -251,3 +253,33 @@ def test_the_arms_topics_reach_every_node_that_uses_them(describe, name):
         assert remapped.get("joint_states") == ("/arm/states" if uses_states else None), node
         commands = node in ("lwr_sim", "primitive_activation", "bag_recorder", "dashboard")
         assert (remapped.get("joint_trajectory") == "/arm/go") >= commands, node
+
+
+def test_nodes_that_die_start_again_but_those_that_end(describe):
+    for name in EXECUTABLES:
+        entities = describe(name)
+        for node, options in start(entities, **on(entities)).items():
+            ends = node in ("bag_player", "bag_recorder", "rviz2")
+            assert options["respawn"] is not ends, node
+            assert options["respawn_delay"] > 0.0
+        nodes = start(entities, respawn="false", **on(entities))
+        assert not any(options["respawn"] for options in nodes.values())
+
+
+def test_a_published_clock_is_followed_or_refused(describe):
+    nodes = start(describe("sim"), publish_clock="true")
+    assert values(nodes["coworker_sim"])["use_sim_time"] is True
+    assert "use_sim_time" not in values(nodes["lwr_sim"])
+    assert "use_sim_time" not in values(start(describe("sim"))["coworker_sim"])
+    with pytest.raises(ArgumentError, match="use_sim_time"):
+        start(describe("sim"), publish_clock="true", use_sim_time="false")
+    with pytest.raises(ArgumentError, match="use_sim_time"):
+        start(describe("replay"), use_sim_time="false")
+
+
+@pytest.mark.parametrize(("code", "ends"), [(0, False), (1, True), (-9, False), (-11, False)])
+def test_a_node_that_cannot_start_ends_the_launch_and_one_that_dies_does_not(describe, code, ends):
+    node = start(describe("real"))["primitive_activation"]
+    exited = types.SimpleNamespace(returncode=code, process_name="primitive_activation-3")
+    action = node["on_exit"](exited, Context())
+    assert (action is not None and action.kind == "Shutdown") == ends

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that are whole after a crash at any instant: written, synchronised, renamed; and locks."""
+
+import fcntl
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from intent_recognition.errors import ResourceBusyError, describe
+
+LOCK_S = 20.0
+"""Longest wait for another process to end its change [s]. Convention: learning takes up to 5 s."""
+RETRY_S = 0.02
+"""Time between two tries to lock [s]. Convention."""
+
+
+def commit(temporary: Path, target: Path) -> None:
+    """Give a file that is complete its name; the old file or the new one is there, on the disk."""
+    descriptor = os.open(temporary, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+    temporary.replace(target)
+    sync_folder(target.parent)
+
+
+def copy(source: Path, target: Path) -> None:
+    """Copy a file; the target is whole at every moment."""
+    part = target.with_suffix(".part")
+    shutil.copyfile(source, part)
+    commit(part, target)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text; the file is the old one or the new one."""
+    part = path.with_suffix(".part")
+    part.write_text(text, encoding="utf-8")
+    commit(part, path)
+
+
+def append_line(path: Path, line: str) -> None:
+    """Append a line in one write, on the disk before this returns."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    try:
+        os.write(descriptor, f"{line}\n".encode())
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the names in a folder on the disk."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def locked(
+    path: Path, patience_s: float = LOCK_S, clock: Callable[[], float] = time.monotonic
+) -> Iterator[None]:
+    """Hold a lock among processes; the system releases it when one dies.
+
+    Args:
+        path: of the file that stands for it.
+        patience_s: longest wait [s].
+        clock: seconds, monotonic.
+
+    Raises:
+        ResourceBusyError: another process has held it for so long.
+    """
+    end_s = clock() + patience_s
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    try:
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError as error:
+                if clock() > end_s:
+                    cure = "End the other teacher, or choose another folder."
+                    got = f"one that another process has used for {patience_s:g} s"
+                    raise ResourceBusyError(
+                        describe(str(path.parent), "a folder that is free", got, cure)
+                    ) from error
+                time.sleep(RETRY_S)
+        yield
+    finally:
+        os.close(descriptor)
