@@ -6,9 +6,10 @@ distributed about their mean as they are themselves, and it varies as they vary.
 tasks is hardly known, so it is shrunk towards how far movements depart from their starts.
 
 The margin: the log Bayes factor of the known tasks over none is computed along demonstrations of
-each task, with a library without it. As a decision is taken the first time that a factor is high
-enough, the highest factor along each of these unknown movements counts. The margin is their
-conformal quantile (docs/recognition.md).
+each task, with a library without the task, and with one without the demonstration alone. As a
+decision is taken the first time that a factor is high enough, the highest factor along each
+movement counts. The margin lies between those of unknown and of known movements
+(docs/recognition.md).
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +25,13 @@ from intent_recognition.learning.examples import TrainingExample, sample_phases
 from intent_recognition.learning.held_out import evenly, filter_samples, nearest_tasks
 from intent_recognition.learning.selection import STRENGTH
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
-from intent_recognition.promp import Scatter, TaskLibrary, observed_block, shared_covariance
+from intent_recognition.promp import (
+    Scatter,
+    TaskLibrary,
+    leave_one_out_scatter,
+    observed_block,
+    shared_covariance,
+)
 
 DEPARTURE_SAMPLE_SIZE = 0.25
 """Equivalent sample size, in tasks, of the prior that tasks differ as much as movements depart from
@@ -118,68 +125,87 @@ def learn_none_margin(
         recorded: statistics of the examples as they were recorded.
     """
     statistics = list(tasks.values())
-    if library.n_tasks == 1:
-        return margin_over(_simulated_factors(library, departure(statistics, library.n_observed)))
+    departed = departure(statistics, library.n_observed)
     calibrating = calibrating_tasks([task.n for task in statistics])
     pairs = [
         (k, example, as_recorded)
         for k, label in enumerate(tasks)
-        if k in calibrating and len(calibrating) > 1
+        if k in calibrating
         for example, as_recorded in zip(
             tasks[label].examples, recorded[label].examples, strict=True
         )
     ]
+    pairs = evenly(pairs, MAX_CALIBRATED)
     pooled = observed_block(pooled_moments(statistics), library.n_observed_weights)
     floor = variance_scales(tasks)[0][: library.n_observed]
-    departed = departure(statistics, library.n_observed)
     without: dict[int, _Without] = {}
-    highest = []
-    for k, example, as_recorded in evenly(pairs, MAX_CALIBRATED):
-        if k not in without:
-            own = observed_block(statistics[k].moments, library.n_observed_weights)
-            rest = Scatter(pooled.matrix - own.matrix, pooled.freedom - own.freedom)
-            rest = rest if rest.freedom else pooled
-            covariance = shared_covariance(rest, floor, STRENGTH)
-            without[k] = _without(library, np.array([k]), covariance, departed)
+    unknown, known = [], []
+    for k, example, as_recorded in pairs:
+        own = observed_block(statistics[k].moments, library.n_observed_weights)
         rivals = np.setdiff1d(calibrating, [k])
-        compared = nearest_tasks(statistics, example, rivals)
-        found = log_factors(without[k], compared, len(rivals), as_recorded)
-        highest.append(float(np.max(found)))
-    return margin_over(np.array(highest))
+        if len(rivals):
+            if k not in without:
+                rest = Scatter(pooled.matrix - own.matrix, pooled.freedom - own.freedom)
+                covariance = shared_covariance(rest if rest.freedom else pooled, floor, STRENGTH)
+                without[k] = _without(library, np.array([k]), covariance, departed)
+            compared = nearest_tasks(statistics, example, rivals)
+            factors = log_factors(without[k], compared, len(rivals), as_recorded)
+            unknown.append(float(np.max(factors)))
+        if statistics[k].n > 1 and pooled.freedom > 1:
+            left_out = _without_demonstration(
+                library, statistics, k, example, pooled, floor, departed
+            )
+            compared = np.r_[k, nearest_tasks(statistics, example, rivals)]
+            factors = log_factors(left_out, compared, len(calibrating), as_recorded)
+            known.append(float(np.max(factors)))
+    if library.n_tasks == 1:
+        unknown = _simulated_factors(library, departed)
+    return margin_between(np.array(unknown), np.array(known))
 
 
-def margin_over(highest: NDArray[np.float64]) -> float:
-    """The margin that unknown movements with these highest factors (n,) give, zero or more.
+def margin_between(unknown: NDArray[np.float64], known: NDArray[np.float64]) -> float:
+    """The margin between unknown and known movements with these highest factors, zero or more.
 
-    The conformal quantile: one more movement of their kind exceeds it with a probability of at most
-    `UNKNOWN_ACCEPTED`, whatever the distribution (Vovk et al. 2005). Fewer movements than that
-    takes are extrapolated by a normal distribution; of fewer than two nothing is learned.
+    Half-way between what unknown movements stay below and what known ones exceed, where there is a
+    gap. The first is the conformal quantile: one more movement of their kind exceeds it with a
+    probability of at most `UNKNOWN_ACCEPTED`, whatever the distribution (Vovk et al. 2005). Fewer
+    movements than that takes are extrapolated by a normal distribution; of fewer than two nothing
+    is learned. But a new task is not of their kind, it differs from them as they do from each
+    other; hence the other half of the gap (docs/decisions/unknown_movements.md).
 
     Args:
-        highest: highest log Bayes factor of the known tasks over none along each.
+        unknown: highest log Bayes factor of the known tasks over none along each, (n,).
+        known: along movements of known tasks, (n',).
     """
-    n = len(highest)
+    n = len(unknown)
     if n < 2:
         return 0.0
     rank = int(np.ceil((n + 1) * (1.0 - UNKNOWN_ACCEPTED)))
     if rank <= n:
-        return max(float(np.sort(highest)[rank - 1]), 0.0)
-    quantile = float(ndtri(1.0 - UNKNOWN_ACCEPTED))
-    return max(float(np.mean(highest) + quantile * np.std(highest, ddof=1)), highest.max(), 0.0)
+        below = float(np.sort(unknown)[rank - 1])
+    else:
+        quantile = float(ndtri(1.0 - UNKNOWN_ACCEPTED))
+        below = float(max(unknown.mean() + quantile * unknown.std(ddof=1), unknown.max()))
+    above = float(np.quantile(known, UNKNOWN_ACCEPTED)) if len(known) > 1 else below
+    return max(0.5 * (below + max(above, below)), 0.0)
 
 
 class _Without(NamedTuple):
-    """What a library without some of its tasks believes of the observed weights.
+    """What a library without some demonstrations believes of the observed weights.
 
     Attributes:
-        library: of all tasks.
-        covariance: of the observed weights under each task, the others' means known, (P N, P N).
+        library: of all demonstrations.
+        mean: of each task, (K, P N).
+        covariance: under each task, its mean known, (P N, P N).
+        n: demonstrations of each task, (K,).
         none: its none.
         timing: mean and standard deviation of the log duration of none, (2,).
     """
 
     library: TaskLibrary
+    mean: NDArray[np.float64]
     covariance: NDArray[np.float64]
+    n: NDArray[np.int64]
     none: Gaussian
     timing: NDArray[np.float64]
 
@@ -189,13 +215,39 @@ def _without(
     left_out: NDArray[np.int64],
     covariance: NDArray[np.float64],
     departed: NDArray[np.float64],
+    mean: NDArray[np.float64] | None = None,
+    n: NDArray[np.int64] | None = None,
 ) -> _Without:
+    """Without some tasks; other means and numbers of demonstrations than the library's if given."""
+    mean = library.observed_mean[:-1] if mean is None else mean
+    n = library.n_demonstrations if n is None else n
     kept = np.delete(np.arange(library.n_tasks), left_out)
-    means = library.observed_mean[kept].reshape(len(kept), library.n_observed, -1)
-    inflation = 1.0 + 1.0 / library.n_demonstrations[kept]
+    inflation = 1.0 + 1.0 / n[kept]
+    means = mean[kept].reshape(len(kept), library.n_observed, -1)
     none = none_primitive(means, inflation[:, None, None] * covariance, departed)
     timing = none_timing(library.log_duration_mean[kept], library.log_duration_std[kept])
-    return _Without(library, covariance, none, timing)
+    return _Without(library, mean, covariance, n, none, timing)
+
+
+def _without_demonstration(
+    library: TaskLibrary,
+    tasks: Sequence[TaskStatistics],
+    number: int,
+    example: TrainingExample,
+    pooled: Scatter,
+    floor: NDArray[np.float64],
+    departed: NDArray[np.float64],
+) -> _Without:
+    task, size = tasks[number], library.n_observed_weights
+    deviation = (example.weights - task.mean).ravel()[:size]
+    own = observed_block(task.moments, size)
+    part = leave_one_out_scatter(own, deviation)
+    rest = Scatter(pooled.matrix - (own.matrix - part), pooled.freedom - 1)
+    mean, n = library.observed_mean[:-1].copy(), library.n_demonstrations.copy()
+    mean[number] -= deviation / (task.n - 1)
+    n[number] -= 1
+    covariance = shared_covariance(rest, floor, STRENGTH)
+    return _without(library, np.array([], dtype=int), covariance, departed, mean, n)
 
 
 def log_factors(
@@ -206,14 +258,14 @@ def log_factors(
     The duration is unknown.
 
     Args:
-        without: a library without some of its tasks.
+        without: a library without some demonstrations.
         compared: numbers of the tasks.
         n_tasks: how many share the prior; those not compared are too far away to count.
         recorded: the movement.
     """
     library, (offsets, log_weight) = without.library, duration_offsets(N_CALIBRATED_SCALES)
-    inflation = 1.0 + 1.0 / library.n_demonstrations[compared]
-    mean = np.vstack([library.observed_mean[compared], without.none.mean])
+    inflation = 1.0 + 1.0 / without.n[compared]
+    mean = np.vstack([without.mean[compared], without.none.mean])
     covariance = np.concatenate(
         [inflation[:, None, None] * without.covariance, without.none.covariance[None]]
     )
@@ -268,5 +320,5 @@ def _simulated_factors(library: TaskLibrary, departed: NDArray[np.float64]) -> N
         values = design @ one.T + noise_std * rng.normal(size=(len(design), library.n_observed))
         nothing = np.zeros(0)
         simulated = TrainingExample("", "", nothing, nothing, duration_s, values, nothing)
-        highest.append(np.max(log_factors(whole, every, len(every), simulated)))
-    return np.array(highest)
+        highest.append(float(np.max(log_factors(whole, every, len(every), simulated))))
+    return highest
