@@ -14,6 +14,7 @@ from intent_recognition.promp.phase_deviation import (
     reference_phase,
 )
 from intent_recognition.promp.prediction import (
+    USUAL_END_STD,
     StartPosture,
     controlled_weights,
     end_std_limits,
@@ -40,6 +41,7 @@ from intent_recognition.promp.weights import (
 __all__ = [
     "NONE",
     "STEADY",
+    "USUAL_END_STD",
     "ControlGrid",
     "InteractionProMP",
     "NormalizedRBFBasis",

@@ -11,9 +11,12 @@ from intent_recognition.gaussian import Gaussian, condition, symmetrize
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.trajectory import dof_variance
 
+USUAL_END_STD = {"rad": 0.35, "m": 0.1}
+"""Largest standard deviation of a predicted end that is acted on, by unit, in [rad] and [m].
+Convention."""
 CERTAIN_END = 1.25
-"""A predicted end is certain when its standard deviation is at most this many times the least that
-a whole movement leaves (docs/decisions/end_certainty.md)."""
+"""Where a whole movement leaves more than that, its standard deviation may be this many times as
+large (docs/decisions/end_certainty.md)."""
 
 
 class StartPosture(NamedTuple):
@@ -71,13 +74,14 @@ def least_end_std(library: TaskLibrary, task: int, *, start_known: bool = True) 
 
 
 def end_std_limits(library: TaskLibrary) -> dict[str, dict[str, float]]:
-    """What may be asked of the certainty of each task's predicted end, by label and unit.
+    """What is asked of the certainty of each task's predicted end, by label and unit.
 
-    `CERTAIN_END` times the least that observing the whole movement leaves.
+    `USUAL_END_STD`, but never what even the whole movement cannot give: at least `CERTAIN_END`
+    times the least standard deviation that observing it leaves.
     """
     return {
         label: {
-            unit: CERTAIN_END * std
+            unit: max(CERTAIN_END * std, USUAL_END_STD.get(unit, 0.0))
             for unit, std in least_end_std(library, k, start_known=False).items()
         }
         for k, label in enumerate(library.labels)

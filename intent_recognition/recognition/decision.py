@@ -29,15 +29,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.promp import NONE, TaskLibrary, end_std_limits
+from intent_recognition.promp import NONE, USUAL_END_STD, TaskLibrary, end_std_limits
 
 EVEN = 1e-6
 """Log Bayes factor that counts as zero. Convention: rounding, and what a calibration leaves of it.
 """
-
-DEFAULT_MAX_END_STD = {"rad": 0.35, "m": 0.1}
-"""Largest standard deviation of the predicted end of a task about which nothing was learned, by
-unit, in [rad] and [m]. Convention."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +48,7 @@ class DecisionSettings:
             (docs/decisions/end_certainty.md).
         max_end_std_m: the same over the controlled DOFs in metres.
         learned_end_std: the learned limits, by task and unit (`end_std_limits`); a task that is
-            not among them has `DEFAULT_MAX_END_STD`.
+            not among them has `USUAL_END_STD`.
         release_below: probability below which the active task is let go, in [0, threshold).
         min_evidence: least share of the likelihood among the tasks, in [0, 1): what the task's
             probability would be if all tasks were equally probable beforehand.
@@ -89,7 +85,7 @@ class DecisionSettings:
         if fixed is not None:
             return fixed
         learned = self.learned_end_std.get(task, {})
-        return learned.get(unit, DEFAULT_MAX_END_STD.get(unit, 0.0))
+        return learned.get(unit, USUAL_END_STD.get(unit, 0.0))
 
 
 def decision_settings(library: TaskLibrary) -> DecisionSettings:
