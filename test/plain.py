@@ -8,7 +8,8 @@ from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.gaussian.linalg import symmetrize
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.prediction import StartPosture, controlled_weights, dof_variance
+from intent_recognition.promp.prediction import StartPosture, controlled_weights
+from intent_recognition.promp.trajectory import dof_variance
 
 
 def observed_weights(bank: FilterBank, scale_weights: np.ndarray, task: int) -> Gaussian:
@@ -59,7 +60,7 @@ def mixture_at(
         task = index // n_scales
         weight = weights.ravel()[index]
         observed = Gaussian(bank.mean[index], bank.covariance[index])
-        controlled = controlled_weights(library.primitives, task, observed, start)
+        controlled = controlled_weights(library, task, observed, start)
         phase = np.clip(times_s / hypotheses.duration_s[index], 0.0, 1.0)
         design = library.basis.design_matrix(phase)
         position = design @ controlled.mean.reshape(n_controlled, -1).T

@@ -104,7 +104,8 @@ class Deviations(NamedTuple):
     """What was believed of some hypotheses' phase deviation, one measurement after the other.
 
     Attributes:
-        times_s: of the n measurements after onset, (n,), ascending.
+        times_s: of the n measurements after onset, (n,), ascending; a late one has the time of the
+            one before.
         filtered: probability of each deviation given the measurements so far, (n, S, E).
         likelihood: what each measurement weighed the deviations with, (n, S, E).
     """
@@ -127,7 +128,10 @@ class DeviationHistory:
         deviation: NDArray[np.float64],
         likelihood: NDArray[np.float64],
     ) -> None:
-        """Keep what some hypotheses (n,) believe after a measurement, (n, E) each."""
+        """Keep what some hypotheses (n,) believe after a measurement, (n, E) each.
+
+        A hypothesis takes its measurements in the order of their arrival, whole tasks at a time.
+        """
         self._steps.append((elapsed_s, hypotheses, np.stack([deviation, likelihood], axis=1)))
 
     def of(self, first: int, stop: int) -> Deviations:
@@ -138,8 +142,7 @@ class DeviationHistory:
             if inside.size:
                 order = inside[np.argsort(hypotheses[inside])]
                 found.append((elapsed_s, both[order]))
-        found.sort(key=lambda step: step[0])
-        times_s = np.array([elapsed_s for elapsed_s, _ in found])
+        times_s = np.maximum.accumulate(np.array([elapsed_s for elapsed_s, _ in found]))
         if not found:
             empty = np.zeros((0, stop - first, 1))
             return Deviations(times_s, empty, empty)

@@ -151,15 +151,20 @@ class PrunedBank:
         n_scales = self._bank.shape[1]
         index = (tasks[:, None] * n_scales + np.arange(n_scales)).ravel()
         density, first = np.zeros(len(index)), 0
+        believed: list[list[tuple[NDArray[np.float64], ...]]] = [[] for _ in measurements]
         for weights, deviation in blocks:
             some = slice(first, first + len(deviation))
-            for one in measurements:
-                step = self._model.step(one, index[some])
-                added, likelihood = condition_on(weights, deviation, step)
+            for one, parts in zip(measurements, believed, strict=True):
+                added, likelihood = condition_on(
+                    weights, deviation, self._model.step(one, index[some])
+                )
                 density[some] += added
-                if history is not None and deviation.shape[1] > 1:
-                    history.add(one.elapsed_s, index[some], deviation.copy(), likelihood)
+                parts.append((deviation.copy(), likelihood))
             first = some.stop
+        if history is not None and self._bank.shape[4] > 1:
+            for one, parts in zip(measurements, believed, strict=True):
+                after, weighed = (np.concatenate(part) for part in zip(*parts, strict=True))
+                history.add(one.elapsed_s, index, after, weighed)
         return density
 
     def _limits(self) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from simulation import START_NS, draw_weights, make_library
 from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
 from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.observation_model import SPACING
 from intent_recognition.gaussian import batch as filter_block
 from intent_recognition.gaussian.batch import GaussianBatch, make_state
 from intent_recognition.gaussian.normal import Gaussian, condition
@@ -49,8 +50,12 @@ def joint(library, hypotheses: Hypotheses, observations, hypothesis: int):
     """Mean, covariance and log evidence from one Gaussian over weights and all observations."""
     n_basis = library.basis.n_basis
     matrices, values, noises = [], [], []
-    last_ns = {}
+    last_ns, used_ns = {}, {}
     for o in observations:
+        kind = o.group, o.dofs, o.derivative
+        if o.stamp_ns - used_ns.get(kind, 0) < SPACING * library.correlation_time_s * 1e9:
+            continue
+        used_ns[kind] = o.stamp_ns
         elapsed_s = (o.stamp_ns - START_NS) * 1e-9
         duration_s = hypotheses.duration_s[hypothesis]
         phase = np.array([elapsed_s / duration_s])

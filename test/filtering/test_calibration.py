@@ -6,8 +6,7 @@ import pytest
 from simulation import START_NS, make_library, simulate
 
 from intent_recognition.filtering.hypotheses import Hypotheses, fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.observation_model import ObservationModel
-from intent_recognition.filtering.task_filter import TaskFilters
+from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.signals.demonstration import Demonstration
@@ -30,11 +29,11 @@ def standardised_errors(
         for o in merge(recording.observed)
         if (o.stamp_ns - START_NS) * 1e-9 <= fraction * duration
     ]
-    task_filters = TaskFilters(ObservationModel(library, hypotheses, START_NS))
+    run = MovementFilter(library, hypotheses, START_NS)
     for observation in seen:
-        task_filters.observe(observation)
+        run.observe(observation)
     times = np.linspace(0.0, duration, n_times)
-    mean, square = task_filters[library.labels.index(recording.task)].mixture_at(times)
+    mean, square = run.prediction(library.labels.index(recording.task)).mixture_at(times)
     std = np.sqrt(square - mean**2)
     signal = recording.controlled[0]
     columns = [np.interp(times, signal.seconds(START_NS), c) for c in signal.values.T]

@@ -11,7 +11,8 @@ from simulation import make_library, simulate
 from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.promp.control_grid import ControlGrid
-from intent_recognition.promp.prediction import StartPosture, controlled_weights, rollout
+from intent_recognition.promp.prediction import StartPosture, controlled_weights
+from intent_recognition.promp.trajectory import rollout
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import merge
 from intent_recognition.signals.onset import OnsetSettings, at_rest, is_slow
@@ -33,13 +34,13 @@ def test_a_grid_predicts_what_the_weights_do(rng, with_start, prune, n_points):
             continue
         posterior = task_posterior(run.log_evidence, run.hypotheses, 0.4)
         for task in range(library.n_tasks):
-            moments = run.moments(task, posterior.scale_weights[task])
+            moments = run.prediction(task).observed_weights()
             plain = observed_weights(run.bank, posterior.scale_weights, task)
             np.testing.assert_allclose(moments.mean, plain.mean, rtol=1e-9, atol=1e-12)
             np.testing.assert_allclose(moments.covariance, plain.covariance, rtol=1e-8, atol=1e-12)
-            weights = controlled_weights(library.primitives, task, plain, start)
+            weights = controlled_weights(library, task, plain, start)
             expected = rollout(library.basis, weights, phase, 1.7, noise)
-            found = ControlGrid(library.primitives, task, n_points).predict(moments, 1.7, start)
+            found = ControlGrid(library, task, n_points).predict(moments, 1.7, start)
             for ours, theirs in zip(found, expected, strict=True):
                 np.testing.assert_allclose(ours, theirs, rtol=1e-8, atol=1e-10)
 

@@ -11,7 +11,8 @@ from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses
 from intent_recognition.filtering.movement import run_bank
 from intent_recognition.promp.interaction import InteractionProMP
-from intent_recognition.promp.prediction import controlled_weights, rollout
+from intent_recognition.promp.prediction import controlled_weights
+from intent_recognition.promp.trajectory import rollout
 from intent_recognition.signals.observation import Observation
 
 PHASES = np.array([0.1, 0.35, 0.4, 0.8])
@@ -76,7 +77,7 @@ def test_the_filter_bank_gives_the_same(library, promp, values):
     posterior, log_evidence = promp.condition(PHASES, values)
     assert bank.log_evidence[1] == pytest.approx(log_evidence, abs=1e-6)
     observed = type(promp.weights)(bank.mean[1], bank.covariance[1])
-    controlled = controlled_weights(library.primitives, 1, observed)
+    controlled = controlled_weights(library, 1, observed)
     phase = np.linspace(0.0, 1.0, 7)
     noise = library.control_noise_variance()
     expected = rollout(library.basis, controlled, phase, promp.duration_s, noise)

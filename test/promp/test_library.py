@@ -25,7 +25,7 @@ def test_sizes_and_blocks(rng):
 def test_recovery_splits_the_joint_covariance_exactly(rng):
     library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=5)
     split = library.n_observed_weights
-    for task, (matrix, offset, rest) in enumerate(library.primitives.regressions):
+    for task, (matrix, offset, rest) in enumerate(library.regressions):
         mean, covariance = library.primitive(task).weights
         s_oo = covariance[:split, :split]
         np.testing.assert_allclose(matrix @ s_oo, covariance[split:, :split], atol=1e-10)

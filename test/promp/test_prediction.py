@@ -13,13 +13,8 @@ from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypot
 from intent_recognition.filtering.movement import run_bank
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.prediction import (
-    StartPosture,
-    controlled_weights,
-    dof_variance,
-    least_end_std,
-    rollout,
-)
+from intent_recognition.promp.prediction import StartPosture, controlled_weights, least_end_std
+from intent_recognition.promp.trajectory import dof_variance, rollout
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import merge
 
@@ -104,7 +99,7 @@ def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
     bank = run_bank(library, hypotheses, start_bank(library, hypotheses), observations, START_NS)
     start = StartPosture(rng.normal(size=3) * 0.1, np.array([1e-4, 4e-4, 9e-4]))
     human_weights = Gaussian(bank.mean[0], bank.covariance[0])
-    found = controlled_weights(library.primitives, 0, human_weights, start)
+    found = controlled_weights(library, 0, human_weights, start)
     human = [
         np.kron(np.eye(5)[:2], library.basis.design_matrix(np.array([k / 6]))) for k in range(7)
     ]
@@ -124,9 +119,9 @@ def test_start_posture_equals_conditioning_the_joint_gaussian(rng):
 def test_start_posture_narrows_the_prediction_and_is_met(rng):
     library = make_library(rng, groups=(2,), n_controlled=2, n_basis=6, noise_std=1e-4)
     prior = Gaussian(library.observed_mean[0], library.observed_covariance[0])
-    free = controlled_weights(library.primitives, 0, prior)
+    free = controlled_weights(library, 0, prior)
     start = StartPosture(np.array([0.05, -0.03]), np.zeros(2))
-    held = controlled_weights(library.primitives, 0, prior, start)
+    held = controlled_weights(library, 0, prior, start)
     phase = np.linspace(0, 1, 11)
     noise = library.control_noise_variance()
     one = rollout(library.basis, free, phase, 2.0, noise)
@@ -139,7 +134,7 @@ def test_start_posture_narrows_the_prediction_and_is_met(rng):
 def test_without_observations_the_prediction_is_the_prior(rng):
     library = make_library(rng, n_tasks=2, groups=(2,), n_controlled=2, n_basis=6)
     prior = Gaussian(library.observed_mean[1], library.observed_covariance[1])
-    found = controlled_weights(library.primitives, 1, prior)
+    found = controlled_weights(library, 1, prior)
     split = library.n_observed_weights
     np.testing.assert_allclose(found.mean, library.weight_mean[1, split:], atol=1e-10)
     np.testing.assert_allclose(
@@ -162,7 +157,7 @@ def test_mixture_equals_monte_carlo_over_tasks_durations_weights_and_noise(rng):
     samples = []
     for index, count in enumerate(rng.multinomial(120_000, weights.ravel())):
         observed = Gaussian(bank.mean[index], bank.covariance[index])
-        controlled = controlled_weights(library.primitives, index // 4, observed, start)
+        controlled = controlled_weights(library, index // 4, observed, start)
         w = rng.multivariate_normal(*controlled, size=count).reshape(count, 2, 6)
         phase = np.minimum(times / hypotheses.duration_s[index], 1.0)
         samples.append(np.einsum("tk,sdk->std", library.basis.design_matrix(phase), w))
@@ -178,9 +173,7 @@ def test_mixture_of_one_hypothesis_is_its_rollout(rng):
     bank = start_bank(library, hypotheses)
     times = np.linspace(0, 2, 9)
     mean, std = mixture_at(library, bank, hypotheses, np.array([[0.0], [1.0]]), times)
-    controlled = controlled_weights(
-        library.primitives, 1, Gaussian(bank.mean[1], bank.covariance[1])
-    )
+    controlled = controlled_weights(library, 1, Gaussian(bank.mean[1], bank.covariance[1]))
     expected = rollout(library.basis, controlled, times / 2, 2.0, library.control_noise_variance())
     np.testing.assert_allclose(mean, expected.positions, atol=1e-12)
     np.testing.assert_allclose(std, expected.std, rtol=1e-9)
@@ -218,7 +211,7 @@ def test_known_truth_lies_where_the_posterior_says(rng):
         )
         posterior = task_posterior(bank.log_evidence, hypotheses, 2.0)
         observed = observed_weights(bank, posterior.scale_weights, 0)
-        mean, covariance = controlled_weights(library.primitives, 0, observed)
+        mean, covariance = controlled_weights(library, 0, observed)
         error = w.ravel()[split:] - mean
         errors.append(error @ np.linalg.solve(covariance, error))
     assert np.mean(errors) == pytest.approx(d, abs=4 * np.sqrt(2 * d / 300))
@@ -230,17 +223,17 @@ def test_known_truth_lies_where_the_posterior_says(rng):
 def test_no_end_is_surer_than_with_everything_else_known(seed):
     rng = np.random.default_rng(seed)
     library = make_library(rng, n_tasks=2, n_basis=7, groups=(2,), n_controlled=2)
-    primitives, task = library.primitives, 1
-    least = least_end_std(primitives, task)
-    row, noise = primitives.basis.design_matrix(np.ones(1)), primitives.control_noise_variance()
-    joint = Gaussian(primitives.weight_mean[task], primitives.weight_covariance[task])
-    size, total = primitives.n_observed_weights, joint.mean.size
-    start = np.kron(np.eye(2), primitives.basis.design_matrix(np.zeros(1)))
+    task = 1
+    least = least_end_std(library, task)
+    row, noise = library.basis.design_matrix(np.ones(1)), library.control_noise_variance()
+    joint = Gaussian(library.weight_mean[task], library.weight_covariance[task])
+    size, total = library.n_observed_weights, joint.mean.size
+    start = np.kron(np.eye(2), library.basis.design_matrix(np.zeros(1)))
     seen = np.vstack([np.eye(total)[:size], np.hstack([np.zeros((2, size)), start])])
     exact = np.diag(np.r_[np.full(size, 1e-10), noise])
     given_all, _ = condition(joint, seen, seen @ joint.mean, exact)
     variance = dof_variance(row, given_all.covariance[size:, size:]) + noise
-    assert least == pytest.approx(np.sqrt(variance.max()), rel=1e-3)
+    assert least == {"rad": pytest.approx(np.sqrt(variance.max()), rel=1e-3)}
     unknown = Gaussian(joint.mean[:size], joint.covariance[:size, :size])
-    prior = dof_variance(row, controlled_weights(primitives, task, unknown).covariance) + noise
-    assert least <= np.sqrt(prior.max())
+    prior = dof_variance(row, controlled_weights(library, task, unknown).covariance) + noise
+    assert least["rad"] <= np.sqrt(prior.max())

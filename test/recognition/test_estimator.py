@@ -15,7 +15,8 @@ from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.filtering.movement import run_bank
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
-from intent_recognition.promp.prediction import rollout
+from intent_recognition.promp.phase_deviation import STEADY
+from intent_recognition.promp.trajectory import rollout
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation, merge
@@ -81,7 +82,12 @@ def test_the_estimate_equals_the_bank_run_from_onset(library, truth, rng):
 
 def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, rng):
     """At steady progress: both agents' weights from all samples at once, for each duration."""
-    library = replace(library, aligned=None)
+    library = replace(
+        library,
+        phase_deviation=STEADY,
+        evidence_freedom=np.inf,
+        observed_weight_covariance=None,
+    )
     observations = list(merge(movement(truth, 0, rng).observed))
     estimator = IntentEstimator(library)
     assert estimator.predict_controlled() is None
@@ -95,7 +101,7 @@ def test_prediction_of_the_robot_equals_the_regression_by_hand(library, truth, r
     moving = [o for o in observations if estimate.onset_ns <= o.stamp_ns <= estimate.stamp_ns]
     used = [moving[0]]
     for observation in moving[1:]:
-        if observation.stamp_ns - used[-1].stamp_ns >= 0.999e9 * library.correlation_time_s:
+        if observation.stamp_ns - used[-1].stamp_ns >= 0.4995e9 * library.correlation_time_s:
             used.append(observation)
     weights, duration_s = by_hand(library, 0, used, estimate.onset_ns)
     phase = np.linspace(0.0, 1.0, 21)
@@ -113,13 +119,15 @@ def by_hand(
     log_weight = hypotheses.log_prior.reshape(-1, hypotheses.n_scales)[task].copy()
     times_s = np.array([(o.stamp_ns - onset_ns) * 1e-9 for o in used])
     values = np.concatenate([o.values for o in used])
+    intervals_s = np.r_[np.inf, np.diff(times_s)]
+    crowding = np.maximum(1.0, library.correlation_time_s / intervals_s)
     noise = library.noise_variance[: library.n_observed] * library.noise_scale
     prior_mean, prior = library.weight_mean[task], library.weight_covariance[task]
     means, covariances = [], []
     for index, duration_s in enumerate(durations):
         rows = library.basis.design_matrix(np.clip(times_s / duration_s, 0.0, 1.0))
         design = np.vstack([np.kron(np.eye(library.n_observed, n_dofs), row) for row in rows])
-        spread = design @ prior @ design.T + np.diag(np.tile(noise, len(rows)))
+        spread = design @ prior @ design.T + np.diag(np.kron(crowding, noise))
         density = multivariate_normal(design @ prior_mean, spread).logpdf(values)
         log_weight[index] += library.duration_evidence * density
         gain = np.linalg.solve(spread, design @ prior).T

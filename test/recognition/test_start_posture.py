@@ -8,7 +8,8 @@ import pytest
 from scipy.stats import chi2, kstest
 from simulation import START_NS, draw_weights, make_library, simulate
 
-from intent_recognition.promp.prediction import StartPosture, controlled_weights, rollout
+from intent_recognition.promp.prediction import StartPosture, controlled_weights
+from intent_recognition.promp.trajectory import rollout
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.start_posture import (
     POSTURE_OUTSIDE,
@@ -141,9 +142,9 @@ def test_it_equals_conditioning_by_hand(library, recording):
         estimator.update(observation)
     prediction = estimator.predict_controlled(21)
     task = library.labels.index(prediction.task)
-    run = estimator._movement.filter.task_filters[task]
+    run = estimator._movement.filter.prediction(task)
     weights = controlled_weights(
-        library.primitives,
+        library,
         task,
         run.observed_weights(),
         StartPosture(start, start_variance(library)),

@@ -6,12 +6,12 @@ import pytest
 from simulation import make_library
 
 from intent_recognition.gaussian.normal import regression
-from intent_recognition.promp.aligned import N_KEPT
+from intent_recognition.promp.regressions import N_KEPT
 
 
 def test_every_task_s_regression_is_there_and_few_stay_in_memory(rng):
     library = make_library(rng, n_tasks=3 * N_KEPT, n_basis=4)
-    regressions = library.primitives.regressions
+    regressions = library.regressions
     assert len(regressions) == library.n_tasks
     for task, found in enumerate(regressions):
         expected = regression(library.primitive(task).weights, library.n_observed_weights)

@@ -10,15 +10,14 @@ from simulation import START_NS, make_library, minimum_jerk, simulate, weights_o
 
 from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
-from intent_recognition.filtering.movement import run_bank
-from intent_recognition.filtering.observation_model import ObservationModel
-from intent_recognition.filtering.task_filter import TaskFilter, TaskFilters, control_grid
+from intent_recognition.filtering.movement import MovementFilter, run_bank
+from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.promp.aligned import AlignedPrimitives
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
-from intent_recognition.promp.prediction import StartPosture, controlled_weights, rollout
+from intent_recognition.promp.prediction import StartPosture, controlled_weights
+from intent_recognition.promp.trajectory import rollout
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation, merge
 
@@ -30,7 +29,7 @@ def library_with(
     rng: np.random.Generator, phase_deviation: PhaseDeviation, **settings
 ) -> TaskLibrary:
     library = make_library(rng, n_tasks=2, n_controlled=2, n_basis=8, **settings)
-    return replace(library, aligned=replace(library.primitives, phase_deviation=phase_deviation))
+    return replace(library, phase_deviation=phase_deviation)
 
 
 def seen(library: TaskLibrary, rng: np.random.Generator, n: int, task: int = 0) -> list:
@@ -38,14 +37,11 @@ def seen(library: TaskLibrary, rng: np.random.Generator, n: int, task: int = 0) 
     return list(merge(recording.observed))[:n]
 
 
-def run_on(library, task, hypotheses, observations) -> TaskFilter:
-    run, model = (
-        TaskFilter(library, task, hypotheses),
-        ObservationModel(library, hypotheses, START_NS),
-    )
+def run_on(library, task, hypotheses, observations) -> TaskPrediction:
+    run = MovementFilter(library, hypotheses, START_NS)
     for observation in observations:
-        run.observe(model.for_prediction(observation))
-    return run
+        run.observe(observation)
+    return run.prediction(task)
 
 
 def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng):
@@ -57,7 +53,7 @@ def test_one_duration_at_steady_progress_is_the_rollout_of_the_bank(rng):
     noise = library.control_noise_variance()
     for start in (None, StartPosture(np.array([0.01, 0.02]), np.full(2, 1e-5))):
         observed = Gaussian(bank.mean[1], bank.covariance[1])
-        weights = controlled_weights(library.primitives, 1, observed, start)
+        weights = controlled_weights(library, 1, observed, start)
         times = np.array([0.0, 0.5, 1.0, 2.0])
         expected = rollout(library.basis, weights, times / 2, 2.0, noise)
         mean, square = run.mixture_at(np.r_[times, 5.0], start)
@@ -95,14 +91,12 @@ def test_mixture_equals_monte_carlo_over_durations_leads_weights_and_noise(rng):
     times = np.array([0.1, 0.8, 1.6, 4.0])
     mean, square = run.mixture_at(times)
     std = np.sqrt(square - mean**2)
-    n, phase_deviation = 60_000, run.filter.deviations_at(times)
+    n, phase_deviation = 60_000, run.deviations_at(times)
     drawn = []
     for s, count in enumerate(rng.multinomial(n, run.duration_weights)):
-        observed = Gaussian(run.filter.mean[s], run.filter.covariance[s])
-        w = rng.multivariate_normal(
-            *controlled_weights(library.primitives, 0, observed), size=count
-        )
-        recorded = times / run.filter.duration_s[s]
+        observed = Gaussian(run.bank.mean[s], run.bank.covariance[s])
+        w = rng.multivariate_normal(*controlled_weights(library, 0, observed), size=count)
+        recorded = times / run.durations_s[s]
         values = np.empty((count, len(times), 2))
         for t, phases in enumerate(reference_phase(LEADING, recorded)):
             at = rng.choice(
@@ -125,8 +119,8 @@ def test_tabulated_phases_keep_the_probability_and_the_mean_of_the_deviations(rn
     assert table.shape == (3, 11, 201)
     assert table.min() >= 0.0
     np.testing.assert_allclose(table.sum(axis=2), 1.0)
-    phase = reference_phase(LEADING, times / run.filter.duration_s[:, None])
-    mean = np.sum(run.filter.deviations_at(times) * phase, axis=2)
+    phase = reference_phase(LEADING, times / run.durations_s[:, None])
+    mean = np.sum(run.deviations_at(times) * phase, axis=2)
     np.testing.assert_allclose(table @ np.linspace(0, 1, 201), mean, atol=1e-12)
 
 
@@ -136,7 +130,7 @@ def test_the_controlled_agent_begins_and_ends_where_its_weights_say(rng, phase_d
     library = library_with(rng, phase_deviation)
     run = run_on(library, 0, make_hypotheses(library, n_scales=5), seen(library, rng, n))
     found = run.controlled(41)
-    weights = controlled_weights(library.primitives, 0, run.observed_weights())
+    weights = controlled_weights(library, 0, run.observed_weights())
     noise = library.control_noise_variance()
     ends = rollout(library.basis, weights, np.array([0.0, 1.0]), 1.0, noise)
     np.testing.assert_allclose(found.positions[[0, -1]], ends.positions, atol=1e-9)
@@ -147,7 +141,7 @@ def test_the_controlled_agent_begins_and_ends_where_its_weights_say(rng, phase_d
     end = run.controlled(1)
     for alone, whole in zip(end[:2], found[:2], strict=True):
         np.testing.assert_allclose(alone[0], whole[-1], atol=1e-9)
-    kept = run.controlled(41, grid=control_grid(library.primitives, 0))
+    kept = run.controlled(41, grid=control_grid(library, 0))
     for ours, theirs in zip(kept, found, strict=True):
         np.testing.assert_array_equal(ours, theirs)
 
@@ -167,7 +161,7 @@ def test_the_observed_agent_goes_on_from_now_to_the_end(rng):
     library = library_with(rng, LEADING)
     run = run_on(library, 0, make_hypotheses(library, n_scales=5), seen(library, rng, 10))
     found = run.observed(9)
-    assert found.times_s[0] == pytest.approx(run.filter.elapsed_s)
+    assert found.times_s[0] == pytest.approx(run.elapsed_s)
     assert found.times_s[-1] == pytest.approx(run.duration_s)
     weights = run.observed_weights().mean.reshape(3, -1)
     np.testing.assert_allclose(
@@ -221,58 +215,51 @@ def test_some_dofs_with_a_covariance_are_taken_as_such(rng):
         values=np.array([0.1, 0.0, 0.2]), covariance=np.diag([1e-4, 1e9, 2e-4]), dofs=None
     )
     one, other = (run_on(library, 0, hypotheses, [o]) for o in (part, whole))
-    np.testing.assert_allclose(one.filter.mean, other.filter.mean, atol=1e-7)
+    np.testing.assert_allclose(one.bank.mean, other.bank.mean, atol=1e-7)
     np.testing.assert_allclose(one.duration_weights, other.duration_weights, atol=1e-7)
-    np.testing.assert_allclose(one.filter.phase_deviation, other.filter.phase_deviation, atol=1e-7)
-
-
-def dense_stream(library: TaskLibrary, rng: np.random.Generator) -> list[Observation]:
-    """Two signals, at 100 and at 20 per second, and velocities of the first."""
-    observations = []
-    for k in range(100):
-        stamp = START_NS + k * 10_000_000
-        values = 0.01 * rng.normal(size=2)
-        observations.append(Observation(stamp, 0, values))
-        observations.append(Observation(stamp, 0, values, np.eye(2), None, True))
-        if k % 5 == 0:
-            observations.append(Observation(stamp, 1, 0.01 * rng.normal(size=1)))
-    return observations
-
-
-def test_each_signal_is_used_once_per_correlation_time(rng):
-    library = library_with(rng, LEADING, groups=(2, 1), correlation_time_s=0.1)
-    hypotheses = make_hypotheses(library, n_scales=3)
-    observations = dense_stream(library, rng)
-    task_filters = TaskFilters(ObservationModel(library, hypotheses, START_NS))
-    for observation in observations:
-        task_filters.observe(observation)
-    kept = [
-        o for o in observations if (o.stamp_ns - START_NS) % 100_000_000 == 0 and not o.derivative
-    ]
-    assert len(kept) == 20
-    expected = run_on(library, 1, hypotheses, kept)
-    np.testing.assert_array_equal(task_filters[1].filter.mean, expected.filter.mean)
-    np.testing.assert_array_equal(
-        task_filters[1].filter.phase_deviation, expected.filter.phase_deviation
-    )
+    times = np.linspace(0.0, 2.0, 5)
+    np.testing.assert_allclose(one.deviations_at(times), other.deviations_at(times), atol=1e-7)
 
 
 def test_asking_late_equals_asking_all_the_time(rng):
-    library = library_with(rng, LEADING, groups=(2, 1), correlation_time_s=0.03)
+    library = library_with(rng, LEADING)
     hypotheses = make_hypotheses(library, n_scales=3)
-    late, always = (TaskFilters(ObservationModel(library, hypotheses, START_NS)) for _ in range(2))
-    for observation in dense_stream(library, rng):
+    late, always = (MovementFilter(library, hypotheses, START_NS) for _ in range(2))
+    for observation in seen(library, rng, 20):
         late.observe(observation)
         always.observe(observation)
-        assert always[0].filter.elapsed_s is not None
+        assert np.all(np.isfinite(always.controlled(0, 5).positions))
     start = StartPosture(np.zeros(2), np.full(2, 1e-4))
-    for ours, theirs in zip(
-        late.controlled(0, 9, start), always.controlled(0, 9, start), strict=True
-    ):
-        np.testing.assert_array_equal(ours, theirs)
-    whole = late[0].controlled(9, start)
-    np.testing.assert_array_equal(late.controlled(0, 9, start).positions, whole.positions)
-    assert late[0] is late[0]
+    ours, theirs = (run.controlled(0, 9, start) for run in (late, always))
+    for one, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+    assert late.controlled(0, 9, start) is ours
+    assert late.controlled(0, 9) is not ours
+    assert late.prediction(0) is late.prediction(0)
+    np.testing.assert_array_equal(late.prediction(0).controlled(9, start).positions, ours.positions)
+    assert late.end_std(0, start) == {"rad": pytest.approx(ours.std[-1].max())}
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_the_controlled_agent_may_keep_steady_progress(rng, follows):
+    """Its phases then are those of the durations alone, whatever the observed one does."""
+    library = library_with(rng, LEADING._replace(controlled_follows=follows))
+    run = run_on(library, 0, make_hypotheses(library, n_scales=3), seen(library, rng, 8))
+    times = np.linspace(0.0, 3.0, 7)
+    phase, probability = run.controlled_phases_at(times)
+    if follows:
+        expected = reference_phase(LEADING, times / run.durations_s[:, None])
+        np.testing.assert_array_equal(probability, run.deviations_at(times))
+    else:
+        expected = np.clip(times / run.durations_s[:, None], 0.0, 1.0)[..., None]
+        np.testing.assert_array_equal(probability, 1.0)
+        steady = np.linspace(0.0, 1.0, 41)
+        weights = controlled_weights(library, 0, run.observed_weights())
+        noise = library.control_noise_variance()
+        wanted = rollout(library.basis, weights, steady, run.duration_s, noise)
+        found = run.controlled(41)
+        np.testing.assert_allclose(found.positions, wanted.positions, atol=1e-5)
+    np.testing.assert_allclose(phase, expected)
 
 
 def hesitation(recorded: np.ndarray) -> np.ndarray:
@@ -286,12 +273,16 @@ def swinging(phase_deviation: PhaseDeviation) -> TaskLibrary:
     shape = [minimum_jerk(phase), 0.4 * np.sin(2 * np.pi * phase), np.cos(2 * np.pi * phase)]
     mean = weights_of(basis, np.stack(shape, axis=1), phase)
     covariance = 0.02**2 * (0.98 * np.kron(np.eye(3), np.ones((25, 25))) + 0.02 * np.eye(75))
-    library = make_library(np.random.default_rng(0), n_tasks=1, groups=(2,), n_controlled=1)
-    noise = np.full(3, 0.01**2)
-    aligned = AlignedPrimitives(
-        basis, 2, mean.reshape(1, -1), covariance[None], noise, 1.0, phase_deviation
+    like = make_library(
+        np.random.default_rng(0), n_tasks=1, groups=(2,), n_controlled=1, n_basis=25
     )
-    return replace(library, aligned=aligned)
+    return replace(
+        like,
+        weight_mean=mean.reshape(1, -1),
+        weight_covariance=covariance[None],
+        noise_variance=np.full(3, 0.01**2),
+        phase_deviation=phase_deviation,
+    )
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -301,24 +292,18 @@ def test_who_hesitates_is_predicted_better_with_phase_deviations(seed):
     for phase_deviation in (LEADING, STEADY):
         rng = np.random.default_rng(seed)
         library = swinging(phase_deviation)
-        primitives = library.primitives
-        weights = rng.multivariate_normal(
-            primitives.weight_mean[0], primitives.weight_covariance[0]
-        )
-        hypotheses = fixed_hypotheses(library, 2.0)
-        run = TaskFilter(library, 0, hypotheses)
-        model = ObservationModel(library, hypotheses, START_NS)
+        weights = rng.multivariate_normal(library.weight_mean[0], library.weight_covariance[0])
+        run = MovementFilter(library, fixed_hypotheses(library, 2.0), START_NS)
 
-        def truth(times, weights=weights, basis=primitives.basis):
+        def truth(times, weights=weights, basis=library.basis):
             row = basis.design_matrix(hesitation(times / 2.0))
             return row @ weights.reshape(3, -1).T
 
         for time in np.arange(1, 18) / 30 * 2.0:
             values = truth(np.array([time]))[0, :2] + 0.01 * rng.normal(size=2)
-            observation = Observation(START_NS + round(time * 1e9), 0, values)
-            run.observe(model.for_prediction(observation))
+            run.observe(Observation(START_NS + round(time * 1e9), 0, values))
         ahead = np.linspace(0.6, 1.3, 15)
-        mean, square = run.mixture_at(ahead)
+        mean, square = run.prediction(0).mixture_at(ahead)
         error = mean[:, 0] - truth(ahead)[:, 2]
         errors.append(np.sqrt(np.mean(error**2)))
         covered.append(np.mean(np.abs(error) < 2 * np.sqrt(square - mean**2)[:, 0]))

@@ -1,0 +1,358 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Weights and phase deviation filtered together, against plain formulas and enumeration."""
+
+from dataclasses import replace
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal, multivariate_t
+from simulation import START_NS, make_library, minimum_jerk, weights_of
+
+from intent_recognition.filtering.deviation import DeviationHistory, Step, condition_on
+from intent_recognition.filtering.hypotheses import Hypotheses
+from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.observation_model import ObservationModel
+from intent_recognition.gaussian.batch import GaussianBatch, make_state
+from intent_recognition.gaussian.normal import Gaussian, condition
+from intent_recognition.promp import phase_deviation as progress_module
+from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.phase_deviation import (
+    PhaseDeviation,
+    deviation_prior,
+    deviation_transition,
+    reference_phase,
+)
+from intent_recognition.signals.observation import Observation
+
+seeds = st.integers(0, 2**32 - 1)
+freedoms = st.sampled_from([np.inf, 4.0])
+BRIDGE = np.sqrt(4.0 * np.linspace(0, 1, 51) * np.linspace(1, 0, 51))
+LEADING = PhaseDeviation(0.06 * BRIDGE + 0.004, 0.4, 1.0)
+N_BASIS = 8
+
+
+def library_with(
+    rng: np.random.Generator, phase_deviation: PhaseDeviation, freedom: float = np.inf
+) -> TaskLibrary:
+    library = make_library(rng, n_tasks=1, groups=(3,), n_controlled=1, n_basis=N_BASIS)
+    return replace(library, phase_deviation=phase_deviation, evidence_freedom=freedom)
+
+
+def with_known_weights(library: TaskLibrary) -> TaskLibrary:
+    return replace(library, weight_covariance=1e-14 * library.weight_covariance)
+
+
+def start(library: TaskLibrary, *durations_s: float) -> MovementFilter:
+    """A filter with these durations of the one task, and of none."""
+    n = len(durations_s)
+    log_prior = np.full(2 * n, -np.log(2.0 * n))
+    return MovementFilter(
+        library, Hypotheses(n, np.tile(np.array(durations_s), 2), log_prior), START_NS
+    )
+
+
+def seen(elapsed_s: float, values, dofs=(0, 1, 2), variance: float = 1e-4) -> Observation:
+    """Positions of some DOFs with a covariance; the learned noise comes on top of it."""
+    stamp_ns = START_NS + round(elapsed_s * 1e9)
+    return Observation(stamp_ns, 0, np.asarray(values), variance * np.eye(len(dofs)), tuple(dofs))
+
+
+def log_density(values, mean, covariance, freedom: float) -> np.ndarray:
+    if np.isinf(freedom):
+        return multivariate_normal(mean, covariance).logpdf(values)
+    return multivariate_t(mean, covariance, df=freedom).logpdf(values)
+
+
+def random_gaussians(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    size = 3 * N_BASIS
+    root = rng.normal(size=(n, size, size)) / np.sqrt(size)
+    return rng.normal(size=(n, size)), root @ np.swapaxes(root, 1, 2) + 0.05 * np.eye(size)
+
+
+def batch_of(mean: np.ndarray, covariance: np.ndarray) -> GaussianBatch:
+    return GaussianBatch(make_state(mean, covariance, N_BASIS), N_BASIS)
+
+
+def a_step(rng: np.random.Generator, n: int, n_deviations: int, freedom: float, exponent: float):
+    dofs = rng.permutation(3)[: rng.integers(1, 4)]
+    m = len(dofs)
+    root = rng.normal(size=(m, m))
+    rows = rng.normal(size=(n, n_deviations, N_BASIS))
+    noise = root @ root.T + 0.1 * np.eye(m)
+    moved = rng.dirichlet(np.ones(n_deviations), size=(n, n_deviations))
+    return Step(dofs, rows, rng.normal(size=m), noise, moved, exponent, freedom)
+
+
+@settings(max_examples=15)
+@given(seeds, freedoms)
+def test_a_single_deviation_is_the_gaussian_update(seed, freedom):
+    rng = np.random.default_rng(seed)
+    prior = random_gaussians(rng, 4)
+    ours, theirs, deviation = batch_of(*prior), batch_of(*prior), np.ones((4, 1))
+    for _ in range(4):
+        step = a_step(rng, 4, 1, freedom, 0.3)
+        evidence, likelihood = condition_on(ours, deviation, step)
+        expected = theirs.condition(
+            step.dofs, step.rows, step.values, step.noise_covariance, freedom
+        )
+        np.testing.assert_array_equal(evidence, expected)
+        np.testing.assert_array_equal(likelihood, 1.0)
+    for a, b in zip(ours.current(np.arange(4)), theirs.current(np.arange(4)), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@settings(max_examples=15)
+@given(seeds, freedoms, st.sampled_from([1.0, 0.3]))
+def test_a_step_is_what_its_formulas_say(seed, freedom, exponent):
+    """Mixture over the deviations; then the plain update at the expected basis functions."""
+    rng = np.random.default_rng(seed)
+    n, n_deviations = 3, 5
+    mean, covariance = random_gaussians(rng, n)
+    batch, deviation = batch_of(mean, covariance), rng.dirichlet(np.ones(n_deviations), size=n)
+    for _ in range(2):  # the second time, rows of the first are pending in the batch
+        step = a_step(rng, n, n_deviations, freedom, exponent)
+        before = deviation.copy()
+        evidence, _ = condition_on(batch, deviation, step)
+        for b in range(n):
+            believed = before[b] @ step.transition[b]
+            selected = np.eye(3)[step.dofs]
+            expected = np.kron(selected, believed @ step.rows[b])
+            spread = expected @ covariance[b] @ expected.T + step.noise_covariance
+            predicted = [np.kron(selected, row) @ mean[b] for row in step.rows[b]]
+            density = np.exp([log_density(step.values, p, spread, freedom) for p in predicted])
+            assert evidence[b] == pytest.approx(np.log(believed @ density), rel=1e-8, abs=1e-8)
+            believed = believed * density**exponent
+            believed /= believed.sum()
+            np.testing.assert_allclose(deviation[b], believed, rtol=1e-8, atol=1e-12)
+            induced = np.cov(np.array(predicted).T, aweights=believed, ddof=0)
+            (mean[b], covariance[b]), _ = condition(
+                Gaussian(mean[b], covariance[b]),
+                np.kron(selected, believed @ step.rows[b]),
+                step.values,
+                step.noise_covariance + induced,
+            )
+        found = batch.current(np.arange(n))
+        np.testing.assert_allclose(found[0], mean, rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(found[1], covariance, atol=1e-8)
+
+
+@settings(max_examples=10)
+@given(seeds)
+def test_hypotheses_are_conditioned_apart_each_with_its_values(seed):
+    rng = np.random.default_rng(seed)
+    prior, deviation = random_gaussians(rng, 4), rng.dirichlet(np.ones(5), size=4)
+    step = a_step(rng, 4, 5, 4.0, 0.5)
+    step = step._replace(values=rng.normal(size=(4, len(step.dofs))))
+    together, believed = batch_of(*prior), deviation.copy()
+    evidence, likelihood = condition_on(together, believed, step)
+    for b in range(4):
+        own = slice(b, b + 1)
+        alone, single = batch_of(prior[0][own], prior[1][own]), deviation[own].copy()
+        part = step.part(own)._replace(values=step.values[b])
+        added, weighed = condition_on(alone, single, part)
+        assert added[0] == pytest.approx(evidence[b], rel=1e-10)
+        np.testing.assert_allclose(single[0], believed[b], rtol=1e-10)
+        np.testing.assert_allclose(weighed[0], likelihood[b], rtol=1e-10)
+        np.testing.assert_allclose(
+            alone.current(np.array([0]))[1][0], together.current(np.array([b]))[1][0], atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.06])
+@pytest.mark.parametrize("freedom", [np.inf, 4.0])
+@pytest.mark.parametrize("exponent", [1.0, 0.4])
+def test_filtering_and_smoothing_equal_the_enumeration_of_all_paths(
+    rng, monkeypatch, exponent, freedom, late_s
+):
+    """Of known weights, for then the deviations are a hidden Markov chain, and all is exact.
+
+    A measurement that is late is taken at its own phase and at the present deviation.
+    """
+    monkeypatch.setattr(progress_module, "N_DEVIATIONS", 3)
+    library = with_known_weights(
+        library_with(rng, LEADING._replace(evidence=exponent), freedom=freedom)
+    )
+    run, model, weights = start(library, 2.0), library.phase_deviation, library.weight_mean[0]
+    times = np.array([0.3, 0.7, 0.7 - late_s, 1.2, 2.3])
+    dofs = [(0, 1), (1,), (0,), (0, 1), (1,)]
+    likelihood = np.zeros((5, 3))
+    for k, (time, these) in enumerate(zip(times, dofs, strict=True)):
+        phase = reference_phase(model, np.array(time / 2.0))
+        expected = library.basis.design_matrix(phase) @ weights.reshape(4, -1)[list(these)].T
+        values = expected[rng.integers(3)] + 0.02 * rng.normal(size=len(these))
+        run.observe(seen(time, values, these, 0.05**2))
+        noise = np.diag(library.noise_variance[list(these)] + 0.05**2)
+        likelihood[k] = np.exp([log_density(values, mean, noise, freedom) for mean in expected])
+    moves = [
+        deviation_transition(model, np.array(max(b - a, 0.0)) / 2.0)
+        for a, b in pairwise(np.maximum.accumulate(times))
+    ]
+    smoothed, total = np.zeros((5, 3)), 0.0
+    for path in product(range(3), repeat=5):
+        p = deviation_prior(model)[path[0]]
+        for move, a, b in zip(moves, path, path[1:], strict=False):
+            p *= move[a, b]
+        density = np.prod([likelihood[k, e] for k, e in enumerate(path)])
+        total += p * density
+        for k, e in enumerate(path):
+            smoothed[k, e] += p * density**exponent
+    smoothed /= smoothed.sum(axis=1, keepdims=True)
+    found = run.prediction(0).deviations_at(np.maximum.accumulate(times))[0]
+    np.testing.assert_allclose(found, smoothed, atol=1e-7)
+    if exponent == 1.0:
+        assert run.log_evidence[0] == pytest.approx(np.log(total), abs=1e-6)
+
+
+def test_the_history_gives_each_task_its_own_in_order_of_arrival():
+    """Hypotheses move in memory, and some take their measurements together, later."""
+    history = DeviationHistory()
+    arrived = (
+        (0.1, [0, 1, 2, 3]),
+        (0.3, [2, 3]),
+        (0.2, [2, 3]),
+        (0.3, [1, 0]),
+        (0.4, [3, 1, 2, 0]),
+    )
+    for k, (elapsed_s, hypotheses) in enumerate(arrived):
+        index = np.array(hypotheses)
+        believed = np.stack([10.0 * k + index, np.zeros(len(index))], axis=1)
+        history.add(elapsed_s, index, believed, -believed)
+    for first, times_s, steps in (
+        (0, [0.1, 0.3, 0.4], (0, 3, 4)),
+        (2, [0.1, 0.3, 0.3, 0.4], (0, 1, 2, 4)),
+    ):
+        found = history.of(first, first + 2)
+        np.testing.assert_array_equal(found.times_s, times_s)
+        expected = [[10.0 * k + first, 10.0 * k + first + 1] for k in steps]
+        np.testing.assert_array_equal(found.filtered[:, :, 0], expected)
+        np.testing.assert_array_equal(found.likelihood[:, :, 0], -np.array(expected))
+    assert not len(history.of(4, 6).times_s)
+
+
+def test_deviations_before_any_observation_are_the_prior(rng):
+    found = start(library_with(rng, LEADING), 1.0, 2.0).prediction(0)
+    found = found.deviations_at(np.array([0.0, 0.5, 9.0]))
+    np.testing.assert_array_equal(found, np.broadcast_to(deviation_prior(LEADING), (2, 3, 15)))
+
+
+def test_deviations_to_come_drift_back_to_the_prior(rng):
+    durations = (1.5, 2.0)
+    run = start(library_with(rng, LEADING), *durations)
+    for time in (0.1, 0.3, 0.35, 0.8):
+        run.observe(seen(time, rng.normal(size=3) * 0.1))
+    prediction = run.prediction(0)
+    found = prediction.deviations_at(0.8 + np.array([0.0, 0.4, 400.0]))
+    np.testing.assert_allclose(found.sum(axis=2), 1.0)
+    np.testing.assert_allclose(found[:, 2], np.tile(deviation_prior(LEADING), (2, 1)), atol=1e-9)
+    for s, duration in enumerate(durations):
+        moved = found[s, 0] @ deviation_transition(LEADING, np.array(0.4 / duration))
+        np.testing.assert_allclose(found[s, 1], moved, atol=1e-12)
+
+
+def test_covariances_stay_positive_definite_over_many_steps(rng):
+    run = start(library_with(rng, LEADING), 1.5, 2.0, 2.5)
+    before = np.trace(run.bank.covariance, axis1=1, axis2=2)
+    for time in np.linspace(0.0, 4.0, 800):
+        run.observe(seen(time, rng.normal(size=3) * 0.01, variance=1e-6))
+    bank = run.bank
+    assert np.array_equal(bank.covariance, np.swapaxes(bank.covariance, 1, 2))
+    assert np.linalg.eigvalsh(bank.covariance).min() > 0.0
+    assert np.all(np.trace(bank.covariance, axis1=1, axis2=2) < before)
+    deviations = run.prediction(0).deviations_at(np.linspace(0, 5, 30))
+    np.testing.assert_allclose(deviations.sum(axis=2), 1.0)
+
+
+@pytest.mark.parametrize("freedom", [np.inf, 4.0])
+@pytest.mark.parametrize("far", [1.0, 1e3, 1e6])
+def test_measurements_far_off_leave_finite_probabilities(rng, far, freedom):
+    """Deviations that no float can tell from impossible must come back, at equal stamps too."""
+    run = start(library_with(rng, LEADING, freedom), 1.5, 2.0)
+    for time, sign in ((0.5, 1), (0.5, -1), (0.5, 1), (0.9, -1), (1.0, 1)):
+        run.observe(seen(time, sign * far * np.ones(3), variance=1e-6))
+    found = run.prediction(0).deviations_at(np.array([0.2, 0.5, 0.95, 3.0]))
+    np.testing.assert_allclose(found.sum(axis=2), 1.0)
+    assert np.all(np.isfinite(run.log_evidence))
+    assert np.all(np.isfinite(run.bank.mean))
+
+
+def test_signals_with_the_same_stamp_may_come_one_after_the_other(rng):
+    """With weights known, DOFs at one stamp are independent evidence of the deviation."""
+    library = with_known_weights(library_with(rng, LEADING))
+    once, twice = start(library, 2.0), start(library, 2.0)
+    for time in (0.4, 0.8, 1.2):
+        values = rng.normal(size=3) * 0.1
+        once.observe(seen(time, values, variance=0.01))
+        twice.observe(seen(time, values[:1], (0,), 0.01))
+        twice.observe(seen(time, values[1:], (1, 2), 0.01))
+    assert twice.log_evidence[0] == pytest.approx(once.log_evidence[0], abs=1e-9)
+    times = np.linspace(0, 3, 13)
+    ours, theirs = (run.prediction(0).deviations_at(times) for run in (twice, once))
+    np.testing.assert_allclose(ours, theirs, atol=1e-9)
+
+
+def known_reach() -> TaskLibrary:
+    """Two DOFs that reach and swing, nearly the same in every demonstration."""
+    basis, phase = NormalizedRBFBasis(25, 1.0), np.linspace(0.0, 1.0, 400)
+    shape = np.stack([minimum_jerk(phase), 0.4 * np.sin(2 * np.pi * phase), phase], axis=1)
+    mean = weights_of(basis, shape, phase)
+    size = mean.size
+    covariance = 0.02**2 * (0.98 * np.kron(np.eye(3), np.ones((25, 25))) + 0.02 * np.eye(size))
+    like = make_library(
+        np.random.default_rng(0), n_tasks=1, groups=(2,), n_controlled=1, n_basis=25
+    )
+    return replace(
+        like,
+        weight_mean=mean.reshape(1, -1),
+        weight_covariance=covariance[None],
+        noise_variance=np.full(3, 0.005**2),
+        phase_deviation=PhaseDeviation(0.08 * BRIDGE + 0.004, 0.4, 1.0),
+    )
+
+
+def hesitation(recorded: np.ndarray) -> np.ndarray:
+    """Reference phase of a person who stands still from 0.4 to 0.55 and makes up for it."""
+    return np.interp(recorded, [0.0, 0.4, 0.55, 1.0], [0.0, 0.45, 0.45, 1.0])
+
+
+def shift(recorded: np.ndarray) -> np.ndarray:
+    """Reference phase of a person who is ahead by 0.1 amid the movement."""
+    return recorded + 0.1 * np.sin(np.pi * recorded)
+
+
+@pytest.mark.parametrize("person", [hesitation, shift])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_persons_progress_is_followed(person, seed):
+    rng, library = np.random.default_rng(seed), known_reach()
+    run = start(library, 2.0)
+    weights = rng.multivariate_normal(library.weight_mean[0], library.weight_covariance[0])
+    times = np.arange(1, 31) / 30 * 2.0
+    for time in times:
+        row = library.basis.design_matrix(person(np.array([time / 2.0])))
+        values = (row @ weights.reshape(3, -1).T)[0, :2] + 0.005 * rng.normal(size=2)
+        run.observe(Observation(START_NS + round(time * 1e9), 0, values))
+    recorded = times / 2.0
+    phase = reference_phase(library.phase_deviation, recorded)
+    followed = np.sum(run.prediction(0).deviations_at(times)[0] * phase, axis=1)
+    truth = person(recorded)
+    error, steady = (np.sqrt(np.mean((p - truth) ** 2)) for p in (followed, recorded))
+    assert error < 0.5 * steady
+    assert error < 0.03
+
+
+def test_every_hypothesis_steps_at_its_own_phase(rng):
+    """Rows and transitions of a measurement, from the phase model."""
+    library = library_with(rng, LEADING)
+    hypotheses = Hypotheses(2, np.array([1.5, 2.0, 1.5, 2.0]), np.log(np.full(4, 0.25)))
+    model = ObservationModel(library, hypotheses, START_NS)
+    first, second = (model.measurement(seen(time, np.zeros(3))) for time in (0.5, 0.8))
+    assert model.step(first, slice(None)).transition is None
+    step = model.step(second, np.array([1, 0]))
+    for at, duration in enumerate((2.0, 1.5)):
+        phase = reference_phase(LEADING, np.array(0.8 / duration))
+        np.testing.assert_allclose(step.rows[at], library.basis.design_matrix(phase))
+        moved = deviation_transition(LEADING, np.array(0.3 / duration))
+        np.testing.assert_allclose(step.transition[at], moved, atol=1e-12)

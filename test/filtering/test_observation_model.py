@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which observations are used, and with which noise."""
+
+import numpy as np
+import pytest
+from simulation import START_NS, make_library
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
+from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.filtering.observation_model import ObservationModel
+from intent_recognition.signals.observation import Observation
+
+CORRELATION_S = 0.1
+
+
+@pytest.fixture
+def library(rng):
+    return make_library(rng, groups=(2, 1), n_basis=6, correlation_time_s=CORRELATION_S)
+
+
+@pytest.fixture
+def model(library) -> ObservationModel:
+    return ObservationModel(library, make_hypotheses(library, n_scales=3), START_NS)
+
+
+def seen(elapsed_s: float, group: int = 0, dofs=None, covariance=None, *, derivative=False):
+    size = len(dofs) if dofs is not None else (2, 1)[group]
+    stamp_ns = START_NS + round(elapsed_s * 1e9)
+    return Observation(stamp_ns, group, np.zeros(size), covariance, dofs, derivative)
+
+
+def dense_stream() -> list[Observation]:
+    """Two signals, at 100 and at 25 per second, and velocities of the first."""
+    observations = []
+    for k in range(100):
+        observations.append(seen(0.01 * k))
+        observations.append(seen(0.01 * k, covariance=np.eye(2), derivative=True))
+        if k % 4 == 0:
+            observations.append(seen(0.01 * k, 1))
+    return observations
+
+
+def test_each_signal_is_used_twice_per_correlation_time(model):
+    used = [o for o in dense_stream() if model.measurement(o) is not None]
+    for group, derivative, every_ms in ((0, False, 50), (0, True, 50), (1, False, 80)):
+        stamps = [
+            round((o.stamp_ns - START_NS) * 1e-6)
+            for o in used
+            if (o.group, o.derivative) == (group, derivative)
+        ]
+        assert stamps == list(range(0, 1000, every_ms))
+
+
+def test_what_is_not_used_leaves_no_trace(library):
+    hypotheses = make_hypotheses(library, n_scales=3)
+    runs = [MovementFilter(library, hypotheses, START_NS) for _ in range(2)]
+    model = ObservationModel(library, hypotheses, START_NS)
+    for observation in dense_stream():
+        runs[0].observe(observation)
+        if model.measurement(observation) is not None:
+            runs[1].observe(observation)
+    for ours, theirs in zip(runs[0].bank, runs[1].bank, strict=True):
+        assert np.array_equal(ours, theirs)
+
+
+def test_stamps_that_jitter_by_a_microsecond_lose_no_observation(model):
+    stamps = [0.05 * k + (-1) ** k * 1e-6 for k in range(20)]
+    assert all(model.measurement(seen(stamp)) is not None for stamp in stamps)
+
+
+def test_noise_grows_as_samples_get_denser(library, model):
+    learned = library.noise_variance[:2]
+    for elapsed_s, crowding in ((0.0, 1.0), (0.05, 2.0), (0.13, 1.25), (0.4, 1.0)):
+        found = model.measurement(seen(elapsed_s))
+        np.testing.assert_allclose(found.noise_covariance, np.diag(learned * crowding))
+        assert found.elapsed_s == pytest.approx(elapsed_s)
+
+
+def test_a_part_of_a_signal_is_thinned_for_itself_its_noise_counts_each_dof(library, model):
+    """One that is seen for the first time beside one just seen is as crowded as that one."""
+    assert model.measurement(seen(0.0, dofs=(0,))) is not None
+    assert model.measurement(seen(0.02, dofs=(0,))) is None
+    other = model.measurement(seen(0.02, dofs=(1,)))
+    np.testing.assert_allclose(other.noise_covariance, [[library.noise_variance[1]]])
+    both = model.measurement(seen(0.04))
+    np.testing.assert_allclose(both.noise_covariance, np.diag(library.noise_variance[:2] * 5.0))
+
+
+def test_the_sender_s_covariance_is_not_scaled(library, model):
+    covariance = np.array([[2e-3, 1e-3], [1e-3, 3e-3]])
+    model.measurement(seen(0.0))
+    found = model.measurement(seen(0.05, covariance=covariance))
+    expected = covariance + np.diag(2.0 * library.noise_variance[:2])
+    np.testing.assert_allclose(found.noise_covariance, expected)
+    velocity = model.measurement(seen(0.05, covariance=covariance, derivative=True))
+    np.testing.assert_array_equal(velocity.noise_covariance, covariance)
+
+
+def test_intervals_run_between_used_measurements_of_any_signal(model):
+    intervals = [
+        model.measurement(seen(elapsed_s, group)).interval_s
+        for elapsed_s, group in ((0.1, 0), (0.3, 1), (0.25, 0), (0.31, 0), (0.6, 0))
+    ]
+    np.testing.assert_allclose(intervals, [np.inf, 0.2, 0.0, 0.01, 0.29])
+
+
+def test_what_is_not_used_is_checked_all_the_same(model):
+    model.measurement(seen(0.0))
+    with pytest.raises(ArgumentError, match="finite"):
+        model.measurement(seen(0.01)._replace(values=np.array([np.nan, 0.0])))
+
+
+def test_rows_of_a_velocity_are_the_slope_of_those_of_a_position(library):
+    hypotheses = Hypotheses(1, np.array([1.5, 2.0, 2.5, 3.0]), np.log(np.full(4, 0.25)))
+    model, step_s = ObservationModel(library, hypotheses, START_NS), 1e-5
+
+    def rows(elapsed_s: float, *, derivative: bool = False) -> np.ndarray:
+        found = seen(elapsed_s, covariance=np.eye(2), derivative=derivative)
+        measurement = ObservationModel(library, hypotheses, START_NS).measurement(found)
+        return model.step(measurement, slice(None)).rows
+
+    slope = (rows(0.7 + step_s) - rows(0.7 - step_s)) / (2.0 * step_s)
+    np.testing.assert_allclose(rows(0.7, derivative=True), slope, atol=1e-6)
