@@ -73,7 +73,7 @@ def test_the_lead_stays_while_nothing_passes(step):
 
 @pytest.mark.parametrize("step", [1e-3, 0.033, 0.2, 0.8, 2.0])
 def test_the_lead_is_forgotten_like_an_ornstein_uhlenbeck_process(step):
-    """Means decay as exp(-u / correlation), nearly: Student's distribution bends the slowest mode."""
+    """Means decay as exp(-u / correlation), nearly: the slowest mode is not straight."""
     phase_deviation = a_progress()
     grid, prior = deviation_grid(phase_deviation), deviation_prior(phase_deviation)
     variance = prior @ grid**2
