@@ -15,10 +15,7 @@ from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis
 from intent_recognition.signals import Demonstration
 
 STRENGTH = 10.0
-"""Equivalent sample size of the structured target, in demonstrations.
-
-Convention: the middle of the values from which `learn` chooses by leave-one-out prediction.
-"""
+"""Equivalent sample size of the structured target, in demonstrations. Convention."""
 
 
 def fit_interaction_promp(
@@ -33,7 +30,7 @@ def fit_interaction_promp(
     Each demonstration is taken from its start to its end, its phase running evenly from 0 to 1;
     `cut_to_movement` cuts recordings with rest at their ends. The sample covariance (Maeda et al.
     2014, Eq. 5) is shrunk toward a structured target (`promp.structured_target`), because few
-    demonstrations leave it singular. `learn` fits all tasks at once and chooses the strength.
+    demonstrations leave it singular. `learn` fits all tasks at once.
 
     Args:
         demonstrations: two or more with the same DOFs, all of one task.

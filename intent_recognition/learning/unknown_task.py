@@ -141,13 +141,10 @@ def learn_none_margin(
     without: dict[int, _Without] = {}
     unknown, known = [], []
     for k, example, as_recorded in pairs:
-        own = observed_block(statistics[k].moments, library.n_observed_weights)
         rivals = np.setdiff1d(calibrating, [k])
         if len(rivals):
             if k not in without:
-                rest = Scatter(pooled.matrix - own.matrix, pooled.freedom - own.freedom)
-                covariance = shared_covariance(rest if rest.freedom else pooled, floor, STRENGTH)
-                without[k] = _without(library, np.array([k]), covariance, departed)
+                without[k] = _without_task(library, tasks, k, pooled)
             compared = nearest_tasks(statistics, example, rivals)
             factors = log_factors(without[k], compared, len(rivals), as_recorded)
             unknown.append(float(np.max(factors)))
@@ -227,6 +224,20 @@ def _without(
     none = none_primitive(means, inflation[:, None, None] * covariance, departed)
     timing = none_timing(library.log_duration_mean[kept], library.log_duration_std[kept])
     return _Without(library, mean, covariance, n, none, timing)
+
+
+def _without_task(
+    library: TaskLibrary, tasks: Mapping[str, TaskStatistics], number: int, pooled: Scatter
+) -> _Without:
+    """As a library of the other tasks would have it."""
+    label, n_observed = library.labels[number], library.n_observed
+    own = observed_block(tasks[label].moments, library.n_observed_weights)
+    rest = Scatter(pooled.matrix - own.matrix, pooled.freedom - own.freedom)
+    kept = {other: task for other, task in tasks.items() if other != label}
+    floor = variance_scales(kept)[0][:n_observed]
+    covariance = shared_covariance(rest if rest.freedom else pooled, floor, STRENGTH)
+    departed = departure(list(kept.values()), n_observed)
+    return _without(library, np.array([number]), covariance, departed)
 
 
 def _without_demonstration(

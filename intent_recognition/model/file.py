@@ -17,7 +17,13 @@ from intent_recognition.demonstrations import DofSpec
 from intent_recognition.durable import commit
 from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
 from intent_recognition.learning import Trained
-from intent_recognition.model.arrays import RETRAIN, check_arrays, check_covariances, check_positive
+from intent_recognition.model.arrays import (
+    LARGEST,
+    RETRAIN,
+    check_arrays,
+    check_covariances,
+    check_positive,
+)
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
 from intent_recognition.promp import NONE, NormalizedRBFBasis, PhaseDeviation, TaskLibrary
 from intent_recognition.signals import OnsetSettings
@@ -275,8 +281,10 @@ def _phase_deviation(
     try:
         entry = header["phase_deviation"]
         correlation, evidence = float(entry["correlation"]), float(entry["evidence"])
-        follows = bool(entry["controlled_follows"])
-    except (KeyError, TypeError, ValueError) as error:
+        follows = entry["controlled_follows"]
+        if not isinstance(follows, bool):
+            raise TypeError(f"controlled_follows {follows!r}")
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ModelError(
             describe(f"{path}: phase_deviation", "a complete header", error, RETRAIN)
         ) from error
@@ -298,8 +306,10 @@ def _freedom(path: str | Path, header: dict) -> float:
     found = header.get("evidence_freedom")
     if found is None:
         return inf
-    if not isinstance(found, (int, float)) or not 0.0 < found < inf:
-        raise ModelError(describe(f"{path}: evidence_freedom", "above zero", found, RETRAIN))
+    number = isinstance(found, (int, float)) and not isinstance(found, bool)
+    if not number or not 0.0 < found <= LARGEST:
+        expected = f"above zero and up to {LARGEST:g}, or null"
+        raise ModelError(describe(f"{path}: evidence_freedom", expected, found, RETRAIN))
     return float(found)
 
 

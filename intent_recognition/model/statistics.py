@@ -90,12 +90,15 @@ def unpack_statistics(
         n_dofs = library.n_observed + library.n_controlled
         timing = _timing(path, header["preprocessing"]["templates"], arrays, n_dofs)
         preprocessing = _preprocessing(header["preprocessing"], timing)
-        chosen = Hyperparameters(**header["chosen"])
+        chosen = _hyperparameters(header["chosen"])
         labels, names = tuple(header["labels"]), tuple(header["examples"])
     except (KeyError, TypeError, AttributeError, ArgumentError) as error:
         raise ModelError(
             describe(f"{path}: statistics", "a complete header", error, RETRAIN)
         ) from error
+    if preprocessing.basis_of(chosen.aligned) != library.basis:
+        expected = f"hyperparameters of {library.basis}"
+        raise ModelError(describe(f"{path}: statistics", expected, chosen, RETRAIN))
     if labels != library.labels:
         raise ModelError(
             describe(f"{path}: statistics", f"the tasks {library.labels}", labels, RETRAIN)
@@ -113,6 +116,21 @@ def unpack_statistics(
     aligned = _unpack_tasks(labels, names, arrays, ALIGNED)
     tasks = _unpack_tasks(labels, names, arrays, STEADY, aligned)
     return Trained(library, preprocessing, tasks, chosen)
+
+
+def _hyperparameters(chosen: Mapping) -> Hyperparameters:
+    """Those of the header.
+
+    Raises:
+        KeyError: one is missing.
+        TypeError: one is of another type, or too many.
+    """
+    if set(chosen) != set(Hyperparameters._fields):
+        raise KeyError(f"chosen of {', '.join(Hyperparameters._fields)}")
+    aligned, numbers = chosen["aligned"], [chosen[name] for name in Hyperparameters._fields[1:]]
+    if not isinstance(aligned, bool) or not all(isinstance(n, (int, float)) for n in numbers):
+        raise TypeError(f"chosen {dict(chosen)}")
+    return Hyperparameters(aligned, *(float(number) for number in numbers))
 
 
 def _pack_tasks(tasks: Sequence[TaskStatistics], kind: str) -> dict[str, NDArray[Any]]:

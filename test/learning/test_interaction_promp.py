@@ -6,9 +6,11 @@ import pytest
 from simulation import make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
+from intent_recognition.learning.accumulation import accumulate
+from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.interaction_promp import fit_interaction_promp
+from intent_recognition.learning.selection import REGRESSION_STRENGTH, Hyperparameters
 from intent_recognition.learning.settings import TrainingSettings
-from intent_recognition.learning.training import learn_with_report
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.signals.demonstration import Demonstration
 
@@ -23,9 +25,10 @@ def truth(rng):
 def test_it_is_what_learning_makes_of_one_task(truth, rng):
     recordings = [simulate(truth, 0, rng, name=f"demo_{k}") for k in range(6)]
     settings = TrainingSettings(n_basis=8, segmentation="recording")
-    report = learn_with_report(recordings, settings)
-    found = fit_interaction_promp(recordings, basis=BASIS, strength=report.chosen.strength)
-    expected = report.library.primitive(0)
+    data = accumulate(recordings, settings)
+    library = library_from_statistics(data.tasks, data.preprocessing, Hyperparameters())
+    found = fit_interaction_promp(recordings, basis=BASIS, strength=REGRESSION_STRENGTH)
+    expected = library.primitive(0)
     np.testing.assert_allclose(found.weights.mean, expected.weights.mean, rtol=0, atol=1e-12)
     np.testing.assert_allclose(
         found.weights.covariance, expected.weights.covariance, rtol=0, atol=1e-12

@@ -8,12 +8,14 @@ import pytest
 from simulation import START_NS, minimum_jerk
 
 from intent_recognition.learning.timing import (
+    ALIGNED_FLOOR,
     DEFAULT_DEVIATION_STD,
     MIN_DEVIATION_STD,
+    STEADY_FLOOR,
+    STEADY_SHARE,
     Timing,
     estimate_timing,
 )
-from intent_recognition.promp.phase_deviation import PhaseDeviation
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.signal import Signal
 
@@ -129,8 +131,16 @@ def test_timings_are_equal_where_all_of_them_is(rng):
     assert timing != "timing"
 
 
-def test_its_progress_has_the_phase_deviations(rng):
+def test_aligned_primitives_leave_all_of_the_deviation_to_the_phase(rng):
+    """Those at steady progress hold a part of it in their covariance; both have a floor."""
     timing = estimate_timing(some(rng))
-    assert isinstance(timing.phase_deviation, PhaseDeviation)
-    np.testing.assert_array_equal(timing.phase_deviation.deviation_std, timing.deviation_std)
-    assert 0.0 < timing.phase_deviation.evidence <= 1.0
+    aligned, steady = timing.phase_deviation(True), timing.phase_deviation(False)
+    wide = timing.deviation_std > ALIGNED_FLOOR
+    assert wide.any() and not wide.all()
+    np.testing.assert_array_equal(aligned.deviation_std[wide], timing.deviation_std[wide])
+    np.testing.assert_array_equal(aligned.deviation_std[~wide], ALIGNED_FLOOR)
+    assert steady.deviation_std[25] == STEADY_SHARE * timing.deviation_std[25]
+    assert steady.deviation_std.min() == STEADY_FLOOR
+    assert aligned.controlled_follows and not steady.controlled_follows
+    for deviation in (aligned, steady):
+        assert 0.0 < deviation.evidence <= 1.0 and deviation.correlation > 0.0

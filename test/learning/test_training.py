@@ -39,7 +39,7 @@ def test_weights_of_an_example_are_those_it_was_simulated_with(truth, rng):
     example = make_example(recording, truth.basis, 1e-9)
     np.testing.assert_allclose(example.weights, w, atol=2e-3)
     assert example.duration_s == pytest.approx(1.7)
-    phase = (np.arange(30) + 0.5) / 30
+    phase = (np.arange(60) + 0.5) / 60
     expected = truth.basis.design_matrix(phase) @ w[:3].T
     np.testing.assert_allclose(example.observed, expected, atol=1e-3)
     expected = truth.basis.design_matrix(np.linspace(0, 1, 20)) @ w[3:].T
@@ -80,19 +80,21 @@ def test_few_demonstrations_train_with_positive_definite_covariances(truth, rng,
     if n_each == 1:
         examples.append(simulate(truth, 0, rng, name="second"))
     library = learn(examples, WHOLE)
-    for covariance in (*library.weight_covariance, library.none_covariance):
+    covariances = (*library.weight_covariance, *library.observed_covariance)  # and of none
+    for covariance in covariances:
         assert np.array_equal(covariance, covariance.T)
         assert np.linalg.eigvalsh(covariance).min() > 0
     assert np.all(np.isfinite(library.log_duration_std))
     assert np.all(library.log_duration_std >= 0.05)
-    assert library.primitive(0).weights.covariance.shape == (40, 40)
+    size = 5 * library.basis.n_basis
+    assert library.primitive(0).weights.covariance.shape == (size, size)
 
 
 def test_identical_demonstrations_train(truth, rng):
     one = simulate(truth, 0, rng)
     library = learn([one, replace(one, name="again"), replace(one, name="third")], WHOLE)
     assert np.linalg.eigvalsh(library.weight_covariance[0]).min() > 0
-    assert np.all(np.isfinite(library.primitives.regressions[0].matrix))
+    assert np.all(np.isfinite(library.regressions[0].matrix))
 
 
 def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
@@ -177,5 +179,9 @@ def test_settings_out_of_range_are_named(options, words):
 
 
 def test_the_basis_of_the_settings_is_used(truth, rng):
-    library = learn(recordings(truth, rng, 2), replace(WHOLE, n_basis=13, width=1.4))
-    assert library.basis == NormalizedRBFBasis(13, 1.4)
+    options = replace(WHOLE, n_basis=13, n_aligned_basis=17, width=1.4)
+    report = learn_with_report(recordings(truth, rng, 2), options)
+    n_basis = 17 if report.chosen.aligned else 13
+    assert report.library.basis == NormalizedRBFBasis(n_basis, 1.4)
+    preprocessing = report.trained.preprocessing
+    assert [preprocessing.basis_of(aligned).n_basis for aligned in (False, True)] == [13, 17]

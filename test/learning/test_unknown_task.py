@@ -9,27 +9,31 @@ from hypothesis import given
 from hypothesis import strategies as st
 from simulation import make_library, simulate
 
-from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import make_hypotheses
 from intent_recognition.filtering.movement import MovementFilter
-from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.learning import unknown_task
-from intent_recognition.learning.movement_evidence import prefix_log_evidence
+from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
+from intent_recognition.learning.fitting import library_from_statistics, statistics_of
 from intent_recognition.learning.statistics import merge_statistics, summarize
-from intent_recognition.learning.training import TrainingSettings, learn, learn_with_report
+from intent_recognition.learning.training import (
+    TrainingSettings,
+    learn,
+    learn_with_report,
+    with_margin,
+)
 from intent_recognition.learning.unknown_task import (
-    calibrate,
-    calibrate_none,
     calibrating_tasks,
     departure,
     is_outdated,
+    learn_none_margin,
+    log_factors,
+    margin_between,
     none_primitive,
 )
-from intent_recognition.promp.library import IDENTITY_CALIBRATION
-from intent_recognition.recognition.posterior import read_factor, task_posterior
-from intent_recognition.signals.observation import merge
+from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.signals.observation import Observation, merge
 
-WHOLE = TrainingSettings(n_basis=8, segmentation="recording")
+WHOLE = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")
 seeds = st.integers(0, 2**32 - 1)
 factors = st.floats(-1e6, 1e6)
 
@@ -46,6 +50,18 @@ def recordings():
 def report(recordings):
     """What was learned from them."""
     return learn_with_report(recordings, WHOLE)
+
+
+class Watched:
+    """In place of `log_factors`: which movements it is asked for."""
+
+    def __init__(self):
+        self.movements, self.asked = [], []
+
+    def __call__(self, without, compared, n_tasks, recorded):
+        self.asked.append((without, compared, n_tasks))
+        self.movements.append(recorded)
+        return np.array([float(len(self.movements))])
 
 
 def examples_of(report) -> list:
@@ -79,83 +95,129 @@ def test_none_is_positive_definite_and_wider_than_the_tasks(seed, n_tasks, sprea
     assert np.linalg.eigvalsh(rest).min() > -1e-9 * np.abs(rest).max()
 
 
-@given(st.lists(factors, min_size=2, max_size=20), st.lists(st.floats(0.01, 1.0), min_size=2))
-def test_reading_a_factor_is_monotone_and_can_leave_it_alone(values, slopes):
-    ordered = np.sort(values)
-    calibration = (slopes[0], 3.0, slopes[1], -2.0)
-    assert np.all(np.diff(read_factor(ordered, calibration)) >= -1e-9 * np.abs(ordered).max())
-    assert read_factor(ordered, IDENTITY_CALIBRATION) == pytest.approx(
-        ordered, rel=1e-12, abs=1e-12
+NOTHING = np.zeros(0)
+
+
+def test_unknown_movements_stay_below_their_conformal_quantile():
+    """The highest of 19, the second of 39; fewer are extrapolated, of fewer than two nothing."""
+    values = np.random.default_rng(1).permutation(np.arange(1.0, 60.0))
+    for n in range(19, 60):
+        rank = -(-19 * (n + 1) // 20)
+        assert margin_between(values[:n], NOTHING) == np.sort(values[:n])[rank - 1]
+    assert margin_between(np.arange(19.0), NOTHING) == 18.0
+    assert margin_between(np.arange(39.0), NOTHING) == 37.0
+    extrapolated = 2.0 + 1.6448536 * np.sqrt(2.0)
+    assert margin_between(np.array([1.0, 3.0]), NOTHING) == pytest.approx(extrapolated)
+    assert margin_between(np.array([5.0]), NOTHING) == margin_between(NOTHING, NOTHING) == 0.0
+
+
+@given(st.lists(st.floats(1.0, 1e6), min_size=20, max_size=70, unique=True))
+def test_one_more_movement_exceeds_the_margin_in_one_of_twenty(highest):
+    """Whichever of them is the one more: that is what makes it conformal."""
+    values = np.array(highest)
+    exceed = [v > margin_between(np.delete(values, i), NOTHING) for i, v in enumerate(values)]
+    assert sum(exceed) <= 0.05 * len(values)
+
+
+@given(st.lists(factors, min_size=2, max_size=18), st.floats(0.0, 1e6))
+def test_few_movements_give_a_margin_above_all_of_them(highest, added):
+    margin = margin_between(np.array(highest), NOTHING)
+    assert margin >= max(*highest, 0.0)
+    assert margin_between(np.array(highest) + added, NOTHING) >= margin - 1e-6
+    assert margin_between(np.array(highest[::-1]), NOTHING) == pytest.approx(margin)
+
+
+def test_a_gap_between_unknown_and_known_movements_is_shared_in_halves():
+    unknown = np.arange(19.0)  # below 18
+    known = np.linspace(40.0, 60.0, 21)  # 5 % of them below 41
+    assert margin_between(unknown, known) == pytest.approx(0.5 * (18.0 + 41.0))
+    assert margin_between(unknown, known - 30.0) == 18.0  # no gap: unknown movements decide
+    assert margin_between(unknown - 100.0, known - 200.0) == 0.0
+    assert margin_between(unknown, known[:1]) == 18.0
+
+
+def test_factors_are_those_of_the_filter_that_runs_online(report):
+    tasks = statistics_of(report.trained.tasks, report.chosen.aligned)
+    library = replace(report.library, correlation_time_s=2.4 / SAMPLES_PER_MOVEMENT)
+    recorded = examples_of(report)[3]._replace(duration_s=2.4)
+    inflation = 1.0 + 1.0 / library.n_demonstrations[0]
+    whole = unknown_task._without(
+        library,
+        np.array([], dtype=int),
+        library.observed_covariance[0] / inflation,
+        departure(list(tasks.values()), library.n_observed),
     )
+    found = log_factors(whole, np.arange(library.n_tasks), library.n_tasks, recorded)
+    hypotheses = make_hypotheses(library, n_scales=unknown_task.N_CALIBRATED_SCALES)
+    run, expected = MovementFilter(library, hypotheses, 0), []
+    for k, (phase, values) in enumerate(zip(sample_phases(), recorded.observed, strict=True)):
+        also = None if k else library.noise_covariance(np.arange(library.n_observed), np.inf)
+        run.observe(Observation(round(phase * 2.4e9), 0, values, also))
+        plain = hypotheses._replace(none_margin=0.0, duration_evidence=1.0)
+        evidence = task_posterior(run.log_evidence, plain, phase * 2.4).log_evidence
+        expected.append(np.logaddexp.reduce(evidence[:-1]) - np.log(4) - evidence[-1])
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
 
 
-def test_a_factor_between_the_thresholds_counts_next_to_nothing():
-    calibration = (1.0, 20.0, 0.5, -30.0)
-    assert np.all(np.abs(read_factor(np.linspace(-15.0, 10.0, 20), calibration)) < 1e-3)
-    assert read_factor(50.0, calibration) == pytest.approx(30.0)
-    assert read_factor(-50.0, calibration) == pytest.approx(-10.0, rel=1e-3)
+def asked_for_each(report, monkeypatch, label):
+    """What `log_factors` is asked for each movement of a task, two by two; the margin, too."""
+    trained = report.trained
+    monkeypatch.setattr(unknown_task, "log_factors", watched := Watched())
+    tasks = statistics_of(trained.tasks, trained.chosen.aligned)
+    margin = learn_none_margin(trained.library, tasks, trained.tasks)
+    turns = zip(watched.movements, watched.asked, strict=True)
+    own = [(movement, *asked) for movement, asked in turns if movement.task == label]
+    assert len(own) == 16
+    return own[::2], own[1::2], margin
 
 
-def test_calibration_by_hand():
-    unknown = np.array([[0.0, 1.0, -5.0], [0.0, 3.0, -9.0], [0.0, 2.0, -1.0]])
-    known = np.array([[0.0, -4.0, 9.0], [-2.0, 0.0, 8.0], [-6.0, 2.0, 4.0]])
-    a, b, c, d = calibrate(known, unknown)
-    assert (a, b) == pytest.approx((1.0, 2.0 + 2.0 * 1.0))
-    assert (c, d) == pytest.approx((1.0, -4.0 - 2.0 * 2.0))
-    assert calibrate(10.0 * known, unknown)[2] == pytest.approx(2.373 / 20.0)
-    long_tail = np.r_[np.zeros(90), -np.arange(1.0, 11.0)][:, None]
-    lower = calibrate(long_tail, unknown)[3]
-    assert -5.5 * np.log(20.0) - 1.0 < lower < -10.0
-    assert tuple(calibrate(np.zeros((0,)), np.zeros((0,)))) == IDENTITY_CALIBRATION
+@pytest.mark.parametrize("label", ["task_0", "task_2"])
+def test_a_movement_is_unknown_to_a_library_that_never_saw_its_task(report, monkeypatch, label):
+    """None and covariance are those learned without the task; only other tasks are compared."""
+    trained = report.trained
+    unknown, _, _ = asked_for_each(report, monkeypatch, label)
+    kept = {name: task for name, task in trained.tasks.items() if name != label}
+    anew = library_from_statistics(kept, trained.preprocessing, trained.chosen)
+    k = trained.library.labels.index(label)
+    for _, without, compared, n_tasks in unknown:
+        assert sorted(compared) == [j for j in range(4) if j != k] and n_tasks == 3
+        np.testing.assert_allclose(without.none.mean, anew.none_mean, atol=1e-10)
+        np.testing.assert_allclose(without.none.covariance, anew.none_covariance, atol=1e-10)
+        shared = anew.observed_covariance[0] / (1.0 + 1.0 / 8.0)
+        np.testing.assert_allclose(without.covariance, shared, atol=1e-10)
+        others = [j for j in range(4) if j != k]
+        np.testing.assert_allclose(without.mean[others], anew.observed_mean[:-1], atol=1e-12)
 
 
-def test_prefix_evidence_equals_conditioning_sample_by_sample(recordings, report):
-    library = report.library
-    recorded, task = recordings[1], 1
-    hypotheses = make_hypotheses(library)
-    run = MovementFilter(
-        library, hypotheses, recorded.start_ns, initial=start_bank(library, hypotheses)
+def test_a_known_movement_is_compared_with_its_task_as_the_others_give_it(report, monkeypatch):
+    trained, label = report.trained, "task_1"
+    _, known, _ = asked_for_each(report, monkeypatch, label)
+    for movement, without, compared, n_tasks in known:
+        assert sorted(compared) == [0, 1, 2, 3] and n_tasks == 4
+        task = trained.tasks[label]
+        rest = summarize([e for e in task.examples if e.name != movement.name])
+        kept = {**trained.tasks, label: rest}
+        anew = library_from_statistics(kept, trained.preprocessing, trained.chosen)
+        np.testing.assert_allclose(without.mean, anew.observed_mean[:-1], atol=1e-10)
+        assert without.n.tolist() == anew.n_demonstrations.tolist() == [8, 7, 8, 8]
+        shared = anew.observed_covariance[1] / (1.0 + 1.0 / 7.0)
+        np.testing.assert_allclose(without.covariance, shared, atol=1e-6)
+
+
+def test_the_margin_lies_between_both_kinds(report, monkeypatch):
+    _, _, margin = asked_for_each(report, monkeypatch, "task_0")
+    unknown, known = np.arange(1.0, 65.0, 2), np.arange(2.0, 65.0, 2)  # as `Watched` counts
+    assert margin == margin_between(unknown, known)
+
+
+def test_the_margin_of_a_library_is_that_of_its_statistics(report):
+    trained = report.trained
+    tasks = statistics_of(trained.tasks, trained.chosen.aligned)
+    other = replace(trained.library, none_margin=1e3, none_mean=0.0 * trained.library.none_mean)
+    assert learn_none_margin(other, tasks, trained.tasks) == trained.library.none_margin
+    assert with_margin(replace(trained, library=other)).library.none_margin == (
+        trained.library.none_margin
     )
-    stepwise, times, values = [], [], []
-    for observation in list(merge(recorded.observed))[:25]:
-        run.observe(observation)
-        times.append((observation.stamp_ns - recorded.start_ns) * 1e-9)
-        values.append(observation.values)
-        plain = hypotheses._replace(none_calibration=IDENTITY_CALIBRATION)
-        stepwise.append(task_posterior(run.bank.log_evidence, plain, times[-1]).log_evidence)
-    stepwise = np.array(stepwise)
-    for number, primitive, timing in (
-        (
-            task,
-            Gaussian(library.observed_mean[task], library.observed_covariance[task]),
-            np.array([library.log_duration_mean[task], library.log_duration_std[task]]),
-        ),
-        (-1, Gaussian(library.none_mean, library.none_covariance), library.none_log_duration),
-    ):
-        batch = prefix_log_evidence(library, primitive, timing, np.array(times), np.array(values))
-        assert batch == pytest.approx(stepwise[:, number], rel=1e-8, abs=1e-8)
-
-
-def test_the_calibration_leaves_the_tasks_among_themselves_alone(recordings, report):
-    library = report.library
-    recorded = recordings[2]
-    posteriors = []
-    for one in (library, replace(library, none_calibration=IDENTITY_CALIBRATION)):
-        hypotheses = make_hypotheses(one)
-        run = MovementFilter(
-            one, hypotheses, recorded.start_ns, initial=start_bank(one, hypotheses)
-        )
-        for observation in list(merge(recorded.observed))[:6]:
-            run.observe(observation)
-        posteriors.append(task_posterior(run.bank.log_evidence, hypotheses, 0.5))
-    ours, plain = posteriors
-    assert np.array_equal(ours.log_evidence[:-1], plain.log_evidence[:-1])
-    assert ours.log_evidence[-1] != plain.log_evidence[-1]
-    prior = np.r_[library.task_prior * (1 - library.none_prior), library.none_prior]
-    joint = np.log(prior) + ours.log_evidence
-    expected = np.exp(joint - np.logaddexp.reduce(joint))
-    assert ours.probabilities == pytest.approx(expected, abs=1e-12)
-    assert abs(ours.probabilities.sum() - 1.0) < 1e-12
 
 
 @pytest.mark.slow
@@ -166,14 +228,12 @@ def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
         library = learn([r for r in recordings if r.task != left_out], WHOLE)
         hypotheses = make_hypotheses(library)
         for recorded in recordings:
-            run = MovementFilter(
-                library, hypotheses, recorded.start_ns, initial=start_bank(library, hypotheses)
-            )
+            run = MovementFilter(library, hypotheses, recorded.start_ns)
             highest = 0.0
             for observation in merge(recorded.observed):
                 run.observe(observation)
                 elapsed = (observation.stamp_ns - recorded.start_ns) * 1e-9
-                posterior = task_posterior(run.bank.log_evidence, hypotheses, elapsed)
+                posterior = task_posterior(run.log_evidence, hypotheses, elapsed)
                 highest = max(highest, posterior.probabilities[:-1].max())
             (unknown if recorded.task == left_out else known).append(highest)
     assert np.mean(np.array(known) >= 0.9) >= 0.95
@@ -185,8 +245,17 @@ def test_one_task_alone_has_a_none_too(recordings):
     only = [r for r in recordings if r.task == "task_0"]
     library = learn(only, WHOLE)
     assert np.linalg.eigvalsh(library.none_covariance).min() > 0
-    assert library.none_calibration[1] > 0.0
-    assert np.array_equal(learn(only, WHOLE).none_calibration, library.none_calibration)
+    assert library.none_margin >= 0.0
+    assert learn(only, WHOLE).none_margin == library.none_margin
+
+
+def test_without_another_task_unknown_movements_are_drawn_from_none(recordings, monkeypatch):
+    monkeypatch.setattr(unknown_task, "log_factors", watched := Watched())
+    learn([r for r in recordings if r.task == "task_0"], WHOLE)
+    drawn = [movement for movement in watched.movements if not movement.task]
+    assert len(drawn) == unknown_task.N_SIMULATED
+    assert len({movement.duration_s for movement in drawn}) == len(drawn)
+    assert len(watched.movements) - len(drawn) == 8  # the known ones
 
 
 def test_tasks_take_part_in_the_calibration_from_five_demonstrations_on():
@@ -211,20 +280,10 @@ def test_calibrated_again_while_those_who_take_part_are_few(before, now, outdate
     assert is_outdated(before, now) is outdated
 
 
-@pytest.mark.slow
-def test_a_vague_new_task_does_not_make_the_others_wait(recordings, monkeypatch):
-    """Its few demonstrations go everywhere, so that every movement might be one of it."""
-    rng = np.random.default_rng(8)
-    wide = make_library(rng, n_tasks=1, groups=(3,), n_controlled=1, n_basis=8, spread=1.0)
-    vague = [
-        replace(simulate(wide, 0, rng, name=f"new_{i}", n_samples=60), task="vague")
-        for i in range(3)
-    ]
-    report = learn_with_report([*recordings, *vague], WHOLE)
-    trained = report.trained
-    strength = trained.chosen.recognition_strength
-    asked = (trained.library, trained.tasks, trained.preprocessing, strength)
-    own = calibrate_none(*asked)
-    assert np.array_equal(own, trained.library.none_calibration)
-    monkeypatch.setattr(unknown_task, "MIN_DEMONSTRATIONS", 1)
-    assert own[1] < calibrate_none(*asked)[1]
+def test_a_new_task_of_few_demonstrations_does_not_make_the_others_wait(recordings, monkeypatch):
+    """Nothing is concluded from its movements, nor from how they compare with others."""
+    few = [replace(r, task="few", name=f"new {r.name}") for r in recordings[:3]]
+    monkeypatch.setattr(unknown_task, "log_factors", watched := Watched())
+    learn([*recordings, *few], WHOLE)
+    assert {movement.task for movement in watched.movements} == {f"task_{k}" for k in range(4)}
+    assert all(0 not in compared for _, compared, _ in watched.asked)  # "few" comes first

@@ -5,6 +5,7 @@ import io
 import json
 import zipfile
 from dataclasses import fields, replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from model_builder import GLOVE, WRIST, make_dofs, true_library
 from intent_recognition.demonstrations.dofs import DofSpec
 from intent_recognition.errors import DofError, ModelError
 from intent_recognition.model.file import (
+    DEVIATION_STD,
     FORMAT_VERSION,
     NUMBERS,
     Model,
@@ -22,6 +24,7 @@ from intent_recognition.model.file import (
     load_model,
     save_model,
 )
+from intent_recognition.promp.phase_deviation import PhaseDeviation
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +33,11 @@ def model() -> Model:
     library = true_library(dofs)
     library = replace(
         library,
-        recognition_covariance=library.observed_covariance[:-1],
-        recognition_noise_scale=2.0,
+        observed_weight_covariance=1.5 * library.observed_covariance[:-1],
+        noise_scale=2.0,
+        none_margin=3.5,
+        phase_deviation=PhaseDeviation(np.linspace(0.0, 0.1, 7), 0.4, 0.15, False),
+        evidence_freedom=4.0,
         provenance={"bags": ["a", "b"], "package_version": "1"},
     )
     return Model(library, dofs)
@@ -80,6 +86,9 @@ def test_what_was_written_is_read_bit_for_bit(model, written):
         if isinstance(ours, np.ndarray):
             assert theirs.dtype == ours.dtype
             np.testing.assert_array_equal(theirs, ours, err_msg=field.name)
+        elif field.name == "phase_deviation":
+            np.testing.assert_array_equal(theirs.deviation_std, ours.deviation_std)
+            assert theirs[1:] == ours[1:] and isinstance(theirs, PhaseDeviation)
         else:
             assert theirs == ours, field.name
 
@@ -225,17 +234,18 @@ def test_a_pickled_object_is_refused_unread(written, tmp_path):
     refused(path, "weight_mean")
 
 
-@pytest.mark.parametrize("version", [FORMAT_VERSION + 1, 0, "1", None])
+@pytest.mark.parametrize("version", [FORMAT_VERSION + 1, 2, 1, 0, "1", None])
 def test_another_version_is_refused_before_anything_else(written, tmp_path, version):
     def change(header):
         header.clear()
         header["format_version"] = version
 
-    refused(with_header(tmp_path / "m.npz", written, change), "format_version", str(version))
+    path = with_header(tmp_path / "m.npz", written, change)
+    refused(path, "format_version", str(version), "train again")
 
 
 @pytest.mark.parametrize(
-    "key", ["format_version", "labels", "basis", "onset", "dofs", "provenance"]
+    "key", ["format_version", "labels", "basis", "onset", "dofs", "provenance", "phase_deviation"]
 )
 def test_a_header_without_a_key_is_refused(written, tmp_path, key):
     refused(with_header(tmp_path / "m.npz", written, lambda header: header.pop(key)), key)
@@ -258,6 +268,52 @@ def test_a_header_without_a_key_is_refused(written, tmp_path, key):
 )
 def test_a_header_with_a_bad_value_is_refused(written, tmp_path, key, value):
     refused(with_header(tmp_path / "m.npz", written, lambda header: header.update({key: value})))
+
+
+@pytest.mark.parametrize("freedom", [inf, 4.0, 1])
+def test_the_freedom_of_the_evidence_may_be_infinite(model, tmp_path, freedom):
+    """A normal density; JSON knows no infinity, so that the file says null."""
+    path = tmp_path / "m.npz"
+    save_model(path, replace(model, library=replace(model.library, evidence_freedom=freedom)))
+    assert load_model(path).library.evidence_freedom == freedom
+    header = json.loads(str(content(path)["header"]))
+    assert header["evidence_freedom"] == (None if freedom == inf else freedom)
+
+
+@pytest.mark.parametrize("freedom", [0, -1.0, "4", [], True, 10**400])
+def test_a_bad_freedom_is_named(written, tmp_path, freedom):
+    path = with_header(tmp_path / "m.npz", written, lambda h: h.update(evidence_freedom=freedom))
+    assert "\n" not in refused(path, "evidence_freedom")
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("correlation", 0.0),
+        ("correlation", -1),
+        ("correlation", "long"),
+        ("correlation", 10**400),
+        ("evidence", 0.0),
+        ("evidence", 1.5),
+        ("evidence", None),
+        ("controlled_follows", "no"),
+        ("controlled_follows", None),
+    ],
+)
+def test_a_bad_phase_deviation_is_named(written, tmp_path, key, value):
+    path = with_header(
+        tmp_path / "m.npz", written, lambda h: h["phase_deviation"].update({key: value})
+    )
+    assert "\n" not in refused(path, "phase_deviation")
+    path = with_header(tmp_path / "m.npz", written, lambda h: h["phase_deviation"].pop(key))
+    refused(path, "phase_deviation")
+
+
+@pytest.mark.parametrize(
+    "std", [None, np.zeros(1), np.zeros((2, 2)), np.array([0.0, -0.1]), np.array([0.0, np.nan])]
+)
+def test_a_bad_scale_of_the_phase_deviation_is_named(written, tmp_path, std):
+    refused(rewritten(tmp_path / "m.npz", written, **{DEVIATION_STD: std}), "phase_deviation")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "3", "{", "null"])

@@ -9,7 +9,7 @@ import pytest
 from model_builder import make_dofs, perform, true_library
 
 from intent_recognition.errors import ModelError
-from intent_recognition.learning.fitting import aligned_primitives, learned_from
+from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.learning.training import (
     TrainingSettings,
@@ -28,8 +28,8 @@ def trained(request):
     recordings = [perform(TRUTH, k % 3, k) for k in range(8)]
     trained = learn_with_report(recordings, TrainingSettings(n_basis=6)).trained
     chosen = trained.chosen._replace(aligned=request.param)
-    parts = learned_from(trained.tasks, trained.preprocessing, chosen)
-    return replace(trained, library=replace(trained.library, **parts), chosen=chosen)
+    library = library_from_statistics(trained.tasks, trained.preprocessing, chosen)
+    return replace(trained, library=library, chosen=chosen)
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +40,9 @@ def written(trained, tmp_path_factory):
 
 
 def assert_identical(found: TaskLibrary, expected: TaskLibrary) -> None:
-    assert_same_fields(found, expected, "aligned")
-    assert (found.aligned is None) == (expected.aligned is None)
-    if expected.aligned is not None:
-        assert_same_fields(found.aligned, expected.aligned, "phase_deviation")
-        pairs = zip(found.aligned.phase_deviation, expected.aligned.phase_deviation, strict=True)
-        assert all(np.array_equal(*pair) for pair in pairs)
+    assert_same_fields(found, expected, "phase_deviation")
+    pairs = zip(found.phase_deviation, expected.phase_deviation, strict=True)
+    assert all(np.array_equal(*pair) for pair in pairs)
 
 
 def assert_same_fields(found, expected, *apart: str) -> None:
@@ -121,6 +118,10 @@ def test_what_is_damaged_is_named(written, tmp_path, name, change):
         lambda s: s["preprocessing"]["settings"].update(n_basis="many", colour="red"),
         lambda s: s.update(labels=["other"]),
         lambda s: s.update(chosen={}),
+        lambda s: s.update(chosen=3),
+        lambda s: s["chosen"].update(strength=10.0),
+        lambda s: s["chosen"].update(aligned=not s["chosen"]["aligned"]),
+        lambda s: s["chosen"].update(noise_scale="4"),
         lambda s: s["preprocessing"].pop("templates"),
     ],
 )
@@ -141,49 +142,3 @@ def test_priors_changed_after_learning_are_kept(trained, tmp_path):
     save_model(tmp_path / "model.npz", Model(library, DOFS), trained)
     added = add_demonstration(load_trained(tmp_path / "model.npz")[1], perform(TRUTH, 0, 31))
     assert np.array_equal(added.library.task_prior, prior)
-
-
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
-        ("aligned_weight_mean", lambda a: a[:, :-1]),
-        ("aligned_weight_covariance", lambda a: a * np.nan),
-        ("aligned_noise_variance", lambda a: -a),
-        ("aligned_noise_scale", lambda a: None),
-        ("aligned_deviation_std", lambda a: -a),
-        ("aligned", lambda a: None),
-    ],
-)
-def test_what_is_damaged_of_aligned_primitives_is_named(trained, tmp_path, name, change):
-    primitives = aligned_primitives(trained.tasks, trained.preprocessing, trained.chosen)
-    save_model(tmp_path / "m.npz", Model(replace(trained.library, aligned=primitives), DOFS))
-    with np.load(tmp_path / "m.npz", allow_pickle=False) as file:
-        arrays = {key: file[key] for key in file.files}
-    if name in arrays:
-        arrays[name] = change(arrays[name])
-    else:
-        header = json.loads(str(arrays["header"]))
-        header["aligned"]["evidence"] = 2.0
-        arrays["header"] = np.array(json.dumps(header))
-    path = tmp_path / "bad.npz"
-    np.savez(path, **{key: value for key, value in arrays.items() if value is not None})
-    with pytest.raises(ModelError, match=rf"bad\.npz: {name}"):
-        load_model(path)
-
-
-def test_a_file_of_version_1_is_read(trained, written, tmp_path):
-    with np.load(written) as file:
-        content = dict(file)
-    header = json.loads(str(content.pop("header")))
-    header["format_version"] = 1
-    statistics = header["statistics"]
-    statistics["reference"] = statistics.pop("preprocessing")
-    settings = statistics["reference"]["settings"]
-    settings["n_forecast_basis"] = settings.pop("n_aligned_basis")
-    content["timing_lead_std"] = content.pop("timing_deviation_std")
-    if "aligned_deviation_std" in content:
-        content["aligned_lead_std"] = content.pop("aligned_deviation_std")
-    np.savez_compressed(tmp_path / "m.npz", header=np.array(json.dumps(header)), **content)
-    model, read = load_trained(tmp_path / "m.npz")
-    assert_identical(model.library, trained.library)
-    assert read.preprocessing == trained.preprocessing

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The filter along demonstrations left out is the one that runs online."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulation import make_library
+
+from intent_recognition.filtering.bank import FilterBank
+from intent_recognition.filtering.hypotheses import Hypotheses
+from intent_recognition.filtering.movement import MovementFilter
+from intent_recognition.gaussian.normal import Gaussian
+from intent_recognition.learning.examples import (
+    SAMPLES_PER_MOVEMENT,
+    TrainingExample,
+    sample_phases,
+)
+from intent_recognition.learning.held_out import MAX_RIVALS, evenly, filter_samples, nearest_tasks
+from intent_recognition.learning.statistics import summarize
+from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
+from intent_recognition.signals.observation import Observation
+
+DURATION_S = 2.4
+DEVIATING = PhaseDeviation(0.05 * np.sin(np.linspace(0.0, np.pi, 9)), 0.4, 0.15)
+
+
+def a_library(deviation: PhaseDeviation, freedom: float):
+    library = make_library(np.random.default_rng(4), n_tasks=2, groups=(2,), n_basis=6)
+    return replace(
+        library,
+        phase_deviation=deviation,
+        evidence_freedom=freedom,
+        noise_scale=3.0,
+        correlation_time_s=DURATION_S / SAMPLES_PER_MOVEMENT,
+    )
+
+
+@pytest.mark.parametrize("deviation", [STEADY, DEVIATING], ids=["steady", "deviating"])
+@pytest.mark.parametrize("freedom", [np.inf, 4.0])
+def test_it_equals_the_filter_of_a_movement(rng, deviation, freedom):
+    library = a_library(deviation, freedom)
+    prior = Gaussian(library.observed_mean, library.observed_covariance)
+    pace = np.array([1.0, 0.7, 1.6])
+    values = rng.normal(size=(len(sample_phases()), library.n_observed)) * 0.1
+    hypotheses = Hypotheses(1, DURATION_S / pace, np.zeros(3))
+    initial = FilterBank(*prior, np.zeros(3))
+    run = MovementFilter(library, hypotheses, 0, initial=initial)
+    expected = []
+    for k, (phase, one) in enumerate(zip(sample_phases(), values, strict=True)):
+        # online, the first sample has the noise to itself; here all samples share it alike
+        also = None if k else library.noise_covariance(np.arange(2), np.inf)
+        run.observe(Observation(round(phase * DURATION_S * 1e9), 0, one, also))
+        expected.append(run.log_evidence.copy())
+    found = []
+    for progress in filter_samples(library, prior, pace, np.repeat(values[:, None], 3, axis=1)):
+        found.append(progress.log_evidence.copy())
+    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8)
+    mean, covariance = progress.weights.current(np.arange(3))
+    np.testing.assert_allclose(mean, run.bank.mean, atol=1e-8)
+    np.testing.assert_allclose(covariance, run.bank.covariance, atol=1e-10)
+
+
+def test_each_hypothesis_sees_its_own_values(rng):
+    library = a_library(DEVIATING, 4.0)
+    values = rng.normal(size=(len(sample_phases()), 2, 2)) * 0.1
+    prior = Gaussian(library.observed_mean[:2], library.observed_covariance[:2])
+    *_, together = filter_samples(library, prior, np.array([1.0, 1.3]), values)
+    for k in range(2):
+        one = Gaussian(prior.mean[k : k + 1], prior.covariance[k : k + 1])
+        pace = np.array([1.0, 1.3])[k : k + 1]
+        *_, alone = filter_samples(library, one, pace, values[:, k : k + 1])
+        np.testing.assert_allclose(alone.log_evidence, together.log_evidence[[k]], rtol=1e-9)
+
+
+def test_evenly_spaced_items_keep_both_ends():
+    assert evenly(range(10), 4) == [0, 3, 6, 9]
+    assert evenly("abc", 60) == ["a", "b", "c"]
+    assert evenly([], 60) == []
+
+
+def test_rivals_are_the_tasks_with_the_nearest_means():
+    def a_task(level: float):
+        nothing = np.zeros(0)
+        example = TrainingExample(
+            "", "", np.full((2, 3), level), nothing, 1.0, np.zeros((1, 1)), nothing
+        )
+        return summarize([example])
+
+    levels = [0.0, 100.0, *np.arange(1.0, 12.0)]
+    tasks = [a_task(level) for level in levels]
+    others = np.arange(1, len(tasks))
+    found = nearest_tasks(tasks, tasks[0].examples[0], others)
+    assert sorted(found) == list(range(2, 2 + MAX_RIVALS))
+    few = nearest_tasks(tasks, tasks[0].examples[0], others[:3])
+    np.testing.assert_array_equal(few, others[:3])

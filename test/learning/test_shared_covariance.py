@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The covariance that tasks share: of all their demonstrations about their own means."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from intent_recognition.promp.prior import (
+    Scatter,
+    observed_block,
+    shared_covariance,
+    structured_target,
+    weight_floor,
+)
+
+seeds = st.integers(0, 2**32 - 1)
+counts = st.lists(st.integers(1, 5), min_size=1, max_size=4).filter(lambda n: max(n) > 1)
+
+
+def scatter_of(*tasks: np.ndarray) -> Scatter:
+    """Of the weights (n, D, N) of each task."""
+    flat = [(weights - weights.mean(axis=0)).reshape(len(weights), -1) for weights in tasks]
+    return Scatter(sum(w.T @ w for w in flat), sum(len(w) - 1 for w in flat))
+
+
+def demonstrations(seed: int, n: list[int], unit: float = 1.0) -> list[np.ndarray]:
+    """Weights of n demonstrations of each task, (n, 2, 6) each."""
+    rng = np.random.default_rng(seed)
+    return [unit * (rng.normal(size=(2, 6)) + 0.3 * rng.normal(size=(k, 2, 6))) for k in n]
+
+
+def of(weights: list[np.ndarray], strength: float) -> np.ndarray:
+    return shared_covariance(scatter_of(*weights), weight_floor(np.concatenate(weights)), strength)
+
+
+@settings(max_examples=30)
+@given(seeds, counts, st.floats(0.1, 300.0), st.floats(1e-3, 1e3))
+def test_it_is_symmetric_and_positive_definite_in_any_unit(seed, n, strength, unit):
+    found = of(demonstrations(seed, n, unit), strength)
+    np.testing.assert_allclose(found, found.T, atol=1e-12 * unit**2)
+    eigenvalues = np.linalg.eigvalsh(found)
+    assert eigenvalues.min() > 1e-9 * eigenvalues.max()
+    alike = of(demonstrations(seed, n), strength)
+    np.testing.assert_allclose(found, alike * unit**2, rtol=1e-6, atol=1e-9 * unit**2)
+
+
+def test_identical_demonstrations_leave_it_positive_definite():
+    weights = [np.repeat(part[:1], 3, axis=0) for part in demonstrations(1, [1, 1])]
+    assert np.linalg.eigvalsh(of(weights, 1.0)).min() > 0.0
+
+
+def test_means_order_and_tasks_of_one_demonstration_do_not_matter():
+    weights = demonstrations(2, [4, 3])
+    pooled, floor = scatter_of(*weights), weight_floor(np.concatenate(weights))
+    found = shared_covariance(pooled, floor, 2.0)
+    moved = scatter_of(weights[1] + 7.0, weights[0], weights[0][:1] - 3.0)
+    np.testing.assert_allclose(shared_covariance(moved, floor, 2.0), found, atol=1e-12)
+
+
+@pytest.mark.parametrize("strength", [1e-9, 3.0, 1e9])
+def test_it_lies_between_the_sample_covariance_and_the_target(strength):
+    weights = demonstrations(5, [4, 2, 1])
+    pooled, floor = scatter_of(*weights), weight_floor(np.concatenate(weights))
+    target = structured_target(pooled, pooled, floor).covariance()
+    share = strength / (strength + 4.0)  # 7 demonstrations about 3 means
+    expected = (1.0 - share) * pooled.matrix / 4.0 + share * target
+    np.testing.assert_allclose(of(weights, strength), expected, atol=1e-12)
+
+
+def test_the_observed_block_is_the_scatter_of_the_observed_weights():
+    (weights,) = demonstrations(4, [5])
+    found, expected = observed_block(scatter_of(weights), 6), scatter_of(weights[:, :1])
+    np.testing.assert_allclose(found.matrix, expected.matrix)
+    assert found.freedom == expected.freedom == 4
