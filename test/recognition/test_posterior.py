@@ -11,7 +11,7 @@ from simulation import START_NS, make_library, simulate
 from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import Hypotheses, make_hypotheses
 from intent_recognition.filtering.movement import run_bank
-from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.recognition.posterior import beyond_margin, counted_none, task_posterior
 from intent_recognition.signals.observation import merge
 
 seeds = st.integers(0, 2**32 - 1)
@@ -164,3 +164,51 @@ def test_the_evidence_of_the_duration_can_be_taken_to_a_power(rng):
         np.testing.assert_allclose(found.scale_weights, expected, atol=1e-12)
         np.testing.assert_array_equal(found.probabilities, exact.probabilities)
         np.testing.assert_array_equal(found.log_evidence, exact.log_evidence)
+
+
+factors = st.floats(-300.0, 300.0)
+margins = st.floats(0.0, 60.0)
+
+
+@given(factors, factors, margins)
+def test_beyond_the_margin_is_odd_monotone_and_never_more_than_there_is(one, other, margin):
+    assert beyond_margin(one, 0.0) == pytest.approx(one, abs=1e-12)
+    assert beyond_margin(-one, margin) == pytest.approx(-beyond_margin(one, margin), abs=1e-12)
+    low, high = sorted((one, other))
+    assert beyond_margin(low, margin) <= beyond_margin(high, margin)
+    assert abs(beyond_margin(one, margin)) <= abs(one) + 1e-12
+
+
+@given(st.floats(0.0, 1.0), st.floats(20.0, 60.0))
+def test_within_the_margin_next_to_nothing_counts_and_beyond_it_all(share, margin):
+    inside, outside = share * (margin - 15.0), margin + 15.0 + 100.0 * share
+    assert abs(beyond_margin(inside, margin)) < 1e-6
+    assert beyond_margin(outside, margin) == pytest.approx(outside - margin, abs=1e-6)
+
+
+@settings(max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4), st.floats(0.0, 20.0))
+def test_a_margin_moves_none_only_and_by_what_counts(seed, n_tasks, margin):
+    rng = np.random.default_rng(seed)
+    log_prior = np.log(rng.dirichlet(np.ones(2 * (n_tasks + 1))))
+    plain = Hypotheses(2, rng.uniform(0.5, 5.0, size=len(log_prior)), log_prior)
+    evidence = 10.0 * rng.normal(size=len(log_prior))
+    before = task_posterior(evidence, plain, 1.0)
+    after = task_posterior(evidence, plain._replace(none_margin=margin), 1.0)
+    np.testing.assert_array_equal(after.log_evidence[:-1], before.log_evidence[:-1])
+    np.testing.assert_array_equal(after.scale_weights, before.scale_weights)
+    known, kept = (p.probabilities[:-1] / p.probabilities[:-1].sum() for p in (before, after))
+    np.testing.assert_allclose(kept, known, rtol=1e-9)
+    prior = np.exp(plain.log_task_prior)
+    total = np.log(prior[:-1] @ np.exp(before.log_evidence[:-1]) / prior[:-1].sum())
+    factor = beyond_margin(total - before.log_evidence[-1], margin)
+    odds = prior[:-1].sum() / prior[-1] * np.exp(factor)
+    assert after.probabilities[-1] == pytest.approx(1.0 / (1.0 + odds), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "expected"),
+    [([-np.inf, -np.inf, 2.0], 2.0), ([1.0, 0.0, -np.inf], -np.inf)],
+)
+def test_what_is_impossible_is_no_matter_of_a_margin(evidence, expected):
+    assert counted_none(np.array(evidence), np.log([0.5, 0.4, 0.1]), 5.0) == expected
