@@ -8,6 +8,7 @@ import pytest
 
 from intent_recognition.evaluation.unknown_movements import DecisionMonitor, compare
 from intent_recognition.filtering.hypotheses import Hypotheses
+from intent_recognition.recognition.decision import DecisionSettings
 
 
 @pytest.mark.parametrize(("none_evidence", "activated"), [(-3.0, "a"), (2.0, "")])
@@ -18,9 +19,9 @@ def test_a_movement_that_speaks_for_none_activates_nothing_however_probable(
     run = SimpleNamespace(
         hypotheses=Hypotheses(1, np.ones(3), log_prior),
         log_evidence=np.array([1.0, -5.0, none_evidence]),
-        task_filters=SimpleNamespace(end_std=lambda task: {"rad": 0.01}),
+        end_std=lambda task: {"rad": 0.01},
     )
-    monitor = DecisionMonitor(SimpleNamespace(labels=("a", "b")))
+    monitor = DecisionMonitor(SimpleNamespace(labels=("a", "b")), DecisionSettings())
     for k in range(10):
         monitor.observe(run, 0.1 * k)
     assert monitor.outcome("a").above_threshold
@@ -32,9 +33,9 @@ def followed(end_std, task="a"):
     run = SimpleNamespace(
         hypotheses=Hypotheses(1, np.ones(3), log_prior),
         log_evidence=np.array([5.0, -5.0, -3.0]),
-        task_filters=SimpleNamespace(end_std=lambda task: {"rad": end_std.pop(0)}),
+        end_std=lambda task: {"rad": end_std.pop(0)},
     )
-    monitor = DecisionMonitor(SimpleNamespace(labels=("a", "b")))
+    monitor = DecisionMonitor(SimpleNamespace(labels=("a", "b")), DecisionSettings())
     for k in range(8):
         monitor.observe(run, 0.1 * k)
     return monitor.outcome(task)

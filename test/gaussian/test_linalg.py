@@ -93,7 +93,8 @@ def test_log_normalizer_is_minus_the_log_density_at_the_mean(seed, d):
 @given(seeds, st.integers(1, 6), st.one_of(st.floats(0.5, 200.0), st.just(np.inf)))
 def test_student_density_is_scipy_s_and_the_normal_one_for_infinite_freedom(seed, d, freedom):
     rng = np.random.default_rng(seed)
-    scale, mean, values = positive_definite(rng, d), rng.normal(size=d), 5.0 * rng.normal(size=(4, d))
+    scale, mean = positive_definite(rng, d), rng.normal(size=d)
+    values = 5.0 * rng.normal(size=(4, d))
     factor = np.linalg.cholesky(scale)
     whitened = solve_triangular(factor, (values - mean).T, lower=True)
     log_scale = np.full(4, np.log(np.diag(factor)).sum())

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from online_stream import episodes, feed, going_back, humans, learned, movement, same, shifted
 from scipy.stats import multivariate_normal
-from simulation import START_NS, make_library
+from simulation import START_NS, make_library, minimum_jerk
 
 from intent_recognition.errors import DofError
 from intent_recognition.filtering.bank import start_bank
@@ -312,3 +312,22 @@ def test_a_hesitation_does_not_end_the_movement(library, truth, rng, pause_s):
         found = [e for e in episodes(estimates) if len(e) > 5]
         assert len(found) == 1
         assert (found[0][-1].stamp_ns - found[0][0].onset_ns) * 1e-9 > 1.6 + pause_s
+
+
+@pytest.mark.parametrize("far_m", [0.2, 0.6])
+def test_a_hand_that_goes_elsewhere_is_of_no_task_any_more(library, truth, rng, far_m):
+    observations = list(merge(movement(truth, 0, rng, duration_s=2.0).observed))
+    until_ns = START_NS + 2_300_000_000  # 1.5 s after the rest
+    seen = [o for o in observations if o.stamp_ns <= until_ns]
+    here, step_ns = seen[-1], seen[-1].stamp_ns - seen[-2].stamp_ns
+    shares = minimum_jerk(np.linspace(0.0, 1.0, 40))
+    away = far_m * shares[:, None] * np.array([1.0, -1.0, 1.0])
+    elsewhere = [
+        here._replace(stamp_ns=here.stamp_ns + step_ns * (k + 1), values=here.values + offset)
+        for k, offset in enumerate(away)
+    ]
+    estimator = IntentEstimator(library)
+    before, after = feed(estimator, seen), feed(estimator, elsewhere)
+    assert max(e.probabilities[0] for e in before) > 0.9
+    assert after[-1].moving
+    assert after[-1].probabilities[-1] > 0.99
