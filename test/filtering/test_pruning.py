@@ -73,7 +73,7 @@ def test_probabilities_are_those_of_a_bank_never_pruned(seed, correlation_time_s
 
 
 @FILTERS
-@settings(max_examples=6)
+@settings(max_examples=3)
 @given(seed=seeds)
 def test_a_pruned_task_comes_back_as_if_it_had_never_been_pruned(seed, filtered):
     library, hypotheses, observations = scene(seed, filtered=filtered)
