@@ -14,7 +14,7 @@ from intent_recognition.promp.trajectory import dof_variance
 USUAL_END_STD = {"rad": 0.35, "m": 0.1}
 """Largest standard deviation of a predicted end that is acted on, by unit, in [rad] and [m].
 Convention."""
-CERTAIN_END = 1.25
+CERTAIN_END = 1.5
 """Where a whole movement leaves more than that, its standard deviation may be this many times as
 large (docs/decisions/end_certainty.md)."""
 
