@@ -51,7 +51,7 @@ class Step(NamedTuple):
 def condition_on(
     weights: GaussianBatch, deviation: NDArray[np.float64], step: Step
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Condition hypotheses on a measurement, in place.
+    """Condition hypotheses on a measurement, in place; on an error nothing has changed.
 
     Args:
         weights: of the n hypotheses.
@@ -67,13 +67,14 @@ def condition_on(
     dofs, rows, values, noise, transition, exponent, freedom = step
     if deviation.shape[1] == 1:
         return weights.condition(dofs, rows, values, noise, freedom), np.ones_like(deviation)
+    moved = deviation
     if transition is not None:
-        deviation[:] = np.matmul(deviation[:, None], transition)[:, 0]
-    density, innovation = _densities(weights, deviation, step)
+        moved = np.matmul(deviation[:, None], transition)[:, 0]
+    density, innovation = _densities(weights, moved, step)
     best = density.max(axis=1, keepdims=True)
-    evidence = np.log(np.sum(deviation * np.exp(density - best), axis=1)) + best[:, 0]
+    evidence = np.log(np.sum(moved * np.exp(density - best), axis=1)) + best[:, 0]
     likelihood = np.exp(exponent * (density - best))
-    deviation *= likelihood
+    np.multiply(moved, likelihood, out=deviation)
     deviation /= deviation.sum(axis=1, keepdims=True)
     apart = innovation - np.matmul(deviation[:, None], innovation)
     induced = np.matmul(np.swapaxes(apart * deviation[..., None], 1, 2), apart)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal, multivariate_t
 from simulation import START_NS, make_library, minimum_jerk, weights_of
 
+from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering.deviation import DeviationHistory, Step, condition_on
 from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.filtering.movement import MovementFilter
@@ -160,6 +161,18 @@ def test_hypotheses_are_conditioned_apart_each_with_its_values(seed):
         np.testing.assert_allclose(
             alone.current(np.array([0]))[1][0], together.current(np.array([b]))[1][0], atol=1e-12
         )
+
+
+def test_a_refused_measurement_leaves_everything_as_it_was(rng):
+    prior, deviation = random_gaussians(rng, 4), rng.dirichlet(np.ones(5), size=4)
+    batch, before = batch_of(*prior), deviation.copy()
+    step = a_step(rng, 4, 5, 4.0, 0.5)
+    bad = step._replace(noise_covariance=-1e6 * np.eye(len(step.dofs)))
+    with pytest.raises(ArgumentError, match="innovation covariance"):
+        condition_on(batch, deviation, bad)
+    assert np.array_equal(deviation, before)
+    for ours, theirs in zip(batch.current(np.arange(4)), prior, strict=True):
+        assert np.array_equal(ours, theirs)
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.06])
