@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Libraries with known truth, and recordings drawn from them."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.library import TaskLibrary
+from intent_recognition.promp.phase_deviation import PhaseDeviation
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.onset import OnsetSettings
 from intent_recognition.signals.signal import Signal
@@ -83,6 +85,30 @@ def make_library(
         n_demonstrations=np.full(n_tasks, 10),
         observed_groups=groups,
         onset=tuple(OnsetSettings(reference_speed=0.4) for _ in groups),
+    )
+
+
+def nearly_known(
+    shape: np.ndarray, noise_std: float, phase_deviation: PhaseDeviation
+) -> TaskLibrary:
+    """One task of two observed DOFs and a controlled one, nearly the same in every demonstration.
+
+    Args:
+        shape: positions at even phases, (T, 3).
+        noise_std: of all DOFs.
+        phase_deviation: of the observed agent.
+    """
+    like = make_library(
+        np.random.default_rng(0), n_tasks=1, groups=(2,), n_controlled=1, n_basis=25
+    )
+    mean = weights_of(like.basis, shape, np.linspace(0.0, 1.0, len(shape)))
+    covariance = 0.98 * np.kron(np.eye(3), np.ones((25, 25))) + 0.02 * np.eye(75)
+    return replace(
+        like,
+        weight_mean=mean.reshape(1, -1),
+        weight_covariance=0.02**2 * covariance[None],
+        noise_variance=np.full(3, noise_std**2),
+        phase_deviation=phase_deviation,
     )
 
 

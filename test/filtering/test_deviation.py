@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal, multivariate_t
-from simulation import START_NS, make_library, minimum_jerk, weights_of
+from simulation import START_NS, make_library, minimum_jerk, nearly_known
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.filtering.deviation import DeviationHistory, Step, condition_on
@@ -19,7 +19,6 @@ from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.gaussian.batch import GaussianBatch, make_state
 from intent_recognition.gaussian.normal import Gaussian, condition
 from intent_recognition.promp import phase_deviation as progress_module
-from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import (
     PhaseDeviation,
@@ -309,21 +308,9 @@ def test_signals_with_the_same_stamp_may_come_one_after_the_other(rng):
 
 def known_reach() -> TaskLibrary:
     """Two DOFs that reach and swing, nearly the same in every demonstration."""
-    basis, phase = NormalizedRBFBasis(25, 1.0), np.linspace(0.0, 1.0, 400)
+    phase = np.linspace(0.0, 1.0, 400)
     shape = np.stack([minimum_jerk(phase), 0.4 * np.sin(2 * np.pi * phase), phase], axis=1)
-    mean = weights_of(basis, shape, phase)
-    size = mean.size
-    covariance = 0.02**2 * (0.98 * np.kron(np.eye(3), np.ones((25, 25))) + 0.02 * np.eye(size))
-    like = make_library(
-        np.random.default_rng(0), n_tasks=1, groups=(2,), n_controlled=1, n_basis=25
-    )
-    return replace(
-        like,
-        weight_mean=mean.reshape(1, -1),
-        weight_covariance=covariance[None],
-        noise_variance=np.full(3, 0.005**2),
-        phase_deviation=PhaseDeviation(0.08 * BRIDGE + 0.004, 0.4, 1.0),
-    )
+    return nearly_known(shape, 0.005, PhaseDeviation(0.08 * BRIDGE + 0.004, 0.4, 1.0))
 
 
 def hesitation(recorded: np.ndarray) -> np.ndarray:

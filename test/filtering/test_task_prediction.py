@@ -6,14 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain import mixture_at
-from simulation import START_NS, make_library, minimum_jerk, simulate, weights_of
+from simulation import START_NS, make_library, minimum_jerk, nearly_known, simulate
 
 from intent_recognition.filtering.bank import start_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses, make_hypotheses
 from intent_recognition.filtering.movement import MovementFilter, run_bank
 from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid
 from intent_recognition.gaussian.normal import Gaussian
-from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation, reference_phase
 from intent_recognition.promp.prediction import StartPosture, controlled_weights
@@ -269,20 +268,9 @@ def hesitation(recorded: np.ndarray) -> np.ndarray:
 
 def swinging(phase_deviation: PhaseDeviation) -> TaskLibrary:
     """Human and robot reach and swing together, nearly the same in every demonstration."""
-    basis, phase = NormalizedRBFBasis(25, 1.0), np.linspace(0.0, 1.0, 400)
+    phase = np.linspace(0.0, 1.0, 400)
     shape = [minimum_jerk(phase), 0.4 * np.sin(2 * np.pi * phase), np.cos(2 * np.pi * phase)]
-    mean = weights_of(basis, np.stack(shape, axis=1), phase)
-    covariance = 0.02**2 * (0.98 * np.kron(np.eye(3), np.ones((25, 25))) + 0.02 * np.eye(75))
-    like = make_library(
-        np.random.default_rng(0), n_tasks=1, groups=(2,), n_controlled=1, n_basis=25
-    )
-    return replace(
-        like,
-        weight_mean=mean.reshape(1, -1),
-        weight_covariance=covariance[None],
-        noise_variance=np.full(3, 0.01**2),
-        phase_deviation=phase_deviation,
-    )
+    return nearly_known(np.stack(shape, axis=1), 0.01, phase_deviation)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
