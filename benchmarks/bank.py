@@ -11,6 +11,7 @@ evidence, with its share of what is subtracted once in several observations.
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from statistics import mean
 
@@ -22,6 +23,7 @@ from benchmarks.synthetic import DURATION_S, N_BASIS, N_OBSERVED, movement, synt
 from intent_recognition.filtering import (
     Hypotheses,
     MovementFilter,
+    Step,
     fixed_hypotheses,
     make_hypotheses,
     make_memory,
@@ -32,6 +34,8 @@ PHASE = 0.4
 BATCH = 16
 """Observations timed at once, so that what is subtracted once in eight of them has its share."""
 N_SCALES = 10
+USE_ALL_S = 1e-6
+"""Correlation time at which no observation follows too closely on the last one to be used [s]."""
 
 
 class Stream:
@@ -53,6 +57,7 @@ class Stream:
         rows_given: bool = False,
     ):
         self._rng = np.random.default_rng(3)
+        library = replace(library, correlation_time_s=USE_ALL_S)
         self._library, self._hypotheses, self._prune = library, hypotheses, prune
         self._rows_given = rows_given
         self._memory = make_memory(library, hypotheses)
@@ -81,7 +86,7 @@ class Stream:
         elapsed_s = [(observation.stamp_ns - self._start_ns) * 1e-9 for observation in taken]
         rows = self._library.basis.design_matrix(self._hypotheses.phase(elapsed_s))
         work = [
-            (dofs, row[:, None], observation.values, self._noise)
+            (Step(dofs, row[:, None], observation.values, self._noise, None, 1.0, np.inf),)
             for row, observation in zip(rows, taken, strict=True)
         ]
         return partial(_each, self._memory.condition, work)

@@ -63,7 +63,7 @@ def numerics(n_updates: int = N_UPDATES) -> Iterator[Result]:
 def one_movement(n_tasks: int = 30) -> Iterator[Result]:
     """Log evidence, mean and probabilities of every task beside its joint Gaussian's."""
     rng = np.random.default_rng(8)
-    library = synthetic_library(rng, n_tasks, n_controlled=0)
+    library = synthetic_library(rng, n_tasks, n_controlled=0, crowding_s=0.02)
     hypotheses = fixed_hypotheses(library, DURATION_S)
     observations = movement(library, 0, rng)[:100]
     start_ns = observations[0].stamp_ns
