@@ -315,7 +315,7 @@ def is_outdated(before: Mapping[str, int], now: Mapping[str, int]) -> bool:
     return used(before) != used(now)
 
 
-def _simulated_factors(library: TaskLibrary, departed: NDArray[np.float64]) -> NDArray[np.float64]:
+def _simulated_factors(library: TaskLibrary, departed: NDArray[np.float64]) -> list[float]:
     """Highest factors along movements drawn from none itself, where no task can be left out."""
     rng = np.random.default_rng(N_SIMULATED)
     every = np.arange(library.n_tasks)
