@@ -139,7 +139,7 @@ def learn_none_margin(
     pooled = observed_block(pooled_moments(statistics), library.n_observed_weights)
     floor = variance_scales(tasks)[0][: library.n_observed]
     without: dict[int, _Without] = {}
-    unknown, known = [], []
+    unknown, known = list[float](), list[float]()
     for k, example, as_recorded in pairs:
         rivals = np.setdiff1d(calibrating, [k])
         if len(rivals):
