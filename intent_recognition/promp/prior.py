@@ -29,6 +29,9 @@ FLOOR_OF_RANGE = 1e-3
 
 Convention. It keeps the covariance positive definite when demonstrations are identical or very few.
 """
+STILL = 1e-6
+"""Range of a DOF, in parts of its largest value, below which it does not move: what differs is the
+rounding of the regression. Convention."""
 
 OTHERS_SAMPLE_SIZE = 5.0
 """Equivalent sample size of all other tasks together in a task's target, in demonstrations.
@@ -94,8 +97,9 @@ def weight_extent(weights: NDArray[np.float64]) -> NDArray[np.float64]:
     Args:
         weights: (n, D, N).
     """
-    extent = np.ptp(np.moveaxis(weights, 1, 0).reshape(weights.shape[1], -1), axis=1)
-    return np.where(extent > 0, extent, 1.0)
+    of_dof = np.moveaxis(weights, 1, 0).reshape(weights.shape[1], -1)
+    extent = np.ptp(of_dof, axis=1)
+    return np.where(extent > STILL * np.abs(of_dof).max(axis=1), extent, 1.0)
 
 
 def weight_floor(weights: NDArray[np.float64]) -> NDArray[np.float64]:

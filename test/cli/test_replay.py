@@ -71,7 +71,9 @@ def test_the_right_task_becomes_active_and_ends(replay, bag):
 def test_why_a_recognised_task_never_was_active_is_said(replay, bag, monkeypatch):
     assert "not activated" not in replay(bag)[1]
     strict = DecisionSettings(max_end_std_rad=1e-6, max_end_std_m=1e-6)
-    monkeypatch.setattr("intent_recognition.evaluation.replaying.DecisionSettings", lambda: strict)
+    monkeypatch.setattr(
+        "intent_recognition.evaluation.replaying.decision_settings", lambda library: strict
+    )
     _, text, rows = replay(bag)
     assert {row["active_task"] for row in rows} == {""}
     assert "not activated: recognised task_1, but the predicted end is uncertain" in text

@@ -2,6 +2,8 @@
 """The box assembly: folds, certainty, single observations, and the whole of it, quickly."""
 
 import json
+from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -25,6 +27,7 @@ from intent_recognition.experiments.settings import Settings
 from intent_recognition.filtering.hypotheses import fixed_hypotheses
 from intent_recognition.gaussian.normal import Gaussian, log_density
 from intent_recognition.model.file import Model, load_model, save_model
+from intent_recognition.promp.phase_deviation import STEADY
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.assembly.styles import TASKS
 
@@ -71,6 +74,7 @@ def test_probabilities_sum_to_one(found):
 
 def test_first_observation_by_itself_is_the_first_of_all(found):
     library, recorded = found.first.library, found.first.left_out[0]
+    library = replace(library, phase_deviation=STEADY, evidence_freedom=inf)  # as in Eq. 10
     observations = spread_observations(recorded)
     duration_s = (recorded.end_ns - recorded.start_ns) * 1e-9
     _, evidence = watch(library, fixed_hypotheses(library, duration_s), recorded, observations[:1])

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulation import START_NS, draw_weights, make_library, simulate
+from simulation import START_NS, draw_weights, make_library, minimum_jerk, simulate
 
 from intent_recognition.errors import ArgumentError, TrainingError
 from intent_recognition.learning.examples import make_example
@@ -95,6 +95,24 @@ def test_identical_demonstrations_train(truth, rng):
     library = learn([one, replace(one, name="again"), replace(one, name="third")], WHOLE)
     assert np.linalg.eigvalsh(library.weight_covariance[0]).min() > 0
     assert np.all(np.isfinite(library.regressions[0].matrix))
+
+
+@pytest.mark.parametrize("level", [0.0, 0.2, -3.0])
+def test_a_signal_that_never_moves_is_learned_from(level):
+    """However far from zero: regression leaves rounding about it, which is no variance."""
+    rng, demonstrations = np.random.default_rng(3), []
+    times_s = np.linspace(0.0, 2.0, 200)
+    reach = minimum_jerk(times_s / 1.5)
+    for k in range(4):
+        side = rng.normal((-1.0) ** k, 0.05)
+        human = np.stack([side * reach, np.full(200, level), np.full(200, 5 * level)], axis=1)
+        made = Demonstration.from_arrays(
+            times_s, human, side * reach[:, None], task=f"{k % 2}", name=f"{k}"
+        )
+        demonstrations.append(made)
+    library = learn(demonstrations, WHOLE)
+    assert np.all(library.noise_variance[1:3] == pytest.approx(1e-6))
+    assert np.isfinite(library.provenance["chosen"]["score"])
 
 
 def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
