@@ -96,6 +96,7 @@ setup(
         ],
         "dashboard": [
             "viser>=1.0",
+            "msgspec>=0.18",
             "yourdfpy>=0.0.56",
         ],
         "dask": [

@@ -47,6 +47,8 @@ def _recordings(folder: Path, words: set[str]) -> list[Path]:
         (folder / target).mkdir(parents=True)
         for bag in found:
             (folder / target / bag.name).symlink_to(bag)
+    (folder / "sessions").mkdir()
+    (folder / "sessions" / "monday").symlink_to(ROOT / "bags" / "sessions" / "session_00")
     (folder / "src").mkdir()
     (folder / "src" / "intent_recognition").symlink_to(folder)
     (folder / "bags" / "pouring").symlink_to(ROOT / "bags" / "pouring")

@@ -56,7 +56,8 @@ def faster(words):
     """The same command with what makes it take seconds, beside that there are few recordings."""
     if words[0] != "evaluate":
         return words
-    folds = () if "--protocol" in words else ("--protocol", "kfold:2")
+    folds = () if {"--protocol", "--test"} & set(words) else ("--protocol", "kfold:2")
+    words = ["logo:index" if word == "logo:person" else word for word in words]  # nobody is named
     return (*words, "--unknown-tasks", "off", "--basis", "8", *folds)
 
 

@@ -72,7 +72,7 @@ def test_a_model_from_the_future_names_both_versions(capfd, model):
     header["format_version"] = 17
     np.savez(model, **{**arrays, "header": np.array(json.dumps(header))})
     line = start(capfd, model=model)
-    assert "format_version: expected 2, got 17" in line
+    assert "format_version: expected 3, got 17" in line
 
 
 def test_a_type_that_is_not_installed(capfd, tmp_path):

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.promp import USUAL_END_STD
 
 RECOGNITION = {"mocap_ingest", "intent_estimator", "primitive_activation"}
 EXECUTABLES = {
@@ -205,7 +206,8 @@ def test_a_real_arm_is_slow_and_waits(describe, repository):
     shipped = shipped["/**/primitive_activation"]["ros__parameters"]
     safe = safe["/**"]["ros__parameters"]
     assert activation["parameters"][0].endswith("config/real_arm.yaml")
-    slower = ("velocity_scale", "acceleration_limit", "timeout", "max_end_std")
+    slower = ("velocity_scale", "acceleration_limit", "timeout")
+    assert 0.0 < safe["max_end_std"] < USUAL_END_STD["rad"]
     assert all(safe[key] < shipped[key] for key in slower)
     assert all(safe[key] > shipped[key] for key in ("threshold", "n_observations"))
 
