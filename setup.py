@@ -97,6 +97,7 @@ setup(
         "dashboard": [
             "viser>=1.0",
             "msgspec>=0.18",
+            "websockets>=13.0",
             "yourdfpy>=0.0.56",
         ],
         "dask": [
