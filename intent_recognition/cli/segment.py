@@ -34,7 +34,7 @@ def add_parser(subparsers: Subparsers) -> None:
         **examples(
             (
                 "cut at the rests of both agents, then find out which tasks there are",
-                "intent segment sessions/monday --unlabelled --output cuts",
+                "intent segment sessions/monday --unlabelled --output demos",
             ),
             ("then learn from them", "intent train demos --unlabelled --output model.npz"),
             (
