@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The filter along held-out demonstrations, all at once, as it runs online."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -17,9 +17,11 @@ from intent_recognition.learning.examples import (
 )
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.promp import (
+    Scatter,
     TaskLibrary,
     deviation_prior,
     deviation_transition,
+    leave_one_out_scatter,
     reference_phase,
 )
 
@@ -37,14 +39,22 @@ class Progress(NamedTuple):
     Attributes:
         n_samples: how many.
         log_evidence: log density of the samples, (n,).
-        weights: the filtered observed weights; pending downdates are applied.
-        deviations: what was believed of the phase deviations.
+        weights: the filtered observed weights.
+        believed: after each sample, the probability of each phase deviation and what the sample
+            weighed them with, (n, E) each.
     """
 
     n_samples: int
     log_evidence: NDArray[np.float64]
     weights: GaussianBatch
-    deviations: Deviations
+    believed: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+    def deviations(self, some: NDArray[np.int64]) -> Deviations:
+        """What was believed of the phase deviations of some hypotheses, (k,)."""
+        filtered, likelihood = (
+            np.array([part[some] for part in parts]) for parts in zip(*self.believed, strict=True)
+        )
+        return Deviations(sample_phases()[: self.n_samples], filtered, likelihood)
 
 
 def filter_samples(
@@ -67,7 +77,7 @@ def filter_samples(
     dofs = np.arange(library.n_observed)
     interval_s = library.correlation_time_s * SAMPLES_PER_MOVEMENT / SAMPLES_USED
     noise = library.noise_covariance(dofs, interval_s)
-    evidence, kept = np.zeros(n), list[tuple[NDArray[np.float64], NDArray[np.float64]]]()
+    evidence, believed = np.zeros(n), list[tuple[NDArray[np.float64], NDArray[np.float64]]]()
     phases = sample_phases()
     different, place = np.unique(pace, return_inverse=True)
     for k, phase in enumerate(phases):
@@ -78,15 +88,48 @@ def filter_samples(
         step = Step(dofs, rows, values[k], noise, moved, model.evidence, library.evidence_freedom)
         density, likelihood = condition_on(weights, deviation, step)
         evidence += density
-        kept.append((deviation.copy(), likelihood))
-        filtered, weighed = (np.array(part) for part in zip(*kept, strict=True))
-        yield Progress(k + 1, evidence, weights, Deviations(phases[: k + 1], filtered, weighed))
+        believed.append((deviation.copy(), likelihood))
+        yield Progress(k + 1, evidence, weights, believed)
 
 
 def evenly(items: Sequence[T], most: int) -> list[T]:
     """At most so many of the items, evenly spaced."""
     count = min(len(items), most)
     return [items[i] for i in np.linspace(0, len(items) - 1, count).round().astype(int)]
+
+
+def paired_examples(
+    tasks: Mapping[str, TaskStatistics], recorded: Mapping[str, TaskStatistics], most: int
+) -> list[tuple[int, TrainingExample, TrainingExample]]:
+    """Demonstrations, evenly drawn from all tasks: number of the task, as learned, as recorded.
+
+    Args:
+        tasks: statistics that primitives are built from.
+        recorded: of the same labels or more, of the examples as they were recorded.
+        most: how many.
+    """
+    labels = list(recorded)
+    pairs = [
+        (labels.index(label), example, as_recorded)
+        for label, task in tasks.items()
+        for example, as_recorded in zip(task.examples, recorded[label].examples, strict=True)
+    ]
+    return evenly(pairs, most)
+
+
+def without_demonstration(
+    pooled: Scatter, own: Scatter, deviation: NDArray[np.float64]
+) -> tuple[Scatter, Scatter]:
+    """Scatter of a task, and of all tasks, without one demonstration.
+
+    Args:
+        pooled: of all tasks; at least two demonstrations beyond their means.
+        own: of the task.
+        deviation: of the demonstration's weights from the mean of the task, (d,).
+    """
+    part = leave_one_out_scatter(own, deviation)
+    rest = pooled.matrix - (own.matrix - part)
+    return Scatter(part, own.freedom - 1), Scatter(rest, pooled.freedom - 1)
 
 
 def nearest_tasks(

@@ -24,15 +24,15 @@ from intent_recognition.learning.examples import (
 from intent_recognition.learning.held_out import (
     MAX_FLOATS,
     Progress,
-    evenly,
     filter_samples,
     nearest_tasks,
+    paired_examples,
+    without_demonstration,
 )
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
     Scatter,
     TaskLibrary,
-    leave_one_out_scatter,
     leave_one_out_targets,
     observed_block,
     reference_phase,
@@ -122,41 +122,50 @@ def validate(
     library: TaskLibrary, left_out: Sequence[_LeftOut], tasks: Mapping[str, TaskStatistics]
 ) -> tuple[float, float]:
     """Log loss of the task and relative error of the controlled agent, the duration known."""
-    count = np.array([task.n for task in tasks.values()])
     variance = np.maximum(np.var(np.concatenate([one.truth for one in left_out]), axis=0), 1e-12)
+    n_hypotheses = 1 + max(len(one.rivals) for one in left_out)
+    most = max(1, MAX_FLOATS // (library.n_observed_weights**2 * n_hypotheses))
     losses, errors = [], []
-    size = library.n_observed_weights
-    most = max(1, MAX_FLOATS // (size**2 * (1 + max(len(one.rivals) for one in left_out))))
     for start in range(0, len(left_out), most):
-        part = left_out[start : start + most]
-        groups = [np.r_[one.task, one.rivals] for one in part]
-        mean = [
-            np.vstack([one.mean[:size], library.weight_mean[one.rivals, :size]]) for one in part
-        ]
-        scale = [1.0 + 1.0 / np.r_[max(count[one.task] - 1, 1), count[one.rivals]] for one in part]
-        covariance = [
-            one.covariance * factors[:, None, None]
-            for one, factors in zip(part, scale, strict=True)
-        ]
-        sizes = [len(group) for group in groups]
-        edges = np.r_[0, np.cumsum(sizes)]
-        values = np.repeat(np.array([one.observed for one in part]), sizes, axis=0)
-        prior = Gaussian(np.concatenate(mean), np.concatenate(covariance))
-        loss = np.zeros(len(part))
-        shares = list(FRACTIONS)
-        pace = np.ones(len(prior.mean))
-        samples = np.swapaxes(values, 0, 1)
-        for progress in filter_samples(library, prior, pace, samples):
-            evidence = np.logaddexp.reduceat(progress.log_evidence, edges[:-1])
-            loss += evidence - progress.log_evidence[edges[:-1]]
-            seen = (progress.n_samples + 0.5) / len(samples)
-            while shares and (seen > shares[0] or progress.n_samples == len(samples)):
-                predicted = _predict(library, part, progress, edges[:-1])
-                truth = np.array([one.truth for one in part])
-                errors.append(np.mean((predicted - truth) ** 2 / variance, axis=(1, 2)))
-                shares.pop(0)
-        losses.append(loss / len(samples))
+        loss, error = _follow(library, left_out[start : start + most], tasks)
+        losses.append(loss)
+        errors.append(np.mean(error / variance, axis=(0, 2)))
     return float(np.concatenate(losses).mean()), float(np.concatenate(errors).mean())
+
+
+def _follow(
+    library: TaskLibrary, left_out: Sequence[_LeftOut], tasks: Mapping[str, TaskStatistics]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Log loss of demonstrations (n,), squared errors after each of `FRACTIONS`, (f, n, Q)."""
+    prior, own = _priors(library, left_out, tasks)
+    sizes = np.diff(np.append(own, len(prior.mean)))
+    samples = np.repeat(np.array([one.observed for one in left_out]), sizes, axis=0)
+    samples = np.swapaxes(samples, 0, 1)
+    truth = np.array([one.truth for one in left_out])
+    loss, errors, shares = np.zeros(len(left_out)), [], list(FRACTIONS)
+    for progress in filter_samples(library, prior, np.ones(len(prior.mean)), samples):
+        evidence = np.logaddexp.reduceat(progress.log_evidence, own)
+        loss += evidence - progress.log_evidence[own]
+        seen = (progress.n_samples + 0.5) / len(samples)
+        while shares and (seen > shares[0] or progress.n_samples == len(samples)):
+            predicted = _predict(library, left_out, progress, own)
+            errors.append(np.mean((predicted - truth) ** 2, axis=1))
+            shares.pop(0)
+    return loss / len(samples), np.array(errors)
+
+
+def _priors(
+    library: TaskLibrary, left_out: Sequence[_LeftOut], tasks: Mapping[str, TaskStatistics]
+) -> tuple[Gaussian, NDArray[np.int64]]:
+    """Observed weights under the own task and the rivals of each; where each own task stands."""
+    size, count = library.n_observed_weights, np.array([task.n for task in tasks.values()])
+    mean, covariance = [], []
+    for one in left_out:
+        n = np.r_[max(count[one.task] - 1, 1), count[one.rivals]]
+        mean.append(np.vstack([one.mean[:size], library.weight_mean[one.rivals, :size]]))
+        covariance.append(one.covariance * (1.0 + 1.0 / n)[:, None, None])
+    own = np.cumsum([0, *(len(part) for part in mean[:-1])])
+    return Gaussian(np.concatenate(mean), np.concatenate(covariance)), own
 
 
 def _predict(
@@ -176,11 +185,7 @@ def _predict(
     phases = scored_phases()
     if not model.controlled_follows:
         return np.einsum("sk,nqk->nsq", library.basis.design_matrix(phases), weights)
-    _, deviation, likelihood = progress.deviations
-    own_deviations = progress.deviations._replace(
-        filtered=deviation[:, own], likelihood=likelihood[:, own]
-    )
-    share = deviations_at(model, np.ones(len(own)), own_deviations, phases)
+    share = deviations_at(model, np.ones(len(own)), progress.deviations(own), phases)
     design = library.basis.design_matrix(reference_phase(model, phases))
     return np.einsum("nse,sek,nqk->nsq", share, design, weights, optimize=True)
 
@@ -192,18 +197,11 @@ def _leave_out(
     statistics = list(tasks.values())
     floor, _ = variance_scales(tasks)
     pooled = pooled_moments(statistics)
-    pairs = [
-        (k, example, as_recorded)
-        for k, label in enumerate(tasks)
-        if tasks[label].n > 1
-        for example, as_recorded in zip(
-            tasks[label].examples, recorded[label].examples, strict=True
-        )
+    several = {label: task for label, task in tasks.items() if task.n > 1}
+    return [
+        _without(statistics, k, pooled, floor, example, as_recorded)
+        for k, example, as_recorded in paired_examples(several, recorded, MAX_VALIDATED)
     ]
-    found = []
-    for k, example, as_recorded in evenly(pairs, MAX_VALIDATED):
-        found.append(_without(statistics, k, pooled, floor, example, as_recorded))
-    return found
 
 
 def _without(
@@ -219,13 +217,12 @@ def _without(
     deviation = (example.weights - task.mean)[None]
     own = task.moments
     if pooled.freedom > 1:
-        part = leave_one_out_scatter(own, deviation.ravel())
-        rest = Scatter(pooled.matrix - (own.matrix - part), pooled.freedom - 1)
+        part, rest = without_demonstration(pooled, own, deviation.ravel())
     else:  # two demonstrations in all: nothing would be left
-        part, rest = np.zeros_like(own.matrix), pooled
+        part, rest = Scatter(np.zeros_like(own.matrix), 0), pooled
     shared = shared_covariance(observed_block(rest, size), floor[:n_observed], STRENGTH)
     (target,) = leave_one_out_targets(own, pooled, deviation, floor)
-    covariance = symmetrize(shrunk_covariance(part, task.n - 1, target, REGRESSION_STRENGTH))
+    covariance = symmetrize(shrunk_covariance(part.matrix, task.n - 1, target, REGRESSION_STRENGTH))
     gain = np.linalg.solve(covariance[:size, :size], covariance[:size, size:]).T
     mean = (task.mean - deviation[0] / (task.n - 1)).ravel()
     others = np.delete(np.arange(len(tasks)), number)

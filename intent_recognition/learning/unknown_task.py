@@ -22,13 +22,17 @@ from scipy.special import ndtri
 from intent_recognition.filtering import duration_offsets
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.learning.examples import TrainingExample, sample_phases
-from intent_recognition.learning.held_out import evenly, filter_samples, nearest_tasks
+from intent_recognition.learning.held_out import (
+    filter_samples,
+    nearest_tasks,
+    paired_examples,
+    without_demonstration,
+)
 from intent_recognition.learning.selection import STRENGTH
 from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
 from intent_recognition.promp import (
     Scatter,
     TaskLibrary,
-    leave_one_out_scatter,
     observed_block,
     shared_covariance,
 )
@@ -127,20 +131,12 @@ def learn_none_margin(
     statistics = list(tasks.values())
     departed = departure(statistics, library.n_observed)
     calibrating = calibrating_tasks([task.n for task in statistics])
-    pairs = [
-        (k, example, as_recorded)
-        for k, label in enumerate(tasks)
-        if k in calibrating
-        for example, as_recorded in zip(
-            tasks[label].examples, recorded[label].examples, strict=True
-        )
-    ]
-    pairs = evenly(pairs, MAX_CALIBRATED)
+    followed = {label: task for k, (label, task) in enumerate(tasks.items()) if k in calibrating}
     pooled = observed_block(pooled_moments(statistics), library.n_observed_weights)
     floor = variance_scales(tasks)[0][: library.n_observed]
     without: dict[int, _Without] = {}
     unknown, known = list[float](), list[float]()
-    for k, example, as_recorded in pairs:
+    for k, example, as_recorded in paired_examples(followed, recorded, MAX_CALIBRATED):
         rivals = np.setdiff1d(calibrating, [k])
         if len(rivals):
             if k not in without:
@@ -252,8 +248,7 @@ def _without_demonstration(
     task, size = tasks[number], library.n_observed_weights
     deviation = (example.weights - task.mean).ravel()[:size]
     own = observed_block(task.moments, size)
-    part = leave_one_out_scatter(own, deviation)
-    rest = Scatter(pooled.matrix - (own.matrix - part), pooled.freedom - 1)
+    _, rest = without_demonstration(pooled, own, deviation)
     mean, n = library.observed_mean[:-1].copy(), library.n_demonstrations.copy()
     mean[number] -= deviation / (task.n - 1)
     n[number] -= 1
