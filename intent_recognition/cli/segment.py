@@ -28,7 +28,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser(
         "segment",
         help="cut a session into demonstrations",
-        description="Find the interactions of a session, which holds many on end, and write each as"
+        description="Find the interactions of a session, which holds several, and write each as"
         " a bag of its own: labelled by a model, or without labels from motion alone. Markers in"
         " the session are not used.",
         **examples(

@@ -96,7 +96,7 @@ def findings(study: ChangeStudy) -> tuple[Finding, ...]:
         _finding(
             f"old task let go within {RELEASED_WITHIN_S:g} s, where it was active",
             f"at least {RELEASED_WANTED:.0%}",
-            f"{early.released_in_time:.0%}",
+            _number(early.released_in_time, ".0%"),
             early.released_in_time >= RELEASED_WANTED,
         ),
         _finding(
@@ -158,7 +158,7 @@ def _session_findings(study: ChangeStudy) -> tuple[Finding, ...]:
     share = float(np.mean(recognised))
     return (
         _finding(
-            f"recognised without a pause, {len(study.sessions[0].tasks)} tasks on end",
+            f"recognised without a pause, {len(study.sessions[0].tasks)} consecutive tasks",
             f"at least {SESSION_WANTED:.0%}",
             f"{share:.0%} of {len(recognised)}",
             share >= SESSION_WANTED,

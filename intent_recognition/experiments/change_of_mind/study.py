@@ -47,7 +47,7 @@ QUICK_PER_PAIR, QUICK_UNCHANGED = 1, 3
 PAIRS = tuple(permutations(TASKS, 2))
 """Ordered pairs of tasks; the quick subset has the first."""
 SESSIONS, INTERACTIONS = 20, 10
-"""Sessions without pauses, and tasks on end in each."""
+"""Sessions without pauses, and consecutive tasks in each."""
 QUICK_SESSIONS, QUICK_INTERACTIONS = 1, 3
 RELEASED_WITHIN_S = 0.5
 """An old task that is let go so long after the change was let go in time [s]."""

@@ -54,7 +54,7 @@ def follow_sessions(
         library: of the toolbox.
         seed: of the first session; the next has the next one.
         count: how many sessions.
-        interactions: tasks on end in each.
+        interactions: consecutive tasks in each.
         progress: called with the share done and what is going on.
     """
     sessions = []
