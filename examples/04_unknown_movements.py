@@ -4,8 +4,8 @@ Movements that nobody taught
 ============================
 
 A person also scratches their head. Beside the tasks there is always the hypothesis `none`: any
-human movement, wider than every task. Its evidence is calibrated on tasks that are left out in
-training (:doc:`../recognition`), so `none` wins when a movement fits no task.
+human movement, wider than every task. Evidence counts beyond a margin that is learned from tasks
+left out in training (:doc:`../recognition`), so `none` wins when a movement fits no task.
 """
 
 import matplotlib.pyplot as plt

@@ -77,7 +77,7 @@ def learn(
 ) -> TaskLibrary:
     """Learn one interaction primitive per task from labelled demonstrations.
 
-    Regularisation, alignment in time and the calibration against unknown movements are chosen by
+    Noise, alignment in time and the margin over unknown movements are chosen by
     cross-validation. Demonstrations that cannot be used (too short, other DOFs, no label) are left
     out; `learn_with_report` says which and why.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hypothesis that a movement is none of the known tasks: its model and its calibration.
+"""The hypothesis that a movement is none of the known tasks: its model and its margin.
 
 The model: an unknown movement is one more draw from the population of the known tasks. Its mean is
 distributed about their mean as they are themselves, and it varies as they vary. The scatter of few
@@ -49,15 +49,15 @@ UNKNOWN_AMPLITUDE_WIDTH = 0.1
 UNKNOWN_ACCEPTED = 0.05
 """Share of unknown movements that may count as known (docs/recognition.md). Convention."""
 MIN_DEMONSTRATIONS = 5
-"""Demonstrations from which on a task is used for calibration, where two tasks have as many
+"""Demonstrations from which on a task is used for the margin, where two tasks have as many
 (docs/recognition.md)."""
 MAX_RECALIBRATED = 10
-"""Demonstrations of a task beyond which one more does not ask for a new calibration
+"""Demonstrations of a task beyond which one more does not ask for a new margin
 (docs/recognition.md)."""
 MAX_CALIBRATED = 60
-"""Demonstrations used for calibration at most. Convention: it bounds the time."""
+"""Demonstrations used for the margin at most. Convention: it bounds the time."""
 N_CALIBRATED_SCALES = 5
-"""Durations per task in the calibration. Convention: it bounds the time."""
+"""Durations per task in learning it. Convention: it bounds the time."""
 N_SIMULATED = 40
 """Unknown movements simulated where there is one task only; the seed of their generator, too.
 Convention."""
@@ -297,7 +297,7 @@ def calibrating_tasks(counts: Sequence[int]) -> NDArray[np.int64]:
 
 
 def is_outdated(before: Mapping[str, int], now: Mapping[str, int]) -> bool:
-    """Whether a calibration should be learned again, from demonstrations per task before and now.
+    """Whether the margin should be learned again, from demonstrations per task before and now.
 
     It should where other tasks are used by now, or more demonstrations of tasks that had few.
     """

@@ -32,7 +32,7 @@ from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.promp import NONE, USUAL_END_STD, TaskLibrary, end_std_limits
 
 EVEN = 1e-6
-"""Log Bayes factor that counts as zero. Convention: rounding, and what a calibration leaves of it.
+"""Log Bayes factor that counts as zero. Convention: rounding, and what the margin leaves of it.
 """
 
 
@@ -189,7 +189,7 @@ def evidence_share(
 def favours_none(labels: Sequence[str], log_evidence: NDArray[np.float64] | None) -> bool:
     """Whether none explains a movement better than the tasks do on average; no where unknown.
 
-    The estimator's evidence of none is as its calibration reads it, so that the early part of a
+    The estimator's evidence of none counts beyond a margin only, so that the early part of a
     reach, which looks like many tasks, favours neither side.
     """
     if log_evidence is None or np.shape(log_evidence) != (len(labels),):
