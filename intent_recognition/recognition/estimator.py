@@ -102,7 +102,9 @@ class IntentEstimator:
 
         Args:
             stamp_s: time of measurement [s], on any clock; it must increase within a signal.
-            values: positions of the signal's DOFs, (m,), in the units of the library.
+            values: positions of the signal's DOFs, (m,), in the units of the library. What was not
+                measured is NaN, as in `recognize_task`: it is left out, and where nothing was
+                measured the estimate stays what it is.
             signal: which observed signal was measured, counted from 0.
             dofs: which of the signal's DOFs were measured, counted from 0; None means all.
             covariance: measurement covariance, (m, m), added to the learned noise.
@@ -112,14 +114,22 @@ class IntentEstimator:
 
         Raises:
             ShapeError: values or covariance do not fit the signal.
-            ArgumentError: a number is not finite, the covariance is not one, there is no such
+            ArgumentError: a number is infinite, the covariance is not one, there is no such
                 signal, or the stamp is not later than the last. After CLOCK_RESET_AFTER such
                 stamps the clock is taken to have been set back, and the estimator starts anew.
         """
         observation = self._as_observation(stamp_s, values, signal, dofs, covariance)
+        n_dofs = self._detector.pasts[signal].n_dofs
+        m = n_dofs if observation.dofs is None else len(observation.dofs)
+        if np.shape(values) == (m,) and (covariance is None or np.shape(covariance) == (m, m)):
+            measured = observation.measured()
+            if measured is None:
+                last = self._movement.observations[-1] if self._movement else observation
+                return self._estimate(last.stamp_ns)
+            observation = measured
         reason = self._defect(observation)
         if reason is not None:
-            raise _error(reason, observation, self._detector.pasts[signal].n_dofs)
+            raise _error(reason, observation, n_dofs)
         return self.update(observation)
 
     def _as_observation(
@@ -211,11 +221,16 @@ class IntentEstimator:
         if self._detector.is_over(elapsed_s, self._posterior):
             self.expectation.remember(observation.stamp_ns, self._posterior)
             self._movement = self._posterior = None
-            return self._idle(observation.stamp_ns)
+        return self._estimate(observation.stamp_ns)
+
+    def _estimate(self, stamp_ns: int) -> Estimate:
+        """What the observations up to a stamp have given, or that no movement is under way."""
+        if self._movement is None or self._posterior is None:
+            return self._idle(stamp_ns)
         phase = self._posterior.phase.copy()
         phase[-1] = 0.0
         return Estimate(
-            observation.stamp_ns,
+            stamp_ns,
             True,
             self._movement.onset_ns,
             self._posterior.probabilities,
@@ -372,8 +387,8 @@ def _error(reason: str, observation: Observation, n_dofs: int) -> ArgumentError:
         shape = np.shape(observation.values)
         return ShapeError(describe("values", f"shape ({m},)", shape, cure))
     if reason == "not_finite":
-        cure = "Name the DOFs that were measured as `dofs`, or leave the sample out."
-        return ArgumentError(describe("values", "finite numbers", observation.values, cure))
+        cure = "Set what was not measured to NaN, or leave the sample out."
+        return ArgumentError(describe("values", "finite numbers or NaN", observation.values, cure))
     if reason == "stamp_not_increasing":
         cure = "Pass measurements in the order of their stamps; `reset` to start anew."
         got = f"{observation.stamp_ns * 1e-9:.9g}"

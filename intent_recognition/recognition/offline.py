@@ -139,10 +139,9 @@ def _observations(
     ends = np.cumsum(library.observed_groups)
     for stamp_ns, row in zip(stamps_ns.tolist(), values, strict=True):
         for group, part in enumerate(np.split(row, ends[:-1])):
-            measured = np.flatnonzero(~np.isnan(part))
-            if measured.size:
-                dofs = None if measured.size == part.size else tuple(measured.tolist())
-                yield Observation(stamp_ns, group, part[measured], dofs=dofs)
+            observation = Observation(stamp_ns, group, part).measured()
+            if observation is not None:
+                yield observation
 
 
 def _checked(

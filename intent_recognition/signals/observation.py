@@ -29,6 +29,19 @@ class Observation(NamedTuple):
     dofs: tuple[int, ...] | None = None
     derivative: bool = False
 
+    def measured(self) -> "Observation | None":
+        """Without the DOFs whose value is NaN, which were not measured; None where all are NaN."""
+        rows = np.flatnonzero(~np.isnan(self.values))
+        if rows.size == self.values.size:
+            return self
+        if not rows.size:
+            return None
+        return self._replace(
+            values=self.values[rows],
+            covariance=None if self.covariance is None else self.covariance[np.ix_(rows, rows)],
+            dofs=tuple((rows if self.dofs is None else np.array(self.dofs)[rows]).tolist()),
+        )
+
 
 def merge(signals: Sequence[Signal]) -> Iterator[Observation]:
     """All samples of the signals in the order of their stamps, ties in the order of signals."""

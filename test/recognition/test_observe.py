@@ -48,13 +48,46 @@ def test_some_dofs_and_a_covariance(library):
         estimator.observe(0.0, [0.1], dofs=[0])
 
 
+def test_what_is_nan_was_not_measured(library, truth, rng):
+    """As in `recognize_task`: to the last bit as if it had not been passed."""
+    (signal,) = movement(truth, 0, rng).observed
+    some, with_nan = IntentEstimator(library), IntentEstimator(library)
+    covariance = np.diag([1e-6, 2e-6, np.nan])
+    moving, partly_seen = False, 0
+    samples = enumerate(zip(signal.seconds(START_NS), signal.values.tolist(), strict=True))
+    for row, (stamp_s, (x, y, z)) in samples:
+        if row % 4 == 0 or not moving:
+            expected = some.observe(stamp_s, [x, y, z])
+            found = with_nan.observe(stamp_s, [x, y, z])
+        elif row % 4 == 1:
+            expected = some.observe(stamp_s, [x, y], dofs=[0, 1], covariance=covariance[:2, :2])
+            found = with_nan.observe(stamp_s, [x, y, np.nan], covariance=covariance)
+        elif row % 4 == 2:
+            expected = some.observe(stamp_s, [x], dofs=[0])
+            found = with_nan.observe(stamp_s, [np.nan, x], dofs=[2, 0])
+        else:
+            found = with_nan.observe(stamp_s, [np.nan] * 3)
+            partly_seen += 1
+        same(found, expected)
+        moving = expected.moving
+    assert partly_seen > 10
+
+
+def test_nothing_measured_begins_nothing(library):
+    estimator = IntentEstimator(library)
+    assert not estimator.observe(1.0, [np.nan] * 3).moving
+    estimator.observe(0.5, np.zeros(3))
+
+
 @pytest.mark.parametrize(
     ("stamp_s", "values", "options", "error", "says"),
     [
         (1.0, [0.0, 0.0], {}, ShapeError, r"values: expected shape \(3,\)"),
         (1.0, [[0.0, 0.0, 0.0]], {}, ShapeError, r"values: expected shape \(3,\)"),
         (1.0, [0.0], {"dofs": [0, 1]}, ShapeError, r"values: expected shape \(2,\)"),
-        (1.0, [0.0, np.nan, 0.0], {}, ArgumentError, "values: expected finite"),
+        (1.0, [0.0, np.inf, 0.0], {}, ArgumentError, "values: expected finite"),
+        (1.0, [0.0, np.nan], {}, ShapeError, r"values: expected shape \(3,\)"),
+        (0.5, [np.nan, 0.0, 0.0], {}, ArgumentError, "stamp_s: expected a stamp later"),
         (np.nan, [0.0, 0.0, 0.0], {}, ArgumentError, "stamp_s: expected a finite"),
         (0.5, [0.0, 0.0, 0.0], {}, ArgumentError, "stamp_s: expected a stamp later"),
         (1.0, [0.0, 0.0, 0.0], {"covariance": np.eye(2)}, ArgumentError, "covariance"),
