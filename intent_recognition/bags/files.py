@@ -34,10 +34,10 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
             raise BagError(describe(str(path), "a bag", error, cure)) from error
         if (path / FILE_NAME).exists() and not tolerant:
             raise
-        return None, [f"no usable {FILE_NAME}: no labels"]
+        return None, [f"no usable {FILE_NAME}"]
     if metadata.storage != "mcap" or metadata.compression:
         got = f"storage {metadata.storage} {metadata.compression}".strip()
-        cure = "Convert it: `ros2 bag convert` to storage_id mcap without compression."
+        cure = "`ros2 bag convert` it to mcap, with its label as custom_data (docs/bags.md)."
         raise BagError(describe(str(path), "uncompressed MCAP storage", got, cure))
     return metadata, []
 
@@ -58,7 +58,7 @@ def find_files(
 
     Args:
         path: bag directory, or a single .mcap file.
-        metadata: of the bag; without it all .mcap files count, sorted by name.
+        metadata: of the bag; without it all .mcap files count, sorted by name and number.
         tolerant: do without files that are missing.
 
     Raises:
@@ -84,5 +84,11 @@ def find_files(
 
 
 def _mcap_files(folder: Path) -> list[Path]:
-    """All files that may be read to their end; a FIFO never ends."""
-    return sorted(path for path in folder.glob("*.mcap") if path.is_file())
+    """All files that may be read to their end (a FIFO never ends), by name and number."""
+    return sorted((path for path in folder.glob("*.mcap") if path.is_file()), key=_name_and_number)
+
+
+def _name_and_number(path: Path) -> tuple[str, int]:
+    """rosbag2 numbers the files of a bag: NAME_10 comes after NAME_9."""
+    name, _, number = path.stem.rpartition("_")
+    return (name, int(number)) if number.isdecimal() else (path.stem, -1)

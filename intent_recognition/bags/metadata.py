@@ -15,6 +15,8 @@ from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 FILE_NAME = "metadata.yaml"
 VERSION = 9
 """Of the format, as Jazzy's rosbag2 writes it."""
+RECORD_NAME, RECORD_KEY = "rosbag2", "serialized_metadata"
+"""Name and key of the metadata record in an MCAP file that says what metadata.yaml says."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,19 @@ class _Dumper(yaml.SafeDumper):
 def dump_yaml(content: object) -> str:
     """YAML in the style of rosbag2: block style, order kept, lists indented."""
     return yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=10**6)
+
+
+def dump_metadata(metadata: BagMetadata) -> str:
+    """The text of the metadata record in the MCAP file."""
+    return dump_yaml(_to_dict(metadata))
+
+
+def parse_custom_data(text: str) -> dict[str, str]:
+    """The labels in the metadata record of an MCAP file; none where it cannot be read."""
+    try:
+        return _custom_data(load_yaml(text))
+    except (UntrustedError, TypeError, AttributeError):
+        return {}
 
 
 def write_metadata(folder: Path, metadata: BagMetadata) -> None:
@@ -155,10 +170,14 @@ def _from_dict(info: Mapping) -> BagMetadata:
         start_ns=_whole(info["starting_time"]["nanoseconds_since_epoch"]),
         duration_ns=_whole(info["duration"]["nanoseconds"]),
         topics=tuple(_topic_from_dict(t) for t in info["topics_with_message_count"] or ()),
-        custom_data={str(k): str(v) for k, v in (info.get("custom_data") or {}).items()},
+        custom_data=_custom_data(info),
         storage=str(info["storage_identifier"]),
         compression=str(info.get("compression_format") or ""),
     )
+
+
+def _custom_data(info: Mapping) -> dict[str, str]:
+    return {str(k): str(v) for k, v in (info.get("custom_data") or {}).items()}
 
 
 def _topic_from_dict(item: Mapping) -> TopicInfo:

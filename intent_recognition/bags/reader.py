@@ -22,7 +22,7 @@ from intent_recognition.bags.messages import (
     is_standard,
     schema_decoder,
 )
-from intent_recognition.bags.metadata import TopicInfo
+from intent_recognition.bags.metadata import RECORD_KEY, RECORD_NAME, TopicInfo, parse_custom_data
 from intent_recognition.bags.qos_profiles import parse_qos
 from intent_recognition.errors import MessageError, describe
 
@@ -63,8 +63,13 @@ class BagReader:
 
     @property
     def custom_data(self) -> dict[str, str]:
-        """The texts that the recorder stored with the bag, by key."""
-        return dict(self.metadata.custom_data) if self.metadata else {}
+        """The texts that the recorder stored with the bag, by key; without metadata.yaml those in
+        its last MCAP file.
+        """
+        if self.metadata is not None:
+            return dict(self.metadata.custom_data)
+        texts = [file.scan.metadata.get(RECORD_NAME, {}).get(RECORD_KEY) for file in self._files]
+        return parse_custom_data(texts[-1] or "{}")
 
     @property
     def start_ns(self) -> int:
@@ -78,20 +83,22 @@ class BagReader:
 
     @cached_property
     def topics(self) -> dict[str, TopicInfo]:
-        """All topics by their recorded name, with message counts."""
-        hashes = {t.name: t.type_hash for t in self.metadata.topics} if self.metadata else {}
+        """All topics by their recorded name, with message counts; QoS as metadata.yaml has it."""
+        said = {t.name: t for t in self.metadata.topics} if self.metadata else {}
         topics: dict[str, TopicInfo] = {}
         for file in self._files:
             counts = file.counts()
             for channel in file.scan.channels.values():
                 schema = file.schema(channel)
                 before = topics.get(channel.topic)
+                known = said.get(channel.topic) or TopicInfo(channel.topic, "")
                 topics[channel.topic] = TopicInfo(
                     channel.topic,
                     schema.name if schema else "",
                     counts.get(channel.id, 0) + (before.message_count if before else 0),
-                    channel.metadata.get("topic_type_hash") or hashes.get(channel.topic, ""),
-                    parse_qos(channel.metadata.get("offered_qos_profiles")),
+                    channel.metadata.get("topic_type_hash") or known.type_hash,
+                    known.offered_qos_profiles
+                    or parse_qos(channel.metadata.get("offered_qos_profiles")),
                 )
         return topics
 

@@ -2,6 +2,7 @@
 """Write a rosbag2 directory with MCAP storage; a killed recorder loses less than a second."""
 
 import contextlib
+import math
 import os
 import shutil
 import time
@@ -14,11 +15,22 @@ from mcap.records import Channel, Schema
 from mcap.writer import Writer
 
 from intent_recognition.bags.definitions import Definition, definition, serialize
-from intent_recognition.bags.metadata import BagMetadata, TopicInfo, dump_yaml, write_metadata
+from intent_recognition.bags.metadata import (
+    RECORD_KEY,
+    RECORD_NAME,
+    BagMetadata,
+    TopicInfo,
+    dump_metadata,
+    dump_yaml,
+    write_metadata,
+)
 from intent_recognition.errors import BagError, ResourceBusyError, describe
 
 FLUSH_PERIOD_S = 0.5
 """Longest time a message stays in memory [s]. Convention: a killed recorder loses less than 1 s."""
+METADATA_PERIOD_S = 2.0
+"""Longest time for which metadata.yaml counts fewer messages than the file has [s]. Convention: it
+takes 10 ms to write."""
 MIN_FREE_BYTES = 16 * 2**20
 """Recording stops when less is left on the disk [bytes]. Convention: room for the largest chunk and
 the summary."""
@@ -41,8 +53,10 @@ class BagWriter:
     """Writes a rosbag2 recording with MCAP storage, without ROS.
 
     Use it as a context manager, or call `close`. Every `flush_period_s` the chunk in progress is
-    compressed and handed to the operating system. Definitions are also written outside of the
-    chunks, so that a damaged chunk makes no other unreadable.
+    compressed and handed to the operating system, and metadata.yaml follows every two seconds:
+    what a killed recorder leaves, the tools of rosbag2 can use. Definitions are also written
+    outside of the chunks, so that a damaged chunk makes no other unreadable; labels stand in the
+    MCAP file too, where `ros2 bag reindex` finds them.
 
     Args:
         path: directory of the new bag; must not exist.
@@ -82,6 +96,7 @@ class BagWriter:
         self._last_ns = 0
         self._pending = 0
         self._pending_bytes = 0
+        self._described_s = -math.inf
         self.closed = False
         self._open()
 
@@ -195,8 +210,11 @@ class BagWriter:
         if self.closed:
             return
         self._guard(self._writer.flush)
-        self._pending = self._pending_bytes = 0
         self._flushed_s = self._clock()
+        if self._pending and self._flushed_s - self._described_s >= METADATA_PERIOD_S:
+            self._guard(self._write_metadata)
+            self._described_s = self._flushed_s
+        self._pending = self._pending_bytes = 0
         self._check_disk()
 
     def close(self) -> None:
@@ -228,7 +246,7 @@ class BagWriter:
             free = self._disk_usage(self.path).free
             if free < self._min_free_bytes:
                 raise self._disk_full(free)
-            self._stream = _SafeStream(self.path / f"{self.path.name}.mcap")
+            self._stream = _SafeStream(self.path / self._file_name)
         except (OSError, DiskFullError):
             self.path.rmdir()
             raise
@@ -236,6 +254,8 @@ class BagWriter:
         self._guard(lambda: self._writer.start("ros2", "intent_recognition"))
         self._flushed_s = self._clock()
         self._write_metadata()
+        labels = {RECORD_KEY: dump_metadata(self._metadata())}
+        self._guard(lambda: self._writer.add_metadata(RECORD_NAME, labels))
 
     def _register(self, name: str, found: Definition, qos: Sequence[Mapping]) -> None:
         """Add schema and channel to the chunk in progress, and once more outside of it."""
@@ -290,21 +310,26 @@ class BagWriter:
         cure = f"Free space. All {self.message_count} messages received until now are saved."
         return DiskFullError(describe(str(self.path), need, f"{free / 2**20:.1f} MiB", cure))
 
+    @property
+    def _file_name(self) -> str:
+        """As rosbag2 names the first file of a bag."""
+        return f"{self.path.name}_0.mcap"
+
     def _write_metadata(self) -> None:
+        write_metadata(self.path, self._metadata())
+
+    def _metadata(self) -> BagMetadata:
         start = self._first_ns or 0
         topics = tuple(
             TopicInfo(t.name, t.type, self._counts[t.name], t.type_hash, t.offered_qos_profiles)
             for t in self._topics.values()
         )
-        write_metadata(
-            self.path,
-            BagMetadata(
-                files=(f"{self.path.name}.mcap",),
-                start_ns=start,
-                duration_ns=max(0, self._last_ns - start),
-                topics=topics,
-                custom_data=self.custom_data,
-            ),
+        return BagMetadata(
+            files=(self._file_name,),
+            start_ns=start,
+            duration_ns=max(0, self._last_ns - start),
+            topics=topics,
+            custom_data=self.custom_data,
         )
 
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent inspect`: what is in a bag, a folder of bags or a model."""
+"""`intent inspect`: what is in bags, folders of bags and models."""
 
 import argparse
+import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -43,7 +45,9 @@ def add_parser(subparsers: Subparsers) -> None:
             ("a model, for a script", "intent inspect bracket.npz --json"),
         ),
     )
-    parser.add_argument("path", type=Path, metavar="BAG|MODEL", help="bag, folder, or model file")
+    parser.add_argument(
+        "paths", type=Path, nargs="+", metavar="BAG|MODEL", help="bags, folders, model files"
+    )
     parser.add_argument(
         "--dofs",
         type=Path,
@@ -55,41 +59,61 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print it.
+    """Print them: models first, then the recordings, several in one table.
 
     Raises:
         BagError: there is nothing that could be a recording.
         ModelError: the model file cannot be used.
     """
     console = make_console()
-    if args.path.suffix == ".npz":
-        model = load_model(args.path)
-        if args.json:
-            print_json(model_json(model))
-        else:
-            print_model(console, args.path, model)
-        return 0
     dofs = None if args.dofs is None else load_dofs(args.dofs)
-    bags = find_bags(args.path)
+    models = [path for path in args.paths if path.suffix == ".npz"]
+    sources = [path for path in args.paths if path not in models]
+    if any(path.is_absolute() for path in sources):
+        sources = [path.absolute() for path in sources]
+    loaded = [load_model(path) for path in models]
+    bags = [bag for source in sources for bag in _bags_of(source)]
+    content: list[object] = [model_json(model) for model in loaded]
+    if not args.json:
+        for path, model in zip(models, loaded, strict=True):
+            print_model(console, path, model)
+    failed = False
+    is_one = len(bags) == 1 and bags == sources
+    if is_one:
+        content.append(_inspect_one(console, bags[0], dofs, args.json))
+    elif bags:
+        root = Path(os.path.commonpath(sources))
+        root = root.parent if root in bags else root
+        listed, failed = _inspect_several(console, root, bags, dofs, args.json)
+        content += listed
+    if args.json:
+        alone = len(args.paths) == 1 and (models or is_one)
+        print_json(content[0] if alone else content)
+    return int(failed)
+
+
+def _bags_of(source: Path) -> list[Path]:
+    bags = find_bags(source)
     if not bags:
-        raise BagError(describe(str(args.path), "recordings", "none in this folder", CURE))
-    if bags == [args.path]:
-        with busy(Console(stderr=True), "reading"):
-            summary = inspect_bag(args.path)
-            faults = stream_faults([(args.path, summary)], args.path.parent, dofs)
-        if args.json:
-            print_json(bag_json(summary) | {"streams": [f.reason for f in faults[args.path]]})
-        else:
-            print_bag(console, summary)
-            print_faults(console, faults)
-        return 0
-    return _inspect_folder(console, args.path, bags, dofs, args.json)
+        raise BagError(describe(str(source), "recordings", "none in this folder", CURE))
+    return bags
 
 
-def _inspect_folder(
-    console: Console, root: Path, bags: list[Path], dofs: DofSpec | None, as_json: bool
-) -> int:
-    """One line (or JSON object) per bag; an unreadable bag gets one too, and exit code 1."""
+def _inspect_one(console: Console, path: Path, dofs: DofSpec | None, as_json: bool) -> object:
+    """Print one recording, or return it for JSON."""
+    with busy(Console(stderr=True), "reading"):
+        summary = inspect_bag(path)
+        faults = stream_faults([(path, summary)], path.parent, dofs)
+    if not as_json:
+        print_bag(console, summary)
+        print_faults(console, faults)
+    return bag_json(summary) | {"streams": [f.reason for f in faults[path]]}
+
+
+def _inspect_several(
+    console: Console, root: Path, bags: Sequence[Path], dofs: DofSpec | None, as_json: bool
+) -> tuple[list[object], bool]:
+    """One line (or JSON object) per bag, an unreadable one too; whether there is such a one."""
     found: list[tuple[Path, BagSummary | BagError]] = []
     stderr = Console(stderr=True)
     for bag in track(
@@ -100,16 +124,13 @@ def _inspect_folder(
         except BagError as error:
             found.append((bag, error))
     faults = stream_faults(found, root, dofs)
-    if as_json:
-        print_json(
-            [
-                bag_json(got) | {"streams": [f.reason for f in faults[bag]]}
-                if isinstance(got, BagSummary)
-                else {"path": str(bag), "error": str(got)}
-                for bag, got in found
-            ]
-        )
-    else:
+    if not as_json:
         print_folder(console, root, found)
         print_faults(console, faults)
-    return int(any(isinstance(got, BagError) for _, got in found))
+    listed: list[object] = [
+        bag_json(got) | {"streams": [f.reason for f in faults[bag]]}
+        if isinstance(got, BagSummary)
+        else {"path": str(bag), "error": str(got)}
+        for bag, got in found
+    ]
+    return listed, any(isinstance(got, BagError) for _, got in found)

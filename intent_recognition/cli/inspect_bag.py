@@ -139,4 +139,4 @@ def _print_session(console: Console, summary: BagSummary) -> None:
             )
         console.print(table)
     for rejection in summary.unfinished:
-        console.print(f"unfinished: {escape(rejection.reason)}", style="yellow", highlight=False)
+        console.print(f"left out: {escape(rejection.reason)}", style="yellow", highlight=False)

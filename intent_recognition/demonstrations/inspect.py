@@ -75,7 +75,7 @@ class BagSummary:
         end_ns: log time of the last message.
         topics: one summary each, in the order recorded.
         demonstrations: of a session bag, in order; empty for others.
-        unfinished: demonstrations of a session whose end is missing.
+        unfinished: demonstrations of a session whose end is missing or whose label is none.
         damage: parts that cannot be read.
         notes: other oddities, as sentences.
     """

@@ -19,4 +19,14 @@ def check_label(label: str) -> None:
     sound = label.isprintable() and label == label.strip() and not FORBIDDEN & set(label)
     if not label or len(label) > LONGEST or label[0] in ".-" or label == NO_TASK or not sound:
         expected = f"a label that can name a folder, of 1 to {LONGEST} characters"
-        raise BagError(describe("task", expected, repr(label), "Give one such as give_cup."))
+        shown = repr(label[:LONGEST]) + ("..." if len(label) > LONGEST else "")
+        raise BagError(describe("task", expected, shown, "Give one such as give_cup."))
+
+
+def label_problem(label: str) -> str:
+    """What is wrong with a label that a recording has; empty if nothing is."""
+    try:
+        check_label(label)
+    except BagError as error:
+        return f"label: {error}"
+    return ""

@@ -17,6 +17,7 @@ from intent_recognition.demonstrations.cleaning import (
 )
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.fields import ORIENTATION_FIELDS, has_columns
+from intent_recognition.demonstrations.labels import label_problem
 from intent_recognition.demonstrations.sessions import (
     ACTIVE_TOPIC,
     MARKER_TOPIC,
@@ -293,6 +294,8 @@ def _demonstration(
     if part is None:
         name = reader.path.stem if reader.path.is_file() else folder
         task = task_of(reader)
+        if task and (bad := label_problem(task)):
+            return Rejection(str(reader.path), "", 0, bad)
         start_ns = int(min(signal.stamps_ns[0] for signal in observed))
         end_ns = int(max(signal.stamps_ns[-1] for signal in observed))
     else:

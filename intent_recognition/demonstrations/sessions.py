@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from intent_recognition.bags import BagMessage, BagReader
 from intent_recognition.demonstrations.cleaning import TopicSamples
 from intent_recognition.demonstrations.dofs import relative_topic
+from intent_recognition.demonstrations.labels import check_label, label_problem
 from intent_recognition.signals import Rejection
 
 MARKER_TOPIC = "demonstration"
@@ -91,6 +92,8 @@ def split_session(
         text = _label(marker)
         if text and label:
             yield _unended(source, marker, label, "before the next began")
+        elif label and (problem := label_problem(label)):
+            yield Rejection(source, marker.topic, start_ns, problem)
         elif not text and label:
             yield SessionPart(index, label, start_ns, now_ns)
             index += 1
@@ -105,6 +108,9 @@ def task_sequences(reader: BagReader, forget_after_s: float) -> Iterator[TaskSeq
     Args:
         reader: the bag.
         forget_after_s: a longer pause between two tasks ends a sequence [s].
+
+    Raises:
+        BagError: a label cannot name a task, or the bag is damaged.
     """
     tasks: list[str] = []
     ended_ns, running = 0, False
@@ -113,6 +119,7 @@ def task_sequences(reader: BagReader, forget_after_s: float) -> Iterator[TaskSeq
     for message in reader.messages([topic]) if topic else ():
         label, now_ns = _label(message), message.log_time_ns
         if label:
+            check_label(label)
             if tasks and not running and now_ns - ended_ns > forget_after_s * 1e9:
                 yield TaskSequence(str(reader.path), tuple(tasks))
                 tasks = []

@@ -225,7 +225,7 @@ def test_several_files_follow_one_another(tmp_path):
     for number, first in enumerate((30, 0)):  # the second file's log times are earlier
         messages = [(first + i + 1, serialize(POSE, pose(first + i))) for i in range(30)]
         part = record(tmp_path / f"part{number}", POSE, messages)
-        (part / f"part{number}.mcap").rename(folder / f"bag_{number}.mcap")
+        (part / f"part{number}_0.mcap").rename(folder / f"bag_{number}.mcap")
     found = columns(folder, POSE)
     assert found.log_times_ns.tolist() == [*range(31, 61), *range(1, 31)]
     read = [m.log_time_ns for m in BagReader(folder).messages([TOPICS[POSE]])]
@@ -258,7 +258,7 @@ def chunks(tmp_path):
 
 
 def test_order_is_that_of_the_messages(chunks):
-    assert len(scan_file(chunks / "bag.mcap").blocks) >= 8
+    assert len(scan_file(chunks / "bag_0.mcap").blocks) >= 8
     found = BagReader(chunks).columns(TOPICS.values())
     for topic, column in found.items():
         messages = list(BagReader(chunks).messages([topic]))
@@ -295,12 +295,12 @@ def test_files_of_other_writers(tmp_path, compression, options):
 
 
 def test_damage_is_an_error_and_nothing_is_given_out(chunks):
-    file = chunks / "bag.mcap"
+    file = chunks / "bag_0.mcap"
     data = bytearray(file.read_bytes())
     block = scan_file(file).blocks[4]
     data[block.offset + block.length // 2] ^= 1
     file.write_bytes(data)
-    with pytest.raises(BagError, match=r"bag\.mcap: topics .*byte"):
+    with pytest.raises(BagError, match=r"bag_0\.mcap: topics .*byte"):
         BagReader(chunks).columns(["joint_states"])
     tolerant = BagReader(chunks, tolerant=True)
     kept = tolerant.columns(["joint_states"])["joint_states"]
@@ -311,7 +311,7 @@ def test_damage_is_an_error_and_nothing_is_given_out(chunks):
 
 def test_flipped_bits_and_cuts_are_never_read_silently(tmp_path):
     path = write_bag(tmp_path / "bag", 120, clock=SteppingClock(0.02))
-    file = path / "bag.mcap"
+    file = path / "bag_0.mcap"
     data, whole = file.read_bytes(), columns(path, POSE)
     rng = np.random.default_rng(4)
     read = 0

@@ -26,6 +26,7 @@ from intent_recognition.bags.definitions import (
     message_class,
     serialize,
 )
+from intent_recognition.bags.metadata import read_metadata
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter, DiskFullError
 from intent_recognition.errors import BagError, MessageError, ResourceBusyError
@@ -111,13 +112,52 @@ def test_metadata_is_rosbag2s(tmp_path, shared_data):
     assert ours["starting_time"]["nanoseconds_since_epoch"] == START_NS
     assert ours["duration"]["nanoseconds"] == 9 * STEP_NS + 1000
     assert ours["message_count"] == 20
-    assert ours["files"][0]["path"] == "demo.mcap"
+    assert ours["files"][0]["path"] == "demo_0.mcap"
     assert ours["custom_data"] == {"task": "waving"}
+
+
+def rosbag2_description(file):
+    """What `ros2 bag reindex` finds in a file: rosbag2_storage_mcap's metadata record."""
+    with file.open("rb") as stream:
+        (record,) = make_reader(stream).iter_metadata()
+    assert record.name == "rosbag2"
+    return yaml.safe_load(record.metadata["serialized_metadata"])
+
+
+def test_a_bag_without_metadata_keeps_its_labels(tmp_path):
+    bag = write_bag(tmp_path / "demo", 10, task="waving")
+    assert rosbag2_description(bag / "demo_0.mcap")["custom_data"] == {"task": "waving"}
+    (bag / "metadata.yaml").unlink()
+    assert BagReader(bag).custom_data == {"task": "waving"}
+    assert BagReader(bag / "demo_0.mcap").custom_data == {"task": "waving"}
+
+
+def test_a_killed_writer_leaves_a_description_of_what_is_there(tmp_path):
+    writer = BagWriter(tmp_path / "demo", {"task": "waving"}, clock=SteppingClock(0.1))
+    for i in range(1000):
+        writer.write_message("mocap/wrist/pose", POSE, {}, START_NS + i * STEP_NS)
+    metadata = read_metadata(tmp_path / "demo")
+    written = BagReader(tmp_path / "demo", tolerant=True).message_count
+    assert 970 < metadata.message_count <= written < 1000
+    assert metadata.start_ns == START_NS
+    assert metadata.duration_ns == (metadata.message_count - 1) * STEP_NS
+    writer.close()
+    assert read_metadata(tmp_path / "demo").message_count == 1000
+
+
+def test_files_of_a_bag_come_in_the_order_of_their_numbers(tmp_path):
+    (tmp_path / "bag").mkdir()
+    for number in (10, 9, 0):
+        part = write_bag(tmp_path / f"part{number}", number + 1)
+        next(part.glob("*.mcap")).rename(tmp_path / "bag" / f"bag_{number}.mcap")
+    poses = [m.log_time_ns for m in BagReader(tmp_path / "bag").raw_messages(["mocap/wrist/pose"])]
+    steps = [*range(1), *range(10), *range(11)]
+    assert poses == [START_NS + step * STEP_NS for step in steps]
 
 
 def test_file_is_a_ros2_profile_with_zstd_and_summary(tmp_path):
     write_bag(tmp_path / "demo", 10)
-    with (tmp_path / "demo" / "demo.mcap").open("rb") as stream:
+    with (tmp_path / "demo" / "demo_0.mcap").open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         assert reader.get_header().profile == "ros2"
         summary = reader.get_summary()
@@ -131,16 +171,16 @@ def test_file_is_a_ros2_profile_with_zstd_and_summary(tmp_path):
 def test_equal_input_gives_equal_files(tmp_path):
     first = write_bag(tmp_path / "a" / "demo", 200, flush_period_s=None)
     second = write_bag(tmp_path / "b" / "demo", 200, flush_period_s=None)
-    for name in ("demo.mcap", "metadata.yaml"):
+    for name in ("demo_0.mcap", "metadata.yaml"):
         assert (first / name).read_bytes() == (second / name).read_bytes()
 
 
 def test_existing_output_is_never_touched(tmp_path):
     write_bag(tmp_path / "demo", 5)
-    before = (tmp_path / "demo" / "demo.mcap").read_bytes()
+    before = (tmp_path / "demo" / "demo_0.mcap").read_bytes()
     with pytest.raises(ResourceBusyError, match="never overwritten"):
         BagWriter(tmp_path / "demo")
-    assert (tmp_path / "demo" / "demo.mcap").read_bytes() == before
+    assert (tmp_path / "demo" / "demo_0.mcap").read_bytes() == before
 
 
 def test_closed_writer_and_changed_type_are_refused(tmp_path):

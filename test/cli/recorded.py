@@ -24,12 +24,12 @@ def write_all(folder: Path) -> None:
 def spoil(folder: Path) -> dict[str, str]:
     """Bags that cannot be used, each with a word of the reason why."""
     cut = write_recording(folder / "cut", perform(TRUTH, 0, 20), DOFS)
-    data = (cut / "cut.mcap").read_bytes()
-    (cut / "cut.mcap").write_bytes(data[: len(data) // 2])
+    data = (cut / "cut_0.mcap").read_bytes()
+    (cut / "cut_0.mcap").write_bytes(data[: len(data) // 2])
     write_recording(folder / "nameless", perform(TRUTH, 0, 21), DOFS, task="")
     one_sided = replace(perform(TRUTH, 0, 22), controlled=())
     write_recording(folder / "alone", one_sided, type(DOFS)(DOFS.observed, ()))
     write_bag(folder / "short", count=3)
     (folder / "void").mkdir()
-    (folder / "void" / "void.mcap").write_bytes(b"")
+    (folder / "void" / "void_0.mcap").write_bytes(b"")
     return {"cut": "", "nameless": "label", "alone": "missing topic", "short": "", "void": ""}

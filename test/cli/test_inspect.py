@@ -49,6 +49,16 @@ def test_a_bag_shows_topics_labels_gaps_and_outliers(run_command, flawed_bag):
     assert row_of(output, "/joint_states")[1:4] == [JOINTS, "30", "100.0"]
 
 
+def test_several_recordings_and_a_model_in_one_call(run_command, tmp_path, model_file):
+    bags = [write_bag(tmp_path / name, task="plate") for name in ("a", "b")]
+    code, output = run_command("inspect", *bags, model_file)
+    assert code == 0
+    assert row_of(output, "a ")[1] == row_of(output, "b ")[1] == "plate"
+    assert "2 bags: plate 2" in output
+    _, output = run_command("inspect", model_file, *bags, "--json")
+    assert [next(iter(one)) for one in json.loads(output)][1:] == ["path", "path"]
+
+
 def test_json_holds_the_same_numbers(run_command, flawed_bag):
     _, output = run_command("inspect", flawed_bag, "--json")
     content = json.loads(output)
@@ -79,7 +89,7 @@ def test_a_folder_gives_one_line_per_bag_and_counts_tasks(run_command, tmp_path)
 def test_an_unreadable_bag_is_named_and_the_rest_shown(run_command, tmp_path):
     write_bag(tmp_path / "good")
     (tmp_path / "bad").mkdir()
-    (tmp_path / "bad" / "bad.mcap").write_bytes(b"no recording")
+    (tmp_path / "bad" / "bad_0.mcap").write_bytes(b"no recording")
     code, output = run_command("inspect", tmp_path, "--json")
     by_path = {entry["path"].rsplit("/", 1)[1]: entry for entry in json.loads(output)}
     assert by_path["good"]["message_count"] == 100
@@ -92,7 +102,7 @@ def test_a_session_shows_its_demonstrations(run_command, tmp_path):
     write_session(tmp_path / "session", ["plate", "screw"], last_end=False)
     _, output = run_command("inspect", tmp_path / "session")
     assert row_of(output, "0")[1:] == ["plate", "0.05", "0.20"]
-    assert "unfinished" in output
+    assert "left out" in output
 
 
 def test_damage_is_shown_not_raised(run_command, tmp_path):

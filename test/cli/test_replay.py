@@ -129,8 +129,8 @@ def test_what_cannot_be_read_is_refused(run_command, replay, model, bag, tmp_pat
         run_command("replay", bag, "--model", tmp_path / "none.npz")
     with pytest.raises(ResourceBusyError, match="--json"):
         run_command("replay", bag, "--model", model, "--json", tmp_path)
-    data = (bag / "bag.mcap").read_bytes()
-    (bag / "bag.mcap").write_bytes(data[: len(data) // 2])
+    data = (bag / "bag_0.mcap").read_bytes()
+    (bag / "bag_0.mcap").write_bytes(data[: len(data) // 2])
     with pytest.raises(BagError, match="recover"):
         replay(bag)
 

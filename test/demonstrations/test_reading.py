@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Demonstrations from bags, folders and sessions; what is left out is named, the rest is used."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from bag_builder import (
@@ -19,7 +21,7 @@ from bag_builder import (
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.demonstrations.inspect import inspect_bag
-from intent_recognition.demonstrations.reading import iter_demonstrations
+from intent_recognition.demonstrations.reading import iter_demonstrations, read_task_sequences
 from intent_recognition.demonstrations.reading import read_demonstrations as read
 from intent_recognition.errors import BagError
 
@@ -100,9 +102,9 @@ def test_extrinsics_put_poses_into_the_world(tmp_path):
 def test_folder_with_broken_bags_uses_the_rest(tmp_path):
     for name in ("a", "c", "e", "g"):
         write_bag(tmp_path / name, task=name)
-    data = (tmp_path / "c" / "c.mcap").read_bytes()
-    (tmp_path / "c" / "c.mcap").write_bytes(data[: len(data) * 2 // 3])
-    (tmp_path / "e" / "e.mcap").unlink()
+    data = (tmp_path / "c" / "c_0.mcap").read_bytes()
+    (tmp_path / "c" / "c_0.mcap").write_bytes(data[: len(data) * 2 // 3])
+    (tmp_path / "e" / "e_0.mcap").unlink()
     (tmp_path / "g" / "metadata.yaml").write_text("nonsense")
     with BagWriter(tmp_path / "i") as writer:
         writer.write_message("joint_states", JOINTS, joints(0), START_NS)
@@ -119,7 +121,7 @@ def test_folder_with_broken_bags_uses_the_rest(tmp_path):
     reasons = {r.path.rsplit("/", 1)[1]: r.reason for r in rejections}
     expected = {
         "c": "damaged",
-        "e": "e.mcap",
+        "e": "e_0.mcap",
         "g": "metadata.yaml",
         "i": "missing topic",
         "k": "wrong schema",
@@ -128,6 +130,31 @@ def test_folder_with_broken_bags_uses_the_rest(tmp_path):
     assert reasons.keys() == expected.keys()
     assert all(expected[name] in reason for name, reason in reasons.items())
     assert [str(r).startswith(str(tmp_path)) for r in rejections] == [True] * 6
+
+
+BAD_LABELS = ("bad/label", "x" * 300, "a\x1b[2J", "-rf", "none")
+
+
+def test_labels_that_name_no_task_are_left_out_by_bag(tmp_path):
+    for number, label in enumerate(BAD_LABELS):
+        write_bag(tmp_path / f"bad_{number}", task=label)
+    write_bag(tmp_path / "good", task="give cup")
+    demonstrations, rejections = read(tmp_path, DOFS)
+    assert [d.task for d in demonstrations] == ["give cup"]
+    assert [Path(r.path).name for r in rejections] == [f"bad_{n}" for n in range(len(BAD_LABELS))]
+    for rejection in rejections:
+        assert rejection.reason.startswith("label: task: expected a label")
+        assert rejection.reason.isprintable() and len(rejection.reason) < 250
+
+
+def test_a_part_of_a_session_with_such_a_label_is_left_out(tmp_path):
+    bag = write_session(tmp_path / "session", ["plate", "a/b", "screw"])
+    demonstrations, (rejection,) = read(bag, DOFS)
+    assert [d.task for d in demonstrations] == ["plate", "screw"]
+    assert "'a/b'" in rejection.reason and rejection.stamp_ns == START_NS + 35 * STEP_NS
+    assert inspect_bag(bag).unfinished == (rejection,)
+    sequences, (rejection,) = read_task_sequences([bag], 60.0)
+    assert not sequences and "'a/b'" in rejection.reason
 
 
 def test_killed_recording_is_left_out_with_the_cure(tmp_path):
@@ -166,7 +193,7 @@ def test_session_without_its_last_end(tmp_path):
 def test_truncated_session_keeps_what_was_complete(tmp_path):
     clock = SteppingClock(0.05)
     bag = write_session(tmp_path / "session", ["plate", "screw", "plate", "screw"], clock=clock)
-    file = bag / "session.mcap"
+    file = bag / "session_0.mcap"
     data = file.read_bytes()
     file.write_bytes(data[: len(data) * 3 // 5])
     demonstrations, rejections = read(bag, DOFS)

@@ -149,7 +149,7 @@ def test_sessions_whole_and_truncated(tmp_path, monkeypatch):
     bag = write_session(tmp_path / "session", ["plate", "screw", "plate"])
     found, rejections = check(bag, DOFS, monkeypatch)
     assert len(found) == 3 and not rejections
-    file = bag / "session.mcap"
+    file = bag / "session_0.mcap"
     file.write_bytes(file.read_bytes()[:-3000])
     _, rejections = check(bag, DOFS, monkeypatch)
     assert rejections

@@ -58,7 +58,7 @@ def test_a_folder_with_bags_that_are_no_sessions(tmp_path):
     session(tmp_path / "bags" / "good", [(1, "plate"), (3, "")])
     write_bag(tmp_path / "bags" / "single")
     (tmp_path / "bags" / "void").mkdir()
-    (tmp_path / "bags" / "void" / "void.mcap").write_bytes(b"")
+    (tmp_path / "bags" / "void" / "void_0.mcap").write_bytes(b"")
     sequences, rejections = read_task_sequences([tmp_path / "bags"], FORGET_AFTER_S)
     assert [s.tasks for s in sequences] == [("plate",)]
     assert "no session" in str(rejections[0]) and len(rejections) == 2

@@ -54,5 +54,5 @@ def write(folder: Path, *records: bytes, finished: bool = True) -> Path:
     folder.mkdir(parents=True)
     end = record(15, bytes(4)) + record(2, bytes(20)) + MAGIC if finished else b""
     content = MAGIC + record(1, text("ros2") + text("fuzz")) + b"".join(records) + end
-    (folder / "bag.mcap").write_bytes(content)
+    (folder / "bag_0.mcap").write_bytes(content)
     return folder

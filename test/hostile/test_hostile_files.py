@@ -517,7 +517,7 @@ def test_what_is_no_file(worker, whole, tmp_path):
         inside.mkdir()
         if number % 2 == 0:
             (inside / "metadata.yaml").symlink_to(place)
-            (inside / "bag.mcap").symlink_to(place)
+            (inside / "bag_0.mcap").symlink_to(place)
         for k in range(3):
             (inside / f"again{k}").symlink_to(inside if number % 2 else tmp_path)
         check(worker, "inspect", inside)

@@ -84,6 +84,19 @@ def test_latched_and_sensor_topics_keep_their_quality(harness, tmp_path):
     assert offered.reliability == QoSReliabilityPolicy.BEST_EFFORT
 
 
+def test_metadata_says_with_which_quality_is_played(harness, bag):
+    """A user who edits metadata.yaml is obeyed, as by `ros2 bag play`."""
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(
+        metadata.read_text().replace("reliability: reliable", "reliability: best_effort")
+    )
+    harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
+    node = harness.add(player(bag, rate=0.0))
+    offered = {p.topic_name: p for p in node.publishers}["/mocap/wrist/pose"].qos_profile
+    assert offered.reliability == QoSReliabilityPolicy.BEST_EFFORT
+    harness.spin_until(node.finished.is_set)
+
+
 class SimulatedTime:
     """A clock that goes on only while someone sleeps."""
 

@@ -6,13 +6,14 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema, Statistics
+from mcap.records import Channel, Metadata, Schema, Statistics
 
 from intent_recognition.bags.mcap.chunk import (
     CHUNK_HEADER,
@@ -33,6 +34,8 @@ FOOTER = struct.Struct("<QQI")
 INDEX_HEADER = struct.Struct("<HI")  # channel, bytes of the index that follows
 INDEX_RECORD = struct.Struct("<BQHI")  # the same with opcode and length before
 CHUNK, MESSAGE_INDEX = int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
+LONGEST_METADATA = 2**20
+"""Bytes of a metadata record that is read. Convention: rosbag2's have some kilobytes."""
 LONGEST_COMPRESSION = 16
 """Bytes of the name of a compression. Convention: longer than any, short enough to tell damage."""
 MOST_EXPANSION = 100
@@ -73,6 +76,7 @@ class FileScan:
         channels: by id.
         is_finished: the recording was closed in good order.
         statistics: of the summary, None without it.
+        metadata: key-value pairs of the metadata records, by their names; the last of a name.
     """
 
     blocks: list[McapBlock] = field(default_factory=list)
@@ -81,6 +85,7 @@ class FileScan:
     channels: dict[int, Channel] = field(default_factory=dict)
     is_finished: bool = False
     statistics: Statistics | None = None
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def define(self, found: Schema | Channel, *, again: bool = True) -> None:
         """Note a definition; one of the same id is replaced if `again`."""
@@ -234,11 +239,21 @@ def _take_record(view: mmap.mmap, position: int, opcode: int, length: int, scan:
         return length == FOOTER.size
     elif opcode == Opcode.DATA_END:
         return length == 4
+    elif opcode == Opcode.METADATA:
+        _take_metadata(view[start : start + min(length, LONGEST_METADATA + 1)], scan)
     elif opcode == Opcode.STATISTICS:
         scan.statistics = Statistics.read(ReadDataStream(BytesIO(view[start : start + length])))
     else:
         return Opcode.HEADER <= opcode <= Opcode.DATA_END or opcode >= 0x80
     return True
+
+
+def _take_metadata(data: bytes, scan: FileScan) -> None:
+    """Note a metadata record; no message depends on one that cannot be read."""
+    with suppress(*PARSE_ERRORS):
+        if len(data) <= LONGEST_METADATA:
+            record = Metadata.read(ReadDataStream(BytesIO(data)))
+            scan.metadata[record.name] = record.metadata
 
 
 def _chunk_block(view: mmap.mmap, position: int, length: int) -> McapBlock | None:

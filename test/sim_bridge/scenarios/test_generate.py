@@ -26,7 +26,7 @@ FIRST = ToolboxOrder(1, "train", HOLD, 3)
 
 
 def content(folder):
-    with (folder / f"{folder.name}.mcap").open("rb") as stream:
+    with next(folder.glob("*.mcap")).open("rb") as stream:
         return [
             (channel.topic, message.log_time, message.data)
             for _, channel, message in make_reader(stream).iter_messages()
