@@ -100,6 +100,8 @@ setup(
             "websockets>=13.0",
             "yourdfpy>=0.0.56",
         ],
+        # Kinematics of any arm from its URDF; the LWR's own need nothing.
+        "arms": ["pin>=3.0"],
         "dask": [
             "distributed>=2024.1",
         ],

@@ -41,7 +41,7 @@ MAY_USE_ROS = {"nodes", "dashboard", "cli"}
 MAY_PLOT = {"report", "experiments"}
 ROS = ("rclpy", "rosgraph_msgs", "builtin_interfaces", "rcl_interfaces", "launch", "launch_ros")
 PHYSICS = ("pybullet", "pybullet_utils", "pybullet_data")
-HEAVY = ("rclpy", "pybullet", "matplotlib", "viser")
+HEAVY = ("rclpy", "pybullet", "matplotlib", "viser", "pinocchio", "coal")
 
 
 class Import(NamedTuple):

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Forward and inverse kinematics and joint limits, of the LWR 4+ and of any chain from a URDF."""
 
+from intent_recognition.kinematics.arm import Arm
 from intent_recognition.kinematics.chain import Chain, joint_poses, tip_positions
+from intent_recognition.kinematics.following import FollowedPath
 from intent_recognition.kinematics.forward import (
     forward_kinematics,
     frame_poses,
@@ -24,6 +26,7 @@ from intent_recognition.kinematics.lwr import (
     N_JOINTS,
 )
 from intent_recognition.kinematics.refinement import reach_position
+from intent_recognition.kinematics.urdf import UrdfChain, read_chain, read_urdf
 
 __all__ = [
     "DEFAULT_ACCELERATION_RAD_S2",
@@ -33,9 +36,12 @@ __all__ = [
     "N_JOINTS",
     "POSITION_TOLERANCE_RAD",
     "RATE_TOLERANCE",
+    "Arm",
     "Branch",
     "Chain",
+    "FollowedPath",
     "JointLimits",
+    "UrdfChain",
     "check_position",
     "forward_kinematics",
     "frame_poses",
@@ -45,6 +51,8 @@ __all__ = [
     "joint_poses",
     "position_violation",
     "reach_position",
+    "read_chain",
+    "read_urdf",
     "solve",
     "tip_positions",
 ]

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Any arm from its URDF, by pinocchio: forward and inverse kinematics of a named chain.
+
+pinocchio is loaded with the first arm, and by nothing else of the package.
+"""
+
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError, describe
+from intent_recognition.kinematics.following import FollowedPath, follow
+from intent_recognition.kinematics.limits import JointLimits, check_position
+from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2
+from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, Solution, Target
+from intent_recognition.kinematics.urdf import UrdfChain, read_chain
+
+
+class Arm:
+    """A chain of joints between two links of a URDF; make it with `from_urdf`.
+
+    Joint vectors have one value for each of `joint_names`, in that order [rad, or m for prismatic
+    joints]. Poses are of the link `tip` in the frame of the link `base`. An arm keeps work space of
+    its own: one thread at a time may use it.
+
+    Attributes:
+        base: link whose frame poses are in.
+        tip: link whose pose is meant.
+        joint_names: independent joints that move the tip, from the base on.
+        limits: read from the URDF; continuous joints have +-1e6 rad.
+        rest: posture that redundant joints are drawn to (n,).
+    """
+
+    def __init__(self, chain: UrdfChain, rest: ArrayLike | None) -> None:
+        self.base, self.tip = chain.base, chain.tip
+        self.joint_names: tuple[str, ...] = chain.names
+        self.limits: JointLimits = chain.limits
+        self._continuous = np.array(chain.continuous)
+        self._build(chain)
+        middle = np.where(self._continuous, 0.0, 0.5 * (self.limits.lower + self.limits.upper))
+        self.rest = self._vector(middle if rest is None else rest, "rest").copy()
+        check_position(self.rest, self.limits, self.joint_names, "rest")
+        self.rest.setflags(write=False)
+        self._search = PoseSearch(
+            self._pose_and_jacobian, self.limits.lower, self.limits.upper, self._continuous
+        )
+
+    @classmethod
+    def from_urdf(
+        cls,
+        source: str | Path,
+        *,
+        base: str | None = None,
+        tip: str | None = None,
+        rest: ArrayLike | None = None,
+        acceleration_rad_s2: float = DEFAULT_ACCELERATION_RAD_S2,
+    ) -> "Arm":
+        """Read an arm; meshes are not needed. Joints beside the chain stay at zero.
+
+        Args:
+            source: path of a URDF, or its text.
+            base: link at which the chain begins; the root by default.
+            tip: link at which it ends; by default the last one before the tree branches, which is
+                the hand of an arm with fingers.
+            rest: posture that redundant joints are drawn to (n,); by default the middle of the
+                limits.
+            acceleration_rad_s2: acceleration limit of every joint, which a URDF does not hold.
+
+        Raises:
+            ArgumentError: no URDF, no such link, no chain between them, or a joint without limits.
+        """
+        return cls(read_chain(source, base, tip, acceleration_rad_s2), rest)
+
+    @property
+    def n_joints(self) -> int:
+        """Number of independent joints."""
+        return len(self.joint_names)
+
+    def forward_kinematics(self, q: ArrayLike) -> NDArray[np.float64]:
+        """Poses of the tip in the base frame, (..., 4, 4), for q (..., n).
+
+        Raises:
+            ShapeError: q does not fit the arm.
+        """
+        q = self._vector(q, "q")
+        flat = q.reshape(-1, self.n_joints)
+        poses = np.array([self._pose(row) for row in flat]).reshape(-1, 4, 4)
+        return poses.reshape(*q.shape[:-1], 4, 4)
+
+    def jacobian(self, q: ArrayLike) -> NDArray[np.float64]:
+        """Geometric Jacobian (6, n) of the tip in base axes at q (n,): linear rows, then angular.
+
+        Raises:
+            ShapeError: q is no joint vector of this arm.
+        """
+        return self._pose_and_jacobian(self._one(q, "q"))[1]
+
+    def inverse_kinematics(
+        self, target: ArrayLike, seed: ArrayLike | None = None, rest: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
+        """Joint vector (n,) inside the limits that reaches a pose, or a position alone.
+
+        The search begins at the seed and stays on its branch where that leads there; else it
+        begins at postures of the arm near the target. Of a redundant arm's solutions it takes one
+        near `rest` and away from singularities.
+
+        Args:
+            target: pose (4, 4), or position (3,) [m] with the orientation left free.
+            seed: where to begin (n,); the arm's `rest` by default.
+            rest: what redundant joints are drawn to (n,); the arm's own by default.
+
+        Raises:
+            KinematicsError: no solution was found; names the distance that is left.
+            ShapeError: a target or joint vector of another shape.
+        """
+        goal, seed, rest = checked_target(target), self._start(seed), self._start(rest, "rest")
+        found = self._search.solve(goal, seed, rest)
+        if found.error > REACHED:
+            raise KinematicsError(
+                describe(
+                    "target",
+                    f"a pose that {self.tip} can reach within the joint limits",
+                    f"one of which {found.distance_m:.4f} m and {found.angle_rad:.4f} rad are left",
+                    "Bring it nearer, or turn it.",
+                )
+            )
+        return found.q
+
+    def nearest(self, target: ArrayLike, seed: ArrayLike | None = None) -> Solution:
+        """The posture nearest to a pose (4, 4) or position (3,), and what is left to it.
+
+        Raises:
+            ShapeError: a target or joint vector of another shape.
+        """
+        start = self._start(seed)
+        return self._search.solve(checked_target(target), start, self.rest)
+
+    def follow(
+        self,
+        targets: ArrayLike,
+        seed: ArrayLike | None = None,
+        rest: ArrayLike | None = None,
+    ) -> FollowedPath:
+        """Joint vectors along a whole path: continuous, within the limits, near `rest`.
+
+        Where a target is out of reach, the posture nearest to it stands there, and the result says
+        by how much it falls short.
+
+        Args:
+            targets: poses (T, 4, 4), or positions (T, 3) [m] with the orientation left free.
+            seed: posture near which to begin (n,), such as the measured one; the arm's `rest` by
+                default.
+            rest: what redundant joints are drawn to (n,); the arm's own by default.
+
+        Raises:
+            ShapeError: targets or a joint vector of another shape.
+        """
+        array = np.asarray(targets, dtype=np.float64)
+        if len(array.shape) not in (2, 3) or len(array) == 0:
+            expected = "poses (T, 4, 4) or positions (T, 3)"
+            raise ShapeError(describe("targets", expected, array.shape, "Give at least one."))
+        goals = [checked_target(target) for target in array]
+        return follow(self._search, goals, self._start(seed), self._start(rest, "rest"))
+
+    def _start(self, q: ArrayLike | None, argument: str = "seed") -> NDArray[np.float64]:
+        return self.rest if q is None else self._one(q, argument)
+
+    def _one(self, q: ArrayLike, argument: str) -> NDArray[np.float64]:
+        vector = self._vector(q, argument)
+        if vector.ndim != 1:
+            raise ShapeError(describe(argument, f"({self.n_joints},)", vector.shape, "Give one."))
+        return vector
+
+    def _vector(self, q: ArrayLike, argument: str) -> NDArray[np.float64]:
+        array = np.asarray(q, dtype=np.float64)
+        if array.ndim == 0 or array.shape[-1] != self.n_joints or not np.all(np.isfinite(array)):
+            expected = f"(..., {self.n_joints}), finite: {', '.join(self.joint_names)}"
+            raise ShapeError(describe(argument, expected, array.shape, "Give one value per joint."))
+        return array
+
+    def _build(self, chain: UrdfChain) -> None:
+        """The model, reduced to the chain and to what copies it, and how the joints drive it."""
+        pin = self._pin = load_pinocchio()
+        try:
+            full = pin.buildModelFromXML(chain.xml)
+        except Exception as error:  # what urdfdom finds wrong is a plain C++ exception
+            cure = "Check it with check_urdf."
+            raise ArgumentError(describe("robot", "a URDF", str(error), cure)) from error
+        copies = {m.joint: m for m in chain.mimics if m.master in chain.names}
+        kept = {*chain.names, *copies}
+        locked = [k for k, name in enumerate(full.names) if k and name not in kept]
+        self._model = pin.buildReducedModel(full, locked, np.zeros(full.nq)) if locked else full
+        self._data = self._model.createData()
+        self._drive = np.zeros((self._model.nv, len(chain.names)))
+        self._offset = np.zeros(self._model.nv)
+        for k, name in enumerate(self._model.names):
+            if k == 0:
+                continue
+            row, copy = self._model.joints[k].idx_v, copies.get(name)
+            master = name if copy is None else copy.master
+            self._drive[row, chain.names.index(master)] = 1.0 if copy is None else copy.multiplier
+            self._offset[row] = 0.0 if copy is None else copy.offset
+        self._direct = np.array_equal(self._drive, np.eye(len(chain.names)))
+        self._tip_frame = self._model.getFrameId(chain.tip)
+        pin.framesForwardKinematics(self._model, self._data, self._offset)
+        at = self._data.oMf[self._model.getFrameId(chain.base)]
+        self._from_base = None if at.isIdentity() else at.inverse()
+
+    def _pose(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        values = q if self._direct else self._drive @ q + self._offset
+        self._pin.forwardKinematics(self._model, self._data, values)
+        pose = self._pin.updateFramePlacement(self._model, self._data, self._tip_frame)
+        return (pose if self._from_base is None else self._from_base * pose).homogeneous
+
+    def _pose_and_jacobian(
+        self, q: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        pin, model, data = self._pin, self._model, self._data
+        values = q if self._direct else self._drive @ q + self._offset
+        pin.computeJointJacobians(model, data, values)
+        pose = pin.updateFramePlacement(model, data, self._tip_frame)
+        J = pin.getFrameJacobian(model, data, self._tip_frame, pin.LOCAL_WORLD_ALIGNED)
+        J = J.reshape(6, -1)  # of one joint it comes as a vector
+        if not self._direct:
+            J = J @ self._drive
+        if self._from_base is not None:
+            pose, R = self._from_base * pose, self._from_base.rotation
+            J = np.vstack([R @ J[:3], R @ J[3:]])
+        return pose.homogeneous, J
+
+
+def load_pinocchio() -> ModuleType:
+    """The module pinocchio.
+
+    Raises:
+        ArgumentError: it is not installed.
+    """
+    try:
+        import pinocchio
+    except ImportError as error:
+        cure = "Install it: pip install pin, or apt install ros-jazzy-pinocchio."
+        raise ArgumentError(describe("pinocchio", "the library", str(error), cure)) from error
+    return pinocchio
+
+
+def checked_target(target: ArrayLike) -> Target:
+    """A pose or position to reach.
+
+    Raises:
+        ShapeError: neither a finite rigid transform (4, 4) nor a finite position (3,).
+    """
+    array = np.asarray(target, dtype=np.float64)
+    if array.shape not in ((4, 4), (3,)) or not np.all(np.isfinite(array)):
+        expected = "a pose (4, 4) or a position (3,), finite"
+        raise ShapeError(describe("target", expected, array.shape, "Give one of them."))
+    if array.ndim == 1:
+        return Target(array, None)
+    rotation = array[:3, :3]
+    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) or np.linalg.det(rotation) < 0:
+        cure = "Orthonormalise it, for instance by scipy's Rotation."
+        raise ShapeError(describe("target", "a rotation in rows 0-2", rotation.tolist(), cure))
+    return Target(array[:3, 3], rotation)

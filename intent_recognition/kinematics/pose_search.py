@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Postures that reach a pose, of any chain, by damped least squares from several starts.
+
+The damping is the squared error itself, so that steps are safe far away and unreachable poses are
+approached, and convergence is quadratic near the pose (Sugihara 2011, "Solvability-unconcerned
+inverse kinematics by the Levenberg-Marquardt method"). A joint at a limit that would be pushed
+further out is left out of a step. Where the first start fails, others are taken from a table of
+random postures by how near their poses are.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
+from scipy.spatial import KDTree
+
+REACHED = 1e-6
+"""A pose is reached with an error of at most this (m, and rad of the orientation)."""
+CONVERGED = 1e-9
+"""Error (m, rad) at which a search ends: a thousandth of what counts as reached."""
+_N_ITERATIONS = 40
+"""Most steps from one start. Convention: those that succeed take 5 to 15."""
+_LARGEST_STEP_RAD = 0.4
+"""Largest change of a joint in one step [rad]. Convention: the Jacobian holds about so far."""
+_STALLED = 0.95
+"""A start is given up when four steps together leave more than this share of the error."""
+_N_TABLE = 4096
+"""Postures of the table. Convention: 25 ms to make, once an arm."""
+_N_STARTS = 16
+"""Starts tried from the table. Convention: of 1000 random poses no arm of ours needs more."""
+_TURN_M = 0.25
+"""How far a turn of one radian counts as [m] when near postures are looked up. Convention."""
+_MANIPULABILITY_WEIGHT = 0.02
+"""Weight of the logarithm of the manipulability beside half the squared distance to the rest
+posture [rad^2]: at a tenth of the manipulability, 0.05 rad^2. Convention."""
+_SLIDE_STEPS = 4
+"""Most steps along the self-motion. Convention: what one solution may cost."""
+_LARGEST_SLIDE_RAD = 0.5
+"""Longest step along the self-motion [rad]. Convention."""
+_SLID_RAD = 1e-2
+"""The self-motion is at rest when a step is shorter than this [rad]. Convention."""
+_DIFFERENCE_RAD = 1e-4
+"""Step of the differences that the slope of the manipulability is taken from [rad]."""
+
+PoseAndJacobian = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""From q (n,) to the pose (4, 4) and the geometric Jacobian (6, n), both in base axes."""
+
+
+class Target(NamedTuple):
+    """Position (3,) [m] and rotation (3, 3); None leaves the orientation free."""
+
+    position: NDArray[np.float64]
+    rotation: NDArray[np.float64] | None
+
+
+class Solution(NamedTuple):
+    """A posture (n,), and how far from the target it is [m] and [rad]."""
+
+    q: NDArray[np.float64]
+    distance_m: float
+    angle_rad: float
+
+    @property
+    def error(self) -> float:
+        """Norm of both."""
+        return float(np.hypot(self.distance_m, self.angle_rad))
+
+
+class PoseSearch:
+    """The search of one arm.
+
+    Args:
+        chain: its forward kinematics.
+        lower: position limits (n,) [rad].
+        upper: likewise.
+        continuous: joints without limits (n,).
+    """
+
+    def __init__(
+        self,
+        chain: PoseAndJacobian,
+        lower: NDArray[np.float64],
+        upper: NDArray[np.float64],
+        continuous: NDArray[np.bool_],
+    ) -> None:
+        self._chain, self._lower, self._upper = chain, lower, upper
+        self._ends = np.where(continuous, -np.pi, lower), np.where(continuous, np.pi, upper)
+
+    def solve(
+        self, target: Target, seed: NDArray[np.float64], rest: NDArray[np.float64]
+    ) -> Solution:
+        """The best posture found; its self-motion at rest where the target was reached.
+
+        Args:
+            target: what to reach.
+            seed: where to begin (n,).
+            rest: what redundant joints are drawn to (n,).
+        """
+        best = self.descend(target, seed)
+        if best.error <= CONVERGED:
+            return self.slide(target, best, rest)
+        for start in self.starts(target):
+            best = min(best, self.descend(target, start), key=lambda one: one.error)
+            if best.error <= CONVERGED:
+                return self.slide(target, best, rest)
+        return best
+
+    def descend(self, target: Target, seed: NDArray[np.float64]) -> Solution:
+        """Least squares from one start, inside the limits."""
+        q = np.clip(seed, self._lower, self._upper)
+        error, J = self._error(target, q)
+        square, share = float(error @ error), 1.0
+        past = [square]
+        for _ in range(_N_ITERATIONS):
+            if square < CONVERGED**2 or (len(past) > 4 and square > _STALLED * past[-5]):
+                break
+            there = self._step(q, J, J.T @ error, 0.5 * share * square)
+            error_there, J_there = self._error(target, there)
+            square_there = float(error_there @ error_there)
+            if square_there < square:
+                q, error, J, square = there, error_there, J_there, square_there
+                share *= 0.3
+                past.append(square)
+            else:
+                share *= 5.0
+        return _solution(q, error)
+
+    def slide(
+        self,
+        target: Target,
+        found: Solution,
+        rest: NDArray[np.float64],
+        n_steps: int = _SLIDE_STEPS,
+        largest_rad: float = _LARGEST_SLIDE_RAD,
+    ) -> Solution:
+        """Move along the self-motion of a solution toward rest, away from singularities.
+
+        Args:
+            target: what the solution reaches.
+            found: the solution; without self-motion or if it reaches nothing it is returned.
+            rest: posture to move toward (n,).
+            n_steps: most steps.
+            largest_rad: longest step [rad].
+        """
+        if found.error > CONVERGED:
+            return found
+        cost = self._cost(target, found.q, rest)
+        for _ in range(n_steps):
+            step = self._slide_step(target, found.q, rest)
+            length = float(np.linalg.norm(step))
+            if length < _SLID_RAD:
+                break
+            step *= min(1.0, largest_rad / length)
+            moved = self.descend(target, np.clip(found.q + step, self._lower, self._upper))
+            cost_there = self._cost(target, moved.q, rest)
+            if moved.error > CONVERGED or cost_there >= cost:
+                largest_rad = 0.25 * min(largest_rad, length)
+                continue
+            found, cost = moved, cost_there
+        return found
+
+    def starts(self, target: Target) -> Iterator[NDArray[np.float64]]:
+        """Postures of the table (n,) whose poses are near the target, nearest first."""
+        postures, by_position, by_pose = self._table
+        if target.rotation is None:
+            _, rows = by_position.query(target.position, _N_STARTS)
+        else:
+            axes = _TURN_M * target.rotation.T[:2].ravel()
+            _, rows = by_pose.query(np.concatenate([target.position, axes]), _N_STARTS)
+        return iter(postures[rows])
+
+    @cached_property
+    def _table(self) -> tuple[NDArray[np.float64], KDTree, KDTree]:
+        rng = np.random.default_rng(0)
+        postures = rng.uniform(*self._ends, size=(_N_TABLE, len(self._lower)))
+        poses = np.array([self._chain(q)[0] for q in postures])
+        axes = _TURN_M * np.swapaxes(poses[:, :3, :2], 1, 2).reshape(_N_TABLE, 6)
+        positions = poses[:, :3, 3]
+        return postures, KDTree(positions), KDTree(np.concatenate([positions, axes], axis=1))
+
+    def _step(
+        self,
+        q: NDArray[np.float64],
+        J: NDArray[np.float64],
+        gradient: NDArray[np.float64],
+        damping: float,
+    ) -> NDArray[np.float64]:
+        blocked = ((q <= self._lower) & (gradient < 0.0)) | ((q >= self._upper) & (gradient > 0.0))
+        H = J.T @ J
+        H.flat[:: len(q) + 1] += damping + 1e-12
+        if blocked.any():
+            H[blocked] = 0.0
+            H[:, blocked] = 0.0
+            H[blocked, blocked] = 1.0
+            gradient = np.where(blocked, 0.0, gradient)
+        _, step, _ = dposv(H, gradient)
+        largest = max(float(step.max()), -float(step.min()))
+        if largest > _LARGEST_STEP_RAD:
+            step *= _LARGEST_STEP_RAD / largest
+        return np.minimum(np.maximum(q + step, self._lower), self._upper)
+
+    def _error(
+        self, target: Target, q: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What is left to the target, (3,) or (6,), and the rows of the Jacobian it belongs to."""
+        pose, J = self._chain(q)
+        shift = target.position - pose[:3, 3]
+        if target.rotation is None:
+            return shift, J[:3]
+        return np.concatenate([shift, _rotation_vector(target.rotation @ pose[:3, :3].T)]), J
+
+    def _cost(self, target: Target, q: NDArray[np.float64], rest: NDArray[np.float64]) -> float:
+        """What the self-motion minimises."""
+        J = self._chain(q)[1][: 3 if target.rotation is None else 6]
+        away = q - rest
+        return 0.5 * float(away @ away) - _MANIPULABILITY_WEIGHT * _log_manipulability(J)
+
+    def _slide_step(
+        self, target: Target, q: NDArray[np.float64], rest: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        J = self._chain(q)[1][: 3 if target.rotation is None else 6]
+        pull = rest - q
+        kept = ~(((q <= self._lower) & (pull < 0.0)) | ((q >= self._upper) & (pull > 0.0)))
+        _, values, rows = np.linalg.svd(J[:, kept])
+        rank = int(np.sum(values > 1e-6 * values[0])) if values.size else 0
+        motions = np.zeros((len(rows) - rank, len(q)))
+        motions[:, kept] = rows[rank:]
+        here = _log_manipulability(J)
+        step = np.zeros(len(q))
+        for motion in motions:
+            there = self._chain(q + _DIFFERENCE_RAD * motion)[1][: len(J)]
+            slope = (_log_manipulability(there) - here) / _DIFFERENCE_RAD
+            step += (motion @ pull + _MANIPULABILITY_WEIGHT * slope) * motion
+        return step
+
+
+def _solution(q: NDArray[np.float64], error: NDArray[np.float64]) -> Solution:
+    angle = float(np.linalg.norm(error[3:])) if len(error) > 3 else 0.0
+    return Solution(q, float(np.linalg.norm(error[:3])), angle)
+
+
+def _log_manipulability(J: NDArray[np.float64]) -> float:
+    """Half the logarithm of det(J J^T) (Yoshikawa 1985), bounded below."""
+    return 0.5 * float(np.log(max(np.linalg.det(J @ J.T), 1e-24)))
+
+
+def _rotation_vector(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Axis times angle (3,) of a rotation matrix; at half a turn the axis is of either sign."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn.tolist()
+    x, y, z = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
+    sine, cosine = math.sqrt(x * x + y * y + z * z), 0.5 * (xx + yy + zz - 1.0)
+    if sine > 1e-6:
+        scale = math.atan2(sine, cosine) / sine
+        return np.array([scale * x, scale * y, scale * z])
+    if cosine > 0.0:
+        return np.array([x, y, z])
+    axis = np.sqrt(np.maximum(0.5 * (np.diag(turn) + 1.0), 0.0))
+    signs = np.where(turn[int(np.argmax(axis))] < 0.0, -1.0, 1.0)
+    return np.pi * axis * signs

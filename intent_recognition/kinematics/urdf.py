@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A chain of joints of a URDF: names, limits, joints that copy others; nothing of its meshes.
+
+The text is read with the standard library; whoever builds a model of it gets it without visual and
+collision shapes, so that no mesh file is looked for.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics.limits import JointLimits
+from intent_recognition.untrusted import MOST_TEXT, UntrustedError, read_text
+
+UNLIMITED_RAD = 1e6
+"""Position limit of a continuous joint [rad], which has none. Convention."""
+_MOST_NAMES = 12
+"""Names of links that an error lists. Convention."""
+_MOVING = ("revolute", "continuous", "prismatic")
+
+
+class Mimic(NamedTuple):
+    """A joint that copies another: value = multiplier * master + offset."""
+
+    joint: str
+    master: str
+    multiplier: float
+    offset: float
+
+
+class UrdfChain(NamedTuple):
+    """What of a URDF moves a tip against a base.
+
+    Attributes:
+        xml: the URDF without shapes, continuous joints with limits that are never met.
+        base: link at which the chain begins.
+        tip: link at which it ends.
+        names: independent joints that move the tip, from the base on.
+        continuous: which of them have no position limits.
+        limits: theirs.
+        mimics: joints of the whole URDF that copy another.
+    """
+
+    xml: str
+    base: str
+    tip: str
+    names: tuple[str, ...]
+    continuous: tuple[bool, ...]
+    limits: JointLimits
+    mimics: tuple[Mimic, ...]
+
+
+def read_urdf(source: str | Path) -> str:
+    """The text of a URDF, which may be given itself or as a path.
+
+    Raises:
+        ArgumentError: the file cannot be read.
+    """
+    if isinstance(source, str) and source.lstrip().startswith("<"):
+        return source
+    try:
+        return read_text(Path(source), 10 * MOST_TEXT)
+    except (OSError, UntrustedError) as error:
+        cure = "Give the path of a URDF, or its text."
+        raise ArgumentError(describe("robot", "a URDF", f"{source}: {error}", cure)) from error
+
+
+def read_chain(
+    source: str | Path, base: str | None, tip: str | None, acceleration_rad_s2: float
+) -> UrdfChain:
+    """The chain between two links; see `Arm.from_urdf`.
+
+    Raises:
+        ArgumentError: no URDF, no such link, no chain, or a joint without limits.
+    """
+    root = _parse(source)
+    joints = [joint for joint in root.findall("joint") if joint.get("type")]
+    above = {_link(joint, "child"): joint for joint in joints}
+    links = [link.get("name", "") for link in root.findall("link")]
+    for argument, name in (("base", base), ("tip", tip)):
+        if name is not None and name not in links:
+            raise ArgumentError(describe(argument, f"a link of {_few(links)}", name, "Name one."))
+    base = base if base is not None else _root_link(links, above)
+    tip = tip if tip is not None else _last_link(base, joints)
+    way = _way(base, tip, above)
+    mimics = {mimic.joint: mimic for mimic in map(_mimic, joints) if mimic is not None}
+    by_name = {joint.get("name", ""): joint for joint in joints}
+    names = []
+    for joint in way:
+        kind, name = joint.get("type", ""), joint.get("name", "")
+        if kind not in (*_MOVING, "fixed"):
+            expected = "revolute, continuous, prismatic or fixed joints"
+            raise ArgumentError(describe(name, expected, kind, "Choose base and tip beyond it."))
+        master = mimics[name].master if name in mimics else name
+        if kind in _MOVING and master not in names:
+            names.append(master)
+    if not names:
+        cure = "Choose a tip beyond the first moving joint."
+        raise ArgumentError(describe("tip", f"a link that joints move against {base}", tip, cure))
+    missing = [name for name in names if name not in by_name]
+    if missing:
+        raise ArgumentError(describe("mimic", "a joint of the URDF", missing[0], "Correct it."))
+    moved = [by_name[name] for name in names]
+    limits = _limits(moved, acceleration_rad_s2)
+    limits = _with_mimics(limits, names, by_name, [mimics[m] for m in _names(way) if m in mimics])
+    continuous = tuple(joint.get("type") == "continuous" for joint in moved)
+    return UrdfChain(
+        _bare(root), base, tip, tuple(names), continuous, limits, tuple(mimics.values())
+    )
+
+
+def _parse(source: str | Path) -> ET.Element:
+    text = read_urdf(source)
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as error:
+        cure = "Expand a xacro file first: xacro FILE > robot.urdf."
+        raise ArgumentError(describe("robot", "a URDF", f"XML that ends: {error}", cure)) from error
+    if root.tag != "robot" or root.find("link") is None:
+        got = f"<{root.tag}>" if root.tag != "robot" else "no link"
+        raise ArgumentError(describe("robot", "a URDF: <robot> with links", got, "Check the file."))
+    return root
+
+
+def _link(joint: ET.Element, end: str) -> str:
+    element = joint.find(end)
+    name = None if element is None else element.get("link")
+    if name is None:
+        raise ArgumentError(
+            describe(joint.get("name", "joint"), f"a {end} link", "none", "Add it.")
+        )
+    return name
+
+
+def _names(joints: list[ET.Element]) -> list[str]:
+    return [joint.get("name", "") for joint in joints]
+
+
+def _few(names: list[str]) -> str:
+    return ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
+
+
+def _root_link(links: list[str], above: Mapping[str, ET.Element]) -> str:
+    roots = [link for link in links if link not in above]
+    if len(roots) != 1:
+        raise ArgumentError(describe("base", "one root link", _few(roots), "Name the base."))
+    return roots[0]
+
+
+def _last_link(base: str, joints: list[ET.Element]) -> str:
+    """The link before the tree branches, which is the hand of a plain arm."""
+    link, seen = base, {base}
+    while True:
+        below = [_link(joint, "child") for joint in joints if _link(joint, "parent") == link]
+        if len(below) != 1 or below[0] in seen:
+            return link
+        link = below[0]
+        seen.add(link)
+
+
+def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Element]:
+    way: list[ET.Element] = []
+    link = tip
+    while link != base:
+        if link not in above or len(way) > len(above):
+            cure = "Name a tip that hangs on the base."
+            raise ArgumentError(describe("tip", f"a link below {base}", tip, cure))
+        way.insert(0, above[link])
+        link = _link(above[link], "parent")
+    return way
+
+
+def _mimic(joint: ET.Element) -> Mimic | None:
+    found = joint.find("mimic")
+    if found is None:
+        return None
+    name, master = joint.get("name", ""), found.get("joint", "")
+    multiplier = _number(joint, found, "multiplier", 1.0)
+    return Mimic(name, master, multiplier, _number(joint, found, "offset", 0.0))
+
+
+def _number(
+    joint: ET.Element, element: ET.Element | None, attribute: str, default: float | None = None
+) -> float:
+    text = None if element is None else element.get(attribute)
+    if text is None and default is not None:
+        return default
+    try:
+        value = float(text) if text is not None else np.nan
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        name = joint.get("name", "joint")
+        cure = (
+            f'Write it into the URDF: <limit lower="" upper="" velocity="" effort=""/> of {name}.'
+        )
+        raise ArgumentError(describe(name, f"a finite {attribute}", text or "none", cure))
+    return value
+
+
+def _limits(joints: list[ET.Element], acceleration_rad_s2: float) -> JointLimits:
+    values: dict[str, list[float]] = {name: [] for name in ("lower", "upper", "velocity", "effort")}
+    for joint in joints:
+        limit = joint.find("limit")
+        for name, bound in (("lower", -UNLIMITED_RAD), ("upper", UNLIMITED_RAD)):
+            free = joint.get("type") == "continuous"
+            values[name].append(bound if free else _number(joint, limit, name))
+        for name in ("velocity", "effort"):
+            value = _number(joint, limit, name)
+            if value <= 0.0:
+                cure = "Write the arm's own limit into the URDF."
+                raise ArgumentError(
+                    describe(
+                        joint.get("name", "joint"), f"{name} above 0 in its limit", value, cure
+                    )
+                )
+            values[name].append(value)
+    lower, upper, velocity, effort = (np.array(column) for column in values.values())
+    return JointLimits(lower, upper, velocity, np.full(len(joints), acceleration_rad_s2), effort)
+
+
+def _with_mimics(
+    limits: JointLimits, names: list[str], by_name: Mapping[str, ET.Element], mimics: list[Mimic]
+) -> JointLimits:
+    """Limits that also keep inside those joints that copy others."""
+    lower, upper = limits.lower.copy(), limits.upper.copy()
+    for mimic in mimics:
+        joint, k = by_name[mimic.joint], names.index(mimic.master)
+        if joint.get("type") != "continuous" and mimic.multiplier != 0.0:
+            ends = [_number(joint, joint.find("limit"), end) for end in ("lower", "upper")]
+            ends = sorted((end - mimic.offset) / mimic.multiplier for end in ends)
+            lower[k], upper[k] = max(lower[k], ends[0]), min(upper[k], ends[1])
+    return JointLimits(lower, upper, limits.velocity, limits.acceleration, limits.torque)
+
+
+def _bare(root: ET.Element) -> str:
+    bare = ET.Element("robot", name=root.get("name", "robot"))
+    for link in root.findall("link"):
+        element = ET.SubElement(bare, "link", name=link.get("name", ""))
+        element.extend(link.findall("inertial"))
+    for joint in root.findall("joint"):
+        if joint.get("type") != "continuous":
+            bare.append(joint)
+            continue
+        turned = ET.SubElement(bare, "joint", name=joint.get("name", ""), type="revolute")
+        turned.extend(child for child in joint if child.tag != "limit")
+        bound = repr(UNLIMITED_RAD)
+        ET.SubElement(turned, "limit", lower=f"-{bound}", upper=bound, velocity=bound, effort=bound)
+    return ET.tostring(bare, encoding="unicode")

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arms that the tests know: ours, and those that come with PyBullet's data."""
+
+from pathlib import Path
+
+import pybullet_data
+
+from sim_bridge.arm.urdf import lwr_urdf
+
+DATA = Path(pybullet_data.getDataPath())
+ROBOTS = {
+    "lwr": lwr_urdf(),
+    "panda": DATA / "franka_panda/panda.urdf",
+    "iiwa": DATA / "kuka_iiwa/model.urdf",
+    "xarm": DATA / "xarm/xarm6_robot.urdf",
+}
+"""Name to a URDF's path or text."""
