@@ -4,17 +4,22 @@
 import argparse
 import signal
 import socket
-import sys
 import time
 from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.console import busy, make_console
+from intent_recognition.cli.console import busy
 from intent_recognition.cli.demo_session import Session, run_session, session_tasks
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, number
-from intent_recognition.cli.output import write_json
+from intent_recognition.cli.output import (
+    PRINTED,
+    add_json_option,
+    check_json,
+    console_beside,
+    write_json,
+)
 from intent_recognition.cli.session_watch import END_SIGNALS, interrupt
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
 from intent_recognition.learning import TrainingSettings
@@ -119,14 +124,15 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="DIR",
         help="folder of model, report and logs (default: %(default)s)",
     )
-    written.add_argument("--json", type=Path, metavar="OUT", help="write all numbers as JSON")
+    add_json_option(written, "all numbers")
     written.add_argument("--record", type=Path, metavar="BAG", help="record the session to a bag")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the demo; 1 if a node died or more than one interaction in forty was missed."""
-    console = make_console()
+    console = console_beside(args.json)
+    check_json(args.json)
     if args.scenario == "pouring":
         from intent_recognition.cli.demo_pouring import run_pouring
 
@@ -204,14 +210,13 @@ def _report(args: argparse.Namespace, session: Session, wall_s: float, console: 
         "duration of the session [s, simulated]": round(float(session.plan.samples.times_s[-1]), 1),
         "duration of the session [s, real]": round(wall_s, 1),
     }
-    for line in table_lines(records):
+    for line in table_lines(records) if args.json != PRINTED else ():
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     report = args.output / "report.html"
     with busy(console, "writing the report"):
         write_demo_report(report, records, summary, traces, settings)
-    if args.json:
-        write_json(args.json, to_json(records, summary, settings), indent=2)
+    write_json(args.json, to_json(records, summary, settings))
     console.print(f"session of {wall_s:.0f} s, report: {report}", highlight=False, soft_wrap=True)
-    sys.stdout.write(summary_line(summary) + "\n")
-    sys.stdout.flush()
+    console.file.write(summary_line(summary) + "\n")
+    console.file.flush()
     return 1 if summary.too_many_missed else 0

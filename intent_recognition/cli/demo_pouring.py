@@ -2,7 +2,6 @@
 """`intent demo --scenario pouring`: pour with containers never demonstrated. Needs no ROS 2."""
 
 import argparse
-import sys
 import time
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from intent_recognition.cli.console import busy, escape
-from intent_recognition.cli.output import write_json
+from intent_recognition.cli.output import PRINTED, write_json
 from intent_recognition.share import share_path
 
 if TYPE_CHECKING:
@@ -29,16 +28,16 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
     done = []
     for order in _orders(args):
         done.append(_pour(order, console))
-    console.print(_table(done))
+    if args.json != PRINTED:
+        console.print(_table(done))
     spilled = [poured.spilled for *_, poured in done]
-    if args.json:
-        write_json(args.json, [_numbers(*one) for one in done], indent=2)
+    write_json(args.json, [_numbers(*one) for one in done])
     mean = sum(spilled) / len(spilled)
-    sys.stdout.write(
+    console.file.write(
         f"poured with {len(done)} pairs never demonstrated: {mean:.1f} of {done[0][2].n_balls}"
         f" balls spilled on average, {time.monotonic() - started:.0f} s\n"
     )
-    sys.stdout.flush()
+    console.file.flush()
     return 1 if mean > MANY_SPILLED else 0
 
 

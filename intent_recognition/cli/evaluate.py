@@ -7,10 +7,17 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from intent_recognition.cli.console import busy, make_console, progress_bar
+from intent_recognition.cli.console import busy, progress_bar
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.output import check_output, write_json
+from intent_recognition.cli.output import (
+    PRINTED,
+    add_json_option,
+    check_json,
+    check_output,
+    console_beside,
+    write_json,
+)
 from intent_recognition.cli.recordings import add_recording_options, read_all, training_settings
 from intent_recognition.cli.rejections import print_doubtful, print_dropped, print_left_out
 from intent_recognition.cli.unlabelled import (
@@ -82,15 +89,15 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     add_unlabelled_options(parser)
     written = parser.add_argument_group("what is written")
-    written.add_argument("--json", type=Path, metavar="OUT", help="write the numbers as JSON")
+    add_json_option(written, "the numbers")
     written.add_argument("--report", type=Path, metavar="OUT.html", help="write an HTML report")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print tables, write what was asked for."""
-    console = make_console()
-    check_output("--json", args.json)
+    console = console_beside(args.json)
+    check_json(args.json)
     check_output("--report", args.report)
     wanted = n_components(args)
     dofs = load_dofs(args.dofs)
@@ -132,9 +139,9 @@ def run(args: argparse.Namespace) -> int:
     print_left_out(console, [*map(_line, result["left_out"])])
     print_doubtful(console, [*map(_line, result["doubtful"])])
     result |= {"left_out": [*map(_as_json, unread), *result["left_out"]]} | mixture
-    print_result(console, result)
-    if args.json:
-        write_json(args.json, result, indent=2)
+    if args.json != PRINTED:
+        print_result(console, result)
+    write_json(args.json, result)
     if args.report:
         from intent_recognition.report import write_evaluation_report
 
@@ -150,8 +157,7 @@ def _finish_unlabelled(
     """Print and write what there is without a single label."""
     print_left_out(console, rejections)
     console.print("no recording has a label: recognition and prediction are not scored")
-    if args.json:
-        write_json(args.json, {"n_demonstrations": n, "tasks": [], **mixture}, indent=2)
+    write_json(args.json, {"n_demonstrations": n, "tasks": [], **mixture})
     return 0
 
 

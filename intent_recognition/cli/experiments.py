@@ -12,11 +12,17 @@ from rich.table import Table
 
 from intent_recognition import __version__
 from intent_recognition.cli.completion import offer
-from intent_recognition.cli.console import busy, escape, make_console
+from intent_recognition.cli.console import busy, escape
 from intent_recognition.cli.experiment_runs import ExperimentRun, run_all
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.output import write_json
+from intent_recognition.cli.output import (
+    PRINTED,
+    add_json_option,
+    check_json,
+    console_beside,
+    write_json,
+)
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.experiments.catalogue import EXPERIMENTS, chosen
 from intent_recognition.experiments.settings import Settings
@@ -59,7 +65,7 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     parser.add_argument("--jobs", type=int, default=2, help="processes (default: %(default)s)")
     parser.add_argument("--list", action="store_true", help="show the names and stop")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write the numbers here too")
+    add_json_option(parser, "the numbers")
     parser.set_defaults(run=run)
 
 
@@ -69,7 +75,8 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         ArgumentError: a name, the seed or the number of processes is not possible.
     """
-    console = make_console()
+    console = console_beside(args.json)
+    check_json(args.json)
     if args.list:
         _print_list(console)
         return 0
@@ -84,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     runs = run_all(entries, settings, args.jobs, console)
     failures = {name: run.failure for name, run in runs.items() if run.failure}
     outcomes = {name: run.outcome for name, run in runs.items() if run.outcome}
-    for name, outcome in outcomes.items():
+    for name, outcome in outcomes.items() if args.json != PRINTED else ():
         _print_outcome(console, name, outcome, runs[name].seconds)
     numbers = numbers_json(runs, args.seed, args.quick)
     with busy(console, "writing the report"):
@@ -96,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
         highlight=False,
         soft_wrap=True,
     )
-    sys.stdout.write(summary_line(outcomes.values()) + "\n")
+    console.file.write(summary_line(outcomes.values()) + "\n")
     return 1 if failures else 0
 
 
@@ -134,8 +141,7 @@ def _write(
     for name, outcome in outcomes.items():
         write_figures(folder / "figures", name, outcome)
     for path in (folder / "numbers.json", extra):
-        if path is not None:
-            write_json(path, numbers, indent=2)
+        write_json(path, numbers)
     mode = ", quick" if numbers["quick"] else ""
     footer = f"intent_recognition {__version__}, seed {numbers['seed']}{mode}."
     return write_experiments_report(folder / "report.html", outcomes, failures, footer)

@@ -15,7 +15,7 @@ from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
 from intent_recognition.cli.inspect_streams import print_faults, stream_faults
 from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.output import print_json
+from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
 from intent_recognition.demonstrations import (
     BagSummary,
     DofSpec,
@@ -54,7 +54,7 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="F",
         help="DOF file: check the streams it names (default: all tracked bodies and joint_states)",
     )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
+    add_json_option(parser, "what is in it")
     parser.set_defaults(run=run)
 
 
@@ -65,7 +65,8 @@ def run(args: argparse.Namespace) -> int:
         BagError: there is nothing that could be a recording.
         ModelError: the model file cannot be used.
     """
-    console = make_console()
+    check_json(args.json)
+    console = Console(quiet=True) if args.json == PRINTED else make_console()
     dofs = None if args.dofs is None else load_dofs(args.dofs)
     models = [path for path in args.paths if path.suffix == ".npz"]
     sources = [path for path in args.paths if path not in models]
@@ -74,21 +75,19 @@ def run(args: argparse.Namespace) -> int:
     loaded = [load_model(path) for path in models]
     bags = [bag for source in sources for bag in _bags_of(source)]
     content: list[object] = [model_json(model) for model in loaded]
-    if not args.json:
-        for path, model in zip(models, loaded, strict=True):
-            print_model(console, path, model)
+    for path, model in zip(models, loaded, strict=True):
+        print_model(console, path, model)
     failed = False
     is_one = len(bags) == 1 and bags == sources
     if is_one:
-        content.append(_inspect_one(console, bags[0], dofs, args.json))
+        content.append(_inspect_one(console, bags[0], dofs))
     elif bags:
         root = Path(os.path.commonpath(sources))
         root = root.parent if root in bags else root
-        listed, failed = _inspect_several(console, root, bags, dofs, args.json)
+        listed, failed = _inspect_several(console, root, bags, dofs)
         content += listed
-    if args.json:
-        alone = len(args.paths) == 1 and (models or is_one)
-        print_json(content[0] if alone else content)
+    alone = len(args.paths) == 1 and (models or is_one)
+    write_json(args.json, content[0] if alone else content)
     return int(failed)
 
 
@@ -99,21 +98,20 @@ def _bags_of(source: Path) -> list[Path]:
     return bags
 
 
-def _inspect_one(console: Console, path: Path, dofs: DofSpec | None, as_json: bool) -> object:
-    """Print one recording, or return it for JSON."""
+def _inspect_one(console: Console, path: Path, dofs: DofSpec | None) -> object:
+    """Print one recording, and return it for JSON."""
     with busy(Console(stderr=True), "reading"):
         summary = inspect_bag(path)
         faults = stream_faults([(path, summary)], path.parent, dofs)
-    if not as_json:
-        print_bag(console, summary)
-        print_faults(console, faults)
+    print_bag(console, summary)
+    print_faults(console, faults)
     return bag_json(summary) | {"streams": [f.reason for f in faults[path]]}
 
 
 def _inspect_several(
-    console: Console, root: Path, bags: Sequence[Path], dofs: DofSpec | None, as_json: bool
+    console: Console, root: Path, bags: Sequence[Path], dofs: DofSpec | None
 ) -> tuple[list[object], bool]:
-    """One line (or JSON object) per bag, an unreadable one too; whether there is such a one."""
+    """One line and JSON object per bag, an unreadable one too; whether there is such a one."""
     found: list[tuple[Path, BagSummary | BagError]] = []
     stderr = Console(stderr=True)
     for bag in track(
@@ -124,9 +122,8 @@ def _inspect_several(
         except BagError as error:
             found.append((bag, error))
     faults = stream_faults(found, root, dofs)
-    if not as_json:
-        print_folder(console, root, found)
-        print_faults(console, faults)
+    print_folder(console, root, found)
+    print_faults(console, faults)
     listed: list[object] = [
         bag_json(got) | {"streams": [f.reason for f in faults[bag]]}
         if isinstance(got, BagSummary)

@@ -1,12 +1,52 @@
 # SPDX-License-Identifier: Apache-2.0
 """What commands write: checked before long work, then written to a file or printed as JSON."""
 
+import argparse
 import json
 import os
 import sys
 from pathlib import Path
 
+from rich.console import Console
+
+from intent_recognition.cli.console import make_console
 from intent_recognition.errors import ResourceBusyError, describe
+
+PRINTED = Path("-")
+"""The value of `--json` without OUT: standard output."""
+
+
+def add_json_option(group: argparse._ActionsContainer, what: str) -> None:
+    """Add `--json [OUT]`, which means the same in every command."""
+    group.add_argument(
+        "--json",
+        type=Path,
+        nargs="?",
+        const=PRINTED,
+        metavar="OUT",
+        help=f"write {what} as JSON to OUT; without OUT print that, and nothing else, to standard"
+        " output",
+    )
+
+
+def console_beside(json_path: Path | None) -> Console:
+    """The console for all else: standard error where JSON has standard output to itself."""
+    return Console(stderr=True) if json_path == PRINTED else make_console()
+
+
+def check_json(path: Path | None) -> None:
+    """`check_output` for `--json`, which may have taken the next argument for its OUT.
+
+    Raises:
+        ResourceBusyError: it cannot be written, or it is a file of another kind.
+    """
+    if path is None or path == PRINTED:
+        return
+    check_output("--json", path)
+    if path.is_file() and path.suffix != ".json":
+        cure = "Write `--json` last, or choose another OUT."
+        expected = "a new file, or one that ends in .json"
+        raise ResourceBusyError(describe(f"--json {path}", expected, "an existing file", cure))
 
 
 def check_output(option: str, path: Path | None) -> None:
@@ -31,21 +71,35 @@ def check_output(option: str, path: Path | None) -> None:
         )
 
 
-def write_json(path: Path, content: object, indent: int | None = None) -> None:
-    """Write JSON; its folder is made if it is missing.
+def write_json(path: Path | None, content: object, indent: int | None = 2) -> None:
+    """Write JSON where `--json` says; the folder is made if it is missing.
+
+    Args:
+        path: a file, PRINTED, or None for nowhere.
+        content: plain values.
+        indent: spaces per level; None for one line.
 
     Raises:
         ResourceBusyError: the file cannot be written.
     """
+    if path is None:
+        return
+    text = json.dumps(content, indent=indent, default=_plain) + "\n"
+    if path == PRINTED:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+        return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(content, indent=indent) + "\n", encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ResourceBusyError(
             describe(f"--json {path}", "a file that can be written", error, "Choose another.")
         ) from error
 
 
-def print_json(content: object) -> None:
-    """Print JSON to standard output."""
-    sys.stdout.write(json.dumps(content, indent=2, default=str) + "\n")
+def _plain(value: object) -> str:
+    """A path as text; all else has to be plain already."""
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"expected plain values for JSON, got {type(value).__name__}")

@@ -13,7 +13,7 @@ from intent_recognition.cli.console import busy
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_bag import damage_line
 from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.output import print_json
+from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -34,7 +34,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--output", type=Path, required=True, metavar="B", help="directory of the new bag"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON instead of lines")
+    add_json_option(parser, "what was saved and lost")
     parser.set_defaults(run=run)
 
 
@@ -45,11 +45,11 @@ def run(args: argparse.Namespace) -> int:
         BagError: there is no MCAP file, or not one message in it can be read.
         ResourceBusyError: the output exists already.
     """
+    check_json(args.json)
     with busy(Console(stderr=True), "recovering"):
         report = recover(args.bag, args.output)
-    if args.json:
-        print_json(report_json(report))
-    else:
+    write_json(args.json, report_json(report))
+    if args.json != PRINTED:
         sys.stdout.write("\n".join(report_lines(report)) + "\n")
     return 0
 

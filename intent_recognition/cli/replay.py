@@ -9,10 +9,16 @@ from rich.console import Console
 from rich.table import Table
 
 from intent_recognition.bags import BagReader
-from intent_recognition.cli.console import escape, make_console, progress_bar
+from intent_recognition.cli.console import escape, progress_bar
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.output import check_output, write_json
+from intent_recognition.cli.output import (
+    PRINTED,
+    add_json_option,
+    check_json,
+    console_beside,
+    write_json,
+)
 from intent_recognition.errors import BagError, describe
 from intent_recognition.evaluation import replay
 from intent_recognition.model import load_model
@@ -42,14 +48,14 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--model", type=Path, required=True, metavar="M.npz", help="written by `intent train`"
     )
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write every observation as JSON")
+    add_json_option(parser, "every observation")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay one recording."""
-    console = make_console()
-    check_output("--json", args.json)
+    console = console_beside(args.json)
+    check_json(args.json)
     model = load_model(args.model)
     reader = BagReader(args.bag)
     rejected: Counter[str] = Counter()
@@ -70,9 +76,9 @@ def run(args: argparse.Namespace) -> int:
                 "Replay a recording with the topics of the model's DOF file.",
             )
         )
-    if args.json:
-        write_json(args.json, rows)
-    print_rows(console, model.library, rows)
+    write_json(args.json, rows, indent=None)
+    if args.json != PRINTED:
+        print_rows(console, model.library, rows)
     active = {row["active_task"] for row in rows}
     for reason in (reason for task, reason in held_back.items() if task not in active):
         console.print(f"not activated: {reason}", style="yellow", highlight=False)

@@ -6,10 +6,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from intent_recognition.cli.console import busy, escape, make_console, plain_table
+from intent_recognition.cli.console import busy, escape, plain_table
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.output import check_output, print_json, write_json
+from intent_recognition.cli.output import (
+    PRINTED,
+    add_json_option,
+    check_json,
+    console_beside,
+    write_json,
+)
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.evaluation import (
     Segment,
@@ -18,9 +24,6 @@ from intent_recognition.evaluation import (
     write_segments,
 )
 from intent_recognition.model import load_model
-
-PRINTED = Path("-")
-"""In place of a file: standard output."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -59,14 +62,7 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="BAGS",
         help="folder of the new bags (default: %(default)s)",
     )
-    parser.add_argument(
-        "--json",
-        type=Path,
-        nargs="?",
-        const=PRINTED,
-        metavar="OUT",
-        help="write the segments as JSON, to standard output without OUT",
-    )
+    add_json_option(parser, "the segments")
     parser.set_defaults(run=run)
 
 
@@ -77,9 +73,8 @@ def run(args: argparse.Namespace) -> int:
         BagError: the session cannot be read.
         ResourceBusyError: a bag of that name exists already.
     """
-    console = Console(stderr=True) if args.json == PRINTED else make_console()
-    if args.json != PRINTED:
-        check_output("--json", args.json)
+    console = console_beside(args.json)
+    check_json(args.json)
     with busy(console, "segmenting"):
         if args.model:
             model = load_model(args.model)
@@ -91,12 +86,9 @@ def run(args: argparse.Namespace) -> int:
     content = [
         segment._asdict() | {"bag": str(bag)} for segment, bag in zip(segments, bags, strict=True)
     ]
-    if args.json == PRINTED:
-        print_json(content)
-        return 0
-    if args.json:
-        write_json(args.json, content)
-    _print(console, segments, bags)
+    write_json(args.json, content)
+    if args.json != PRINTED:
+        _print(console, segments, bags)
     console.print(f"{len(bags)} demonstrations in {args.output}", highlight=False, soft_wrap=True)
     return 0
 

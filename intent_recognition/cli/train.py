@@ -8,10 +8,17 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from intent_recognition.cli.console import busy, escape, make_console
+from intent_recognition.cli.console import busy, escape
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.output import check_output, write_json
+from intent_recognition.cli.output import (
+    PRINTED,
+    add_json_option,
+    check_json,
+    check_output,
+    console_beside,
+    write_json,
+)
 from intent_recognition.cli.recordings import (
     accumulate_all,
     add_recording_options,
@@ -69,17 +76,15 @@ def add_parser(subparsers: Subparsers) -> None:
     add_sessions_option(parser)
     add_adding_options(parser)
     add_worker_options(parser)
-    written.add_argument(
-        "--json", type=Path, metavar="OUT", help="write what was learned and left out as JSON"
-    )
+    add_json_option(written, "what was learned and left out")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Train, write the model, print what was learned and what was left out."""
-    console = make_console()
+    console = console_beside(args.json)
     check_output("--output", args.output)
-    check_output("--json", args.json)
+    check_json(args.json)
     settings = training_settings(args)
     wanted = n_components(args)
     if args.unlabelled:
@@ -96,11 +101,11 @@ def run(args: argparse.Namespace) -> int:
 
 def finish(args: argparse.Namespace, model: Model, report: TrainingReport, console: Console) -> int:
     """Print what was learned, add transitions, write the model."""
-    print_library(console, model.library, report)
+    if args.json != PRINTED:
+        print_library(console, model.library, report)
     model = with_sessions(model, args.sessions, console)
     save_model(args.output, model, report.trained)
-    if args.json:
-        write_json(args.json, report_json(model, report) | {"output": str(args.output)}, indent=2)
+    write_json(args.json, report_json(model, report) | {"output": str(args.output)})
     console.print(f"wrote {args.output}", highlight=False)
     return 0
 

@@ -13,7 +13,7 @@ from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.output import print_json
+from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
 from intent_recognition.warping import (
@@ -55,7 +55,7 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     offer(source, Path)
     parser.add_argument("target", type=Path, metavar="TARGET", help="mesh or cloud")
-    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    add_json_option(parser, "the parameters")
     parser.add_argument(
         "--report",
         nargs="?",
@@ -107,6 +107,7 @@ def run(args: argparse.Namespace) -> int:
         ModelError: the source cannot be used.
         ArgumentError: the target cannot be used; says why.
     """
+    check_json(args.json)
     if not (np.isfinite(args.scale) and args.scale > 0.0):
         cure = "Use 0.001 for millimetres."
         raise ArgumentError(describe("--scale", "a factor above 0", args.scale, cure))
@@ -124,16 +125,15 @@ def run(args: argparse.Namespace) -> int:
         raise ArgumentError(f"{args.target}: {error}") from error
     taken_s = time.perf_counter() - start_s
     content = as_json(args, warped, parameters)
-    if args.json:
-        print_json(content)
-    else:
+    write_json(args.json, content)
+    if args.json != PRINTED:
         make_console().print(_table(args, warped, parameters, taken_s))
     if args.report:
         from intent_recognition.report import write_warp_report
 
         with busy(Console(stderr=True), "writing the report"):
             path = write_warp_report(args.report, source, warped, parameters, content)
-        if not args.json:
+        if args.json != PRINTED:
             make_console().print(f"report: {path}")
     return 0
 

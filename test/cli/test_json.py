@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--json [OUT]` means the same in every command."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli.recorded import DOFS, TRUTH, write_all
+from model_builder import learned_model, perform, write_recording
+
+from intent_recognition.cli import main as cli
+from intent_recognition.cli.evaluate import ONLINE
+from intent_recognition.cli.output import PRINTED, write_json
+from intent_recognition.experiments import catalogue
+from intent_recognition.experiments.catalogue import Experiment
+from intent_recognition.model import save_model
+from sim_bridge.containers.generate import make_container
+
+TRAIN = ("train", "bags", "--dofs", "dofs.yaml", "--basis", "8")
+COMMANDS = {
+    "demo": (),  # as long as the demo: test_demo, test_demo_pouring
+    "train": (*TRAIN, "--output", "NEW.npz"),
+    "evaluate": ("evaluate", "bags", "--dofs", "dofs.yaml", "--protocol", "kfold:2"),
+    "replay": ("replay", "bag", "--model", "model.npz"),
+    "inspect": ("inspect", "bag"),
+    "recover": ("recover", "bag", "--output", "NEW"),
+    "segment": ("segment", "bag", "--model", "model.npz", "--output", "NEW"),
+    "warp": ("warp", "mug", "bowl.stl"),
+    "experiments": ("experiments", "stub", "--output", "NEW"),
+}
+MORE = (("inspect", "bags"), ("inspect", "model.npz"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """What the commands read."""
+    path = tmp_path_factory.mktemp("json")
+    write_all(path)
+    write_recording(path / "bag", perform(TRUTH, 1, 50), DOFS)
+    save_model(path / "model.npz", learned_model(DOFS, TRUTH, per_task=4))
+    make_container("round_bowl", 2).mesh.export(path / "bowl.stl")
+    return path
+
+
+def _evaluated(demonstrations, folds, *_, **__) -> dict:
+    """What is printed of an evaluation, in place of seconds of scoring (test_evaluate)."""
+    nothing = {"known_phase": {"1.0": {"accuracy": 1.0}}, "unknown_phase": {"1.0": {"rmse": None}}}
+    online = {"known_phase": dict.fromkeys(ONLINE)}
+    return {
+        "n_demonstrations": len(demonstrations),
+        "tasks": [*{d.task: None for d in demonstrations}],
+        "unit": "rad",
+        "left_out": [],
+        "doubtful": [],
+        "recognition": nothing,
+        "prediction": nothing,
+        "online": online,
+        "none": {"area": None},
+    }
+
+
+@pytest.mark.parametrize("words", [*filter(None, COMMANDS.values()), *MORE], ids=" ".join)
+def test_without_a_file_it_is_all_of_standard_output(words, folder, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "path", [str(Path(__file__).parent), *sys.path])
+    stub = Experiment("stub", "experiment_stub", "Nobody, Fig. 0", "a stub")
+    monkeypatch.setattr(catalogue, "EXPERIMENTS", (stub,))
+    monkeypatch.setattr("intent_recognition.cli.evaluate.evaluate", _evaluated)
+
+    def run(number: int, *json_option: str) -> str:
+        new = str(tmp_path / f"new_{number}")
+        assert cli.main([word.replace("NEW", new) for word in words] + [*json_option]) == 0
+        return capsys.readouterr().out.replace(new, "NEW")
+
+    printed = run(1, "--json")
+    out = tmp_path / "deep" / "out.json"
+    shown = run(2, "--json", str(out))
+    assert out.read_text("utf-8").replace(str(tmp_path / "new_2"), "NEW") == printed
+    assert json.loads(printed)
+    with pytest.raises(ValueError, match=r"Expecting value|Extra data"):
+        json.loads(shown)
+
+
+def test_every_command_that_has_it_has_it_so():
+    (commands,) = (
+        action
+        for action in cli.make_parser()._actions
+        if isinstance(action, argparse._SubParsersAction)
+    )
+    found = {
+        name: parser._option_string_actions["--json"]
+        for name, parser in commands.choices.items()
+        if "--json" in parser._option_string_actions
+    }
+    assert found.keys() == COMMANDS.keys()
+    for option in found.values():
+        assert (option.nargs, option.const, option.metavar) == ("?", PRINTED, "OUT")
+
+
+def test_a_recording_that_it_took_for_its_file_is_kept(folder, capsys, monkeypatch):
+    """Where `--json` stands before a second bag."""
+    monkeypatch.chdir(folder)
+    (recording,) = Path("bag").glob("*.mcap")
+    before = recording.read_bytes()
+    assert cli.main(["inspect", "--json", str(recording), "bags"]) == 1
+    assert "Write `--json` last" in capsys.readouterr().err
+    assert recording.read_bytes() == before
+
+
+def test_what_is_not_plain_is_an_error_not_a_text(tmp_path):
+    with pytest.raises(TypeError, match="int64"):
+        write_json(tmp_path / "n.json", {"n": np.int64(3)})
