@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small models and bags of simulated people, for tests of everything that needs a model file."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from simulation import make_library, simulate
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.demonstrations.fields import POSITION_FIELDS
+from intent_recognition.demonstrations.paths import STAMPED_ELEMENTS, ElementName, parse_path
 from intent_recognition.learning import TrainingSettings, learn_with_report
 from intent_recognition.model.file import Model
 from intent_recognition.promp.library import TaskLibrary
@@ -66,23 +68,65 @@ def message_of(entry: DofEntry, stamp_ns: int, values: np.ndarray) -> dict:
     """Fields of a message that carries the entry's DOFs."""
     header = {"stamp": int(stamp_ns), "frame_id": "world"}
     if entry.joints:
-        return {"header": header, "name": list(entry.joints), "position": list(map(float, values))}
-    position = dict.fromkeys("xyz", 0.0)
+        names = [joint.replace("*", "rlkas") for joint in entry.joints]
+        return {"header": header, "name": names, "position": list(map(float, values))}
+    tree: dict = {}
     for field, value in zip(entry.fields, values, strict=True):
-        position[field[-1]] = float(value)
-    return {"header": header, "pose": {"position": position, "orientation": {"w": 1.0}}}
+        *parts, last = parse_path(field)
+        node = tree
+        for part in parts:
+            node = node.setdefault(part, {})
+        node[last] = float(value)
+    if entry.type == POSE:
+        tree["pose"].setdefault("orientation", {"w": 1.0})
+    arrays = _with_arrays(tree, stamp_ns)
+    return arrays if entry.type in STAMPED_ELEMENTS else arrays | {"header": header}
+
+
+def _with_arrays(tree, stamp_ns):
+    """Nested fields, with elements of arrays as lists."""
+    if not isinstance(tree, dict):
+        return tree
+    inner = {key: _with_arrays(value, stamp_ns) for key, value in tree.items()}
+    if any(isinstance(key, int) for key in tree):
+        return [inner.get(k, {}) for k in range(max(tree) + 1)]
+    if any(isinstance(key, ElementName) for key in tree):
+        return [_named(key.name, stamp_ns) | value for key, value in inner.items()]
+    return inner
+
+
+def _named(name: str, stamp_ns: int) -> dict:
+    """What makes an element of an array the one of that name: a transform, or a marker."""
+    stamped = {"header": {"stamp": int(stamp_ns), "frame_id": "world"}}
+    namespace, slash, number = name.partition("/")
+    return stamped | ({"ns": namespace, "id": int(number)} if slash else {"child_frame_id": name})
 
 
 def write_recording(
     path: Path, recording: Demonstration, dofs: DofSpec, *, task: str | None = None, **metadata: str
 ) -> Path:
-    """A bag of a recording; the label is the recording's own unless given, none if empty."""
+    """A bag of a recording; the label is the recording's own unless given, none if empty.
+
+    Entries of one topic with the same stamp are in one message.
+    """
     label = recording.task if task is None else task
-    entries = (*dofs.observed, *dofs.controlled)
     custom_data = metadata | ({"task": label} if label else {})
     with BagWriter(path, custom_data) as writer:
-        for observation in merge((*recording.observed, *recording.controlled)):
-            entry = entries[observation.group]
-            fields = message_of(entry, observation.stamp_ns, observation.values)
-            writer.write_message(entry.topic, entry.type, fields, observation.stamp_ns)
+        for entry, stamp_ns, values in messages_of(recording, dofs):
+            fields = message_of(entry, stamp_ns, values)
+            writer.write_message(entry.topic, entry.type, fields, stamp_ns)
     return path
+
+
+def messages_of(
+    recording: Demonstration, dofs: DofSpec
+) -> Iterator[tuple[DofEntry, int, np.ndarray]]:
+    """Entry with all fields of its topic, stamp and values of every message, in order."""
+    entries = (*dofs.observed, *dofs.controlled)
+    at: dict[tuple[int, str], tuple[DofEntry, list]] = {}
+    for o in merge((*recording.observed, *recording.controlled)):
+        entry, key = entries[o.group], (o.stamp_ns, entries[o.group].topic)
+        known, values = at.get(key, (replace(entry, fields=()), []))
+        at[key] = (replace(known, fields=known.fields + entry.fields), [*values, *o.values])
+    for (stamp_ns, _), (entry, values) in at.items():
+        yield entry, stamp_ns, np.array(values)

@@ -3,7 +3,12 @@
 
 from intent_recognition.demonstrations.cleaning import is_raw_pose
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, load_dofs
-from intent_recognition.demonstrations.fields import POSITION_FIELDS, extract
+from intent_recognition.demonstrations.fields import (
+    POSITION_FIELDS,
+    extract,
+    position_columns,
+    stamp_of,
+)
 from intent_recognition.demonstrations.inspect import (
     BagSummary,
     TopicSummary,
@@ -47,7 +52,9 @@ __all__ = [
     "iter_samples",
     "load_dofs",
     "observation_readers",
+    "position_columns",
     "read_demonstrations",
     "read_task_sequences",
     "read_whole",
+    "stamp_of",
 ]

@@ -16,6 +16,7 @@ from intent_recognition.demonstrations.fields import (
     Content,
     pose_message,
     pose_numbers,
+    stamp_of,
     values_of,
 )
 from intent_recognition.signals import Signal
@@ -55,6 +56,12 @@ class TopicSamples:
 def is_raw_pose(topic: str, type_name: str) -> bool:
     """Whether a topic carries unchecked poses of a tracker: `mocap/<body>/pose`."""
     return type_name == POSE and RAW_POSE_TOPIC.fullmatch(relative_topic(topic)) is not None
+
+
+def restamped(entry: DofEntry, message: BagMessage) -> BagMessage | None:
+    """A message with the stamp of the entry's elements in it; None if it has none of them."""
+    stamp_ns = stamp_of(entry, message.message, message.log_time_ns)
+    return None if stamp_ns is None else replace(message, stamp_ns=stamp_ns)
 
 
 def clean_topic(
@@ -140,13 +147,13 @@ def signals_of(
     first demonstration of a session reports them, so that they are counted once.
     """
     rejected: Counter[str] = Counter()
-    for topic in spec.topics if count_topics else ():
-        rejected.update(samples[topic].rejected)
+    for stream in spec.streams if count_topics else ():
+        rejected.update(samples[stream].rejected)
     sides = []
     for entries in (spec.observed, spec.controlled):
         signals = []
         for entry in entries:
-            signal, dropped = signal_of(entry, samples[entry.topic], start_ns, end_ns)
+            signal, dropped = signal_of(entry, samples[entry.stream], start_ns, end_ns)
             signals.append(signal)
             rejected.update(dropped)
         sides.append(tuple(signals))

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.bags import JOINT_STATE
+from intent_recognition.demonstrations.paths import FIELD_PATH, STAMPED_ELEMENTS, element_of
 from intent_recognition.errors import DofError, describe
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
@@ -19,7 +20,6 @@ KEYS = ("topic", "type", "fields", "joints", "unit", "quantity")
 VELOCITY_KEYS = (*KEYS, "of", "std")
 SIDES = ("observed", "controlled", "velocities")
 TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
-FIELD_PATH = re.compile(r"[A-Za-z_]\w*(\.\w+)*")
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,11 @@ class DofEntry:
     Attributes:
         topic: relative topic name, without a leading slash.
         type: full message type, "package/msg/Name".
-        fields: attribute paths such as "pose.position.x"; a number in a path indexes an array.
-        joints: joint names of a JointState, in the order of the DOFs. An entry has either `fields`
-            or `joints`.
+        fields: paths such as "pose.position.x", "poses[7].position.x" or
+            "transforms[wrist].transform.translation.x"; an element of an array is given by its
+            number, a transform by its child frame, a marker by namespace/id.
+        joints: joint names of a JointState, in the order of the DOFs; `*` stands for any text, such
+            as the identifier of a tracked person. An entry has either `fields` or `joints`.
         unit: of all DOFs of this entry, such as "m" or "rad".
         quantity: what is read of each joint: "position", "velocity" or "effort".
         of: for measured velocities, the names of the observed DOFs they belong to; else empty.
@@ -54,6 +56,13 @@ class DofEntry:
             suffix = "" if self.quantity == "position" else f".{self.quantity}"
             return tuple(joint + suffix for joint in self.joints)
         return tuple(f"{self.topic}.{field}" for field in self.fields)
+
+    @property
+    def stream(self) -> str:
+        """What shares the stamps of this entry: the topic, or stamped elements of its arrays."""
+        if self.type not in STAMPED_ELEMENTS:
+            return self.topic
+        return f"{self.topic} {sorted(set(map(str, map(element_of, self.fields))))}"
 
     def to_dict(self) -> dict[str, object]:
         """The entry as written in a DOF file."""
@@ -108,6 +117,11 @@ class DofSpec:
     def topics(self) -> dict[str, str]:
         """Type of every topic training needs, by topic name without leading slash."""
         return {entry.topic: entry.type for entry in (*self.observed, *self.controlled)}
+
+    @property
+    def streams(self) -> dict[str, DofEntry]:
+        """The first entry of every stream training needs, see `DofEntry.stream`."""
+        return {entry.stream: entry for entry in reversed((*self.observed, *self.controlled))}
 
     def to_dict(self) -> dict[str, list[dict[str, object]]]:
         """Plain lists and dictionaries, as the DOF file and the model file hold them."""
@@ -245,7 +259,8 @@ def _names(item: Mapping, key: str, place: str) -> tuple[str, ...]:
         if not isinstance(name, str) or not name:
             raise _error(f"{place}: {key}", "names", name)
         if key == "fields" and not FIELD_PATH.fullmatch(name):
-            raise _error(f"{place}: {key}", "paths such as pose.position.x", name)
+            expected = "paths such as pose.position.x or poses[7].position.x"
+            raise _error(f"{place}: {key}", expected, name)
     return tuple(names)
 
 

@@ -1,22 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values of degrees of freedom in messages: one by one, or in the columns of a whole topic."""
 
+import re
 from collections.abc import Sequence
+from functools import lru_cache
 from operator import attrgetter
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from intent_recognition.bags import JOINT_STATE, POSE, Columns, JointColumns, PoseColumns
+from intent_recognition.bags import (
+    JOINT_STATE,
+    NANOSECONDS,
+    POSE,
+    Columns,
+    JointColumns,
+    PoseColumns,
+)
 from intent_recognition.demonstrations.dofs import DofEntry
+from intent_recognition.demonstrations.paths import (
+    STAMPED_ELEMENTS,
+    ElementAbsentError,
+    element_stamps_ns,
+    follow,
+    parse_path,
+)
 from intent_recognition.errors import MessageError, describe
 
 POSITION_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
 ORIENTATION_FIELDS = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
 POSE_FIELDS = (*POSITION_FIELDS, *ORIENTATION_FIELDS)
 """Numbers of a PoseStamped, in the order in which arrays of poses hold them."""
+POSITIONS = ("position", "translation")
+"""Attributes of messages that are a place in space [m]."""
 Content = Columns | Sequence[object]
 """Messages of a topic: as columns, or decoded one by one."""
 
@@ -47,42 +65,61 @@ def extract(entry: DofEntry, message: Any) -> NDArray[np.float64]:
         message: of rclpy or of a bag.
 
     Raises:
-        MessageError: a joint or a field is missing, or is not a number. A JointState without
-            the quantity asked for (an empty `velocity`, say) counts as a missing joint.
+        MessageError: a joint, a field or an element of an array is missing, or is not a number. A
+            JointState without the quantity asked for (an empty `velocity`, say) counts as a missing
+            joint.
     """
-    if not entry.joints:
-        return np.array([_field_value(entry, message, field) for field in entry.fields], np.float64)
-    indices, column = joint_column(entry, message)
-    values = np.empty(len(entry.joints))
-    for row, joint in enumerate(entry.joints):
-        index = indices.get(joint)
-        if index is None or index >= len(column):
-            has = ", ".join(indices) if index is None else f"{len(column)} values for it"
-            raise MessageError(
-                describe(
-                    f"{entry.topic} {entry.quantity}",
-                    f"joint {joint}",
-                    has or "no joints",
-                    "Name the joints in the DOF file as the robot does.",
-                )
-            )
-        values[row] = column[index]
-    return values
+    found = _read(entry, message)
+    if found.missing is not None:
+        raise found.missing
+    return found.values
 
 
-def joint_column(entry: DofEntry, message: Any) -> tuple[dict[str, int], Sequence[float]]:
-    """Index of each joint in a JointState, and the values of the entry's quantity.
+def extract_present(entry: DofEntry, message: Any) -> NDArray[np.float64]:
+    """As `extract`, with NaN for joints and elements of arrays that are missing.
 
     Raises:
-        MessageError: the message is of another type.
+        MessageError: all of them are missing, a message has no such field, or it is not a number.
     """
-    try:
-        indices = {name: k for k, name in enumerate(message.name)}
-        return indices, getattr(message, entry.quantity)
-    except AttributeError as error:
-        raise MessageError(
-            describe(entry.topic, entry.type, error, "Correct the type in the DOF file.")
-        ) from error
+    found = _read(entry, message)
+    if found.missing is not None and found.n_missing == len(found.values):
+        raise found.missing
+    return found.values
+
+
+def stamp_of(entry: DofEntry, message: Any, received_ns: int) -> int | None:
+    """When the entry's DOFs in a message were measured [ns].
+
+    Args:
+        entry: what is read.
+        message: of rclpy or of a bag.
+        received_ns: counts where neither the message nor its elements are stamped.
+
+    Returns:
+        None where the message is about other elements than the entry's.
+    """
+    if entry.type in STAMPED_ELEMENTS:
+        stamps = element_stamps_ns(message, entry.fields)
+        return (max(stamps) or received_ns) if stamps else None
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    return received_ns if stamp is None else stamp.sec * NANOSECONDS + stamp.nanosec
+
+
+@lru_cache(maxsize=256)
+def joint_indices(wanted: tuple[str, ...], names: tuple[str, ...]) -> list[int | None]:
+    """Where each joint of an entry is among the names in a message; None where it is not."""
+    found = {name: k for k, name in enumerate(names)}
+    return [_matching(joint, names) if "*" in joint else found.get(joint) for joint in wanted]
+
+
+def position_columns(entry: DofEntry) -> list[int] | None:
+    """Columns of x, y, z of the first whole position (or translation) among the entry's fields."""
+    for field in entry.fields:
+        place = field.rpartition(".")[0]
+        axes = [f"{place}.{axis}" for axis in "xyz"]
+        if place.endswith(POSITIONS) and set(axes) <= set(entry.fields):
+            return [entry.fields.index(axis) for axis in axes]
+    return None
 
 
 def has_columns(entry: DofEntry) -> bool:
@@ -127,27 +164,73 @@ def _joint_values(
     values = np.full((content.stamps_ns.size, len(entry.joints)), np.nan)
     found = np.zeros(content.stamps_ns.size, bool)
     for part in content.parts:
-        indices = {name: k for k, name in enumerate(part.names)}
         columns = getattr(part, entry.quantity)
-        wanted = [indices.get(joint, columns.shape[1]) for joint in entry.joints]
-        if max(wanted) < columns.shape[1]:
+        wanted = [
+            k
+            for k in joint_indices(entry.joints, part.names)
+            if k is not None and k < columns.shape[1]
+        ]
+        if len(wanted) == len(entry.joints):
             values[part.rows] = columns[:, wanted]
             found[part.rows] = True
     return values[rows], found[rows]
 
 
-def _field_value(entry: DofEntry, message: Any, field: str) -> float:
-    value = message
+class _Reading(NamedTuple):
+    """Values (d,), how many of them are NaN because they are not in the message, and an error."""
+
+    values: NDArray[np.float64]
+    n_missing: int
+    missing: MessageError | None
+
+
+def _read(entry: DofEntry, message: Any) -> _Reading:
+    return _read_joints(entry, message) if entry.joints else _read_fields(entry, message)
+
+
+def _read_joints(entry: DofEntry, message: Any) -> _Reading:
     try:
-        for part in field.split("."):
-            value = value[int(part)] if part.isdigit() else getattr(value, part)
-        return float(value)
-    except (AttributeError, IndexError, TypeError, ValueError) as error:
+        names, column = tuple(message.name), getattr(message, entry.quantity)
+    except AttributeError as error:
         raise MessageError(
-            describe(
-                f"{entry.topic}.{field}",
-                f"a number in {entry.type}",
-                error,
-                "Correct the field path in the DOF file.",
-            )
+            describe(entry.topic, entry.type, error, "Correct the type in the DOF file.")
         ) from error
+    values, n_missing, missing = np.full(len(entry.joints), np.nan), 0, None
+    for row, index in enumerate(joint_indices(entry.joints, names)):
+        if index is not None and index < len(column):
+            values[row] = column[index]
+            continue
+        n_missing += 1
+        if missing is None:
+            has = ", ".join(names) if index is None else f"{len(column)} values for it"
+            expected = f"joint {entry.joints[row]}"
+            cure = "Name the joints in the DOF file as the robot does."
+            argument = f"{entry.topic} {entry.quantity}"
+            missing = MessageError(describe(argument, expected, has or "no joints", cure))
+    return _Reading(values, n_missing, missing)
+
+
+def _read_fields(entry: DofEntry, message: Any) -> _Reading:
+    values, n_missing, missing = np.full(len(entry.fields), np.nan), 0, None
+    for row, field in enumerate(entry.fields):
+        try:
+            values[row] = float(follow(message, parse_path(field)))
+        except ElementAbsentError as error:
+            n_missing += 1
+            missing = missing or _not_a_number(entry, field, error)
+        except (AttributeError, TypeError, ValueError) as error:
+            raise _not_a_number(entry, field, error) from error
+    return _Reading(values, n_missing, missing)
+
+
+def _not_a_number(entry: DofEntry, field: str, error: Exception) -> MessageError:
+    cure = "Correct the field path in the DOF file."
+    return MessageError(
+        describe(f"{entry.topic}.{field}", f"a number in {entry.type}", error, cure)
+    )
+
+
+def _matching(pattern: str, names: Sequence[str]) -> int | None:
+    """Index of the first name that a pattern with `*` matches."""
+    matches = re.compile(".*".join(map(re.escape, pattern.split("*")))).fullmatch
+    return next((k for k, name in enumerate(names) if matches(name)), None)

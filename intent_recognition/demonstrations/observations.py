@@ -21,10 +21,12 @@ from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.demonstrations.fields import (
     POSE_FIELDS,
     extract,
-    joint_column,
+    extract_present,
     pose_message,
     pose_numbers,
+    stamp_of,
 )
+from intent_recognition.demonstrations.paths import element_of
 from intent_recognition.errors import MessageError, describe
 from intent_recognition.signals import Observation
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
@@ -69,7 +71,7 @@ class ObservationReader:
         self.entry, self.group = entry, group
         self._columns = columns
         self._whole = columns is None and entry.type in POSES
-        self._values = partial(_joints, entry) if entry.joints else _fields(entry)
+        self._values = partial(extract_present, entry) if entry.joints else _fields(entry)
         self._matrix, self._axes = _place_of_covariance(entry)
         self._unknown = np.minimum.outer(self._axes, self._axes) < 0
         self._has_unknown = bool(self._unknown.any())
@@ -207,12 +209,15 @@ def iter_samples(
             message = pose_message(message.header, result.position, result.orientation)
             covariance = result.position_covariance
         for of_controlled, observation_reader in by_topic[topic]:
+            measured_ns = stamp_of(observation_reader.entry, message, item.log_time_ns)
+            if measured_ns is None:
+                continue
             try:
                 if of_controlled:
                     values = extract(observation_reader.entry, message)
-                    observation = Observation(stamp, observation_reader.group, values)
+                    observation = Observation(measured_ns, observation_reader.group, values)
                 else:
-                    observation = observation_reader.observe(stamp, message, covariance)
+                    observation = observation_reader.observe(measured_ns, message, covariance)
             except MessageError:
                 rejected[MISSING_DOF] += 1
                 continue
@@ -220,8 +225,8 @@ def iter_samples(
 
 
 def _fields(entry: DofEntry) -> Callable[[Any], NDArray[np.float64]]:
-    if any(part.isdigit() for field in entry.fields for part in field.split(".")):
-        return partial(extract, entry)
+    if any(map(element_of, entry.fields)):
+        return partial(extract_present, entry)
     read, single = attrgetter(*entry.fields), len(entry.fields) == 1
 
     def values(message: Any) -> NDArray[np.float64]:
@@ -234,24 +239,14 @@ def _fields(entry: DofEntry) -> Callable[[Any], NDArray[np.float64]]:
     return values
 
 
-def _joints(entry: DofEntry, message: Any) -> NDArray[np.float64]:
-    """Values (d,) of the joints, NaN for those that are missing; at least one must be there."""
-    indices, column = joint_column(entry, message)
-    values = np.full(len(entry.joints), np.nan)
-    found = False
-    for row, joint in enumerate(entry.joints):
-        k = indices.get(joint)
-        if k is not None and k < len(column):
-            values[row], found = column[k], True
-    return values if found else extract(entry, message)  # which says what is missing
-
-
 def _place_of_covariance(
     entry: DofEntry,
 ) -> tuple[Callable[[Any], Any] | None, NDArray[np.float64]]:
     """Getter of the 6 x 6 matrix in a message, and the row of each field in it, (m,) or -1."""
     count = len(entry.names)
-    axes, holders = np.full(count, -1), set()
+    axes, holders = np.full(count, -1), set[str]()
+    if any(map(element_of, entry.fields)):  # elements of arrays have no covariance
+        return None, axes
     for k, field in enumerate(entry.fields):
         parts = field.split(".")
         axis = AXES.get(".".join(parts[-2:]), -1)

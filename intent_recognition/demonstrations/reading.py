@@ -13,11 +13,13 @@ from intent_recognition.demonstrations.cleaning import (
     TopicSamples,
     clean_columns,
     clean_topic,
+    restamped,
     signals_of,
 )
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
 from intent_recognition.demonstrations.fields import ORIENTATION_FIELDS, has_columns
 from intent_recognition.demonstrations.labels import label_problem
+from intent_recognition.demonstrations.paths import element_names
 from intent_recognition.demonstrations.sessions import (
     ACTIVE_TOPIC,
     MARKER_TOPIC,
@@ -243,10 +245,17 @@ def _collect(
         damage = Rejection(str(reader.path), "", last_ns, f"wrong schema: {error}")
     except BagError as error:
         damage = Rejection(str(reader.path), "", last_ns, f"damaged: {error}")
-    samples = {
-        topic: clean_topic(topic, kind, messages[topic], extrinsics)
-        for topic, kind in dofs.topics.items()
-    }
+    samples = {}
+    for stream, entry in dofs.streams.items():
+        recorded = messages[entry.topic]
+        about = [m for m in (restamped(entry, message) for message in recorded) if m is not None]
+        if recorded and not about and damage is None:
+            has = {name for m in recorded for name in element_names(m.message, entry.fields)}
+            reason = (
+                f"no {', '.join(entry.fields)}: the topic has {', '.join(sorted(has)) or 'none'}"
+            )
+            damage = Rejection(str(reader.path), f"/{entry.topic}", 0, reason)
+        samples[stream] = clean_topic(entry.topic, entry.type, about, extrinsics)
     return samples, messages[marker] if marker else [], damage
 
 
@@ -301,7 +310,8 @@ def _demonstration(
     else:
         name, task, end_ns = f"{folder}#{part.index:03d}", part.task, part.end_ns
     delays_s = tuple(
-        float(np.median(samples[entry.topic].log_times_ns - samples[entry.topic].stamps_ns)) * 1e-9
+        float(np.median(samples[entry.stream].log_times_ns - samples[entry.stream].stamps_ns))
+        * 1e-9
         for entry in (*dofs.observed, *dofs.controlled)
     )
     found = Demonstration(
@@ -327,7 +337,7 @@ def _too_short(
             reason = f"empty: {signal.stamps_ns.size} usable samples ({dropped or 'none dropped'})"
             if rejected[JUMP] > LEAST_SAMPLES:
                 reason += "; likely millimetres for metres"
-            elif samples[entry.topic].stamps_ns.size >= LEAST_SAMPLES > signal.stamps_ns.size:
+            elif samples[entry.stream].stamps_ns.size >= LEAST_SAMPLES > signal.stamps_ns.size:
                 reason += "; the topic has others, before or after: likely two clocks"
             return Rejection(str(reader.path), f"/{entry.topic}", int(start_ns), reason)
     if not np.any([s.stamps_ns[-1] > s.stamps_ns[0] for s in signals]):

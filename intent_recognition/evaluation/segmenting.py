@@ -15,6 +15,7 @@ from intent_recognition.demonstrations import (
     DofSpec,
     clock_shift_ns,
     read_whole,
+    stamp_of,
 )
 from intent_recognition.errors import ResourceBusyError, describe
 from intent_recognition.evaluation.replaying import estimates
@@ -116,8 +117,13 @@ def write_segments(
         ResourceBusyError: a directory exists already.
     """
     reader = BagReader(path)
-    messages = islice(reader.messages([entry.topic for entry in dofs.observed]), CLOCK_SAMPLES)
-    shift_ns = clock_shift_ns(np.array([m.log_time_ns - m.stamp_ns for m in messages], np.int64))
+    entries = {entry.topic: entry for entry in dofs.observed}
+    messages = islice(reader.messages(entries), CLOCK_SAMPLES)
+    stamps = (
+        (m.log_time_ns, stamp_of(entries[m.topic.lstrip("/")], m.message, m.log_time_ns))
+        for m in messages
+    )
+    shift_ns = clock_shift_ns(np.array([a - b for a, b in stamps if b is not None], np.int64))
     session = path.resolve().name.removesuffix(".mcap")
     parts = [
         BagPart(

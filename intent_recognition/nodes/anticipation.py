@@ -12,10 +12,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from intent_recognition.demonstrations import DofEntry, extract, is_raw_pose
+from intent_recognition.demonstrations import DofEntry, extract, is_raw_pose, stamp_of
 from intent_recognition.errors import MessageError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import message_class, stamp_ns, to_joint_state
+from intent_recognition.nodes.conversions import message_class, to_joint_state
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.observation_input import human_topic
 from intent_recognition.recognition import (
@@ -86,7 +86,9 @@ class PostureInput:
         self._diagnostics.tick(entry.topic)
         self._received = True
         now_ns = self._node.get_clock().now().nanoseconds
-        stamp = stamp_ns(message) if hasattr(message, "header") else now_ns
+        stamp = stamp_of(entry, message, now_ns)
+        if stamp is None:
+            return
         if 0 < max(now_ns, self._last_ns.get(group, 0)) < stamp - LARGEST_AHEAD_NS:
             self._diagnostics.reject("posture_in_future", f"{entry.topic} at {stamp} ns")
             return

@@ -12,20 +12,14 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from intent_recognition.demonstrations import DofSpec, load_dofs
+from intent_recognition.demonstrations import DofSpec, load_dofs, position_columns
 from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.model import Model, check_dofs, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.lifecycle import ManagedNode
-from intent_recognition.nodes.markers import (
-    MarkerBuilder,
-    has_position,
-    position_columns,
-    position_of,
-    to_path,
-)
+from intent_recognition.nodes.markers import MarkerBuilder, to_path
 from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
 from intent_recognition.nodes.runtime import elapsed_s, run, when_clock_goes_back
@@ -137,9 +131,8 @@ class IntentEstimatorNode(ManagedNode):
         self._trajectory_template = SerializedTrajectory(self._model.controlled_names)
         self._tasks_template = SerializedNamedVector((*self._model.labels, NONE))
         self._marker_builder = MarkerBuilder(self._model.labels)
-        self._shown = next(
-            (g for g, e in enumerate(self._model.dofs.observed) if has_position(e)), None
-        )
+        columns = map(position_columns, self._model.dofs.observed)
+        self._shown = next(((g, c) for g, c in enumerate(columns) if c is not None), None)
         self._moving = self._silent = False
         self._last_robot: tuple[Prediction, bytes] | None = None
         self._last_arrival_s = 0.0
@@ -213,9 +206,10 @@ class IntentEstimatorNode(ManagedNode):
         self._next_task.update(self._estimator)
 
     def _publish_prediction(self, estimate: Estimate, observation: Observation) -> None:
-        if observation.group == self._shown and not observation.derivative:
-            entry = self._model.dofs.observed[observation.group]
-            self._marker_builder.observe(observation.stamp_ns, position_of(entry, observation))
+        group, columns = self._shown or (None, [])
+        whole = observation.dofs is None and not observation.derivative
+        if observation.group == group and whole:
+            self._marker_builder.observe(observation.stamp_ns, observation.values[columns])
         since_s = abs(estimate.stamp_ns - self._last_publication_ns) * 1e-9
         if since_s < 0.999 / self._publish_rate:
             return
@@ -242,8 +236,8 @@ class IntentEstimatorNode(ManagedNode):
         human = self._estimator.predict_observed()
         if self._shown is None or human is None:
             return
-        entry = self._model.dofs.observed[self._shown]
-        columns = self._model.library.observed_dofs(self._shown)[position_columns(entry)]
+        group, of_signal = self._shown
+        columns = self._model.library.observed_dofs(group)[of_signal]
         positions = human.trajectory.positions[:, columns]
         self._path.publish(to_path(estimate.stamp_ns, self._inputs.frame, human, positions))
         if self._markers.get_subscription_count():

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from intent_recognition.demonstrations import POSITION_FIELDS, DofEntry
 from intent_recognition.gaussian import tube_faces, tube_rings
 from intent_recognition.nodes.conversions import to_point, to_stamp
 from intent_recognition.recognition import Prediction
 from intent_recognition.report import INK, NONE_COLOUR, readable, task_colours
-from intent_recognition.signals import Observation
 
 TUBE_ALPHA = 0.15
 """Opacity of the tube in RViz. Convention."""
@@ -31,21 +29,6 @@ MAX_OBSERVED = 500
 NEW_MOVEMENT_NS = 500_000_000
 """Pause between two observations that begins a new path [ns]. Convention."""
 TUBE_FACES = tube_faces().ravel()
-
-
-def has_position(entry: DofEntry) -> bool:
-    """Whether an entry of the DOF file holds a whole position that can be drawn."""
-    return set(POSITION_FIELDS) <= set(entry.fields)
-
-
-def position_columns(entry: DofEntry) -> list[int]:
-    """Columns of x, y, z among the fields of an entry that has a position."""
-    return [entry.fields.index(field) for field in POSITION_FIELDS]
-
-
-def position_of(entry: DofEntry, observation: Observation) -> NDArray[np.float64]:
-    """Position (3,) in an observation of an entry that has one."""
-    return observation.values[position_columns(entry)]
 
 
 def to_path(time_ns: int, frame: str, human: Prediction, positions: NDArray[np.float64]) -> Path:

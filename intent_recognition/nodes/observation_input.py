@@ -16,10 +16,12 @@ from intent_recognition.demonstrations import (
     ObservationReader,
     is_raw_pose,
     observation_readers,
+    position_columns,
+    stamp_of,
 )
 from intent_recognition.errors import MessageError
 from intent_recognition.nodes.backlog import Backlog
-from intent_recognition.nodes.conversions import message_class, stamp_ns
+from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.serialized import read_odometry
 from intent_recognition.signals import Observation
@@ -48,7 +50,7 @@ class ObservationInput:
         use: takes an observation and the name of its topic; returns False if it was refused.
 
     Attributes:
-        frame: frame of the last tracked pose.
+        frame: frame of the last position.
     """
 
     def __init__(
@@ -106,14 +108,22 @@ class ObservationInput:
 
     def _on_message(self, readers: list[ObservationReader], message: object) -> None:
         start_s = time.perf_counter()
-        stamped = hasattr(message, "header")
-        stamp = stamp_ns(message) if stamped else self._node.get_clock().now().nanoseconds
-        self._take(readers, lambda reader: reader.observe(stamp, message), start_s)
+        now_ns = self._node.get_clock().now().nanoseconds
+
+        if position_columns(readers[0].entry) is not None:
+            frame_id = getattr(getattr(message, "header", None), "frame_id", "")
+            self.frame = frame_id or self.frame
+
+        def read(reader: ObservationReader) -> Observation | None:
+            stamp = stamp_of(reader.entry, message, now_ns)
+            return None if stamp is None else reader.observe(stamp, message)
+
+        self._take(readers, read, start_s)
 
     def _take(
         self,
         readers: list[ObservationReader],
-        read: Callable[[ObservationReader], Observation],
+        read: Callable[[ObservationReader], Observation | None],
         start_s: float,
     ) -> None:
         topic = readers[0].entry.topic
@@ -125,7 +135,7 @@ class ObservationInput:
             except MessageError as error:
                 self._diagnostics.reject("missing_dof", str(error))
                 continue
-            if self._use(observation, topic):
+            if observation is not None and self._use(observation, topic):
                 used = True
                 if len(observation.values) < len(reader.entry.names):
                     self._diagnostics.tick(f"{topic}, in part")

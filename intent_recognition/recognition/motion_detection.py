@@ -69,10 +69,10 @@ class MotionDetector:
             return None
         onsets = []
         for settings, past in zip(self.settings, self.pasts, strict=True):
-            for history in past.active_histories(settings.rest_s):
-                onset = detect_onset(settings, *history.arrays())
+            for samples in past.active_samples(settings.rest_s, settings.window_s):
+                onset = detect_onset(settings, *samples.arrays())
                 if onset is not None:
-                    onsets.append(history.first_ns + round(onset * 1e9))
+                    onsets.append(samples.first_ns + round(onset * 1e9))
         return min(onsets, default=None)
 
     def since(self, stamp_ns: int) -> list[Observation]:
@@ -96,8 +96,8 @@ class MotionDetector:
     def _at_rest(self, rest_s: float | None = None) -> bool:
         """Whether all signals have rested so long; None for as long as their settings say."""
         return all(
-            is_slow(settings, *history.arrays(settings.window_s))
-            and at_rest(settings, *history.arrays(), rest_s)
+            is_slow(settings, *samples.arrays(settings.window_s))
+            and at_rest(settings, *samples.arrays(), rest_s)
             for settings, past in zip(self.settings, self.pasts, strict=True)
-            for history in past.active_histories(settings.rest_s)
+            for samples in past.active_samples(settings.rest_s, settings.window_s)
         )

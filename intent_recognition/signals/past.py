@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The last seconds of one observed signal, for detecting onset, rest and late observations."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import ceil
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,39 @@ INITIAL_SIZE = 256
 """Observations for which a history has memory at first. Convention."""
 NEVER_NS = -(2**63)
 """Earlier than every stamp."""
+
+
+class Samples(NamedTuple):
+    """Stamps (T,) [ns], increasing, and values (T, m) of some DOFs of a signal."""
+
+    stamps_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+    @property
+    def first_ns(self) -> int:
+        """Stamp of the oldest."""
+        return int(self.stamps_ns[0])
+
+    @property
+    def last_ns(self) -> int:
+        """Stamp of the newest."""
+        return int(self.stamps_ns[-1])
+
+    def arrays(
+        self, last_s: float | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Times from the first on (T,) [s] and values (T, m), or the last seconds of them."""
+        first = 0
+        if last_s is not None:
+            oldest_ns = ceil(self.last_ns - last_s * 1e9 - 1.0)
+            first = int(np.searchsorted(self.stamps_ns[:-1], oldest_ns))
+        stamps_ns = self.stamps_ns[first:]
+        return (stamps_ns - stamps_ns[0]) * 1e-9, self.values[first:]
+
+    def longest_gap_s(self, last_s: float) -> float:
+        """Longest time between two samples that reaches into the last seconds."""
+        first = int(np.searchsorted(self.stamps_ns, self.last_ns - round(last_s * 1e9)))
+        return float(np.max(np.diff(self.stamps_ns[max(first - 1, 0) :]), initial=0)) * 1e-9
 
 
 class History:
@@ -28,16 +62,6 @@ class History:
 
     def __len__(self) -> int:
         return len(self._kept) - self._first
-
-    @property
-    def first_ns(self) -> int:
-        """Stamp of the oldest."""
-        return self._kept[self._first].stamp_ns
-
-    @property
-    def last_ns(self) -> int:
-        """Stamp of the newest."""
-        return self._kept[-1].stamp_ns
 
     @property
     def observations(self) -> list[Observation]:
@@ -57,16 +81,11 @@ class History:
         while len(self) and stamp_ns - self._kept[self._first].stamp_ns > length_ns:
             self._first += 1
 
-    def arrays(
-        self, last_s: float | None = None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Times from the first on (T,) [s] and values (T, m), or the last seconds of them."""
-        first, end = self._first, len(self._kept)
-        if last_s is not None:
-            oldest_ns = ceil(self.last_ns - last_s * 1e9 - 1.0)
-            first += int(np.searchsorted(self._stamps_ns[first : end - 1], oldest_ns))
-        stamps_ns = self._stamps_ns[first:end]
-        return (stamps_ns - stamps_ns[0]) * 1e-9, self._values[first:end]
+    @property
+    def samples(self) -> "Samples":
+        """Their stamps and values."""
+        kept = slice(self._first, len(self._kept))
+        return Samples(self._stamps_ns[kept], self._values[kept])
 
     def _make_room(self) -> int:
         """Move everything to the front, and double the memory where that gains little."""
@@ -84,8 +103,8 @@ class History:
 class SignalPast:
     """Observations of one signal, those of the same DOFs together.
 
-    While a DOF is missing, the others have a history of their own, from which onset and rest are
-    detected; nothing is filled in.
+    Onset and rest are detected from each DOF at the times at which it was measured; nothing is
+    filled in.
 
     Args:
         n_dofs: of the signal.
@@ -152,16 +171,44 @@ class SignalPast:
         for history in self._histories.values():
             yield from history.observations
 
-    def active_histories(self, rest_s: float) -> list[History]:
-        """Histories of positions that tell how the signal moves now.
+    def active_samples(self, rest_s: float, window_s: float) -> list[Samples]:
+        """Positions that tell how the signal moves now; DOFs measured together stay together.
 
-        A history that ended `rest_s` before the newest observation does not count.
+        A DOF does not count that was last seen `rest_s` before the newest observation, nor, beside
+        others, one with such gaps in these last seconds that its speed is unknown.
+
+        Args:
+            rest_s: how long a finished movement rests.
+            window_s: length of the line fitted for the speed; half of it must be there.
         """
-        found = [h for (_, derivative), h in self._histories.items() if not derivative]
+        found = [(dofs, h.samples) for (dofs, d), h in self._histories.items() if not d]
         if len(found) < 2:
-            return found
-        newest_ns = max(history.last_ns for history in found)
-        return [h for h in found if newest_ns - h.last_ns <= rest_s * 1e9]
+            return [samples for _, samples in found]
+        newest_ns = max(samples.last_ns for _, samples in found)
+        together: dict[tuple[int, ...], list[int]] = {}
+        for dof in range(self.n_dofs):
+            seen = tuple(k for k, (dofs, _) in enumerate(found) if dofs is None or dof in dofs)
+            together.setdefault(seen, []).append(dof)
+        together.pop((), None)
+        joined = [
+            _join([_columns(*found[k], columns) for k in seen])
+            for seen, columns in together.items()
+        ]
+        active = [s for s in joined if newest_ns - s.last_ns <= rest_s * 1e9]
+        return [s for s in active if s.longest_gap_s(rest_s) <= 0.5 * window_s] or active
+
+
+def _columns(dofs: Sequence[int] | None, samples: Samples, wanted: list[int]) -> Samples:
+    """The columns of some DOFs in samples of others (None: of all)."""
+    columns = wanted if dofs is None else [dofs.index(dof) for dof in wanted]
+    return Samples(samples.stamps_ns, samples.values[:, columns])
+
+
+def _join(parts: Sequence[Samples]) -> Samples:
+    """Samples of the same DOFs in the order of their stamps."""
+    stamps_ns = np.concatenate([part.stamps_ns for part in parts])
+    order = np.argsort(stamps_ns, kind="stable")
+    return Samples(stamps_ns[order], np.concatenate([part.values for part in parts])[order])
 
 
 def is_covariance(matrix: NDArray[np.float64]) -> bool:

@@ -30,13 +30,14 @@ def test_a_history_is_what_was_put_into_it(gaps, last_s):
         history.forget_before(kept[-1].stamp_ns, 2e9)
         kept = [o for o in kept if kept[-1].stamp_ns - o.stamp_ns <= 2e9]
     assert history.observations == kept and len(history) == len(kept)
-    assert (history.first_ns, history.last_ns) == (kept[0].stamp_ns, kept[-1].stamp_ns)
+    samples = history.samples
+    assert (samples.first_ns, samples.last_ns) == (kept[0].stamp_ns, kept[-1].stamp_ns)
     for span_s, chosen in (
         (None, kept),
         (last_s, [o for o in kept if o.stamp_ns >= kept[-1].stamp_ns - last_s * 1e9 - 1.0]),
         (0.0, kept[-1:]),
     ):
-        times_s, values = history.arrays(span_s)
+        times_s, values = samples.arrays(span_s)
         expected = [(o.stamp_ns - chosen[0].stamp_ns) * 1e-9 for o in chosen]
         np.testing.assert_array_equal(times_s, expected)
         np.testing.assert_array_equal(values, [o.values for o in chosen])
@@ -61,7 +62,7 @@ def test_dofs_that_were_last_seen_long_before_others_do_not_speak():
     for at_ms in range(200, 900, 10):
         past.add(seen(at_ms, (0.0,), dofs=(1,)))
         past.add(seen(at_ms, (0.0,), dofs=(1,), derivative=True))
-        active = past.active_histories(0.3)
+        active = past.active_samples(0.3, 0.15)
         assert len(active) == (2 if at_ms <= 490 else 1)
     assert active[0].last_ns == START_NS + 890 * MS
     past.forget_before(START_NS + 2500 * MS)
@@ -106,6 +107,25 @@ def test_a_dof_missing_from_the_start_is_not_needed_to_see_a_movement():
             moving.append(estimate)
     assert np.argmax(moving[-1].probabilities) == 1
     assert not estimate.moving  # and its end
+
+
+@pytest.mark.parametrize(("off", "period"), [(1, 2), (2, 5), (10, 15)])
+def test_a_dof_that_flickers_hides_neither_onset_nor_end_of_the_movement(off, period):
+    library, observations = recorded()
+    whole, flickering = IntentEstimator(library), IntentEstimator(library)
+    spans = [[], []]
+    for k, o in enumerate(observations):
+        hidden = o.group == 0 and k % period < off
+        partly = o._replace(values=o.values[1:], dofs=(1,)) if hidden else o
+        for span, estimator, seen_of_it in zip(
+            spans, (whole, flickering), (o, partly), strict=True
+        ):
+            assert estimator.reason_to_reject(seen_of_it) is None
+            estimate = estimator.update(seen_of_it)
+            span += [(estimate.stamp_ns, estimate.onset_ns)] * estimate.moving
+    for ours, theirs in zip(*spans, strict=False):
+        assert abs(ours[1] - theirs[1]) < 100 * MS
+    assert abs(spans[0][-1][0] - spans[1][-1][0]) < 200 * MS < spans[0][-1][0] - spans[0][0][0]
 
 
 def test_the_order_in_which_topics_come_does_not_matter_once_all_is_known():

@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies as trackers send them: elements of arrays by number or name, joints of any person."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bag_builder import START_NS, STEP_NS
+from model_builder import (
+    ROBOT,
+    make_dofs,
+    message_of,
+    messages_of,
+    perform,
+    true_library,
+    write_recording,
+)
+
+from intent_recognition.bags import BagReader, BagWriter
+from intent_recognition.bags.definitions import make_message
+from intent_recognition.demonstrations import extract, load_dofs, read_demonstrations
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
+from intent_recognition.demonstrations.fields import extract_present, position_columns, stamp_of
+from intent_recognition.errors import DofError, MessageError
+from intent_recognition.evaluation.replaying import replay
+from intent_recognition.model import Model
+from intent_recognition.share import share_path
+
+NAN = float("nan")
+POSES, TRANSFORMS = "geometry_msgs/msg/PoseArray", "tf2_msgs/msg/TFMessage"
+SKELETON = DofEntry(
+    "skeleton", POSES, fields=("poses[0].position.x", "poses[2].position.x"), unit="m"
+)
+WRIST = DofEntry("tf", TRANSFORMS, fields=("transforms[wrist].transform.translation.x",), unit="m")
+BODY = DofEntry("humans/bodies/a/joint_states", ROBOT.type, joints=("knee_*", "elbow"), unit="rad")
+
+
+def skeleton(*xs):
+    return make_message(POSES, {"poses": [{"position": {"x": x}} for x in xs]})
+
+
+def transform(frame, x, stamp_ns=0):
+    return {
+        "header": {"stamp": stamp_ns},
+        "child_frame_id": frame,
+        "transform": {"translation": {"x": x}},
+    }
+
+
+def transforms(*listed):
+    return make_message(TRANSFORMS, {"transforms": list(listed)})
+
+
+@pytest.mark.parametrize(
+    ("xs", "expected"),
+    [((1.0, 2.0, 3.0), (1.0, 3.0)), ((1.0, 2.0), (1.0, NAN)), ((NAN, 0.0, 3.0), (NAN, 3.0))],
+)
+def test_an_element_that_is_not_there_is_not_measured(xs, expected):
+    np.testing.assert_array_equal(extract_present(SKELETON, skeleton(*xs)), expected)
+
+
+def test_a_message_without_any_of_the_elements_says_which_is_missing():
+    with pytest.raises(MessageError, match=r"poses\[0\].position.x: .*element 0 of 0"):
+        extract_present(SKELETON, skeleton())
+    with pytest.raises(MessageError, match=r"element 2 of 1"):
+        extract(SKELETON, skeleton(1.0))
+
+
+def test_a_field_that_no_message_has_is_an_error_and_not_missing():
+    wrong = replace(SKELETON, fields=("poses[0].position.x", "poses[0].place.x"))
+    with pytest.raises(MessageError, match="Correct the field path"):
+        extract_present(wrong, skeleton(1.0))
+
+
+def test_a_transform_is_found_by_its_child_frame_and_has_its_own_stamp():
+    message = transforms(transform("elbow", 1.0, 5), transform("/wrist", 2.0, 7))
+    assert extract(WRIST, message).tolist() == [2.0]
+    assert stamp_of(WRIST, message, 9) == 7
+    assert stamp_of(WRIST, transforms(transform("elbow", 1.0, 5)), 9) is None
+    assert stamp_of(WRIST, transforms(transform("wrist", 1.0)), 9) == 9
+
+
+def test_a_marker_is_found_by_namespace_and_id_wherever_it_stands():
+    fields = ("markers[body/3].pose.position.y",)
+    entry = DofEntry("markers", "visualization_msgs/msg/MarkerArray", fields=fields, unit="m")
+    listed = [
+        {"ns": ns, "id": k, "pose": {"position": {"y": k}}}
+        for ns, k in (("body", 1), ("b", 3), ("body", 3))
+    ]
+    for order in (listed, listed[::-1]):
+        assert extract(entry, make_message(entry.type, {"markers": order})).tolist() == [3.0]
+
+
+def test_a_star_stands_for_the_identifier_of_the_person():
+    for person in ("rlkas", "f9bd2"):
+        names = ["elbow", f"l_knee_{person}", f"knee_{person}"]
+        message = make_message(BODY.type, {"name": names, "position": [1.0, 2.0, 3.0]})
+        assert extract(BODY, message).tolist() == [3.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    "field", ["poses[].x", "poses[1", "poses.[1].x", "[1].x", "poses[1]x", "a b"]
+)
+def test_paths_that_are_none(field):
+    entry = {"topic": "a", "type": POSES, "fields": [field], "unit": "m"}
+    with pytest.raises(DofError, match=r"paths such as pose.position.x or poses\[7\]"):
+        DofSpec.from_dict({"observed": [entry]})
+
+
+def test_positions_are_found_wherever_they_are():
+    assert position_columns(SKELETON) is None
+    axes = [f"transforms[wrist].transform.translation.{axis}" for axis in "yzx"]
+    assert position_columns(replace(WRIST, fields=("other", *axes))) == [3, 1, 2]
+
+
+EXAMPLES = ("pose_array", "marker_array", "ros4hri", "tf")
+
+
+@pytest.fixture(scope="module", params=EXAMPLES)
+def body(request, tmp_path_factory):
+    """DOFs, truth and a model of an example; recordings carry what the entries are read from."""
+    dofs = load_dofs(share_path(f"config/examples/{request.param}.dofs.yaml"))
+    return dofs, true_library(dofs), tmp_path_factory.mktemp(request.param)
+
+
+def test_recordings_of_a_body_give_the_values_and_stamps_that_were_measured(body):
+    dofs, truth, folder = body
+    recorded = perform(truth, 1, 3)
+    (found,), rejections = read_demonstrations(
+        write_recording(folder / "whole", recorded, dofs), dofs
+    )
+    assert not rejections and not found.rejected
+    for ours, theirs in zip(
+        (*found.observed, *found.controlled),
+        (*recorded.observed, *recorded.controlled),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(ours.stamps_ns, theirs.stamps_ns)
+        np.testing.assert_array_equal(ours.values, theirs.values)
+
+
+def thinned(entry, k, values):
+    """An occluded body: of three messages in four one joint is not seen, or nothing is."""
+    values = values.copy()
+    if len(entry.names) > 3:
+        values[(slice(0, 3), slice(3, None), slice(0, 0))[k // 10 % 3]] = NAN
+    return values
+
+
+def test_joints_out_of_sight_leave_the_others_and_the_stream(body):
+    dofs, truth, folder = body
+    model, counted = Model(truth, dofs), Counter()
+    recording, observed = perform(truth, 1, 90), {entry.topic for entry in dofs.observed}
+    with BagWriter(folder / "occluded") as writer:
+        for k, (entry, stamp_ns, values) in enumerate(messages_of(recording, dofs)):
+            seen = thinned(entry, k, values) if entry.topic in observed else values
+            writer.write_message(
+                entry.topic, entry.type, message_of(entry, stamp_ns, seen), stamp_ns
+            )
+            if entry.type == TRANSFORMS:  # others send frames on the topic
+                other = {"transforms": [transform("camera", 1.0, stamp_ns + 10**9)]}
+                writer.write_message(entry.topic, entry.type, other, stamp_ns)
+    rows = list(replay(BagReader(folder / "occluded"), model, counted))
+    moving = [row["probabilities"] for row in rows if row["probabilities"]["none"] < 1.0]
+    assert max(moving[-1], key=moving[-1].get) == "task_1"
+    assert set(counted) <= {"missing_dof", "not_finite"}
+    assert len(rows) > 0.5 * len(recording.observed[0].stamps_ns)
+
+
+def test_frames_of_others_are_not_counted_and_a_wrong_name_says_which_there_are(tmp_path):
+    with BagWriter(tmp_path / "bag", {"task": "give"}) as writer:
+        for i in range(60):
+            at_ns = START_NS + i * STEP_NS
+            for frame, x, lag_ns in (("camera", 1.0, 50), ("wrist", 0.001 * i, 0)):
+                message = {"transforms": [transform(frame, x, at_ns - lag_ns)]}
+                writer.write_message("tf", TRANSFORMS, message, at_ns)
+            arm = {"header": {"stamp": at_ns}, "name": list(ROBOT.joints), "position": [0.0] * 7}
+            writer.write_message(ROBOT.topic, ROBOT.type, arm, at_ns)
+    (found,), _ = read_demonstrations(tmp_path / "bag", make_dofs(WRIST))
+    assert len(found.observed[0].stamps_ns) == 60 and not found.rejected
+    wrong = replace(WRIST, fields=("transforms[rist].transform.translation.x",))
+    _, (rejection,) = read_demonstrations(tmp_path / "bag", make_dofs(wrong))
+    assert "the topic has camera, wrist" in str(rejection)
