@@ -105,6 +105,13 @@ setup(
         "dask": [
             "distributed>=2024.1",
         ],
+        # What `intent import` and `intent export` need for some files: Parquet, C3D.
+        "parquet": [
+            "pyarrow>=14",
+        ],
+        "c3d": [
+            "c3d>=0.5",
+        ],
         # What `intent experiments alignment` compares with; it runs without.
         "dtw": [
             "dtaidistance>=2.3",

@@ -10,6 +10,7 @@ from docs.shown import nodes
 
 from intent_recognition.cli.main import make_parser
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
+from intent_recognition.tables import ImportMap
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -114,10 +115,11 @@ def test_parameter_files_shown_are_right():
                 assert set(content["ros__parameters"]) <= NODES[node].parameters, name
 
 
-def test_dof_files_shown_are_valid():
+def test_dof_files_and_maps_shown_are_valid():
     for name, shown in yaml_shown():
         if "observed" in shown:
-            assert DofSpec.from_dict(shown).observed_names, name
+            what = ImportMap if name == "docs/import.md" else DofSpec
+            assert what.from_dict(shown), name
 
 
 def test_shipped_dof_file_is_shown_as_it_is():

@@ -16,6 +16,7 @@ from intent_recognition.bags.cdr.layout import (
 )
 from intent_recognition.bags.cdr.template import SerializedTemplate
 from intent_recognition.bags.copying import BagPart, cut_bag
+from intent_recognition.bags.definitions import message_class
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import BagMessage
 from intent_recognition.bags.metadata import FILE_NAME, TopicInfo, read_metadata
@@ -48,6 +49,7 @@ __all__ = [
     "cut_bag",
     "decode",
     "header_stamp_ns",
+    "message_class",
     "qos_policy",
     "read_metadata",
     "recover",

@@ -9,6 +9,7 @@ GROUPS = {
     "see it work": ("demo", "experiments"),
     "from recordings to a model": ("inspect", "segment", "train", "evaluate", "replay"),
     "record and play": ("record", "play", "recover"),
+    "files of others": ("import", "export"),
     "teach while the graph runs": ("teach", "undo"),
     "measure objects": ("warp",),
 }

@@ -4,6 +4,7 @@
 import argparse
 import contextlib
 import importlib
+import keyword
 import os
 import sys
 from collections.abc import Sequence
@@ -29,7 +30,8 @@ def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
         title="commands", dest="command", metavar="COMMAND", required=True
     )
     for command in commands:
-        importlib.import_module(f"intent_recognition.cli.{command}").add_parser(subparsers)
+        module = command + "_" * keyword.iskeyword(command)
+        importlib.import_module(f"intent_recognition.cli.{module}").add_parser(subparsers)
     return parser
 
 

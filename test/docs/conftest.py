@@ -14,6 +14,8 @@ from intent_recognition.cli import main as cli
 from sim_bridge.containers.generate import make_container
 
 MODELS = re.compile(r"\b\w+\.npz\b")
+INSIDE = ("handover_csv", "demos")
+"""Folders of the bench that commands name."""
 POSE = "{topic: /mocap/wrist/pose, type: geometry_msgs/msg/PoseStamped"
 
 
@@ -24,11 +26,18 @@ def bench(tmp_path_factory) -> Path:
     words = {word for shown in commands() for word in shown.words}
     bags = _recordings(folder, words)
     _objects(folder)
+    _handovers(folder / "handover_csv")
     (folder / "config").symlink_to(ROOT / "config")
     shutil.copy(ROOT / "config" / "dofs.yaml", folder / "my_dofs.yaml")
     shutil.copy(ROOT / "config" / "real_arm.yaml", folder / "my_params.yaml")
     model = folder / "learned_first.npz"
     assert cli.main(["train", *map(str, bags), "--output", str(model)]) == 0
+    tables = (
+        ("import", "handover_csv", "--map", "config/maps/baton.yaml", "--output", "out/baton"),
+        ("export", "demos", "--output", "out/demos.csv"),
+    )
+    for words_ in tables:
+        assert cli.main([str(folder / w) if "/" in w or w in INSIDE else w for w in words_]) == 0
     for name in {name for word in words for name in MODELS.findall(word)}:
         if not (folder / name).exists():
             shutil.copy(model, folder / name)
@@ -57,6 +66,20 @@ def _recordings(folder: Path, words: set[str]) -> list[Path]:
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).symlink_to(toolbox / "test" / "plate_handover_00")
     return bags
+
+
+def _handovers(folder: Path) -> None:
+    """Recordings in the layout of the baton set: two files each, 120 Hz."""
+    folder.mkdir()
+    share = np.clip(np.arange(840) / 120 - 1, 0, 1)[:, None]
+    way = share**3 * (10 - 15 * share + 6 * share**2)
+    rng = np.random.default_rng(1)
+    for number in range(6):
+        goal = np.array([0.3, 0.2, 0.9]) + 0.05 * rng.normal(size=3)
+        for name, home in (("baton", 0.0), ("taker", 0.6)):
+            rows = home + way * (goal - home) + 1e-4 * rng.normal(size=(840, 3))
+            path = folder / f"{name}_{number:03d}.csv"
+            np.savetxt(path, rows, delimiter=",", header="x,y,z", comments="")
 
 
 def _objects(folder: Path) -> None:

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent export`: demonstrations as one table, CSV or Parquet."""
+
+import argparse
+from pathlib import Path
+
+import yaml
+
+from intent_recognition.cli.console import make_console
+from intent_recognition.cli.help import examples
+from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.output import check_output
+from intent_recognition.cli.recordings import read_all
+from intent_recognition.cli.rejections import print_dropped, print_left_out
+from intent_recognition.demonstrations import load_dofs
+from intent_recognition.tables import export_columns, export_map, write_table
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command to `intent`."""
+    parser = subparsers.add_parser(
+        "export",
+        help="write demonstrations as a table, CSV or Parquet",
+        description="Write the degrees of freedom of all demonstrations as one table, with a row"
+        " for each stamp, and beside it the map with which `intent import` makes bags of it again."
+        " The table holds the samples that training would use: docs/import.md.",
+        **examples(
+            ("for pandas, polars or R", "intent export demos --output demos.csv"),
+            (
+                "smaller and typed; needs pyarrow",
+                "intent export demos --dofs my_dofs.yaml --output demos.parquet",
+            ),
+        ),
+    )
+    parser.add_argument(
+        "bags", nargs="+", type=Path, metavar="BAG", help="a bag, a folder of bags, or a session"
+    )
+    parser.add_argument(
+        "--dofs", type=Path, metavar="F", help="DOF file (default: the shipped config/dofs.yaml)"
+    )
+    parser.add_argument(
+        "--output", type=Path, required=True, metavar="FILE", help="a .csv or .parquet file"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read, write the table and its map, print what was left out.
+
+    Raises:
+        BagError: nothing could be read, another suffix, or pyarrow is not installed.
+        ResourceBusyError: the file cannot be written.
+    """
+    console = make_console()
+    check_output("--output", args.output)
+    dofs = load_dofs(args.dofs)
+    demonstrations, rejections = read_all(args.bags, dofs, console)
+    columns = export_columns(demonstrations)
+    args.output.parent.mkdir(parents=True, exist_ok=True)
+    write_table(args.output, columns)
+    path = args.output.with_suffix(".map.yaml")
+    text = yaml.safe_dump(export_map(dofs, columns), sort_keys=False, allow_unicode=True, width=100)
+    path.write_text(text, encoding="utf-8")
+    print_left_out(console, rejections)
+    print_dropped(console, demonstrations)
+    rows = next(iter(columns.values())).size
+    console.print(
+        f"{len(demonstrations)} demonstrations, {rows} rows in {args.output}, map {path}",
+        highlight=False,
+        markup=False,
+        soft_wrap=True,
+    )
+    return 0

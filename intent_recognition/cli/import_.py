@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent import`: demonstrations from CSV, NPZ, Parquet, LeRobot data sets and C3D."""
+
+import argparse
+from pathlib import Path
+
+import yaml
+from rich.console import Console
+from rich.table import Table
+
+from intent_recognition.cli.console import busy, escape, make_console, plain_table
+from intent_recognition.cli.help import examples
+from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.rejections import print_left_out
+from intent_recognition.demonstrations import DofSpec
+from intent_recognition.errors import BagError, ResourceBusyError, describe
+from intent_recognition.signals import Rejection
+from intent_recognition.tables import (
+    ImportedDemonstration,
+    import_demonstrations,
+    load_map,
+    write_demonstration,
+)
+
+DOFS = "dofs.yaml"
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command to `intent`."""
+    parser = subparsers.add_parser(
+        "import",
+        help="make bags of CSV, NPZ, Parquet, LeRobot data sets or C3D",
+        description="Write each demonstration of a file, a folder of files or a LeRobot data set"
+        " as a bag, and a DOF file beside them. The map says which columns are which degrees of"
+        " freedom, where times come from, and where a demonstration begins and ends:"
+        " docs/import.md.",
+        **examples(
+            (
+                "two files for each recording, as the map says",
+                "intent import handover_csv --map config/maps/baton.yaml --output out/baton",
+            ),
+            (
+                "then score them",
+                "intent evaluate out/baton --dofs out/baton/dofs.yaml --protocol kfold:5",
+            ),
+        ),
+    )
+    parser.add_argument(
+        "source", type=Path, metavar="SOURCE", help="a file, a folder of files, or a data set"
+    )
+    parser.add_argument("--map", type=Path, required=True, metavar="MAP.yaml", help="the map")
+    parser.add_argument(
+        "--output", type=Path, required=True, metavar="BAGS", help="folder of the new bags"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Import, write the bags and the DOF file, print what was found and what was left out.
+
+    Raises:
+        DofError: the map is wrong.
+        BagError: nothing at all could be imported.
+        ResourceBusyError: a bag of that name exists already.
+    """
+    console = make_console()
+    mapping = load_map(args.map)
+    left_out: list[Rejection] = []
+    table = plain_table("bag", "task", ">samples", ">dropped")
+    count = 0
+    with busy(console, "importing"):
+        for found in import_demonstrations(args.source, mapping):
+            if isinstance(found, Rejection):
+                left_out.append(found)
+                continue
+            write_demonstration(args.output, found)
+            count += 1
+            _add_row(table, found)
+    if not count:
+        reasons = "; ".join(str(one) for one in left_out[:3]) or "no demonstration"
+        cure = "Correct the map."
+        raise BagError(describe(str(args.source), "demonstrations", reasons, cure))
+    _write_dofs(args.output / DOFS, mapping.dofs)
+    console.print(table)
+    print_left_out(console, left_out)
+    _print(console, f"{count} demonstrations in {args.output}, DOF file {args.output / DOFS}")
+    return 0
+
+
+def _add_row(table: Table, found: ImportedDemonstration) -> None:
+    samples = " + ".join(str(part.stamps_ns.size) for part in found.samples)
+    row = (escape(found.name), escape(found.custom_data.get("task", "-")), samples)
+    table.add_row(*row, str(found.n_dropped))
+
+
+def _write_dofs(path: Path, dofs: DofSpec) -> None:
+    text = yaml.safe_dump(dofs.to_dict(), sort_keys=False, allow_unicode=True, width=100)
+    if path.is_file() and path.read_text(encoding="utf-8") != text:
+        cure = "Import into another folder."
+        raise ResourceBusyError(describe(str(path), "the same DOF file", "another one", cure))
+    path.write_text(text, encoding="utf-8")
+
+
+def _print(console: Console, text: str) -> None:
+    console.print(text, highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The map of an import: the DOF file, and which columns its degrees of freedom come from."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from intent_recognition.bags import NANOSECONDS
+from intent_recognition.demonstrations import DofEntry, DofSpec
+from intent_recognition.errors import DofError, describe
+from intent_recognition.tables.table import PER_UNIT, check_convertible
+from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
+
+SIDES = ("observed", "controlled", "velocities")
+ENTRY_KEYS = ("columns", "columns_unit", "file", "time")
+"""What an entry has beyond that of a DOF file."""
+KEYS = (*SIDES, "files", "time", "segments", "every", "task", "labels", "metadata", "frame",
+        "skip_rows")  # fmt: skip
+SINCE_S = 946_684_800
+"""From what times count that do not say [s]: 2000-01-01 UTC. Convention; a stamp of zero counts as
+none."""
+PLACEHOLDER = re.compile(r"\{(\w+)\}")
+
+
+class TimeSource(NamedTuple):
+    """Where the times of samples come from.
+
+    Attributes:
+        column: of times; None where samples come at a rate.
+        unit: of the column, a key of `PER_UNIT`.
+        rate_hz: of samples, the first of which is at zero.
+        since_ns: what zero is [ns since 1970].
+    """
+
+    column: str | None
+    unit: str
+    rate_hz: float
+    since_ns: int
+
+
+@dataclass(frozen=True)
+class ColumnsOf:
+    """Where the values of one entry of the DOF file come from.
+
+    Attributes:
+        entry: the entry.
+        columns: one for each DOF, in its order.
+        unit: of the columns, "" for what the file says, or else that of the entry.
+        file: which file of a recording, "" where it has one.
+        time: of its own, None for the map's.
+    """
+
+    entry: DofEntry
+    columns: tuple[str, ...]
+    unit: str
+    file: str
+    time: TimeSource | None
+
+
+class Cut(NamedTuple):
+    """One segment of a list, in seconds of the file's own clock, both ends included.
+
+    Attributes:
+        start_s: its begin.
+        end_s: its end.
+        task: its label, "" for that of the map.
+        file: the recording that it is of, by its name, "" for every one.
+    """
+
+    start_s: float
+    end_s: float
+    task: str
+    file: str
+
+
+class Text(NamedTuple):
+    """A text of every demonstration: the same for all, or that of a column.
+
+    Attributes:
+        column: whose first value is taken, "" for none.
+        fixed: the text without a column.
+    """
+
+    column: str
+    fixed: str
+
+
+@dataclass(frozen=True)
+class ImportMap:
+    """What `intent import` is told about files.
+
+    Attributes:
+        dofs: what the demonstrations hold.
+        columns: where each entry comes from, in the order of `dofs`.
+        files: pattern of each file of a recording by its name; empty where each file is one.
+        time: where times come from, None for what the file says.
+        segments: a column whose value changes with the demonstration, or a list of cuts.
+        every: of the rows of a demonstration, one in so many is taken.
+        task: label; None for what the file, or its name, says.
+        labels: other labels for those that the file has.
+        metadata: further texts of each demonstration.
+        frame: frame of poses.
+        skip_rows: lines of a CSV before its header.
+    """
+
+    dofs: DofSpec
+    columns: tuple[ColumnsOf, ...]
+    files: Mapping[str, str]
+    time: TimeSource | None
+    segments: str | tuple[Cut, ...] | None
+    every: int
+    task: Text | None
+    labels: Mapping[str, str]
+    metadata: Mapping[str, Text]
+    frame: str
+    skip_rows: int
+
+    @classmethod
+    def from_dict(cls, content: object, source: str = "map") -> "ImportMap":
+        """Check `content` and build the map.
+
+        Args:
+            content: what the YAML file gives.
+            source: name of the file, for messages.
+
+        Raises:
+            DofError: anything is missing, unknown or of the wrong kind.
+        """
+        items = _mapping(content, source, KEYS)
+        own: dict[str, list] = {side: items.get(side) or [] for side in SIDES}
+        plain: dict[str, object] = {}
+        for side, listed in own.items():
+            if not isinstance(listed, list):
+                raise _error(f"{source}: {side}", "a list of entries", listed)
+            plain[side] = [
+                {k: v for k, v in item.items() if k not in ENTRY_KEYS}
+                if isinstance(item, Mapping)
+                else item
+                for item in listed
+            ]
+        dofs = DofSpec.from_dict({k: v for k, v in plain.items() if v or k == "observed"}, source)
+        files = _files(items.get("files", {}), f"{source}: files")
+        columns = tuple(
+            _columns(item, entry, files, f"{source}: {side}[{k}]")
+            for side in SIDES
+            for k, (item, entry) in enumerate(zip(own[side], getattr(dofs, side), strict=True))
+        )
+        labels = _mapping(items.get("labels", {}), f"{source}: labels")
+        metadata = _mapping(items.get("metadata", {}), f"{source}: metadata")
+        return cls(
+            dofs,
+            columns,
+            files,
+            _time(items["time"], f"{source}: time") if "time" in items else None,
+            _segments(items.get("segments"), f"{source}: segments"),
+            _count(items.get("every", 1), 1, f"{source}: every"),
+            _text(items["task"], f"{source}: task") if "task" in items else None,
+            {str(before): str(after) for before, after in labels.items()},
+            {str(k): _text(v, f"{source}: metadata: {k}") for k, v in metadata.items()},
+            str(items.get("frame", "world")),
+            _count(items.get("skip_rows", 0), 0, f"{source}: skip_rows"),
+        )
+
+    def over(self, defaults: Mapping[str, object]) -> "ImportMap":
+        """This map, with what a file says of itself where the map says nothing."""
+        time, segments, task = (defaults.get(key) for key in ("time", "segments", "task"))
+        return replace(
+            self,
+            time=_time(time, "time") if time is not None and self.time is None else self.time,
+            segments=_segments(segments, "segments") if self.segments is None else self.segments,
+            task=_text(task, "task") if task is not None and self.task is None else self.task,
+        )
+
+
+def load_map(path: str | Path) -> ImportMap:
+    """Read the map of an import, a YAML file as described in docs/import.md.
+
+    Raises:
+        DofError: it is missing, no YAML, or malformed; names the file, entry and key.
+    """
+    source = Path(path)
+    try:
+        content = load_yaml(read_text(source))
+    except (OSError, UntrustedError) as error:
+        raise _error(str(source), "a map in YAML", error) from error
+    return ImportMap.from_dict(content, str(source))
+
+
+def _mapping(value: object, place: str, keys: Sequence[str] = ()) -> Mapping:
+    if not isinstance(value, Mapping):
+        expected = f"a mapping with keys among {', '.join(keys)}" if keys else "a mapping"
+        raise _error(place, expected, value)
+    if keys and (unknown := sorted(set(map(str, value)) - set(keys))):
+        raise _error(place, f"only the keys {', '.join(keys)}", ", ".join(unknown))
+    return value
+
+
+def _columns(item: Mapping, entry: DofEntry, files: Mapping[str, str], place: str) -> ColumnsOf:
+    names = item.get("columns")
+    if isinstance(names, str):
+        names = [names]
+    count = len(entry.names)
+    if not isinstance(names, list) or len(names) != count or not all(names):
+        raise _error(f"{place}: columns", f"{count} names, one for each DOF", names)
+    unit, file = str(item.get("columns_unit", "")), str(item.get("file", ""))
+    if unit:
+        check_convertible(unit, entry.unit, f"{place}: columns_unit")
+    if files and "" not in files and file not in files:
+        raise _error(f"{place}: file", f"one of {', '.join(files)}", file or "nothing")
+    if file and file not in files:
+        raise _error(f"{place}: file", "a name under files", file)
+    time = _time(item["time"], f"{place}: time") if "time" in item else None
+    return ColumnsOf(entry, tuple(map(str, names)), unit, file, time)
+
+
+def _files(value: object, place: str) -> dict[str, str]:
+    patterns = {"": value} if isinstance(value, str) else dict(_mapping(value, place))
+    fields = {frozenset(PLACEHOLDER.findall(str(pattern))) for pattern in patterns.values()}
+    if len(fields) > 1 or frozenset() in fields:
+        expected = "patterns that all have the same placeholders, such as baton_{number}.csv"
+        raise _error(place, expected, ", ".join(map(str, patterns.values())))
+    return {str(name): str(pattern) for name, pattern in patterns.items()}
+
+
+def _time(value: object, place: str) -> TimeSource:
+    items = _mapping(value, place, ("column", "unit", "rate", "since"))
+    if ("column" in items) == ("rate" in items):
+        raise _error(place, "either column or rate", "both" if "rate" in items else "neither")
+    unit = str(items.get("unit", "s"))
+    if unit not in PER_UNIT:
+        raise _error(f"{place}: unit", f"one of {', '.join(PER_UNIT)}", unit)
+    rate = _number(items.get("rate", 1.0), f"{place}: rate")
+    if rate <= 0.0:
+        raise _error(f"{place}: rate", "samples a second, above zero", rate)
+    since = items.get("since", SINCE_S)
+    since_ns = round(_number(since, f"{place}: since") * NANOSECONDS)
+    if isinstance(since, int):  # a float has no nanoseconds left
+        since_ns = since * NANOSECONDS
+    column = str(items["column"]) if "column" in items else None
+    return TimeSource(column, unit, rate, since_ns)
+
+
+def _segments(value: object, place: str) -> str | tuple[Cut, ...] | None:
+    if value is None:
+        return None
+    if isinstance(value, Mapping):
+        items = _mapping(value, place, ("column",))
+        if "column" not in items:
+            raise _error(place, "a column, or a list of start and end", value)
+        return str(items["column"])
+    if not isinstance(value, list) or not value:
+        raise _error(place, "a column, or a list of start and end", value)
+    cuts = []
+    for k, one in enumerate(value):
+        here = f"{place}[{k}]"
+        items = _mapping(one, here, ("start", "end", "task", "file"))
+        start, end = (_number(items.get(key), f"{here}: {key}") for key in ("start", "end"))
+        if not start < end:
+            raise _error(here, "a start before the end", f"{start} and {end}")
+        cuts.append(Cut(start, end, str(items.get("task", "")), str(items.get("file", ""))))
+    return tuple(cuts)
+
+
+def _text(value: object, place: str) -> Text:
+    if isinstance(value, Mapping):
+        return Text(str(_mapping(value, place, ("column",)).get("column", "")), "")
+    if not isinstance(value, (str, int, float)):
+        raise _error(place, "a text, or a mapping with the key column", value)
+    return Text("", str(value))
+
+
+def _number(value: object, place: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+        raise _error(place, "a number", "nothing" if value is None else value)
+    return float(value)
+
+
+def _count(value: object, least: int, place: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise _error(place, f"a whole number from {least} on", value)
+    return value
+
+
+def _error(argument: str, expected: str, got: object) -> DofError:
+    return DofError(describe(argument, expected, got, "docs/import.md has examples."))

@@ -1,0 +1,420 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From tables to demonstrations, and from these to bags."""
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.bags import JOINT_STATE, NANOSECONDS, POSE, BagWriter, message_class
+from intent_recognition.demonstrations import DofEntry, check_label
+from intent_recognition.errors import BagError, describe, one_line
+from intent_recognition.signals import Rejection
+from intent_recognition.tables.files import find_tables, open_table
+from intent_recognition.tables.import_map import (
+    PLACEHOLDER,
+    ColumnsOf,
+    Cut,
+    ImportMap,
+    Text,
+    TimeSource,
+)
+from intent_recognition.tables.table import (
+    Table,
+    Values,
+    convert,
+    numbers,
+    stamps_ns,
+    text_of,
+    texts,
+)
+
+LONGEST_NAME = 80
+"""Characters of the name of a recording. Convention, as of labels."""
+NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
+
+
+class Samples(NamedTuple):
+    """What one entry of the DOF file gets.
+
+    Attributes:
+        entry: the entry.
+        stamps_ns: int64 (T,), strictly increasing.
+        values: (T, d) in the unit of the entry, NaN where nothing was measured.
+    """
+
+    entry: DofEntry
+    stamps_ns: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ImportedDemonstration:
+    """One demonstration of a table, as it is written to a bag.
+
+    Attributes:
+        name: of its bag.
+        custom_data: its label `task`, where it has one, and further texts.
+        samples: for each entry of the DOF file.
+        frame: of poses.
+        n_dropped: samples whose time was missing, or not later than the one before.
+    """
+
+    name: str
+    custom_data: Mapping[str, str]
+    samples: tuple[Samples, ...]
+    frame: str = "world"
+    n_dropped: int = 0
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """Files that were recorded together: their paths, and what their names say."""
+
+    name: str
+    paths: Mapping[str, Path]
+    named: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """The rows of an entry's table: stamps, which are known, and the entry's values."""
+
+    source: ColumnsOf
+    stamps_ns: NDArray[np.int64]
+    known: NDArray[np.bool_]
+    values: NDArray[np.float64]
+    since_ns: int
+
+
+def import_demonstrations(
+    source: Path, mapping: ImportMap
+) -> Iterator[ImportedDemonstration | Rejection]:
+    """All demonstrations of a file, a folder of files, or a LeRobot data set.
+
+    Args:
+        source: its path.
+        mapping: what its columns mean.
+
+    Yields:
+        Demonstrations, and reasons why a file, or a part of one, is left out.
+
+    Raises:
+        BagError: there is nothing to read.
+    """
+    taken: set[str] = set()
+    for recording in _find(source, mapping):
+        if isinstance(recording, Rejection):
+            yield recording
+            continue
+        try:
+            for found in _demonstrations(recording, mapping):
+                if isinstance(found, ImportedDemonstration) and found.name in taken:
+                    raise _doubled(found.name)
+                if isinstance(found, ImportedDemonstration):
+                    taken.add(found.name)
+                yield found
+        except BagError as error:
+            yield Rejection(recording.name, "", 0, one_line(error))
+
+
+def write_demonstration(folder: Path, demonstration: ImportedDemonstration) -> Path:
+    """Write a demonstration as a bag below `folder`; gaps stay gaps.
+
+    Returns:
+        Directory of the bag.
+
+    Raises:
+        ResourceBusyError: it exists already.
+    """
+    path = folder / demonstration.name
+    with BagWriter(path, demonstration.custom_data, flush_period_s=None) as writer:
+        for stamp_ns, topic, kind, content in _messages(demonstration):
+            writer.write_message(topic, kind, content, stamp_ns)
+    return path
+
+
+def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:
+    paths = find_tables(source)
+    if not mapping.files:
+        for path in paths:
+            inside = path.relative_to(source) if path != source else Path(path.name)
+            name = inside.as_posix() if path.is_dir() else inside.with_suffix("").as_posix()
+            yield _Recording(name.replace("/", "_"), {"": path})
+        return
+    groups: dict[tuple[str, ...], dict[str, Path]] = {}
+    fields = sorted(set(PLACEHOLDER.findall(next(iter(mapping.files.values())))))
+    for name, pattern in mapping.files.items():
+        expression = _expression(pattern)
+        for path in paths:
+            if found := expression.fullmatch(path.relative_to(source).as_posix()):
+                key = tuple(found[one] for one in fields)
+                groups.setdefault(key, {})[name] = path
+    if not groups:
+        patterns = ", ".join(mapping.files.values())
+        got = ", ".join(p.relative_to(source).as_posix() for p in paths[:5])
+        cure = "Correct files in the map."
+        raise BagError(describe(str(source), f"files such as {patterns}", got, cure))
+    for key, group in sorted(groups.items()):
+        named = dict(zip(fields, key, strict=True))
+        if missing := set(mapping.files) - set(group):
+            wanted = ", ".join(mapping.files[name] for name in sorted(missing))
+            there = ", ".join(path.name for path in group.values())
+            yield Rejection(there, "", 0, f"missing file: {wanted} of the same recording")
+        else:
+            yield _Recording("_".join(key), group, named)
+
+
+def _expression(pattern: str) -> re.Pattern[str]:
+    """A pattern of file names as a regular expression."""
+    seen: set[str] = set()
+    parts = []
+    for k, part in enumerate(PLACEHOLDER.split(pattern)):
+        if k % 2 == 0:
+            parts.append(re.escape(part))
+        else:
+            parts.append(f"(?P={part})" if part in seen else f"(?P<{part}>[^/]+?)")
+            seen.add(part)
+    return re.compile("".join(parts))
+
+
+def _demonstrations(
+    recording: _Recording, mapping: ImportMap
+) -> Iterator[ImportedDemonstration | Rejection]:
+    _check_name(recording.name)
+    tables = {name: open_table(path, mapping.skip_rows) for name, path in recording.paths.items()}
+    for table in tables.values():
+        mapping = mapping.over(table.defaults)
+    data = _load(tables, mapping)
+    rows = [_rows(source, tables[source.file], data[source.file], mapping.time)
+            for source in mapping.columns]  # fmt: skip
+    main = mapping.columns[0].file
+    labels = {key: text for key, text in recording.named.items() if key != "task"}
+    for name, picks, first, cut in _parts(recording, mapping, rows, data):
+        task = _task(mapping, cut, data[main], first, recording.named.get("task", ""))
+        texts_ = {key: _text_at(t, data[main], first) for key, t in mapping.metadata.items()}
+        origin = {"imported_from": ", ".join(p.name for p in recording.paths.values())}
+        custom = {**labels, **origin, **{k: text for k, text in texts_.items() if text}}
+        if task:
+            _check_task(task)
+            custom["task"] = task
+        parts = [_samples(row, pick, mapping.every) for row, pick in zip(rows, picks, strict=True)]
+        empty = [s.entry.topic for s, _ in parts if not np.any(np.isfinite(s.values))]
+        if empty:
+            yield Rejection(name, f"/{empty[0]}", 0, "empty: no sample in it")
+            continue
+        yield ImportedDemonstration(
+            name, custom, tuple(s for s, _ in parts), mapping.frame, sum(n for _, n in parts)
+        )
+
+
+def _load(tables: Mapping[str, Table], mapping: ImportMap) -> dict[str, dict[str, Values]]:
+    """All columns that the map names, read once, by file and name."""
+    wanted: dict[str, list[str]] = {name: [] for name in tables}
+    for source in mapping.columns:
+        wanted[source.file] += source.columns
+        time = source.time or mapping.time
+        if time is not None and time.column is not None:
+            wanted[source.file].append(time.column)
+    main = mapping.columns[0].file
+    spoken = [mapping.task, *mapping.metadata.values()]
+    wanted[main] += [text.column for text in spoken if text is not None and text.column]
+    if isinstance(mapping.segments, str):
+        if len({source.file for source in mapping.columns}) > 1:
+            expected = "a list of start and end where a recording has several files"
+            raise BagError(describe("segments", expected, "a column", "Correct the map."))
+        wanted[main].append(mapping.segments)
+    return {name: table.columns(wanted[name]) for name, table in tables.items()}
+
+
+def _rows(
+    source: ColumnsOf, table: Table, data: Mapping[str, Values], time: TimeSource | None
+) -> _Rows:
+    time = source.time or time
+    if time is None:
+        raise BagError(describe(str(table.source), "times, or a rate", "neither", NO_TIME))
+    columns = [numbers(data[name], table.source, name) for name in source.columns]
+    sizes = {name: column.size for name, column in zip(source.columns, columns, strict=True)}
+    if time.column is not None:
+        sizes[time.column] = data[time.column].size
+    if len(set(sizes.values())) > 1:
+        got = ", ".join(f"{name} {size}" for name, size in sizes.items())
+        cure = "Name a time column of the same length, under time of the entry."
+        raise BagError(describe(str(table.source), "columns of one length", got, cure))
+    values = convert(np.column_stack(columns), source.unit or table.unit, source.entry.unit)
+    if time.column is None:
+        ticks = np.rint(np.arange(len(values)) * (NANOSECONDS / time.rate_hz)).astype(np.int64)
+        return _Rows(
+            source, ticks + time.since_ns, np.ones(len(values), bool), values, time.since_ns
+        )
+    stamps, known = stamps_ns(
+        data[time.column], time.unit, time.since_ns, table.source, time.column
+    )
+    return _Rows(source, stamps, known, values, time.since_ns)
+
+
+def _parts(
+    recording: _Recording,
+    mapping: ImportMap,
+    rows: Sequence[_Rows],
+    data: Mapping[str, Mapping[str, Values]],
+) -> Iterator[tuple[str, list[NDArray[np.int64]], int, Cut | None]]:
+    """Name, rows of each entry, first row of the first entry, and cut of each demonstration."""
+    if mapping.segments is None:
+        yield recording.name, [np.arange(row.stamps_ns.size) for row in rows], 0, None
+    elif isinstance(mapping.segments, str):
+        values = texts(data[mapping.columns[0].file][mapping.segments])
+        changes = [k for k in range(1, len(values)) if values[k] != values[k - 1]]
+        runs = [(a, b) for a, b in pairwise([0, *changes, len(values)]) if values[a]]
+        names = [values[a] for a, _ in runs]
+        for k, (start, stop) in enumerate(runs):
+            own = len(set(names)) == len(names) and not values[start].isdigit()
+            name = values[start] if own else f"{recording.name}_{k:03d}"
+            _check_name(name)
+            yield name, [np.arange(start, stop)] * len(rows), start, None
+    else:
+        cuts = [cut for cut in mapping.segments if cut.file in ("", recording.name)]
+        for k, cut in enumerate(cuts):
+            picks = [_between(row, cut) for row in rows]
+            first = int(picks[0][0]) if picks[0].size else 0
+            name = recording.name if len(cuts) == 1 else f"{recording.name}_{k:03d}"
+            yield name, picks, first, cut
+
+
+def _between(rows: _Rows, cut: Cut) -> NDArray[np.int64]:
+    start_ns, end_ns = (rows.since_ns + round(s * NANOSECONDS) for s in (cut.start_s, cut.end_s))
+    return np.flatnonzero(rows.known & (rows.stamps_ns >= start_ns) & (rows.stamps_ns <= end_ns))
+
+
+def _samples(rows: _Rows, pick: NDArray[np.int64], every: int) -> tuple[Samples, int]:
+    """Samples of an entry in increasing order of time, and how many were not."""
+    pick = pick[::every]
+    stamps = rows.stamps_ns[pick]
+    latest = np.maximum.accumulate(np.where(rows.known[pick], stamps, 0))
+    before = np.concatenate([[0], latest[:-1]])[: stamps.size]
+    kept = rows.known[pick] & (stamps > before)
+    found = Samples(rows.source.entry, stamps[kept], rows.values[pick[kept]])
+    return found, int(np.sum(~kept))
+
+
+def _task(
+    mapping: ImportMap, cut: Cut | None, data: Mapping[str, Values], first: int, named: str
+) -> str:
+    task = _text_at(mapping.task, data, first) if mapping.task is not None else named
+    task = (cut.task if cut is not None else "") or task
+    return mapping.labels.get(task, task)
+
+
+def _text_at(text: Text, data: Mapping[str, Values], row: int) -> str:
+    if not text.column:
+        return text.fixed
+    values = data[text.column]
+    return text_of(values[row if values.size > 1 else 0])
+
+
+def _check_task(task: str) -> None:
+    try:
+        check_label(task)
+    except BagError as error:
+        cure = "Give it another under labels in the map."
+        raise BagError(describe("task", "a label that can name a folder", task, cure)) from error
+
+
+def _check_name(name: str) -> None:
+    sound = name.isprintable() and not set("/\\") & set(name) and name[:1] not in ("", ".", "-")
+    if not sound or len(name) > LONGEST_NAME:
+        expected = f"a name for a folder, of 1 to {LONGEST_NAME} characters"
+        raise BagError(describe("recording", expected, repr(name), "Rename it."))
+
+
+def _doubled(name: str) -> BagError:
+    cure = "Name each demonstration once, in the segments or by its file."
+    return BagError(describe("recording", "names that differ", f"{name} twice", cure))
+
+
+def _messages(demonstration: ImportedDemonstration) -> Iterator[tuple[int, str, str, dict]]:
+    """Stamp, topic, type and content of all messages, in order of time."""
+    topics: dict[str, list[Samples]] = {}
+    for samples in demonstration.samples:
+        topics.setdefault(samples.entry.topic, []).append(samples)
+    found = []
+    for topic, parts in topics.items():
+        kind = parts[0].entry.type
+        make = _joint_state if kind == JOINT_STATE and parts[0].entry.joints else _fields
+        for stamp, rows in _at_each_stamp(parts).items():
+            content = make(rows)
+            if content is not None:
+                content = _with_header(content, kind, stamp, demonstration.frame)
+                found.append((stamp, topic, kind, content))
+    yield from sorted(found, key=lambda message: message[:2])
+
+
+def _at_each_stamp(
+    parts: Sequence[Samples],
+) -> dict[int, list[tuple[DofEntry, NDArray[np.float64]]]]:
+    """What the entries of one topic say at each stamp; NaN for what they do not."""
+    places = [{int(ns): k for k, ns in enumerate(part.stamps_ns)} for part in parts]
+    found = {}
+    for stamp in dict.fromkeys(ns for place in places for ns in place):
+        found[stamp] = [
+            (part.entry, part.values[place[stamp]] if stamp in place
+             else np.full(len(part.entry.names), np.nan))
+            for part, place in zip(parts, places, strict=True)
+        ]  # fmt: skip
+    return found
+
+
+def _joint_state(rows: Sequence[tuple[DofEntry, NDArray[np.float64]]]) -> dict[str, Any] | None:
+    """The joints that were measured; None where none was."""
+    found: dict[str, dict[str, float]] = {}
+    quantities: dict[str, None] = {}
+    for entry, values in rows:
+        for joint, value in zip(entry.joints, values.tolist(), strict=True):
+            if np.isfinite(value):
+                found.setdefault(joint, {})[entry.quantity] = value
+                quantities[entry.quantity] = None
+    if not found:
+        return None
+    content: dict[str, Any] = {"name": list(found)}
+    for quantity in quantities:
+        content[quantity] = [joint.get(quantity, np.nan) for joint in found.values()]
+    return content
+
+
+def _fields(rows: Sequence[tuple[DofEntry, NDArray[np.float64]]]) -> dict[str, Any] | None:
+    """Nested fields; None where one of them was not measured."""
+    content: dict[str, Any] = {}
+    for entry, values in rows:
+        if not np.all(np.isfinite(values)):
+            return None
+        for path, value in zip(entry.fields, values.tolist(), strict=True):
+            *parents, last = re.findall(r"\w+", path)
+            place = content
+            for parent in parents:
+                place = place.setdefault(parent, {})
+            place[last] = value
+    made = _lists(content)
+    return made if isinstance(made, dict) else None
+
+
+def _lists(content: object) -> object:
+    """Mappings from indices become lists."""
+    if not isinstance(content, dict):
+        return content
+    if content and all(key.isdigit() for key in content):
+        items = {int(key): _lists(value) for key, value in content.items()}
+        return [items.get(k) for k in range(max(items) + 1)]
+    return {key: _lists(value) for key, value in content.items()}
+
+
+def _with_header(content: dict[str, Any], kind: str, stamp_ns: int, frame: str) -> dict[str, Any]:
+    if "header" in getattr(message_class(kind), "__dataclass_fields__", {}):
+        content = {"header": {"stamp": stamp_ns, "frame_id": frame}, **content}
+    if kind == POSE and "orientation" not in content["pose"]:
+        content["pose"] = {**content["pose"], "orientation": {"w": 1.0}}
+    return content

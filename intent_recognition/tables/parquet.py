@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Columns of Parquet files and of LeRobot data sets, by pyarrow."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from intent_recognition.errors import BagError, one_line
+from intent_recognition.tables.table import Table, Values, optional, unusable
+from intent_recognition.untrusted import MOST_ARRAYS, UntrustedError, load_json, read_text
+
+MOST_LINES = 2**26
+"""Bytes of a `.jsonl` file. Convention: a million tasks take 60 MB."""
+VERSIONS = ("v2.", "v3.")
+"""LeRobot's `codebase_version` that can be read."""
+
+
+def open_parquet(path: Path) -> Table:
+    """A Parquet file; elements of a list column are `NAME.0`, `NAME.1`, ...
+
+    Raises:
+        BagError: it is no Parquet file, or pyarrow is not installed.
+    """
+    return _table(path, [path], {})
+
+
+def open_lerobot(folder: Path) -> Table:
+    """All episodes of a LeRobot data set of version 2 or 3, as its `meta` describes them.
+
+    Elements of a feature have the names that `info.json` gives them, and `FEATURE.0`, `FEATURE.1`,
+    ... The column `task` holds the text of each row's task.
+
+    Raises:
+        BagError: metadata are missing or of another version, or pyarrow is not installed.
+    """
+    path = folder / "meta" / "info.json"
+    try:
+        info = load_json(read_text(path))
+        version, features = str(info["codebase_version"]), dict(info["features"])
+        pattern = re.sub(r"\{[^}]*\}", "*", str(info["data_path"]))
+        names = {key: _feature_names(feature) for key, feature in features.items()}
+    except (OSError, UntrustedError, KeyError, TypeError, ValueError, AttributeError) as error:
+        expected = "codebase_version, features and data_path of a LeRobot data set"
+        raise unusable(path, expected, one_line(error), "Download it again.") from error
+    if not version.startswith(VERSIONS):
+        raise unusable(path, "version 2 or 3", version, "Convert it with LeRobot's own script.")
+    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+        raise unusable(path, "a data_path inside of the folder", pattern, "Correct it.")
+    files = sorted(folder.glob(pattern))
+    if not files:
+        raise unusable(folder, f"files {pattern}", "none", "Download the folder data as well.")
+    table = _table(folder, files, names)
+
+    def read(wanted: Sequence[str]) -> dict[str, Values]:
+        stored = [name for name in wanted if name != "task"]
+        if "task" not in wanted:
+            return table.read(stored)
+        found = table.read([*stored, "task_index"])
+        tasks = _tasks(folder)
+        found["task"] = np.array([tasks.get(int(k), "") for k in found["task_index"]], object)
+        return found
+
+    return Table(
+        folder,
+        (*table.names, "task"),
+        read,
+        aliases=table.aliases,
+        defaults={
+            "time": {"column": "timestamp", "unit": "s"},
+            "segments": {"column": "episode_index"},
+            "task": {"column": "task"},
+        },
+    )
+
+
+def _feature_names(feature: Mapping) -> list[str]:
+    """What `info.json` calls the elements of a feature; [] where it does not, or not all."""
+    names = feature.get("names")
+    if isinstance(names, Mapping):  # {"motors": [...]}, or {"x": 0, "y": 1}
+        inner = list(names.values())
+        names = inner[0] if len(inner) == 1 and isinstance(inner[0], list) else list(names)
+    shape = list(feature.get("shape") or [])
+    named = [str(name) for name in names] if isinstance(names, list) else []
+    return named if shape == [len(named)] and len(set(named)) == len(named) else []
+
+
+def _tasks(folder: Path) -> dict[int, str]:
+    """Text of each task by its index: `tasks.jsonl` of version 2, `tasks.parquet` of version 3."""
+    lines, table = folder / "meta" / "tasks.jsonl", folder / "meta" / "tasks.parquet"
+    try:
+        if lines.is_file():
+            rows = [load_json(line) for line in read_text(lines, MOST_LINES).splitlines() if line]
+            return {int(row["task_index"]): str(row["task"]) for row in rows}
+        columns = open_parquet(table)  # the text is an index of pandas, under several names
+        texts = next(name for name in columns.names if name != "task_index")
+        found = columns.columns(["task_index", texts])
+        return {int(k): str(t) for k, t in zip(found["task_index"], found[texts], strict=True)}
+    except (OSError, UntrustedError, KeyError, TypeError, ValueError, StopIteration) as error:
+        cure = "Name the tasks in the map: task."
+        raise unusable(folder, "meta/tasks.jsonl or .parquet", one_line(error), cure) from error
+
+
+def _table(source: Path, files: Sequence[Path], names: Mapping[str, Sequence[str]]) -> Table:
+    """Files of one schema as one table."""
+    parquet = optional("pyarrow.parquet", "pyarrow", source)
+    places = _places(parquet, files[0], names)
+    own = [name for name, (_, element, alias) in places.items() if not alias]
+
+    def read(wanted: Sequence[str]) -> dict[str, Values]:
+        stored = list(dict.fromkeys(places[name][0] for name in wanted))
+        parts = [_read(parquet, file, stored) for file in files]
+        columns = {name: np.concatenate([part[name] for part in parts]) for name in stored}
+        found: dict[str, Values] = {}
+        for name in wanted:
+            column, element, _ = places[name]
+            values = columns[column]
+            found[name] = values if element is None else values[:, element]
+        return found
+
+    return Table(source, tuple(own), read, aliases=frozenset(places))
+
+
+def _places(
+    parquet: Any, path: Path, names: Mapping[str, Sequence[str]]
+) -> dict[str, tuple[str, int | None, bool]]:
+    """Stored column and element of each name, and whether it is a second name of it."""
+    places: dict[str, tuple[str, int | None, bool]] = {}
+
+    def look(file: Any) -> None:
+        types = file.schema_arrow
+        for column in types.names:
+            kind = types.field(column).type
+            if not _is_list(kind):
+                if not _is_nested(kind):
+                    places[column] = (column, None, False)
+                continue
+            row = next(file.iter_batches(1, columns=[column]), None)
+            count = len(row.column(0)[0]) if row is not None and row.num_rows else 0
+            named = list(names.get(column, ()))
+            for k in range(count):
+                if len(named) == count:
+                    places[f"{column}.{named[k]}"] = (column, k, False)
+                places.setdefault(f"{column}.{k}", (column, k, len(named) == count))
+            if count == 1:
+                places.setdefault(column, (column, 0, True))
+
+    _with_file(parquet, path, look)
+    return places
+
+
+def _read(parquet: Any, path: Path, columns: Sequence[str]) -> dict[str, Values]:
+    """Columns of one file, (T,) or (T, d) where they hold lists."""
+
+    def load(file: Any) -> dict[str, Values]:
+        metadata = file.metadata
+        count = sum(
+            chunk.num_values
+            for group in map(metadata.row_group, range(metadata.num_row_groups))
+            for chunk in map(group.column, range(group.num_columns))
+            if chunk.path_in_schema.split(".")[0] in {c.split(".")[0] for c in columns}
+        )
+        if 8 * count > MOST_ARRAYS:
+            raise UntrustedError(f"{count} values, more than {MOST_ARRAYS // 8}")
+        table = file.read(columns=list(columns))
+        return {name: _values(table.column(name), path, name) for name in columns}
+
+    found: dict[str, Values] = _with_file(parquet, path, load)
+    return found
+
+
+def _values(column: Any, path: Path, name: str) -> Values:
+    """A column of Arrow as numpy has it; what is null is NaN, or None in texts."""
+    column = column.combine_chunks()
+    if str(column.type).startswith("dictionary<"):
+        column = column.dictionary_decode()
+    if not _is_list(column.type):
+        if column.null_count and str(column.type).startswith(("int", "uint")):
+            return np.array([None if v is None else str(v) for v in column.to_pylist()], object)
+        return np.asarray(column.to_numpy(zero_copy_only=False))
+    flat = np.asarray(column.flatten().to_numpy(zero_copy_only=False))
+    size = flat.size // max(1, len(column))
+    lengths = column.value_lengths().to_pylist() if hasattr(column, "value_lengths") else [size]
+    if column.null_count or len(set(lengths)) > 1:
+        got = ", ".join(sorted(map(str, set(lengths))))
+        raise unusable(path, f"lists of one length in {name}", got, "Leave that column out.")
+    return flat.reshape(len(column), size)
+
+
+def _is_list(kind: Any) -> bool:
+    return str(kind).startswith(("list<", "fixed_size_list<", "large_list<"))
+
+
+def _is_nested(kind: Any) -> bool:
+    return str(kind).startswith(("struct<", "map<", "extension<", "binary"))
+
+
+def _with_file(parquet: Any, path: Path, action: Callable[[Any], Any]) -> Any:
+    """What `action` makes of an open file; whatever is wrong with it is a BagError."""
+    try:
+        with parquet.ParquetFile(path) as file:
+            return action(file)
+    except BagError:
+        raise
+    except Exception as error:  # pyarrow raises what its parts raise
+        cure = "Write or download it again."
+        raise unusable(path, "a Parquet file", one_line(error), cure) from error

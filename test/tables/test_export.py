@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent export`, and back: the demonstrations are the same to the last bit."""
+
+import numpy as np
+import pytest
+
+from intent_recognition.cli.main import main
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.tables import export_columns
+
+
+def check_same(before, after):
+    """Labels, names, stamps and values; `after` says where it was imported from."""
+    assert len(before) == len(after)
+    for one, other in zip(before, after, strict=True):
+        told = {k: v for k, v in other.metadata.items() if k != "imported_from"}
+        assert (one.name, one.task, dict(one.metadata)) == (other.name, other.task, told)
+        for side in ("observed", "controlled"):
+            for a, b in zip(getattr(one, side), getattr(other, side), strict=True):
+                assert a.names == b.names and a.unit == b.unit
+                assert a.stamps_ns.tobytes() == b.stamps_ns.tobytes()
+                assert a.values.tobytes() == b.values.tobytes()
+
+
+def there_and_back(bags, dofs, tmp_path, suffix) -> list:
+    table, output = tmp_path / f"all.{suffix}", tmp_path / f"from_{suffix}"
+    assert main(["export", *map(str, bags), "--dofs", str(dofs), "--output", str(table)]) == 0
+    command = ["import", str(table), "--map", str(table.with_suffix(".map.yaml"))]
+    assert main([*command, "--output", str(output)]) == 0
+    found, rejections = read_demonstrations(output, load_dofs(output / "dofs.yaml"))
+    assert not rejections
+    return found
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_bags_come_back_the_same(suffix, repository, tmp_path):
+    if suffix == "parquet":
+        pytest.importorskip("pyarrow")
+    bags = sorted((repository / "bags/toolbox/test").iterdir())[:3]
+    dofs = repository / "config/dofs.yaml"
+    before, _ = read_demonstrations(bags, load_dofs(dofs))
+    assert any(  # occluded samples are gaps
+        np.max(np.diff(d.observed[0].stamps_ns)) > 15_000_000 for d in before
+    )
+    check_same(before, there_and_back(bags, dofs, tmp_path, suffix))
+
+
+def test_real_recordings_with_two_trackers_come_back_the_same(shared_data, tmp_path):
+    folder = shared_data / "nuisi"
+    bags = sorted(path for path in folder.iterdir() if path.is_dir())[:4]
+    before, _ = read_demonstrations(bags, load_dofs(folder / "dofs.yaml"))
+    check_same(before, there_and_back(bags, folder / "dofs.yaml", tmp_path, "csv"))
+
+
+def test_demonstrations_of_a_session_and_of_equal_names(repository):
+    session = repository / "bags/assembly/session_00"
+    dofs = load_dofs(repository / "config/dofs_two_humans.yaml")
+    parts, _ = read_demonstrations(session, dofs)
+    columns = export_columns([*parts[:2], parts[0]])
+    names = list(dict.fromkeys(columns["demonstration"]))
+    assert names == ["session_00#000", "session_00#001", "session_00#000_2"]
+    assert np.all(np.diff(columns["stamp_ns"][columns["demonstration"] == names[0]]) > 0)
+
+
+def test_another_suffix_is_refused(repository, tmp_path, capsys):
+    bag = repository / "bags/toolbox/test/plate_handover_00"
+    assert main(["export", str(bag), "--output", str(tmp_path / "a.xlsx")]) == 1
+    assert ".csv or .parquet" in capsys.readouterr().err

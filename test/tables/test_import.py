@@ -1,0 +1,359 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent import`: what a table holds is in the bags, to the last bit, and gaps are gaps."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from intent_recognition.bags import BagReader
+from intent_recognition.cli.main import main
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.errors import BagError, DofError
+from intent_recognition.tables import ImportMap, import_demonstrations, load_map
+from intent_recognition.tables.import_map import SINCE_S
+
+WRIST = {
+    "topic": "/mocap/wrist/pose",
+    "type": "geometry_msgs/msg/PoseStamped",
+    "fields": [f"pose.position.{axis}" for axis in "xyz"],
+    "unit": "m",
+    "columns": ["x", "y", "z"],
+}
+ARM = {
+    "topic": "/joint_states",
+    "type": "sensor_msgs/msg/JointState",
+    "joints": ["elbow", "tool"],
+    "unit": "rad",
+    "columns": ["q0", "q1"],
+}
+MAP = {"observed": [WRIST], "controlled": [ARM], "time": {"column": "t"}, "task": "give"}
+SINCE_NS = SINCE_S * 10**9
+
+
+@pytest.fixture
+def values(rng) -> dict[str, np.ndarray]:
+    """Twelve rows; the wrist was not seen in two of them."""
+    table = {name: rng.normal(size=12) * 0.01 for name in ("x", "y", "z", "q0", "q1")}
+    table["t"] = 0.1 * np.arange(12)
+    table["y"][4:6] = np.nan
+    return table
+
+
+def write_csv(path: Path, table: dict) -> Path:
+    rows = zip(*(np.asarray(column).tolist() for column in table.values()), strict=True)
+    lines = [",".join("" if v != v else str(v) for v in row) for row in rows]
+    path.write_text("\n".join([",".join(table), *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+def imported(source: Path, folder: Path, content: dict) -> list:
+    """What the command makes of a source, read as training reads it."""
+    path = folder / "map.yaml"
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    output = folder / "bags"
+    assert main(["import", str(source), "--map", str(path), "--output", str(output)]) == 0
+    found, rejections = read_demonstrations(output, load_dofs(output / "dofs.yaml"))
+    assert not rejections
+    return found
+
+
+def check_rows(demonstration, table, rows=slice(None)):
+    """The signals are the columns; rows with a gap are left out."""
+    stamps = SINCE_NS + np.round(table["t"][rows] * 1e9).astype(np.int64)
+    for (signal,), names in (
+        (demonstration.observed, ("x", "y", "z")),
+        (demonstration.controlled, ("q0", "q1")),
+    ):
+        wanted = np.column_stack([table[name][rows] for name in names])
+        seen = np.all(np.isfinite(wanted), axis=1)
+        assert np.array_equal(signal.values, wanted[seen])
+        assert np.array_equal(signal.stamps_ns, stamps[seen])
+
+
+def test_a_csv_to_the_last_bit(values, tmp_path):
+    (found,) = imported(write_csv(tmp_path / "reach.csv", values), tmp_path, MAP)
+    check_rows(found, values)
+    assert (found.name, found.task, found.metadata) == (
+        "reach",
+        "give",
+        {"imported_from": "reach.csv"},
+    )
+    assert found.observed[0].stamps_ns.size == 10
+
+
+def test_an_npz_with_its_own_times_and_arrays_of_columns(values, tmp_path):
+    wrist = np.column_stack([values[a] for a in "xyz"])
+    q = np.column_stack([values["q0"], values["q1"]])
+    np.savez(tmp_path / "a.npz", wrist=wrist, q=q[::2], t=values["t"], tq=values["t"][::2])
+    columns = {"columns": [f"wrist.{k}" for k in range(3)]}
+    arm = {"columns": ["q.0", "q.1"], "time": {"column": "tq"}}
+    content = MAP | {"observed": [WRIST | columns], "controlled": [ARM | arm]}
+    (found,) = imported(tmp_path / "a.npz", tmp_path, content)
+    assert np.array_equal(found.controlled[0].values, q[::2])
+    assert np.array_equal(found.observed[0].values, wrist[np.isfinite(values["y"])])
+
+
+def test_joints_that_are_missing_are_left_out_of_the_message(values, tmp_path):
+    values["q1"][3] = np.nan
+    imported(write_csv(tmp_path / "reach.csv", values), tmp_path, MAP)
+    messages = [m.message for m in BagReader(tmp_path / "bags/reach").messages(["joint_states"])]
+    assert messages[3].name == ["elbow"] and list(messages[3].position) == [values["q0"][3]]
+    assert messages[2].name == ["elbow", "tool"]
+
+
+def test_segments_and_labels_by_column(values, tmp_path):
+    table = values | {"trial": ["1"] * 5 + [""] * 2 + ["2"] * 5, "what": ["A"] * 7 + ["B"] * 5}
+    content = MAP | {
+        "segments": {"column": "trial"},
+        "task": {"column": "what"},
+        "labels": {"A": "give", "B": "take"},
+        "metadata": {"group": {"column": "what"}, "place": "lab"},
+    }
+    first, second = imported(write_csv(tmp_path / "day.csv", table), tmp_path, content)
+    assert [(d.name, d.task) for d in (first, second)] == [("day_000", "give"), ("day_001", "take")]
+    check_rows(first, values, slice(0, 5))
+    check_rows(second, values, slice(7, 12))
+    assert dict(second.metadata) == {"group": "B", "place": "lab", "imported_from": "day.csv"}
+
+
+def test_segments_by_a_list_at_a_rate_and_thinned(values, tmp_path):
+    del values["y"], values["t"]
+    entry = WRIST | {"fields": ["pose.position.x", "pose.position.z"], "columns": ["x", "z"]}
+    cuts = [{"start": 0.0, "end": 0.4, "task": "take"}, {"start": 0.5, "end": 1.1}]
+    content = MAP | {"observed": [entry], "time": {"rate": 10}, "segments": cuts, "every": 2}
+    first, second = imported(write_csv(tmp_path / "day.csv", values), tmp_path, content)
+    assert (first.task, second.task) == ("take", "give")
+    assert np.array_equal(first.observed[0].values[:, 0], values["x"][0:5:2])
+    assert np.array_equal(second.observed[0].values[:, 0], values["x"][5:12:2])
+    assert first.observed[0].stamps_ns.tolist() == [SINCE_NS + k * 200_000_000 for k in range(3)]
+
+
+def test_several_files_make_one_recording(values, tmp_path):
+    source = tmp_path / "set"
+    (source / "monday").mkdir(parents=True)
+    for number in ("07", "11"):
+        write_csv(source / f"monday/wrist_{number}.csv", {k: values[k] for k in "txyz"})
+        arm = {k: values[k] for k in ("t", "q0", "q1")}
+        write_csv(source / f"monday/arm_{number}.csv", arm)
+    write_csv(source / "monday/arm_12.csv", arm)
+    content = MAP | {
+        "files": {"wrist": "{day}/wrist_{no}.csv", "arm": "{day}/arm_{no}.csv"},
+        "observed": [WRIST | {"file": "wrist"}],
+        "controlled": [ARM | {"file": "arm"}],
+    }
+    found = imported(source, tmp_path, content)
+    assert [d.name for d in found] == ["monday_07", "monday_11"]
+    assert found[0].metadata["day"] == "monday" and found[0].metadata["no"] == "07"
+    check_rows(found[1], values)
+    left_out = [
+        str(one)
+        for one in import_demonstrations(source, load_map(tmp_path / "map.yaml"))
+        if not hasattr(one, "samples")
+    ]
+    assert left_out == ["arm_12.csv: missing file: {day}/wrist_{no}.csv of the same recording"]
+
+
+def test_units_are_converted_with_one_rounding(values, tmp_path):
+    table = values | {axis: values[axis] * 1000 for axis in "xyz"}
+    table |= {"q0": np.array([90.0] * 12)}
+    content = MAP | {
+        "observed": [WRIST | {"columns_unit": "mm"}],
+        "controlled": [ARM | {"columns_unit": "deg"}],
+    }
+    (found,) = imported(write_csv(tmp_path / "a.csv", table), tmp_path, content)
+    seen = np.isfinite(table["y"])
+    assert np.array_equal(found.observed[0].values[:, 0], table["x"][seen] / 1000)
+    assert np.allclose(found.controlled[0].values[:, 0], np.pi / 2, rtol=1e-15)
+    with pytest.raises(DofError, match="inch"):
+        ImportMap.from_dict(MAP | {"observed": [WRIST | {"columns_unit": "inch"}]})
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "stamps"),
+    [
+        (["1700000000.123456789", "1700000000.2"], "s", [123456789, 200000000]),
+        (["1700000000123.456789", "1700000000200"], "ms", [123456789, 200000000]),
+        (["1700000000123456789", "1700000000200000000"], "ns", [123456789, 200000000]),
+    ],
+)
+def test_times_of_a_computer_keep_their_nanoseconds(column, unit, stamps, values, tmp_path):
+    table = {name: values[name][:2] for name in ("x", "y", "z", "q0", "q1")} | {"t": column}
+    content = MAP | {"time": {"column": "t", "unit": unit, "since": 0}}
+    (found,) = imported(write_csv(tmp_path / "a.csv", table), tmp_path, content)
+    assert found.observed[0].stamps_ns.tolist() == [1_700_000_000 * 10**9 + ns for ns in stamps]
+
+
+def test_times_that_do_not_increase_are_dropped_and_counted(values, tmp_path):
+    values["t"][7] = values["t"][6]
+    write_csv(tmp_path / "a.csv", values)
+    (found,) = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(MAP))
+    assert found.n_dropped == 2  # one row, two topics
+    assert [part.stamps_ns.size for part in found.samples] == [11, 11]
+
+
+def wrong(tmp_path, values, **changes) -> str:
+    write_csv(tmp_path / "a.csv", values)
+    (found,) = import_demonstrations(tmp_path / "a.csv", ImportMap.from_dict(MAP | changes))
+    return found.reason
+
+
+def test_a_wrong_map_names_the_columns_that_are_there(values, tmp_path):
+    entry = WRIST | {"columns": ["x", "y", "wrist_z"]}
+    reason = wrong(tmp_path, values, observed=[entry])
+    assert "wrist_z" in reason and "x, y, z, q0, q1, t" in reason
+    assert "seconds" in wrong(tmp_path, values, time={"column": "seconds"})
+    assert "time in the map" in wrong(tmp_path, values, time={"column": "t", "since": 0})
+    assert "under labels" in wrong(tmp_path, values, task="a/b")
+    values["q0"] = ["fast"] * 12
+    assert "'fast' in row 1" in wrong(tmp_path, values)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"tim": {}}, "only the keys"),
+        ({"time": {"column": "t", "rate": 3}}, "either column or rate"),
+        ({"time": {"column": "t", "unit": "h"}}, "one of s, ms, us, ns"),
+        ({"observed": [WRIST | {"columns": ["x"]}]}, "3 names"),
+        ({"observed": [WRIST | {"file": "a"}]}, "under files"),
+        ({"segments": [{"start": 2, "end": 1}]}, "a start before the end"),
+        ({"segments": [{"start": 2}]}, "end: expected a number"),
+        ({"every": 0}, "whole number from 1 on"),
+        ({"files": {"a": "one.csv"}}, "placeholders"),
+        ({"task": ["a"]}, "a text"),
+    ],
+)
+def test_a_malformed_map_is_refused_in_one_line(changes, said):
+    with pytest.raises(DofError, match=said) as caught:
+        ImportMap.from_dict(MAP | changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_nothing_of_a_stranger_leaves_the_folder(values, tmp_path):
+    table = values | {"trial": ["../../evil"] * 12}
+    reason = wrong(tmp_path, table, segments={"column": "trial"})
+    assert "a name for a folder" in reason
+
+
+def test_an_empty_folder_and_a_taken_one(values, tmp_path, capsys):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BagError, match=r"\.npz, \.parquet"):
+        list(import_demonstrations(tmp_path / "empty", ImportMap.from_dict(MAP)))
+    source = write_csv(tmp_path / "a.csv", values)
+    imported(source, tmp_path, MAP)
+    command = ["import", str(source), "--map", str(tmp_path / "map.yaml")]
+    assert main([*command, "--output", str(tmp_path / "bags")]) == 1
+    assert "which is there" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("module, package", [("pyarrow.parquet", "pyarrow"), ("c3d", "c3d")])
+def test_a_missing_library_is_one_line_with_its_cure(module, package, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, module, None)
+    suffix = {"pyarrow": "parquet"}.get(package, package)
+    (tmp_path / f"a.{suffix}").write_bytes(b"PAR1")
+    (left_out,) = import_demonstrations(tmp_path / f"a.{suffix}", ImportMap.from_dict(MAP))
+    assert left_out.reason.endswith(f"got none. Install it: pip install {package}.")
+
+
+def test_c3d_markers_with_rate_unit_and_gaps_of_the_file(rng, tmp_path):
+    c3d = pytest.importorskip("c3d")
+    points = (rng.normal(size=(20, 2, 3)) * 5 + 800).astype(np.float32)
+    seen = np.ones((20, 2), bool)
+    seen[6:9, 0] = False
+    writer = c3d.Writer(point_rate=50.0)
+    writer.set_point_labels(["R:WRI", "R:ELB"])
+    for row, there in zip(points, seen, strict=True):
+        frame = np.zeros((2, 5), np.float32)
+        frame[:, :3], frame[:, 3] = row, np.where(there, 0.0, -1.0)
+        writer.add_frames([(frame, np.empty((0, 0)))])
+    writer.point_group.add_str("UNITS", "", "mm", 2)
+    with (tmp_path / "reach.c3d").open("wb") as stream:
+        writer.write(stream)
+    entry = WRIST | {"columns": [f"R:WRI.{axis}" for axis in "xyz"]}
+    content = {"observed": [entry], "task": "give"}
+    (found,) = imported(tmp_path / "reach.c3d", tmp_path, content)
+    (signal,) = found.observed
+    assert np.array_equal(signal.values, points[seen[:, 0], 0].astype(np.float64) / 1000)
+    ticks = 20_000_000 * np.flatnonzero(seen[:, 0])
+    assert np.array_equal(signal.stamps_ns, SINCE_NS + ticks)
+    data = (tmp_path / "reach.c3d").read_bytes()
+    (tmp_path / "cut.c3d").write_bytes(data[:-600])
+    (left_out,) = import_demonstrations(tmp_path / "cut.c3d", ImportMap.from_dict(content))
+    assert "a C3D file" in left_out.reason
+
+
+@pytest.fixture(params=["v2.1", "v3.0"])
+def lerobot(request, rng, tmp_path):
+    """A data set of two episodes in LeRobot's layout, and its states."""
+    arrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    version, folder = request.param, tmp_path / "set"
+    states = rng.normal(size=(2, 8, 5)).astype(np.float32) * np.float32(0.01)
+    state = {"dtype": "float32", "shape": [5], "names": {"motors": ["x", "y", "z", "e", "t"]}}
+    info = {"codebase_version": version, "fps": 10, "features": {"observation.state": state}}
+    paths = {
+        "v2.1": "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet",
+        "v3.0": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+    }
+    info["data_path"] = paths[version]
+    (folder / "meta").mkdir(parents=True)
+    (folder / "data/chunk-000").mkdir(parents=True)
+    (folder / "meta/info.json").write_text(json.dumps(info))
+    episodes = [
+        arrow.table(
+            {
+                "observation.state": list(states[k]),
+                "timestamp": (np.arange(8) / 10).astype(np.float32),
+                "episode_index": np.full(8, k),
+                "task_index": np.full(8, 1 - k),
+            }
+        )
+        for k in range(2)
+    ]
+    texts = ["Hand me the plate.", "Take the screw."]
+    if version == "v2.1":
+        for k, table in enumerate(episodes):
+            parquet.write_table(table, folder / f"data/chunk-000/episode_{k:06d}.parquet")
+        lines = [json.dumps({"task_index": k, "task": text}) for k, text in enumerate(texts)]
+        (folder / "meta/tasks.jsonl").write_text("\n".join(lines) + "\n")
+    else:
+        path = folder / "data/chunk-000/file-000.parquet"
+        parquet.write_table(arrow.concat_tables(episodes), path)
+        tasks = arrow.table({"task_index": [0, 1], "__index_level_0__": texts})
+        parquet.write_table(tasks, folder / "meta/tasks.parquet")
+    return folder, states
+
+
+def test_lerobot_by_its_own_metadata(lerobot, tmp_path):
+    folder, states = lerobot
+    names = [f"observation.state.{name}" for name in ("x", "y", "z", "e")]
+    content = {
+        "observed": [WRIST | {"columns": names[:3]}],
+        "controlled": [ARM | {"columns": [names[3], "observation.state.4"]}],
+        "labels": {"Hand me the plate.": "plate"},
+    }
+    found = imported(folder, tmp_path, content)
+    assert [d.task for d in found] == ["Take the screw.", "plate"]
+    for demonstration, state in zip(found, states, strict=True):
+        assert np.array_equal(demonstration.observed[0].values, state[:, :3])
+        assert np.array_equal(demonstration.controlled[0].values, state[:, 3:])
+        ticks = np.rint((np.arange(8) / 10).astype(np.float32).astype(float) * 1e9)
+        assert np.array_equal(demonstration.observed[0].stamps_ns, SINCE_NS + ticks)
+
+
+def test_lerobot_of_another_version_or_place(lerobot):
+    folder, _ = lerobot
+    info = json.loads((folder / "meta/info.json").read_text())
+    for change, said in (
+        ({"codebase_version": "v1.6"}, "version 2 or 3"),
+        ({"data_path": "../../{a}.parquet"}, "inside of the folder"),
+        ({"features": None}, "features and data_path"),
+    ):
+        (folder / "meta/info.json").write_text(json.dumps(info | change))
+        (left_out,) = import_demonstrations(folder, ImportMap.from_dict(MAP))
+        assert said in left_out.reason
