@@ -18,6 +18,7 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import message_class, to_joint_state
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.observation_input import human_topic
+from intent_recognition.nodes.runtime import LeftOvers
 from intent_recognition.recognition import (
     POSTURE_OUTSIDE,
     POSTURE_UNKNOWN,
@@ -56,6 +57,7 @@ class PostureInput:
         self._noted: tuple | None = None
         self._received = False
         self._last_ns: dict[int, int] = {}
+        self._left_overs = LeftOvers({})
 
     def open(self, estimator: IntentEstimator, entries: Sequence[DofEntry]) -> None:
         """Subscribe to the controlled signals.
@@ -82,12 +84,19 @@ class PostureInput:
         while self._subscriptions:
             self._node.destroy_subscription(self._subscriptions.pop())
 
+    def start_over(self) -> None:
+        """The clock went back: what comes next is earlier."""
+        self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
+
     def _take(self, group: int, entry: DofEntry, raw: bool, message: Any) -> None:
         self._diagnostics.tick(entry.topic)
         self._received = True
         now_ns = self._node.get_clock().now().nanoseconds
         stamp = stamp_of(entry, message, now_ns)
         if stamp is None:
+            return
+        if self._left_overs.include(group, stamp):
+            self._diagnostics.count("left_over")
             return
         if 0 < max(now_ns, self._last_ns.get(group, 0)) < stamp - LARGEST_AHEAD_NS:
             self._diagnostics.reject("posture_in_future", f"{entry.topic} at {stamp} ns")

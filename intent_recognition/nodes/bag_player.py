@@ -21,6 +21,7 @@ from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
 from intent_recognition.nodes.qos import recorded_profile
+from intent_recognition.nodes.readiness import WAIT_FOR_NODES, Readiness
 from intent_recognition.nodes.runtime import run
 
 IN_MEMORY_BYTES = 2**26
@@ -53,8 +54,9 @@ class BagPlayer(Node):
     """Publishes a bag from a thread of its own, against an absolute schedule: errors do not add up.
 
     Topic names are taken relative, so that namespace and remapping apply. Before the first
-    message it waits for subscribers: it starts 0.2 s after every played topic has one; or, when
-    only some have one, as soon as that has not changed for a second; at the latest after
+    message it waits until the nodes in `wait_for_nodes` are ready, however long that takes, and
+    then for subscribers: it starts 0.2 s after every played topic has one; or, when only some have
+    one, as soon as that has not changed for a second; at the latest after
     `wait_for_subscribers` seconds. Stamps are those of the recording unless `restamp`; with
     `loop` they therefore begin anew each round.
 
@@ -77,6 +79,8 @@ class BagPlayer(Node):
         self._wait_s = fixed_parameter(
             self, "wait_for_subscribers", 3.0, "longest wait for subscribers in s", 0.0
         )
+        no_nodes: list[str] = []
+        waits_for = fixed_parameter(self, "wait_for_nodes", no_nodes, WAIT_FOR_NODES)
         self._exit_at_end = parameter(self, "exit_at_end", True, "end the process after the bag")
         self._restamp = fixed_parameter(
             self, "restamp", False, "shift header stamps to the present"
@@ -108,6 +112,7 @@ class BagPlayer(Node):
         if not paused:
             self._running.set()
         self._diagnostics = Diagnostics(self)
+        self._readiness = Readiness(self, waits_for)
         self._reader = _open(bag)
         self._start_ns = self._reader.start_ns
         self.duration_s = (self._reader.end_ns - self._start_ns) * 1e-9
@@ -173,6 +178,7 @@ class BagPlayer(Node):
 
     def _play(self) -> None:
         try:
+            self._wait_for_nodes()
             self._wait_for_subscribers()
             while not self._stopping.is_set():
                 self._play_once()
@@ -254,6 +260,18 @@ class BagPlayer(Node):
         if self._clock_publisher is not None:
             seconds, nanoseconds = divmod(max(now_ns, 0), 1_000_000_000)
             self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
+
+    def _wait_for_nodes(self) -> None:
+        told: list[str] = []
+        while not self._stopping.is_set() and (missing := self._readiness.missing()):
+            if missing != told:
+                told = missing
+                text = f"waiting for {', '.join(missing)} (wait_for_nodes)"
+                self.get_logger().info(text)
+                self._diagnostics.status(Level.OK, text)
+            self._stopping.wait(POLL_PERIOD_S)
+        if told:
+            self._diagnostics.status(Level.OK, "running")
 
     def _wait_for_subscribers(self) -> None:
         end_s = time.monotonic() + self._wait_s

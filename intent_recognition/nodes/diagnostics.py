@@ -18,6 +18,9 @@ PERIOD_S = 1.0
 LATENCY_WINDOW = 2000
 """Latest samples that the percentiles are taken of. Convention."""
 
+PUBLISHERS, LIFECYCLE, ACTIVE, INACTIVE = "publishers ", "lifecycle", "active", "not active"
+"""Keys of a report, the first to be followed by a topic, and what a lifecycle node says."""
+
 
 class Level(IntEnum):
     """Levels of a DiagnosticStatus."""
@@ -33,8 +36,8 @@ class Diagnostics:
 
     Keys are `rate <stream> [Hz]` (measured over the last period), `received <stream>` (total),
     `rejected <reason>` (total), `latency p50|p95|p99 [ms]` (over the last 2000 samples),
-    `publishers <stream>` and what the node set with `value`. Publishing runs on a steady clock,
-    so it continues while simulated time stands still.
+    `publishers <stream>`, `lifecycle` of a lifecycle node, and what the node set with `value`.
+    Publishing runs on a steady clock, so it continues while simulated time stands still.
 
     Args:
         node: the node reported on; a lifecycle node reports in every state.
@@ -132,7 +135,9 @@ class Diagnostics:
             for name, value in zip(("p50", "p95", "p99"), percentiles, strict=True):
                 rows[f"latency {name} [ms]"] = f"{value:.3f}"
         for subscription, stream in self._watched:
-            rows[f"publishers {stream}"] = str(subscription.get_publisher_count())
+            rows[f"{PUBLISHERS}{stream}"] = str(subscription.get_publisher_count())
+        if isinstance(active := getattr(self._node, "active", None), bool):
+            rows[LIFECYCLE] = ACTIVE if active else INACTIVE
         rows |= self._values
         self._in_period.clear()
         self._period_start_s = now_s

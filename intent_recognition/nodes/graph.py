@@ -47,6 +47,8 @@ class NodeSpec:
         when: argument that must be set for the node to start; empty: always started.
         package: package that the node is installed from.
         respawns: whether it starts again where it died; not one that ends with its bag or window.
+        waits: nodes that must be ready before it begins to play or to move; the recorder only if
+            it is started.
     """
 
     module: str
@@ -58,6 +60,7 @@ class NodeSpec:
     when: str = ""
     package: str = PACKAGE
     respawns: bool = True
+    waits: tuple[str, ...] = ()
 
     def arguments(self) -> set[str]:
         """Names of the arguments that the node depends on."""
@@ -70,6 +73,7 @@ def _from(*same: str, **other: str) -> dict[str, str]:
     return {name: name for name in same} | other
 
 
+RECOGNITION = ("mocap_ingest", "intent_estimator", "primitive_activation")
 _STATES = {"joint_states": "joint_states_topic"}
 _ARM = _STATES | {"joint_trajectory": "command_topic"}
 NODES = {
@@ -91,7 +95,10 @@ NODES = {
         remappings=_ARM,
     ),
     "coworker_sim": NodeSpec(
-        "sim_bridge.nodes.coworker_sim", _from("seed", "task_list"), when="coworker"
+        "sim_bridge.nodes.coworker_sim",
+        _from("seed", "task_list"),
+        when="coworker",
+        waits=("lwr_sim", *RECOGNITION, "bag_recorder"),
     ),
     "bag_player": NodeSpec(
         "intent_recognition.nodes.bag_player",
@@ -100,6 +107,7 @@ NODES = {
         remappings=_STATES,
         clock="clock",
         respawns=False,
+        waits=("mocap_ingest", "intent_estimator"),
     ),
     "bag_recorder": NodeSpec(
         "intent_recognition.nodes.bag_recorder",
@@ -126,7 +134,6 @@ NODES = {
     ),
     "rviz2": NodeSpec("", frames=True, when="rviz", package="rviz2", respawns=False),
 }
-RECOGNITION = ("mocap_ingest", "intent_estimator", "primitive_activation")
 PAGE = ("task_teacher", "dashboard")
 
 
@@ -264,6 +271,8 @@ def _call(name: str, spec: NodeSpec, values: Mapping[str, object]) -> NodeCall:
     }
     if "use_sim_time" in values and not (spec.clock and parameters.get(spec.clock)):
         parameters["use_sim_time"] = values["use_sim_time"]
+    if waits := [n for n in spec.waits if n != "bag_recorder" or values.get("record")]:
+        parameters["wait_for_nodes"] = waits
     topics = [(topic, str(values[a])) for topic, a in spec.remappings.items() if a in values]
     frames = TRANSFORMS if spec.frames else ()
     return NodeCall(

@@ -22,7 +22,7 @@ from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import MarkerBuilder, to_path
 from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
-from intent_recognition.nodes.runtime import elapsed_s, run, when_clock_goes_back
+from intent_recognition.nodes.runtime import LeftOvers, elapsed_s, run, when_clock_goes_back
 from intent_recognition.nodes.serialized import SerializedNamedVector, SerializedTrajectory
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import FORGET_AFTER_S, Estimate, IntentEstimator, Prediction
@@ -99,11 +99,15 @@ class IntentEstimatorNode(ManagedNode):
         self._watchdog = self.create_timer(
             CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+        self._last_ns: dict[tuple[int, int], int] = {}
+        self._left_overs = LeftOvers({})
         when_clock_goes_back(self, self._start_over)
         self.start()
 
     def _start_over(self) -> None:
         """Forget the movement and what came before: what comes next is earlier."""
+        self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
+        self._postures.start_over()
         if self.active:
             self._forget()
 
@@ -182,10 +186,15 @@ class IntentEstimatorNode(ManagedNode):
 
     def _use(self, observation: Observation, topic: str) -> bool:
         """Take an observation; False if it cannot be used."""
+        stream = (observation.group, observation.derivative)
+        if self._left_overs.include(stream, observation.stamp_ns):
+            self._diagnostics.count("left_over")
+            return False
         reason = self._estimator.reason_to_reject(observation)
         if reason is not None:
             self._diagnostics.reject(reason, f"{topic} at {observation.stamp_ns} ns")
             return False
+        self._last_ns[stream] = observation.stamp_ns
         self._last_arrival_s = elapsed_s(self)
         self._publish(self._estimator.update(observation), observation)
         return True

@@ -17,7 +17,7 @@ from intent_recognition.errors import ArgumentError, MessageError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
-from intent_recognition.nodes.runtime import run, when_clock_goes_back
+from intent_recognition.nodes.runtime import LeftOvers, run, when_clock_goes_back
 from intent_recognition.nodes.serialized import SerializedOdometry, read_pose
 from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
 
@@ -63,10 +63,14 @@ class MocapIngest(Node):
         for body, subscription in zip(bodies, self._inputs, strict=True):
             self._diagnostics.watch(subscription, f"mocap/{body}/pose")
         keep_live(self, (*LIVE, ORIENTATION_STD), self._changed, self._change)
+        self._left_overs = LeftOvers({})
         when_clock_goes_back(self, self._start_over)
 
     def _start_over(self) -> None:
         """Forget the tracks: what comes next is earlier."""
+        self._left_overs = LeftOvers(
+            {body: s.recent[-1][0] for body, s in self._states.items() if s.recent}
+        )
         self._states = dict.fromkeys(self._states, IngestState.initial())
 
     def _orientation_variance(self) -> float:
@@ -135,6 +139,9 @@ class MocapIngest(Node):
             measured = read_pose(data)
         except MessageError as error:
             self._diagnostics.reject("malformed", f"{body}: {error}")
+            return
+        if self._left_overs.include(body, measured.stamp_ns):
+            self._diagnostics.count("left_over")
             return
         self._states[body], result = ingest_pose(
             self._settings,

@@ -6,7 +6,8 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any
 
 import rclpy
 from rclpy.clock import JumpThreshold, ROSClock, TimeJump
@@ -27,6 +28,8 @@ SAME_SIGNAL_S = 1.0
 LARGEST_BACK_S = 0.1
 """/clock may go back by this [s] and be the same. Convention: more than jitter, less than a pass
 of any recording."""
+LEFT_OVER_S = 1.0
+"""How long after such a jump messages from before may still arrive [s]. Convention."""
 MAX_DOMAIN = 232
 """Largest ROS_DOMAIN_ID whose ports fit into 16 bits (DDSI-RTPS 2.5, 9.6.2.3)."""
 _START_ERRORS = (
@@ -118,6 +121,27 @@ def when_clock_goes_back(node: Node, action: Callable[[], object]) -> None:
     )
     handle = node.get_clock().create_jump_callback(threshold, post_callback=jumped)
     node.__dict__.setdefault("_jump_handles", []).append(handle)  # it ends with the last reference
+
+
+class LeftOvers:
+    """Messages of the pass before /clock went back: other topics may bring them after it.
+
+    Args:
+        last_ns: stamp of the last message used before it, by stream [ns].
+    """
+
+    def __init__(self, last_ns: Mapping[Any, int]):
+        self._last_ns = dict(last_ns)
+        self._end_s = time.monotonic() + LEFT_OVER_S
+
+    def include(self, stream: Hashable, stamp_ns: int) -> bool:
+        """Whether a message goes on where the stream was; false from the first that does not."""
+        if stream not in self._last_ns:
+            return False
+        if stamp_ns >= self._last_ns[stream] and time.monotonic() < self._end_s:
+            return True
+        del self._last_ns[stream]
+        return False
 
 
 def make_executor() -> Executor:

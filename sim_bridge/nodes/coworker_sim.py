@@ -13,8 +13,10 @@ from std_msgs.msg import String
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.graph import RECOGNITION
 from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.qos import SENSOR, STATE
+from intent_recognition.nodes.readiness import WAIT_FOR_NODES, Readiness
 from intent_recognition.nodes.runtime import run
 from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_session
 
@@ -36,8 +38,9 @@ class CoworkerSim(Node):
     ends, and the new label when the worker changes his mind (ground truth, for scoring only);
     `/diagnostics`.
 
-    The session begins when the clock runs and `wait_for_subscribers` subscribe to the poses. With
-    `exit_at_end` the node ends with the session.
+    The session begins when the clock runs, the nodes in `wait_for_nodes` are ready and
+    `wait_for_subscribers` subscribe to the poses. With `exit_at_end` the node ends with the
+    session.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -46,10 +49,13 @@ class CoworkerSim(Node):
         self._wait_for = fixed_parameter(
             self, "wait_for_subscribers", 1, "Begin when so many listen to the poses.", 0
         )
+        nodes = fixed_parameter(self, "wait_for_nodes", list(RECOGNITION), WAIT_FOR_NODES)
         self._exit_at_end = fixed_parameter(self, "exit_at_end", False, "End with the session.")
         self._frame = fixed_parameter(self, "frame_id", "world", "frame_id of the poses.")
         self.done = False
         self.diagnostics = Diagnostics(self)
+        self._readiness = Readiness(self, nodes)
+        self._waits_for = ""
         self._poses = self.create_publisher(PoseStamped, "mocap/wrist/pose", SENSOR)
         self._tasks = self.create_publisher(String, "coworker/task", STATE)
         self._next_sample = 0
@@ -62,7 +68,6 @@ class CoworkerSim(Node):
         self._start_timer = self.create_timer(
             POLL_S, self._start, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
-        self.diagnostics.status(Level.WARN, "waiting for the clock or for subscribers")
 
     @property
     def first_stamp_ns(self) -> int:
@@ -110,16 +115,28 @@ class CoworkerSim(Node):
         return values[0], values[1]
 
     def _start(self) -> None:
-        """Begin the session when its clock runs and someone listens."""
-        listening = self._poses.get_subscription_count() >= self._wait_for
+        """Begin the session when its clock runs, the graph is ready and listens."""
         now_ns = self.get_clock().now().nanoseconds
-        if not listening or now_ns <= 0:
+        if waits_for := self._missing(now_ns):
+            if waits_for != self._waits_for:
+                self._waits_for = waits_for
+                self.get_logger().info(f"waiting for {waits_for}")
+                self.diagnostics.status(Level.WARN, f"waiting for {waits_for}")
             return
         self._start_timer.cancel()
         self._first_ns = now_ns
         self._timer = self.create_timer(SAMPLE_NS * 1e-9, self._tick)
         self.diagnostics.status(Level.OK, "running")
         self._tick()
+
+    def _missing(self, now_ns: int) -> str:
+        """What the session waits for; empty: it can begin."""
+        if now_ns <= 0:
+            return "/clock"
+        if nodes := self._readiness.missing():
+            return f"{', '.join(nodes)} (wait_for_nodes)"
+        n_missing = self._wait_for - self._poses.get_subscription_count()
+        return f"{n_missing} subscribers of the poses" if n_missing > 0 else ""
 
     def _tick(self) -> None:
         """Publish the samples whose time has come."""

@@ -148,7 +148,10 @@ class LwrSim(Node):
         self._clock_out = None
         if self._publishes_clock:
             self._clock_out = self.create_publisher(ClockMessage, "/clock", STATE)
-        self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND)
+        commands = self.create_subscription(
+            JointTrajectory, "joint_trajectory", self._on_trajectory, COMMAND
+        )
+        self.diagnostics.watch(commands, "joint_trajectory")
         if self.gripper is not None:
             self.create_subscription(String, "intent/active_task", self._on_task, LATCHED)
         if self.spread is not None:

@@ -268,6 +268,17 @@ def test_nodes_that_die_start_again_but_those_that_end(describe):
         assert not any(options["respawn"] for options in nodes.values())
 
 
+def test_what_begins_something_waits_for_its_graph(describe):
+    recognition = ["mocap_ingest", "intent_estimator"]
+    player = start(describe("replay"))["bag_player"]
+    assert values(player)["wait_for_nodes"] == recognition
+    chain = ["lwr_sim", *recognition, "primitive_activation"]
+    for given, more in (({}, []), ({"record": "bag"}, ["bag_recorder"])):
+        coworker = start(describe("demo"), **given)["coworker_sim"]
+        assert values(coworker)["wait_for_nodes"] == [*chain, *more]
+    assert values(start(describe("sim"))["coworker_sim"])["wait_for_nodes"] == chain
+
+
 def test_a_published_clock_is_followed_or_refused(describe):
     nodes = start(describe("sim"), publish_clock="true")
     assert values(nodes["coworker_sim"])["use_sim_time"] is True

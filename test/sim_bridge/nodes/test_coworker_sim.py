@@ -24,6 +24,7 @@ SESSION = {
     "last_idle": 0.2,
     "occlusions": 0.5,
     "exit_at_end": True,
+    "wait_for_nodes": [""],
 }
 
 
