@@ -23,6 +23,7 @@ from intent_recognition.filtering import duration_offsets
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.learning.examples import TrainingExample, sample_phases
 from intent_recognition.learning.held_out import (
+    MAX_FLOATS,
     filter_samples,
     nearest_tasks,
     paired_examples,
@@ -135,25 +136,29 @@ def learn_none_margin(
     pooled = observed_block(pooled_moments(statistics), library.n_observed_weights)
     floor = variance_scales(tasks)[0][: library.n_observed]
     without: dict[int, _Without] = {}
-    unknown, known = list[float](), list[float]()
+    comparisons, is_known = list[Comparison](), list[bool]()
     for k, example, as_recorded in paired_examples(followed, recorded, MAX_CALIBRATED):
         rivals = np.setdiff1d(calibrating, [k])
         if len(rivals):
             if k not in without:
                 without[k] = _without_task(library, tasks, k, pooled)
             compared = nearest_tasks(statistics, example, rivals)
-            factors = log_factors(without[k], compared, len(rivals), as_recorded)
-            unknown.append(float(np.max(factors)))
+            comparisons.append(Comparison(without[k], compared, len(rivals), as_recorded))
+            is_known.append(False)
         if statistics[k].n > 1 and pooled.freedom > 1:
             left_out = _without_demonstration(
                 library, statistics, k, example, pooled, floor, departed
             )
             compared = np.r_[k, nearest_tasks(statistics, example, rivals)]
-            factors = log_factors(left_out, compared, len(calibrating), as_recorded)
-            known.append(float(np.max(factors)))
+            comparisons.append(Comparison(left_out, compared, len(calibrating), as_recorded))
+            is_known.append(True)
     if library.n_tasks == 1:
-        unknown = _simulated_factors(library, departed)
-    return margin_between(np.array(unknown), np.array(known))
+        simulated = _simulated_unknown(library, departed)
+        comparisons += simulated
+        is_known += [False] * len(simulated)
+    highest = np.array([np.max(factors) for factors in log_factors(comparisons)])
+    known = np.array(is_known, dtype=bool)
+    return margin_between(highest[~known], highest[known])
 
 
 def margin_between(unknown: NDArray[np.float64], known: NDArray[np.float64]) -> float:
@@ -201,6 +206,27 @@ class _Without(NamedTuple):
     n: NDArray[np.int64]
     none: Gaussian
     timing: NDArray[np.float64]
+
+
+class Comparison(NamedTuple):
+    """A movement along which some tasks are compared with none.
+
+    Attributes:
+        without: a library without some demonstrations.
+        compared: numbers of the tasks.
+        n_tasks: how many share the prior; those not compared are too far away to count.
+        recorded: the movement.
+    """
+
+    without: _Without
+    compared: NDArray[np.int64]
+    n_tasks: int
+    recorded: TrainingExample
+
+    @property
+    def n_hypotheses(self) -> int:
+        """How many are filtered: durations of the tasks, and of none."""
+        return (len(self.compared) + 1) * N_CALIBRATED_SCALES
 
 
 def _without(
@@ -256,20 +282,45 @@ def _without_demonstration(
     return _without(library, np.array([], dtype=int), covariance, departed, mean, n)
 
 
-def log_factors(
-    without: _Without, compared: NDArray[np.int64], n_tasks: int, recorded: TrainingExample
-) -> NDArray[np.float64]:
-    """Log Bayes factor of some tasks over none after each sample of a movement, (m,).
+def log_factors(comparisons: Sequence[Comparison]) -> list[NDArray[np.float64]]:
+    """Log Bayes factor of the tasks over none after each sample of each movement, (m,) each.
 
-    The duration is unknown.
-
-    Args:
-        without: a library without some demonstrations.
-        compared: numbers of the tasks.
-        n_tasks: how many share the prior; those not compared are too far away to count.
-        recorded: the movement.
+    The durations are unknown. Comparisons are filtered together, as many as memory allows.
     """
-    library, (offsets, log_weight) = without.library, duration_offsets(N_CALIBRATED_SCALES)
+    factors, first = list[NDArray[np.float64]](), 0
+    while first < len(comparisons):
+        size = comparisons[first].without.mean.shape[1]
+        most = max(1, MAX_FLOATS // size**2)
+        counts = np.cumsum([one.n_hypotheses for one in comparisons[first:]])
+        last = first + max(1, int(np.searchsorted(counts, most, side="right")))
+        factors += _log_factors_together(comparisons[first:last])
+        first = last
+    return factors
+
+
+def _log_factors_together(comparisons: Sequence[Comparison]) -> list[NDArray[np.float64]]:
+    """`log_factors` of comparisons that are filtered in one batch."""
+    log_weight = duration_offsets(N_CALIBRATED_SCALES)[1]
+    priors, paces = zip(*map(_hypotheses, comparisons), strict=True)
+    prior = Gaussian(*(np.concatenate(parts) for parts in zip(*priors, strict=True)))
+    values = np.stack([one.recorded.observed for one in comparisons], axis=1)
+    samples = np.repeat(values, [len(pace) for pace in paces], axis=1)
+    ends = np.cumsum([len(one.compared) + 1 for one in comparisons])
+    library = comparisons[0].without.library
+    factors = []
+    for progress in filter_samples(library, prior, np.concatenate(paces), samples):
+        joint = progress.log_evidence.reshape(-1, len(log_weight)) + log_weight
+        evidence = np.logaddexp.reduce(joint, axis=1)
+        of_each = np.split(evidence, ends[:-1])
+        factors.append([np.logaddexp.reduce(of_one[:-1]) - of_one[-1] for of_one in of_each])
+    n_tasks = np.array([one.n_tasks for one in comparisons])
+    return list((np.array(factors) - np.log(n_tasks)).T)
+
+
+def _hypotheses(comparison: Comparison) -> tuple[Gaussian, NDArray[np.float64]]:
+    """Weights and pace of the tasks and of none, for each duration: those of none come last."""
+    without, compared, _, recorded = comparison
+    library, offsets = without.library, duration_offsets(N_CALIBRATED_SCALES)[0]
     inflation = 1.0 + 1.0 / without.n[compared]
     mean = np.vstack([without.mean[compared], without.none.mean])
     covariance = np.concatenate(
@@ -278,16 +329,8 @@ def log_factors(
     log_mean = np.r_[library.log_duration_mean[compared], without.timing[0]]
     log_std = np.r_[library.log_duration_std[compared], without.timing[1]]
     pace = recorded.duration_s / np.exp(log_mean[:, None] + log_std[:, None] * offsets)
-    prior = Gaussian(
-        np.repeat(mean, len(offsets), axis=0), np.repeat(covariance, len(offsets), axis=0)
-    )
-    samples = np.repeat(recorded.observed[:, None], pace.size, axis=1)
-    factors = []
-    for progress in filter_samples(library, prior, pace.ravel(), samples):
-        joint = progress.log_evidence.reshape(pace.shape) + log_weight
-        evidence = np.logaddexp.reduce(joint, axis=1)
-        factors.append(np.logaddexp.reduce(evidence[:-1]) - np.log(n_tasks) - evidence[-1])
-    return np.array(factors)
+    n = len(offsets)
+    return Gaussian(np.repeat(mean, n, axis=0), np.repeat(covariance, n, axis=0)), pace.ravel()
 
 
 def calibrating_tasks(counts: Sequence[int]) -> NDArray[np.int64]:
@@ -310,8 +353,8 @@ def is_outdated(before: Mapping[str, int], now: Mapping[str, int]) -> bool:
     return used(before) != used(now)
 
 
-def _simulated_factors(library: TaskLibrary, departed: NDArray[np.float64]) -> list[float]:
-    """Highest factors along movements drawn from none itself, where no task can be left out."""
+def _simulated_unknown(library: TaskLibrary, departed: NDArray[np.float64]) -> list[Comparison]:
+    """Movements drawn from none itself, where no task can be left out."""
     rng = np.random.default_rng(N_SIMULATED)
     every = np.arange(library.n_tasks)
     inflation = 1.0 + 1.0 / library.n_demonstrations[0]
@@ -320,11 +363,11 @@ def _simulated_factors(library: TaskLibrary, departed: NDArray[np.float64]) -> l
     design = library.basis.design_matrix(sample_phases())
     weights = rng.multivariate_normal(whole.none.mean, whole.none.covariance, size=N_SIMULATED)
     noise_std = np.sqrt(library.noise_variance[: library.n_observed])
-    highest = []
+    drawn = []
     for one in weights.reshape(N_SIMULATED, library.n_observed, -1):
         duration_s = float(np.exp(whole.timing[0] + whole.timing[1] * rng.normal()))
         values = design @ one.T + noise_std * rng.normal(size=(len(design), library.n_observed))
         nothing = np.zeros(0)
         simulated = TrainingExample("", "", nothing, nothing, duration_s, values, nothing)
-        highest.append(float(np.max(log_factors(whole, every, len(every), simulated))))
-    return highest
+        drawn.append(Comparison(whole, every, len(every), simulated))
+    return drawn

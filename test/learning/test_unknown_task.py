@@ -22,6 +22,7 @@ from intent_recognition.learning.training import (
     with_margin,
 )
 from intent_recognition.learning.unknown_task import (
+    Comparison,
     calibrating_tasks,
     departure,
     is_outdated,
@@ -58,10 +59,11 @@ class Watched:
     def __init__(self):
         self.movements, self.asked = [], []
 
-    def __call__(self, without, compared, n_tasks, recorded):
-        self.asked.append((without, compared, n_tasks))
-        self.movements.append(recorded)
-        return np.array([float(len(self.movements))])
+    def __call__(self, comparisons):
+        for *asked, recorded in comparisons:
+            self.asked.append(asked)
+            self.movements.append(recorded)
+        return np.arange(1.0, len(self.movements) + 1.0)[:, None]
 
 
 def examples_of(report) -> list:
@@ -147,7 +149,8 @@ def test_factors_are_those_of_the_filter_that_runs_online(report):
         library.observed_covariance[0] / inflation,
         departure(list(tasks.values()), library.n_observed),
     )
-    found = log_factors(whole, np.arange(library.n_tasks), library.n_tasks, recorded)
+    asked = Comparison(whole, np.arange(library.n_tasks), library.n_tasks, recorded)
+    (found,) = log_factors([asked])
     hypotheses = make_hypotheses(library, n_scales=unknown_task.N_CALIBRATED_SCALES)
     run, expected = MovementFilter(library, hypotheses, 0), []
     for k, (phase, values) in enumerate(zip(sample_phases(), recorded.observed, strict=True)):
@@ -157,6 +160,24 @@ def test_factors_are_those_of_the_filter_that_runs_online(report):
         evidence = task_posterior(run.log_evidence, plain, phase * 2.4).log_evidence
         expected.append(np.logaddexp.reduce(evidence[:-1]) - np.log(4) - evidence[-1])
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize("most_floats", [2**23, 15 * 24**2, 1])
+def test_factors_do_not_depend_on_what_is_filtered_together(report, monkeypatch, most_floats):
+    """Tasks, their number and the library differ; all fit, or two, or none."""
+    watched = Watched()
+    monkeypatch.setattr(unknown_task, "log_factors", watched)
+    tasks = statistics_of(report.trained.tasks, report.chosen.aligned)
+    learn_none_margin(report.library, tasks, report.trained.tasks)
+    monkeypatch.undo()
+    asked = zip(watched.asked[:6], watched.movements[:6], strict=True)
+    comparisons = [Comparison(*one, recorded) for one, recorded in asked]
+    comparisons[1] = comparisons[1]._replace(compared=np.array([2]))
+    alone = [log_factors([one])[0] for one in comparisons]
+    monkeypatch.setattr(unknown_task, "MAX_FLOATS", most_floats)
+    together = log_factors(comparisons)
+    np.testing.assert_allclose(together, alone, rtol=1e-9, atol=1e-9)
+    assert len({float(factors.max()) for factors in together}) == 6
 
 
 def asked_for_each(report, monkeypatch, label):
