@@ -8,6 +8,7 @@ from benchmarks.alignment import alignment
 from benchmarks.bank import bank
 from benchmarks.bank_memory import growth, long_run, memory
 from benchmarks.bank_numerics import numerics, one_movement
+from benchmarks.kinematics import kinematics
 from benchmarks.measure import Result
 from benchmarks.mixture import mixture
 from benchmarks.node import node
@@ -46,6 +47,8 @@ def everything(minutes: float) -> Iterator[str | Result]:
     yield from alignment()
     yield "Mixture from unlabelled demonstrations"
     yield from mixture(demonstrations)
+    yield "Inverse kinematics of any arm"
+    yield from kinematics()
     yield "Warping"
     yield from warping()
     yield "Pouring"

@@ -7,8 +7,8 @@ ros2 launch intent_recognition demo.launch.py model:=toolbox.npz dashboard:=true
 from launch import LaunchDescription
 
 from intent_recognition.nodes.launching import describe_graph
-from sim_bridge.arm import lwr_urdf
+from sim_bridge.arm import describe_robot
 
 
 def generate_launch_description() -> LaunchDescription:
-    return describe_graph("demo", robot_description=lwr_urdf(world=True), fast_discovery=True)
+    return describe_graph("demo", robot_description=describe_robot, fast_discovery=True)

@@ -7,8 +7,8 @@ ros2 launch intent_recognition replay.launch.py bag:=session model:=toolbox.npz 
 from launch import LaunchDescription
 
 from intent_recognition.nodes.launching import describe_graph
-from sim_bridge.arm import lwr_urdf
+from sim_bridge.arm import describe_robot
 
 
 def generate_launch_description() -> LaunchDescription:
-    return describe_graph("replay", robot_description=lwr_urdf(world=True))
+    return describe_graph("replay", robot_description=describe_robot)

@@ -26,6 +26,7 @@ EXECUTABLES = {
     "object_warper",
     "task_teacher",
     "dashboard",
+    "arm_sim",
     "lwr_sim",
     "coworker_sim",
 }
@@ -131,6 +132,7 @@ def test_readme_installs_on_a_jazzy_machine_what_rosdep_does_not(manifest):
 
 
 KEYS = {
+    "pybullet_data": "python3-pybullet-pip",
     "pybullet_utils": "python3-pybullet-pip",
     "pybullet": "python3-pybullet-pip",
     "rosbags": "python3-rosbags-pip",

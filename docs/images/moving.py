@@ -24,7 +24,7 @@ from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import DecisionSettings, DecisionState, IntentEstimator, decide
 from intent_recognition.report import INK, readable, task_colours
 from intent_recognition.share import share_path
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import SimulatedArm
 from sim_bridge.scenarios.toolbox import ToolboxObjects, teaching_times
 
 FRAMES_PER_S = 12
@@ -112,7 +112,7 @@ class Film:
     def _render(self, moment: Moment) -> np.ndarray:
         """The cell at this moment, (HEIGHT, WIDTH, 3)."""
         k = np.searchsorted(self._joints.stamps_ns, moment.stamp_ns)
-        with LwrArm(self._joints.values[min(k, len(self._joints.values) - 1)]) as arm:
+        with SimulatedArm(self._joints.values[min(k, len(self._joints.values) - 1)]) as arm:
             objects = ToolboxObjects(arm, furniture=True)
             objects.move_worker(moment.wrist_m[-1])
             if moment.stamp_ns >= self._grasp_ns:

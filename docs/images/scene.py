@@ -24,7 +24,7 @@ from intent_recognition.promp import NONE, TaskLibrary, controlled_weights
 from intent_recognition.recognition import DecisionSettings, DecisionState, IntentEstimator, decide
 from intent_recognition.report import task_colours
 from intent_recognition.share import share_path
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import SimulatedArm
 from sim_bridge.scenarios.toolbox import ToolboxObjects
 
 WIDTH, HEIGHT, DPI = 1600, 1100, 100
@@ -175,7 +175,7 @@ def draw_scene(axes, moment: Moment) -> None:
     """The arm now, its ghost at the predicted end, and both paths."""
     camera, images = Camera(), []
     for posture, carries in ((moment.q_now, False), (moment.robot_rad.mean(axis=0)[-1], True)):
-        arm = LwrArm(posture)
+        arm = SimulatedArm(posture)
         objects = ToolboxObjects(arm, furniture=True)
         objects.move_worker(moment.wrist_m[-1])
         if carries:

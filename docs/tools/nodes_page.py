@@ -34,6 +34,7 @@ NODES = {
     "dashboard": "intent_recognition.dashboard",
     "bag_recorder": "intent_recognition.nodes",
     "bag_player": "intent_recognition.nodes",
+    "arm_sim": "sim_bridge.nodes",
     "lwr_sim": "sim_bridge.nodes",
     "coworker_sim": "sim_bridge.nodes",
 }
@@ -48,7 +49,8 @@ PURPOSES = {
     "dashboard": "Serves the web page ([what it shows](../dashboard.md)).",
     "bag_recorder": "Records topics of any type, bit for bit.",
     "bag_player": "Replays a bag on its topics in the recorded rhythm.",
-    "lwr_sim": "A torque-controlled KUKA LWR 4+ in PyBullet, 1 kHz physics.",
+    "arm_sim": "A torque-controlled arm in PyBullet, 1 kHz physics: one of four, or any URDF.",
+    "lwr_sim": "`arm_sim` with the KUKA LWR 4+.",
     "coworker_sim": "A simulated worker whose wrist a simulated tracker follows.",
 }
 BAG = "bags/toolbox/test/plate_handover_00"
@@ -115,6 +117,7 @@ def _overrides(folder: Path) -> dict[str, dict]:
         "dashboard": {"port": port, "models": str(folder)},
         "bag_player": {"bag": str(share_path(BAG)), "start_paused": True},
         "bag_recorder": {"topics": ["mocap/wrist/pose", "joint_states"]},
+        "arm_sim": {"headless": True},
         "lwr_sim": {"headless": True},
     }
 

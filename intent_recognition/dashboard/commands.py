@@ -13,13 +13,12 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
+from intent_recognition.nodes.graph import ARMS
+
 Notify = Callable[[bool, str], None]
-ESTIMATOR, ACTIVATION, ARM, TEACHER = (
-    "intent_estimator",
-    "primitive_activation",
-    "lwr_sim",
-    "task_teacher",
-)
+ESTIMATOR, ACTIVATION, TEACHER = ("intent_estimator", "primitive_activation", "task_teacher")
+GUIDING = tuple(f"{arm}/gravity_compensation" for arm in ARMS)
+"""Services of simulated arms, of which at most one is there."""
 
 
 class Commands:
@@ -50,7 +49,7 @@ class Commands:
 
     def can_guide(self) -> bool:
         """Whether there is an arm that can be guided by hand."""
-        return self.offers(f"{ARM}/gravity_compensation", SetBool)
+        return any(self.offers(service, SetBool) for service in GUIDING)
 
     def trigger(self, service: str, done: Notify | None = None) -> None:
         """Call a Trigger."""
@@ -59,7 +58,8 @@ class Commands:
     def gravity_compensation(self, enabled: bool) -> None:
         """Let the arm be guided, or hold it."""
         request = SetBool.Request(data=enabled)
-        self._call(f"{ARM}/gravity_compensation", SetBool, request, None)
+        offered = [service for service in GUIDING if self.offers(service, SetBool)]
+        self._call((offered or GUIDING)[0], SetBool, request, None)
 
     def robot_helps(self, enabled: bool, done: Notify | None = None) -> None:
         """Activate or deactivate `primitive_activation`, unless that is what it is already."""

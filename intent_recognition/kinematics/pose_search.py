@@ -26,8 +26,10 @@ _N_ITERATIONS = 40
 """Most steps from one start. Convention: those that succeed take 5 to 15."""
 _LARGEST_STEP_RAD = 0.4
 """Largest change of a joint in one step [rad]. Convention: the Jacobian holds about so far."""
-_STALLED = 0.95
-"""A start is given up when four steps together leave more than this share of the error."""
+_STALLED, _UNPROMISING = 0.95, 0.4
+"""A start is given up when four steps together leave more than this share of the squared error:
+the second while there are other starts to try; it counts steps that were of no use too. Convention.
+"""
 _N_TABLE = 4096
 """Postures of the table. Convention: 25 ms to make, once an arm."""
 _N_STARTS = 16
@@ -37,7 +39,7 @@ _TURN_M = 0.25
 _MANIPULABILITY_WEIGHT = 0.02
 """Weight of the logarithm of the manipulability beside half the squared distance to the rest
 posture [rad^2]: at a tenth of the manipulability, 0.05 rad^2. Convention."""
-_SLIDE_STEPS = 4
+_SLIDE_STEPS = 3
 """Most steps along the self-motion. Convention: what one solution may cost."""
 _LARGEST_SLIDE_RAD = 0.5
 """Longest step along the self-motion [rad]. Convention."""
@@ -100,23 +102,27 @@ class PoseSearch:
             seed: where to begin (n,).
             rest: what redundant joints are drawn to (n,).
         """
-        best = self.descend(target, seed)
+        best = self.descend(target, seed, hasty=True)
         if best.error <= CONVERGED:
             return self.slide(target, best, rest)
         for start in self.starts(target):
-            best = min(best, self.descend(target, start), key=lambda one: one.error)
+            other = self.descend(target, start, hasty=True)
+            best = min(best, other, key=lambda one: one.error)
             if best.error <= CONVERGED:
                 return self.slide(target, best, rest)
-        return best
+        return self.descend(target, best.q)
 
-    def descend(self, target: Target, seed: NDArray[np.float64]) -> Solution:
-        """Least squares from one start, inside the limits."""
+    def descend(
+        self, target: Target, seed: NDArray[np.float64], *, hasty: bool = False
+    ) -> Solution:
+        """Least squares from one start (n,), inside the limits; hasty where there are others."""
+        stalled = _UNPROMISING if hasty else _STALLED
         q = np.clip(seed, self._lower, self._upper)
         error, J = self._error(target, q)
         square, share = float(error @ error), 1.0
         past = [square]
         for _ in range(_N_ITERATIONS):
-            if square < CONVERGED**2 or (len(past) > 4 and square > _STALLED * past[-5]):
+            if square < CONVERGED**2 or (len(past) > 4 and square > stalled * past[-5]):
                 break
             there = self._step(q, J, J.T @ error, 0.5 * share * square)
             error_there, J_there = self._error(target, there)
@@ -124,9 +130,11 @@ class PoseSearch:
             if square_there < square:
                 q, error, J, square = there, error_there, J_there, square_there
                 share *= 0.3
-                past.append(square)
             else:
                 share *= 5.0
+                if not hasty:
+                    continue
+            past.append(square)
         return _solution(q, error)
 
     def slide(

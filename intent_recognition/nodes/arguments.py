@@ -67,6 +67,7 @@ ARGUMENTS = {
         Argument("activate", bool, "Let the arm be moved at once; false: after `ros2 lifecycle`."),
         Argument("transition_prior", bool, "Expect the task that usually follows the last one."),
         Argument("pretrigger_threshold", float, "Go ahead for a next task so probable; 0: never."),
+        Argument("arm", str, "Simulated arm: panda, iiwa, xarm or a URDF; empty: the LWR."),
         Argument("publish_clock", bool, "The arm publishes /clock."),
         Argument("rate", float, "Simulated, or recorded, seconds in a real one."),
         Argument("headless", bool, "No PyBullet window."),

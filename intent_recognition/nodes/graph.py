@@ -45,10 +45,10 @@ class NodeSpec:
         frames: whether the node uses /tf.
         clock: parameter that makes the node publish /clock; it then does not follow it.
         when: argument that must be set for the node to start; empty: always started.
+        unless: argument that must not be set.
         package: package that the node is installed from.
         respawns: whether it starts again where it died; not one that ends with its bag or window.
-        waits: nodes that must be ready before it begins to play or to move; the recorder only if
-            it is started.
+        waits: nodes that must be ready before it begins to play or to move, if they are started.
     """
 
     module: str
@@ -58,6 +58,7 @@ class NodeSpec:
     frames: bool = False
     clock: str = ""
     when: str = ""
+    unless: str = ""
     package: str = PACKAGE
     respawns: bool = True
     waits: tuple[str, ...] = ()
@@ -65,7 +66,7 @@ class NodeSpec:
     def arguments(self) -> set[str]:
         """Names of the arguments that the node depends on."""
         named = {*self.parameters.values(), *self.remappings.values()}
-        return named | ({self.when} if self.when else set())
+        return named | ({self.when, self.unless} - {""})
 
 
 def _from(*same: str, **other: str) -> dict[str, str]:
@@ -74,14 +75,25 @@ def _from(*same: str, **other: str) -> dict[str, str]:
 
 
 RECOGNITION = ("mocap_ingest", "intent_estimator", "primitive_activation")
+ARMS = ("lwr_sim", "arm_sim")
+"""Nodes of a simulated arm, of which one is started."""
 _STATES = {"joint_states": "joint_states_topic"}
 _ARM = _STATES | {"joint_trajectory": "command_topic"}
+_SIMULATED = _from("publish_clock", "headless", "sensor_noise", "seed", real_time_factor="rate")
 NODES = {
     "lwr_sim": NodeSpec(
         "sim_bridge.nodes.lwr_sim",
-        _from("publish_clock", "headless", "sensor_noise", "seed", real_time_factor="rate"),
+        _SIMULATED,
         remappings=_ARM,
         clock="publish_clock",
+        unless="arm",
+    ),
+    "arm_sim": NodeSpec(
+        "sim_bridge.nodes.arm_sim",
+        _SIMULATED | {"robot": "arm"},
+        remappings=_ARM,
+        clock="publish_clock",
+        when="arm",
     ),
     "mocap_ingest": NodeSpec("intent_recognition.nodes.mocap_ingest", _from("bodies")),
     "intent_estimator": NodeSpec(
@@ -98,7 +110,7 @@ NODES = {
         "sim_bridge.nodes.coworker_sim",
         _from("seed", "task_list"),
         when="coworker",
-        waits=("lwr_sim", *RECOGNITION, "bag_recorder"),
+        waits=(*ARMS, *RECOGNITION, "bag_recorder"),
     ),
     "bag_player": NodeSpec(
         "intent_recognition.nodes.bag_player",
@@ -163,12 +175,12 @@ _TASKS: dict[str, object] = {"library": "tasks"}
 _SIM: dict[str, object] = {"use_sim_time": True, "publish_clock": True, "coworker": True}
 GRAPHS = {
     "demo": GraphSpec(
-        ("lwr_sim", *RECOGNITION, "coworker_sim", "bag_recorder", *PAGE)
+        (*ARMS, *RECOGNITION, "coworker_sim", "bag_recorder", *PAGE)
         + ("robot_state_publisher", "rviz2"),
         _TASKS | _SIM,
     ),
     "sim": GraphSpec(
-        ("lwr_sim", "coworker_sim", "robot_state_publisher", "rviz2"),
+        (*ARMS, "coworker_sim", "robot_state_publisher", "rviz2"),
         {"coworker": True},
     ),
     "intent": GraphSpec((*RECOGNITION, *PAGE, "rviz2"), _TASKS),
@@ -227,9 +239,8 @@ def resolve(graph: str, given: Mapping[str, object]) -> list[NodeCall]:
     _follow_the_clock(graph, values)
     calls = []
     for name in GRAPHS[graph].nodes:
-        spec = NODES[name]
-        if not spec.when or values.get(spec.when):
-            calls.append(_call(name, spec, values))
+        if _starts(name, values):
+            calls.append(_call(name, NODES[name], values))
     return calls
 
 
@@ -264,6 +275,12 @@ def _follow_the_clock(graph: str, values: dict[str, object]) -> None:
             raise ArgumentError(describe("use_sim_time", "true with a /clock", False, cure))
 
 
+def _starts(name: str, values: Mapping[str, object]) -> bool:
+    """Whether the arguments let a node start."""
+    spec = NODES[name]
+    return bool((not spec.when or values.get(spec.when)) and not values.get(spec.unless))
+
+
 def _call(name: str, spec: NodeSpec, values: Mapping[str, object]) -> NodeCall:
     taken = {p: values[a] for p, a in spec.parameters.items() if a in values}
     parameters = dict(spec.fixed) | {
@@ -271,7 +288,7 @@ def _call(name: str, spec: NodeSpec, values: Mapping[str, object]) -> NodeCall:
     }
     if "use_sim_time" in values and not (spec.clock and parameters.get(spec.clock)):
         parameters["use_sim_time"] = values["use_sim_time"]
-    if waits := [n for n in spec.waits if n != "bag_recorder" or values.get("record")]:
+    if waits := [name for name in spec.waits if _starts(name, values)]:
         parameters["wait_for_nodes"] = waits
     topics = [(topic, str(values[a])) for topic, a in spec.remappings.items() if a in values]
     frames = TRANSFORMS if spec.frames else ()

@@ -12,7 +12,7 @@ from contextlib import suppress
 
 EXECUTABLES = (
     *("mocap_ingest", "intent_estimator", "primitive_activation", "bag_recorder", "bag_player"),
-    *("object_warper", "task_teacher", "dashboard", "lwr_sim", "coworker_sim"),
+    *("object_warper", "task_teacher", "dashboard", "arm_sim", "lwr_sim", "coworker_sim"),
 )
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Launch descriptions of the graphs in `graph.py`. Needs ROS 2 launch."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +21,17 @@ RESPAWN_DELAY_S = 2.0
 
 
 def describe_graph(
-    graph: str, *, robot_description: str = "", fast_discovery: bool = False
+    graph: str,
+    *,
+    robot_description: Callable[[str], str] = lambda _: "",
+    fast_discovery: bool = False,
 ) -> LaunchDescription:
     """The arguments of a graph, and its nodes.
 
     Args:
         graph: one of `GRAPHS`.
-        robot_description: URDF for robot_state_publisher, where the graph has one.
+        robot_description: from the argument `arm`, which may be empty, to the URDF for
+            robot_state_publisher, where the graph has one.
         fast_discovery: use config/fastdds.xml, for nodes that find one another quickly.
     """
     spec = GRAPHS[graph]
@@ -43,19 +49,22 @@ def describe_graph(
     return LaunchDescription([*entities, start])
 
 
-def _start(context: LaunchContext, graph: str, robot_description: str) -> list[Node]:
+def _start(
+    context: LaunchContext, graph: str, robot_description: Callable[[str], str]
+) -> list[Node]:
     """The nodes, now that the arguments have values."""
     names = [argument.name for argument in GRAPHS[graph].arguments()]
     given = {name: LaunchConfiguration(name).perform(context) for name in names}
     own = arguments_of(graph, given).get("params_file")
     files = [str(share_path(GRAPHS[graph].params)), *([_params_file(str(own))] if own else [])]
-    return [_node(call, files, robot_description) for call in resolve(graph, given)]
+    describe_arm = partial(robot_description, given.get("arm", ""))
+    return [_node(call, files, describe_arm) for call in resolve(graph, given)]
 
 
-def _node(call: NodeCall, files: list[str], robot_description: str) -> Node:
+def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]) -> Node:
     parameters = dict(call.parameters)
     if call.name == "robot_state_publisher":
-        parameters["robot_description"] = robot_description
+        parameters["robot_description"] = robot_description()
     arguments = ["-d", str(share_path("config/intent.rviz"))] if call.name == "rviz2" else []
     typed = {name: _parameter(value) for name, value in parameters.items()}
     return Node(

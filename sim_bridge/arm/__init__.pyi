@@ -1,25 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, LwrArm, SensorNoise
+from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
 from .controllers import ControllerGains
 from .feedback_runs import Push, execute
 from .pacing import Pacer
+from .robots import NAMES, Robot, describe_robot, find_robot
 from .spread_control import SpreadControl
 from .trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 from .trajectory_follower import TrajectoryFollower
 from .urdf import lwr_urdf
 
 __all__ = [
+    "NAMES",
     "STEPS_PER_SAMPLE",
     "TIME_STEP_S",
     "ControllerGains",
-    "LwrArm",
     "Pacer",
     "Push",
     "RejectedTrajectoryError",
+    "Robot",
     "SensorNoise",
+    "SimulatedArm",
     "SpreadControl",
     "TrajectoryCommand",
     "TrajectoryFollower",
+    "describe_robot",
     "execute",
+    "find_robot",
     "lwr_urdf",
 ]

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The torque-controlled LWR 4+ in its own PyBullet world.
+"""A torque-controlled arm in its own PyBullet world: the LWR 4+, or any other.
 
-`LwrArm` owns one `BulletClient`; other bodies and constraints may be added to the same world
+`SimulatedArm` owns one `BulletClient`; other bodies and constraints may be added to the same world
 through `arm.client` and `arm.body`. Frames: `world` with the arm's base at the origin, unless
 another base position is given. Units: m, rad, s, N, Nm.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 from pybullet_utils.bullet_client import BulletClient
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.kinematics import (
-    JOINT_NAMES,
-    LWR_LIMITS,
-    N_JOINTS,
-    JointLimits,
-    check_position,
-)
+from intent_recognition.kinematics import JointLimits, check_position
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm.controllers import (
     ControllerGains,
@@ -29,22 +23,20 @@ from sim_bridge.arm.controllers import (
     impedance_torque,
     limit_torque,
 )
+from sim_bridge.arm.robots import Robot, derived_gains, lwr
 from sim_bridge.arm.state import ArmState, HandPose, SensorNoise
 from sim_bridge.arm.trajectory_follower import ArmReference
-from sim_bridge.arm.urdf import lwr_urdf
-from sim_bridge.arm.urdf_loading import free_joints, load_urdf
+from sim_bridge.arm.urdf_loading import Joint, free_joints, load_urdf
 
 TIME_STEP_S = 0.001
 """Physics step of the arm's world [s]; torques are computed anew in each, as the real arm does."""
 STEPS_PER_SAMPLE = 10
 """Physics steps between two recorded samples: 100 samples a second."""
-# An elbow-up posture with the hand in front of the base, fingers down: all limits are far away.
-READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
-"""Joint angles [rad] with the elbow bent and the hand in front of the base. Convention."""
-
+FINGER_FORCE_N = 20.0
+"""Largest force of a finger, or torque of another joint beside the chain [N, Nm]. Convention."""
 
 AccelerationLaw = Callable[[float, NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
-"""From time [s], joint angles and velocities (7,) to the joint accelerations wanted (7,)."""
+"""From time [s], joint angles and velocities (n,) to the joint accelerations wanted (n,)."""
 
 
 @dataclass
@@ -55,7 +47,7 @@ class _Push:
     steps_left: int
 
 
-class LwrArm:
+class SimulatedArm:
     """The arm, its torque controller and its world.
 
     Two modes: following a reference (`set_reference`), with inverse-dynamics feed-forward and
@@ -64,45 +56,58 @@ class LwrArm:
     `before_step` are called with the arm before every physics step and may set references, push
     the arm, or act on other bodies of the world.
 
+    Joints that are not of the chain, such as fingers, are held by PyBullet's own motors.
+
     Args:
-        initial_position: joint angles at the start (7,) [rad].
-        gains: stiffness, damping and friction.
-        limits: joint limits; torques are clipped to `limits.torque`.
+        initial_position: joint angles at the start (n,) [rad]; ready by default.
+        robot: which arm; the LWR by default.
+        stiffness_scale: factor on the joint stiffness.
+        gains: stiffness, damping and friction; the robot's by default.
+        limits: joint limits; torques are clipped to `limits.torque`; the robot's by default.
         noise: standard deviations of the sensors; None measures exactly.
         rng: random generator of the sensor noise; required with `noise`.
         client: a world to join; a new headless one by default.
         headless: False opens PyBullet's window (needs a display).
-        base_position_m: where the base stands in the world (3,).
 
     Raises:
         KinematicsError: initial_position is outside the joint limits.
+        ArgumentError: PyBullet cannot load the robot.
     """
 
     def __init__(
         self,
-        initial_position: NDArray[np.float64] | tuple[float, ...] = READY_POSITION,
+        initial_position: NDArray[np.float64] | Sequence[float] | None = None,
         *,
+        robot: Robot | None = None,
+        stiffness_scale: float = 1.0,
         gains: ControllerGains | None = None,
-        limits: JointLimits = LWR_LIMITS,
+        limits: JointLimits | None = None,
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
         client: BulletClient | None = None,
         headless: bool = True,
-        base_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
         if noise is not None and rng is None:
             raise ArgumentError(describe("rng", "a Generator with noise", None, "Pass one."))
-        self.gains = gains if gains is not None else ControllerGains()
-        self.limits = limits
-        self.before_step: list[Callable[[LwrArm], None]] = []
+        self.robot = robot if robot is not None else lwr()
+        self.limits = limits if limits is not None else self.robot.limits
+        self.before_step: list[Callable[[SimulatedArm], None]] = []
         self.saturated_steps = 0
         self._noise, self._rng = noise, rng
         self._owns_client = client is None
         mode = pybullet.DIRECT if headless else pybullet.GUI
         self.client = client if client is not None else BulletClient(mode)
-        self.urdf = lwr_urdf()
-        self.body = load_urdf(self.client, self.urdf, base_position_m)
-        self.joint_indices, self.hand_link = free_joints(self.client, self.body)
+        self.body = load_urdf(self.client, self.robot.urdf, self.robot.base_position_m)
+        names = self.robot.joint_names
+        self.joint_indices, self.hand_link, moving = free_joints(
+            self.client, self.body, names, self.robot.tip
+        )
+        self._n_moving = len(moving)
+        self._columns = np.array([[j.name for j in moving].index(name) for name in names])
+        self._order = np.argsort(self._columns)
+        self._others = [joint for joint in moving if joint.name not in names]
+        self._other_columns = [moving.index(joint) for joint in self._others]
+        self._half_width_m = np.inf
         self.client.setTimeStep(TIME_STEP_S)
         self.client.setGravity(0.0, 0.0, -GRAVITY_M_S2)
         self._payload_mass_kg = 0.0
@@ -110,6 +115,26 @@ class LwrArm:
         self._gravity_compensation = False
         self._law: AccelerationLaw | None = None
         self.reset(initial_position)
+        chosen = gains if gains is not None else self.robot.gains
+        if chosen is None:
+            chosen = derived_gains(self.limits.torque, self._joint_inertia())
+        self.gains = chosen.scaled(stiffness_scale)
+
+    @property
+    def other_joints(self) -> tuple[str, ...]:
+        """Names of the moving joints beside the chain, such as fingers."""
+        return tuple(joint.name for joint in self._others)
+
+    def other_positions(self) -> list[float]:
+        """Where they are [rad or m]."""
+        numbers = [joint.number for joint in self._others]
+        states = self.client.getJointStates(self.body, numbers) if numbers else ()
+        return [state[0] for state in states]
+
+    def set_gripper(self, half_width_m: float = np.inf) -> None:
+        """Bring each finger so far from the middle, or open them; nothing without fingers."""
+        self._half_width_m = half_width_m
+        self._hold_others()
 
     @property
     def n_steps(self) -> int:
@@ -131,15 +156,18 @@ class LwrArm:
         """Whether the arm may be guided by hand."""
         return self._gravity_compensation
 
-    def reset(self, q: NDArray[np.float64] | tuple[float, ...] = READY_POSITION) -> None:
-        """Put the arm at rest at q (7,) [rad], hold there, set its time to zero, end all pushes."""
-        q = _joint_array(q, "q")
-        check_position(q, self.limits, JOINT_NAMES)
+    def reset(self, q: NDArray[np.float64] | Sequence[float] | None = None) -> None:
+        """Put the arm at rest at q (n,) [rad], hold there, set its time to zero, end all pushes."""
+        q = self._joint_array(self.robot.ready if q is None else q, "q")
+        check_position(q, self.limits, self.robot.joint_names)
+        for joint in self._others:
+            self.client.resetJointState(self.body, joint.number, self._held(joint), 0.0)
+        self._hold_others()
         for index, angle in zip(self.joint_indices, q, strict=True):
             self.client.resetJointState(self.body, index, float(angle), 0.0)
         self._n_steps = 0
         self._pushes: list[_Push] = []
-        self._torque = np.zeros(N_JOINTS)
+        self._torque = np.zeros(self.robot.n_joints)
         self.saturated_steps = 0
         self._read()
         self.set_reference(q)
@@ -163,7 +191,7 @@ class LwrArm:
         return self._noise.measure(exact, self._rng)
 
     def hand_pose(self) -> HandPose:
-        """Return the true pose of the hand (DH frame 7) in the world."""
+        """Return the true pose of the hand (the link `robot.tip`) in the world."""
         link = self.client.getLinkState(self.body, self.hand_link, computeForwardKinematics=1)
         return HandPose(np.array(link[4]), np.array(link[5]))
 
@@ -180,13 +208,13 @@ class LwrArm:
         qd: NDArray[np.float64] | None = None,
         qdd: NDArray[np.float64] | None = None,
     ) -> None:
-        """Follow q (7,) [rad] moving at qd [rad/s] and qdd [rad/s^2]; zero where left out.
+        """Follow q (n,) [rad] moving at qd [rad/s] and qdd [rad/s^2]; zero where left out.
 
         Positions outside the joint limits are clamped into them.
         """
-        q = np.clip(_joint_array(q, "q"), self.limits.lower, self.limits.upper)
-        qd = np.zeros(N_JOINTS) if qd is None else _joint_array(qd, "qd")
-        qdd = np.zeros(N_JOINTS) if qdd is None else _joint_array(qdd, "qdd")
+        q = np.clip(self._joint_array(q, "q"), self.limits.lower, self.limits.upper)
+        qd = np.zeros(self.robot.n_joints) if qd is None else self._joint_array(qd, "qd")
+        qdd = np.zeros(self.robot.n_joints) if qdd is None else self._joint_array(qdd, "qdd")
         self._reference = ArmReference(q, qd, qdd)
 
     def set_acceleration_law(self, law: AccelerationLaw | None) -> None:
@@ -251,7 +279,7 @@ class LwrArm:
         if self._owns_client and self.client.isConnected():
             self.client.disconnect()
 
-    def __enter__(self) -> "LwrArm":
+    def __enter__(self) -> "SimulatedArm":
         """Return the arm."""
         return self
 
@@ -263,10 +291,14 @@ class LwrArm:
         q, qd = self._q, self._qd
         guided = self._gravity_compensation
         # Guided: gravity only (no velocity, no acceleration terms), the arm's inertia is felt.
-        velocity = [0.0] * N_JOINTS if guided else qd.tolist()
-        acceleration = [0.0] * N_JOINTS if guided else self._wanted_acceleration().tolist()
-        model = self.client.calculateInverseDynamics(self.body, q.tolist(), velocity, acceleration)
-        torque = np.array(model) + limit_torque(self.gains, self.limits, q, qd)
+        none = np.zeros(len(q))
+        model = self.client.calculateInverseDynamics(
+            self.body,
+            self._all_joints(q, measured=True),
+            self._all_joints(none if guided else qd),
+            self._all_joints(none if guided else self._wanted_acceleration()),
+        )
+        torque = np.array(model)[self._columns] + limit_torque(self.gains, self.limits, q, qd)
         if guided:
             torque += guiding_torque(self.gains, qd)
         elif self._law is None:
@@ -291,11 +323,44 @@ class LwrArm:
         return self._law(self.time_s, self._q, self._qd)
 
     def _payload_torque(self) -> NDArray[np.float64]:
-        zeros = [0.0] * N_JOINTS
+        zeros = [0.0] * self._n_moving
+        q = self._all_joints(self._q, measured=True)
         linear, _ = self.client.calculateJacobian(
-            self.body, self.hand_link, self._payload_com_m, self._q.tolist(), zeros, zeros
+            self.body, self.hand_link, self._payload_com_m, q, zeros, zeros
         )
-        return np.array(linear[2]) * (self._payload_mass_kg * GRAVITY_M_S2)
+        return np.array(linear[2])[self._columns] * (self._payload_mass_kg * GRAVITY_M_S2)
+
+    def _joint_inertia(self) -> NDArray[np.float64]:
+        """Of each joint alone, in the present posture (n,) [kg m^2]."""
+        q = self._all_joints(self._q, measured=True)
+        return np.diag(self.client.calculateMassMatrix(self.body, q))[self._columns]
+
+    def _all_joints(self, values: NDArray[np.float64], measured: bool = False) -> list[float]:
+        """Values of all moving joints in PyBullet's order, from those of the chain (n,)."""
+        if not self._others:
+            return values[self._order].tolist()
+        every = np.zeros(self._n_moving)
+        every[self._columns] = values
+        if measured:
+            every[self._other_columns] = self.other_positions()
+        return every.tolist()
+
+    def _held(self, joint: Joint) -> float:
+        """Where a joint beside the chain is held: a finger as asked for, others near zero."""
+        wanted = 0.0
+        if joint.kind == pybullet.JOINT_PRISMATIC:
+            wanted = joint.lower + self._half_width_m
+        return min(max(wanted, joint.lower), joint.upper) if joint.lower < joint.upper else 0.0
+
+    def _hold_others(self) -> None:
+        for joint in self._others:
+            self.client.setJointMotorControl2(
+                self.body,
+                joint.number,
+                pybullet.POSITION_CONTROL,
+                targetPosition=self._held(joint),
+                force=FINGER_FORCE_N,
+            )
 
     def _apply_pushes(self) -> None:
         if not self._pushes:
@@ -316,13 +381,13 @@ class LwrArm:
         self._q = np.array([joint[0] for joint in states])
         self._qd = np.array([joint[1] for joint in states])
 
-
-def _joint_array(
-    values: NDArray[np.float64] | tuple[float, ...], argument: str
-) -> NDArray[np.float64]:
-    array = np.array(values, dtype=np.float64)
-    if array.shape != (N_JOINTS,):
-        raise ShapeError(describe(argument, "shape (7,)", array.shape, "Give seven joints."))
-    if not np.all(np.isfinite(array)):
-        raise ArgumentError(describe(argument, "finite values", array, "Check the source."))
-    return array
+    def _joint_array(
+        self, values: NDArray[np.float64] | Sequence[float], argument: str
+    ) -> NDArray[np.float64]:
+        array, n = np.array(values, dtype=np.float64), self.robot.n_joints
+        if array.shape != (n,):
+            names = ", ".join(self.robot.joint_names)
+            raise ShapeError(describe(argument, f"shape ({n},): {names}", array.shape, "Give all."))
+        if not np.all(np.isfinite(array)):
+            raise ArgumentError(describe(argument, "finite values", array, "Check the source."))
+        return array

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint torque laws of the arm, as pure functions on arrays of shape (7,)."""
+"""Joint torque laws of the arm, as pure functions on arrays of shape (n,)."""
 
 from dataclasses import dataclass, field
 
@@ -18,7 +18,7 @@ def _array(*values: float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class ControllerGains:
-    """What the arm feels like; arrays have shape (7,).
+    """What the arm feels like; arrays have shape (n,), defaults are the LWR's.
 
     Attributes:
         stiffness: joint stiffness while following a reference [Nm/rad].

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.motion import FeedbackPolicy
-from sim_bridge.arm.arm import STEPS_PER_SAMPLE, TIME_STEP_S, LwrArm
+from sim_bridge.arm.arm import STEPS_PER_SAMPLE, TIME_STEP_S, SimulatedArm
 from sim_bridge.arm.trajectory_follower import ArmReference
 
 NOISE_STEPS = 5
@@ -91,7 +91,7 @@ def execute(
     kick = np.zeros(n)
     scale = np.sqrt(policy.disturbance / (NOISE_STEPS * TIME_STEP_S))
 
-    def before_step(arm: LwrArm) -> None:
+    def before_step(arm: SimulatedArm) -> None:
         now = arm.time_s
         if rng is not None and arm.n_steps % NOISE_STEPS == 0:
             kick[:] = scale * rng.standard_normal(n)
@@ -101,7 +101,7 @@ def execute(
         if push is not None and push.start_s <= now < push.start_s + push.length_s:
             arm.apply_force(np.array(push.force_n))
 
-    with LwrArm(start[:n]) as arm:
+    with SimulatedArm(start[:n]) as arm:
         for index, q, qd in zip(arm.joint_indices, start[:n], start[n:], strict=True):
             arm.client.resetJointState(arm.body, index, float(q), float(qd))
         if not low_gain:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import TrajectoryError, describe
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.motion import FeedbackSettings, resting_gains
-from sim_bridge.arm.arm import LwrArm
+from sim_bridge.arm.arm import SimulatedArm
 
 HOLD_S = 1.0
 """How long after its end a prediction's last spread is held; then low gains again."""
@@ -24,13 +24,19 @@ class SpreadControl:
     """Puts the controller of the latest prediction in force, and low gains where there is none.
 
     Args:
+        joint_names: joints of the arm.
         settings: disturbance and bandwidth the gains are designed for.
     """
 
-    def __init__(self, settings: FeedbackSettings | None = None) -> None:
+    def __init__(
+        self,
+        joint_names: Sequence[str] = JOINT_NAMES,
+        settings: FeedbackSettings | None = None,
+    ) -> None:
+        self._names = tuple(joint_names)
         self._settings = settings or FeedbackSettings()
         self._times_s = np.array([-np.inf])
-        self._gains = np.zeros((1, 2, len(JOINT_NAMES)))
+        self._gains = np.zeros((1, 2, len(self._names)))
 
     def take(
         self, start_s: float, names: Sequence[str], times_s: Sequence[float], std: Sequence
@@ -46,8 +52,8 @@ class SpreadControl:
         Raises:
             TrajectoryError: wrong joints, sizes or values; the one before stays.
         """
-        if sorted(names) != sorted(JOINT_NAMES):
-            _refuse("joint_names", f"{list(JOINT_NAMES)} in any order", list(names))
+        if sorted(names) != sorted(self._names):
+            _refuse("joint_names", f"{list(self._names)} in any order", list(names))
         sizes = {len(row) for row in std}
         if sizes != {len(names)} or len(times_s) != len(std):
             _refuse("effort", f"a standard deviation per joint in each of {len(times_s)}", sizes)
@@ -56,7 +62,7 @@ class SpreadControl:
             _refuse("effort, time_from_start", "finite, not negative", "another value")
         if np.any(np.diff(times) <= 0):
             _refuse("time_from_start", "increasing times", times.tolist())
-        columns = [list(names).index(name) for name in JOINT_NAMES]
+        columns = [list(names).index(name) for name in self._names]
         self._gains = np.stack(resting_gains(values[:, columns], self._settings), axis=1)
         self._times_s = start_s + times
 
@@ -65,7 +71,7 @@ class SpreadControl:
         return time_s <= self._times_s[-1] + HOLD_S
 
     def gains(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Stiffness [1/s^2] and damping [1/s] at a time, each (7,); the ends are held."""
+        """Stiffness [1/s^2] and damping [1/s] at a time, each (n,); the ends are held."""
         times = self._times_s
         if time_s <= times[0] or len(times) == 1:
             return tuple(self._gains[0])
@@ -73,7 +79,7 @@ class SpreadControl:
         share = min((time_s - times[high - 1]) / (times[high] - times[high - 1]), 1.0)
         return tuple(self._gains[high - 1] + share * (self._gains[high] - self._gains[high - 1]))
 
-    def control(self, arm: LwrArm) -> None:
+    def control(self, arm: SimulatedArm) -> None:
         """Choose the controller of the coming step."""
         if not self.in_force(arm.time_s):
             arm.set_acceleration_law(None)

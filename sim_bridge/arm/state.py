@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 class ArmState(NamedTuple):
-    """What the joints report: q [rad], qd [rad/s], torque commanded last [Nm], all (7,)."""
+    """What the joints report: q [rad], qd [rad/s], torque commanded last [Nm], all (n,)."""
 
     q: NDArray[np.float64]
     qd: NDArray[np.float64]
@@ -18,7 +18,7 @@ class ArmState(NamedTuple):
 
 
 class HandPose(NamedTuple):
-    """Pose of DH frame 7 in the world: position (3,) [m], orientation (4,) xyzw."""
+    """Pose of the hand in the world: position (3,) [m], orientation (4,) xyzw."""
 
     position: NDArray[np.float64]
     orientation: NDArray[np.float64]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.kinematics import frame_poses, jacobian
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import SimulatedArm
 
 _GRIP_POINTS_M = np.array([[0.0, 0.0, 0.10], [0.14, 0.0, -0.05], [-0.07, 0.12, -0.05]])
 
@@ -55,7 +55,7 @@ class HandTarget:
     elbow_velocity_m_s: NDArray[np.float64]
 
 
-def pull(arm: LwrArm, target: HandTarget, grip: Grip) -> float:
+def pull(arm: SimulatedArm, target: HandTarget, grip: Grip) -> float:
     """Pull the arm toward a target for the next physics step; return the strongest pull [N].
 
     The arm's base must stand at the origin of the world, and its state must be noise-free.
@@ -82,7 +82,7 @@ def pull(arm: LwrArm, target: HandTarget, grip: Grip) -> float:
 
 
 def _push(
-    arm: LwrArm, force: NDArray[np.float64], grip: Grip, link: int, point: NDArray[np.float64]
+    arm: SimulatedArm, force: NDArray[np.float64], grip: Grip, link: int, point: NDArray[np.float64]
 ) -> float:
     """Apply a force, no stronger than the grip allows, for one step; return its size."""
     size = float(np.linalg.norm(force))

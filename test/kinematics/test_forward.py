@@ -102,10 +102,10 @@ def test_wrong_shape(bad):
 
 def test_matches_pybullet():
     """Link states of the generated URDF agree to PyBullet's single-precision storage."""
-    from sim_bridge.arm.arm import LwrArm
+    from sim_bridge.arm.arm import SimulatedArm
 
     rng = np.random.default_rng(3)
-    with LwrArm() as arm:
+    with SimulatedArm() as arm:
         for _ in range(20):
             q = rng.uniform(LWR_LIMITS.lower, LWR_LIMITS.upper)
             arm.reset(q)

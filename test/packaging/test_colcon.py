@@ -23,6 +23,7 @@ EXECUTABLES = {
     "object_warper",
     "task_teacher",
     "dashboard",
+    "arm_sim",
     "lwr_sim",
     "coworker_sim",
 }

@@ -229,6 +229,14 @@ def test_rviz_gets_its_file_and_a_tree_of_frames(describe):
     assert '<link name="world" />' in values(nodes["robot_state_publisher"])["robot_description"]
 
 
+@pytest.mark.parametrize("name", ["demo", "sim"])
+def test_another_arm_takes_the_place_of_the_lwr(describe, name):
+    nodes = start(describe(name), arm="panda", rviz="true")
+    assert "lwr_sim" not in nodes
+    assert values(nodes["arm_sim"])["robot"] == "panda"
+    assert "panda_joint1" in values(nodes["robot_state_publisher"])["robot_description"]
+
+
 def test_quick_discovery_is_the_demos(describe):
     names = {e.args[0] for e in describe("demo") if e.kind == "SetEnvironmentVariable"}
     assert names == {"FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"}

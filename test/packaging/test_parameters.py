@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 from intent_recognition.share import share_path
 
 MODULES = {
+    "arm_sim": "sim_bridge.nodes.arm_sim",
     "lwr_sim": "sim_bridge.nodes.lwr_sim",
     "coworker_sim": "sim_bridge.nodes.coworker_sim",
     "dashboard": "intent_recognition.dashboard.node",

@@ -23,7 +23,7 @@ from intent_recognition.motion import make_path, scaled_limits
 from intent_recognition.promp import NONE, TaskLibrary, Trajectory
 from intent_recognition.recognition import DecisionSettings, IntentEstimator, start_mean
 from intent_recognition.signals import Demonstration, Observation, merge
-from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
 from sim_bridge.scenarios.toolbox import arm_posture, hand_rotation, pose
 from sim_bridge.teaching import SAMPLE_NS
 
@@ -92,7 +92,7 @@ def stand_in(library: TaskLibrary, recording: Demonstration) -> StoodIn:
     observations = list(merge(recording.observed))
     start_ns = recording.start_ns
     end_ns = recording.end_ns + round(AFTER_S * 1e9)
-    with LwrArm(hand_joints(rest_position(library)[None])[0]) as arm:
+    with SimulatedArm(hand_joints(rest_position(library)[None])[0]) as arm:
         run = _Run(library, arm, start_ns)
         observations += _held(observations[-1], end_ns)
         for now_ns in range(start_ns, end_ns, SAMPLE_NS):
@@ -112,7 +112,7 @@ def _held(last: Observation, end_ns: int) -> list[Observation]:
 class _Run:
     """Estimator, activation and arm, step by step."""
 
-    def __init__(self, library: TaskLibrary, arm: LwrArm, start_ns: int):
+    def __init__(self, library: TaskLibrary, arm: SimulatedArm, start_ns: int):
         settings = ActivationSettings(
             limits=scaled_limits(LWR_LIMITS),
             decision=DecisionSettings(max_end_std_m=LARGEST_END_STD_M),
@@ -182,7 +182,7 @@ class _Run:
             self._tasks.append(task)
         self._arm.step(STEPS_PER_SAMPLE)
 
-    def _follow(self, arm: LwrArm) -> None:
+    def _follow(self, arm: SimulatedArm) -> None:
         """Set the reference of the command in force."""
         now_ns = self._start_ns + arm.n_steps * 1_000_000
         for command in reversed(self._commands[-2:]):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.kinematics import JOINT_NAMES
-from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm, TrajectoryCommand, TrajectoryFollower
+from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm, TrajectoryCommand, TrajectoryFollower
 from sim_bridge.scenarios.pointing.finger import PointingBodies
 from sim_bridge.scenarios.pointing.scene import HOME, pointed_at
 
@@ -56,7 +56,7 @@ def execute(
     command = TrajectoryCommand.validated(JOINT_NAMES, times_s, positions, velocities)
     n_samples = round((float(times_s[-1]) + REST_S) * 100.0)
     rows, lag, touched = [], 0.0, False
-    with LwrArm(start) as arm:
+    with SimulatedArm(start) as arm:
         bodies = PointingBodies(arm)
         follower = TrajectoryFollower(arm.reference.q, arm.limits)
         follower.accept(command, 0.0)

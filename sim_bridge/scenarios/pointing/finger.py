@@ -5,7 +5,7 @@ import numpy as np
 import pybullet
 from scipy.spatial.transform import Rotation
 
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import SimulatedArm
 from sim_bridge.scenarios.pointing.scene import CIRCLE_CENTRE_M, FINGER_LENGTH_M, TABLE_HEIGHT_M
 
 FINGER_MASS_KG = 0.05
@@ -25,7 +25,7 @@ class PointingBodies:
         arm: the arm whose world they join; its base stands at the world's origin.
     """
 
-    def __init__(self, arm: LwrArm) -> None:
+    def __init__(self, arm: SimulatedArm) -> None:
         self._arm, client = arm, arm.client
         shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=_TABLE_HALF_M)
         look = client.createVisualShape(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from intent_recognition.kinematics import frame_poses
-from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
 from sim_bridge.coworker import bow_profile, minimum_jerk
 from sim_bridge.scenarios.pointing.finger import PointingBodies
 from sim_bridge.scenarios.pointing.scene import (
@@ -127,11 +127,11 @@ def teach(rng: np.random.Generator, path: LedPath, n_samples: int) -> TaughtPoin
     """
     strongest, touched, states = 0.0, False, []
 
-    def lead(arm: LwrArm) -> None:
+    def lead(arm: SimulatedArm) -> None:
         nonlocal strongest
         strongest = max(strongest, pull(arm, path.target(arm.time_s), GRIP))
 
-    with LwrArm(HOME + HOME_STD_RAD * rng.standard_normal(7)) as arm:
+    with SimulatedArm(HOME + HOME_STD_RAD * rng.standard_normal(7)) as arm:
         bodies = PointingBodies(arm)
         arm.set_gravity_compensation(True)
         arm.before_step.append(lead)
@@ -156,7 +156,7 @@ def stand(rng: np.random.Generator, n_samples: int) -> TaughtPointing:
     """The arm standing at home, as its sensors report it; nobody leads it."""
     q = HOME + HOME_STD_RAD * rng.standard_normal(7)
     noise = rng.standard_normal((3, n_samples, 7))
-    with LwrArm(q) as arm:
+    with SimulatedArm(q) as arm:
         PointingBodies(arm)
         arm.step(500)
         state = arm.state()

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.kinematics import frame_poses
-from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
 from sim_bridge.scenarios.pole.plan import Way
 from sim_bridge.scenarios.pole.world import Pole
 from sim_bridge.scenarios.toolbox import SENSOR_NOISE
@@ -49,7 +49,7 @@ class _Hand:
         self._grip = Grip()
         self.strongest_pull_n = 0.0
 
-    def lead(self, arm: LwrArm) -> None:
+    def lead(self, arm: SimulatedArm) -> None:
         """Pull for one step."""
         place = min(arm.time_s * _RATE_HZ, len(self._hand) - 1.001)
         low, share = int(place), place - int(place)
@@ -81,7 +81,7 @@ def lead_around(
     """
     hand = _Hand(way, start_s, arrival_s, (n_samples - 1) * 0.01)
     states, distance = [], []
-    with LwrArm(way.start) as arm:
+    with SimulatedArm(way.start) as arm:
         pole = Pole(arm)
         arm.set_gravity_compensation(True)
         arm.before_step.append(hand.lead)

@@ -5,7 +5,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import SimulatedArm
 from sim_bridge.scenarios.pole.geometry import fingertip
 from sim_bridge.scenarios.pole.world import Pole
 
@@ -14,7 +14,7 @@ WIDTH, HEIGHT = 560, 470
 
 def picture(q: NDArray[np.float64]) -> NDArray[np.uint8]:
     """The arm in a posture (7,) with the pole and its finger's spot, RGB (H, W, 3) uint8."""
-    with LwrArm(q) as arm:
+    with SimulatedArm(q) as arm:
         client = arm.client
         Pole(arm)
         _table(arm)
@@ -32,7 +32,7 @@ def picture(q: NDArray[np.float64]) -> NDArray[np.uint8]:
     return np.reshape(np.array(image[2], dtype=np.uint8), (HEIGHT, WIDTH, 4))[..., :3]
 
 
-def _table(arm: LwrArm) -> None:
+def _table(arm: SimulatedArm) -> None:
     size = (0.55, 0.5, 0.005)
     look = arm.client.createVisualShape(
         pybullet.GEOM_BOX, halfExtents=size, rgbaColor=(0.88, 0.86, 0.82, 1.0)

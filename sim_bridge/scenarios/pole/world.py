@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.kinematics import forward_kinematics
-from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
 from sim_bridge.scenarios.pole.geometry import (
     POLE_HEIGHT_M,
     POLE_M,
@@ -30,7 +30,7 @@ class Pole:
         arm: the arm; its base stands at the origin.
     """
 
-    def __init__(self, arm: LwrArm) -> None:
+    def __init__(self, arm: SimulatedArm) -> None:
         self._arm = arm
         size = {"radius": POLE_RADIUS_M}
         shape = arm.client.createCollisionShape(
@@ -93,10 +93,10 @@ def execute(
     end_s, touched = float(times_s[-1]), False
     reached: list[NDArray[np.float64]] = []
     distance: list[float] = []
-    with LwrArm(positions_rad[0]) as arm:
+    with SimulatedArm(positions_rad[0]) as arm:
         pole = Pole(arm)
 
-        def follow(arm: LwrArm) -> None:
+        def follow(arm: SimulatedArm) -> None:
             now = min(arm.time_s, end_s)
             moving = float(arm.time_s < end_s)
             arm.set_reference(curve(now), moving * curve(now, 1), moving * curve(now, 2))

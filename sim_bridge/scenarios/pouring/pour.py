@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.kinematics import frame_poses
-from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, LwrArm
+from sim_bridge.arm import STEPS_PER_SAMPLE, TIME_STEP_S, SimulatedArm
 from sim_bridge.containers import Container
 from sim_bridge.scenarios.pouring.table import PouringTable
 from sim_bridge.scenarios.pouring.task_space import (
@@ -145,7 +145,7 @@ def pour(
     belief = belief or AssumedGeometry(cup.lip_point, second.opening_centre)
     opening = OPENING_M + belief.opening_m - second.opening_centre
     joints = plan_joints(path, Grasp(belief.lip_m, cup.height_m), opening)
-    with LwrArm(joints(0.0)) as arm:
+    with SimulatedArm(joints(0.0)) as arm:
         table = PouringTable(arm, cup, second, ball_radius_m, n_balls, rng)
         drive = _Led(joints) if led else _Follow(joints)
         return _run(arm, table, drive, float(joints.x[-1]))
@@ -159,7 +159,7 @@ class _Follow:
     def __init__(self, joints: CubicSpline) -> None:
         self._joints = joints
 
-    def __call__(self, arm: LwrArm) -> None:
+    def __call__(self, arm: SimulatedArm) -> None:
         now, end = arm.time_s, float(self._joints.x[-1])
         if now < end:
             arm.set_reference(self._joints(now), self._joints(now, 1), self._joints(now, 2))
@@ -174,7 +174,7 @@ class _Led:
         self._joints = joints
         self.strongest_pull_n = 0.0
 
-    def __call__(self, arm: LwrArm) -> None:
+    def __call__(self, arm: SimulatedArm) -> None:
         arm.set_gravity_compensation(True)
         now = min(arm.time_s, float(self._joints.x[-1]))
         here, soon = frame_poses(self._joints(np.array([now, now + 1e-3])))
@@ -189,7 +189,9 @@ class _Led:
         self.strongest_pull_n = max(self.strongest_pull_n, pull(arm, target, STEADY_GRIP))
 
 
-def _run(arm: LwrArm, table: PouringTable, drive: "_Follow | _Led", duration_s: float) -> Poured:
+def _run(
+    arm: SimulatedArm, table: PouringTable, drive: "_Follow | _Led", duration_s: float
+) -> Poured:
     touches: list[float] = []
     arm.before_step += [drive, lambda _: touches.append(table.touch_n())]
     states, poses, counts = [], [], []

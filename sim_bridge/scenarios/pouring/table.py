@@ -9,7 +9,7 @@ import pybullet
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import SimulatedArm
 from sim_bridge.balls import (
     CONTACT_BREAKING_M,
     DENSITY_KG_M3,
@@ -56,7 +56,7 @@ class PouringTable:
 
     def __init__(
         self,
-        arm: LwrArm,
+        arm: SimulatedArm,
         cup: Container,
         second: Container,
         ball_radius_m: float,

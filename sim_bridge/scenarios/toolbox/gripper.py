@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, TASKS
 from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
 from sim_bridge.scenarios.toolbox.scene import STANDS_M
@@ -30,7 +30,7 @@ class Gripper:
         objects: the bodies in its world.
     """
 
-    def __init__(self, arm: LwrArm, objects: ToolboxObjects) -> None:
+    def __init__(self, arm: SimulatedArm, objects: ToolboxObjects) -> None:
         self._arm = arm
         self.objects = objects
         self.task = ""
@@ -90,7 +90,7 @@ class Gripper:
         return self._arm.time_s - self._rest_since_s >= RELEASE_REST_S
 
 
-def make_gripper(arm: LwrArm, scene: str) -> Gripper | None:
+def make_gripper(arm: SimulatedArm, scene: str) -> Gripper | None:
     """Put the objects of a scene into the arm's world; return who handles them, None for "none".
 
     Args:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError, describe
-from sim_bridge.arm import LwrArm
+from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, PLATE, SCREW, TASKS
 from sim_bridge.scenarios.toolbox.scene import OBJECT_MASS_KG, STANDS_M, stand_pose
 
@@ -54,7 +54,7 @@ class ToolboxObjects:
         furniture: also build stands and a bench, for pictures.
     """
 
-    def __init__(self, arm: LwrArm, *, furniture: bool = False) -> None:
+    def __init__(self, arm: SimulatedArm, *, furniture: bool = False) -> None:
         self._arm = arm
         self._client = arm.client
         self._constraints: dict[str, int | None] = dict.fromkeys(TASKS)
@@ -115,6 +115,7 @@ class ToolboxObjects:
         self._place(body, centre, turn)
         self._fix(task, self._arm.body, self._arm.hand_link)
         self._arm.set_payload(OBJECT_MASS_KG[task], _GRASP_M[task])
+        self._arm.set_gripper(_HALF_EDGES_M[task][1])
         self.holders[task] = Holder.ROBOT
 
     def give_to_worker(self, task: str) -> None:
@@ -123,6 +124,7 @@ class ToolboxObjects:
         self._let_go(task)
         self._fix(task, self.worker, -1)
         self._arm.set_payload(0.0)
+        self._arm.set_gripper()
         self.holders[task] = Holder.WORKER
 
     def _checked(self, task: str) -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_bridge.arm import STEPS_PER_SAMPLE, LwrArm, SensorNoise
+from sim_bridge.arm import STEPS_PER_SAMPLE, SensorNoise, SimulatedArm
 from sim_bridge.coworker import HOLD
 from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
 from sim_bridge.scenarios.toolbox.scene import HOME, STANDS_M
@@ -54,7 +54,7 @@ class _Lesson:
     """One demonstration in progress: the arm, the object and the leading hand."""
 
     def __init__(
-        self, arm: LwrArm, path: TeachingPath, wrist_m: NDArray[np.float64], grip: Grip
+        self, arm: SimulatedArm, path: TeachingPath, wrist_m: NDArray[np.float64], grip: Grip
     ) -> None:
         self.arm, self.path, self.grip = arm, path, grip
         self.objects = ToolboxObjects(arm)
@@ -69,7 +69,7 @@ class _Lesson:
         self._released = False
         arm.before_step.append(self._before_step)
 
-    def _before_step(self, arm: LwrArm) -> None:
+    def _before_step(self, arm: SimulatedArm) -> None:
         now = arm.time_s
         times = self.path.times
         if arm.n_steps % STEPS_PER_SAMPLE == 0:
@@ -132,7 +132,7 @@ def teach(
     """
     start = HOME + HOME_STD_RAD * rng.standard_normal(7)
     rows = []
-    with LwrArm(start) as arm:
+    with SimulatedArm(start) as arm:
         lesson = _Lesson(arm, path, wrist_m, grip or Grip())
         for k in range(len(wrist_m)):
             if k:

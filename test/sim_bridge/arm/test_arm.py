@@ -7,15 +7,16 @@ import pytest
 from intent_recognition.errors import ArgumentError, KinematicsError, ShapeError
 from intent_recognition.kinematics.forward import hand_position, jacobian
 from intent_recognition.kinematics.lwr import LWR_LIMITS
-from sim_bridge.arm.arm import READY_POSITION, LwrArm, SensorNoise
+from sim_bridge.arm.arm import SensorNoise, SimulatedArm
 from sim_bridge.arm.controllers import ControllerGains
+from sim_bridge.arm.robots import READY_POSITION
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
 from sim_bridge.arm.trajectory_follower import TrajectoryFollower
 
 
 @pytest.fixture(scope="module")
 def world():
-    with LwrArm() as made:
+    with SimulatedArm() as made:
         yield made
 
 
@@ -178,7 +179,7 @@ def test_taking_hold_again_does_not_jump(arm):
 def test_two_runs_are_equal_bit_for_bit():
     ends = []
     for _ in range(2):
-        with LwrArm() as arm:
+        with SimulatedArm() as arm:
             arm.apply_force(np.array([3.0, 20.0, -5.0]), n_steps=300)
             arm.step(800)
             ends.append(arm.state().q)
@@ -187,7 +188,7 @@ def test_two_runs_are_equal_bit_for_bit():
 
 def test_sensor_noise_has_its_standard_deviation():
     noise = SensorNoise(1e-3, 2e-2, 0.5)
-    with LwrArm(noise=noise, rng=np.random.default_rng(5)) as arm:
+    with SimulatedArm(noise=noise, rng=np.random.default_rng(5)) as arm:
         drawn = [arm.state() for _ in range(600)]
     for k, std in enumerate((1e-3, 2e-2, 0.5)):
         assert np.std([state[k] for state in drawn], axis=0).mean() == pytest.approx(std, rel=0.1)
@@ -204,7 +205,7 @@ def test_stiffness_scale_keeps_the_damping_ratio():
 
 def test_bad_arguments(arm):
     with pytest.raises(ArgumentError, match="rng"):
-        LwrArm(noise=SensorNoise())
+        SimulatedArm(noise=SensorNoise())
     with pytest.raises(KinematicsError, match="lwr_a2_joint"):
         arm.reset(np.array([0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     with pytest.raises(ShapeError):

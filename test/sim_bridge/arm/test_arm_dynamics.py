@@ -11,7 +11,7 @@ from hypothesis.strategies import floats
 
 from intent_recognition.kinematics.forward import jacobian
 from intent_recognition.kinematics.lwr import DH, JOINT_NAMES, LWR_LIMITS
-from sim_bridge.arm.arm import GRAVITY_M_S2, LwrArm
+from sim_bridge.arm.arm import GRAVITY_M_S2, SimulatedArm
 from sim_bridge.arm.urdf import LINK_BODIES, ROTOR_INERTIA_KG_M2, link_inertia, lwr_urdf
 
 joints = arrays(np.float64, 7, elements=floats(-2.0, 2.0))
@@ -19,7 +19,7 @@ joints = arrays(np.float64, 7, elements=floats(-2.0, 2.0))
 
 @pytest.fixture(scope="module")
 def arm():
-    with LwrArm() as made:
+    with SimulatedArm() as made:
         yield made
 
 

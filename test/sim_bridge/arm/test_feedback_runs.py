@@ -6,7 +6,7 @@ import numpy as np
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.motion.feedback_controller import feedback_policy, propagate
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from sim_bridge.arm.arm import LwrArm
+from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.arm.feedback_runs import Push, execute, mean_movement
 from sim_bridge.scenarios.toolbox.scene import HOME
 
@@ -58,7 +58,7 @@ def test_same_generator_same_run_and_a_push_moves_the_hand():
 
 
 def test_the_law_gives_way_to_guiding_and_to_low_gains():
-    with LwrArm(HOME) as arm:
+    with SimulatedArm(HOME) as arm:
         arm.set_acceleration_law(lambda t, q, qd: 400.0 * (HOME + 0.1 - q) - 40.0 * qd)
         arm.step(1500)
         np.testing.assert_allclose(arm.state().q, HOME + 0.1, atol=2e-3)

@@ -13,7 +13,7 @@ from intent_recognition.errors import ArgumentError, TrajectoryError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from intent_recognition.motion.feedback_controller import FeedbackSettings, resting_gains
 from intent_recognition.nodes.qos import COMMAND, STATE
-from sim_bridge.arm.arm import LwrArm
+from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.arm.spread_control import HOLD_S, SpreadControl
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.toolbox.scene import HOME
@@ -23,7 +23,7 @@ SURE, UNSURE = np.full(7, 0.005), np.full(7, 0.15)
 
 def deflection(control, force_n=8.0):
     """How far a push moves the resting hand [m], and where it is a while later."""
-    with LwrArm(HOME) as arm:
+    with SimulatedArm(HOME) as arm:
         if control is not None:
             arm.before_step.append(control.control)
         arm.step(50)

@@ -13,7 +13,7 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS
-from sim_bridge.arm.arm import LwrArm
+from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.scenarios.pointing.execution import execute
 from sim_bridge.scenarios.pointing.finger import PointingBodies
 from sim_bridge.scenarios.pointing.person import WRIST_TO_TIP_M, wrist_goal
@@ -109,7 +109,7 @@ def test_the_arm_ends_where_a_trajectory_says():
 def test_a_finger_that_comes_down_on_the_table_is_noticed():
     low = pointing_pose(spot("train", 0))
     low[2, 3] -= TIP_ABOVE_TABLE_M + 0.005
-    with LwrArm(arm_posture(low)) as arm:
+    with SimulatedArm(arm_posture(low)) as arm:
         bodies = PointingBodies(arm)
         arm.step(3)
         assert bodies.touches()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics.lwr import LWR_LIMITS
-from sim_bridge.arm.arm import LwrArm
+from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.scenarios.pole import recordings
 from sim_bridge.scenarios.pole.geometry import (
     HOME,
@@ -81,7 +81,7 @@ def test_neighbouring_spots_have_neighbouring_postures():
 
 def test_planned_clearance_is_a_cautious_estimate_of_that_in_physics():
     path = plan_way(SPOT, LEFT).at(SHARES[::4])
-    with LwrArm(path[0]) as arm:
+    with SimulatedArm(path[0]) as arm:
         pole = Pole(arm)
         for q, planned in zip(path, planned_clearance(path), strict=True):
             arm.reset(q)

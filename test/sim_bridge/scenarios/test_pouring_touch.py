@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from intent_recognition.kinematics.inverse import inverse_kinematics
-from sim_bridge.arm.arm import LwrArm
+from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.balls.collision import HULL_MARGIN_M
 from sim_bridge.containers.generate import CONTAINER_NAMES, make_container
 from sim_bridge.scenarios.pouring.outside import N_CORNERS, shell_pieces, solid_pieces
@@ -53,7 +53,7 @@ def test_a_cup_pushed_against_the_other_stops_where_they_meet():
     first, last = (
         inverse_kinematics(pose, SEED_POSTURE) for pose in grasp.hand_poses(ends, OPENING_M)
     )
-    with LwrArm(first) as arm:
+    with SimulatedArm(first) as arm:
         table = PouringTable(arm, cup, second, 0.006, 3, np.random.default_rng(0))
         assert table.touch_n() == 0.0
         for share in np.linspace(0.0, 1.0, 60):

@@ -11,7 +11,7 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.forward import forward_kinematics, hand_position
 from intent_recognition.kinematics.inverse import branch_of
 from intent_recognition.kinematics.lwr import LWR_LIMITS
-from sim_bridge.arm.arm import LwrArm
+from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, STYLES, TASKS
 from sim_bridge.scenarios.toolbox.gripper import Gripper, make_gripper
 from sim_bridge.scenarios.toolbox.objects import Holder, ToolboxObjects
@@ -123,7 +123,7 @@ def test_gripper_takes_on_passing_slowly_and_releases_at_rest():
     q_home, q_stand = HOME, arm_posture(stand_pose(PLATE))
     away = arm_posture(pose(handover_point(PLATE, STYLES[PLATE].goal_centre_m),
                             handover_rotation(PLATE)))  # fmt: skip
-    with LwrArm(q_home) as arm:
+    with SimulatedArm(q_home) as arm:
         objects = ToolboxObjects(arm)
         gripper = Gripper(arm, objects)
         gripper.set_task(PLATE)
@@ -147,7 +147,7 @@ def test_gripper_takes_on_passing_slowly_and_releases_at_rest():
 
 
 def test_a_held_plate_weighs_on_the_arm_and_is_compensated():
-    with LwrArm(HOME) as arm:
+    with SimulatedArm(HOME) as arm:
         objects = ToolboxObjects(arm)
         arm.step(200)
         before = arm.state().torque

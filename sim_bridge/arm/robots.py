@@ -1,0 +1,311 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arms that can be simulated: the LWR, those of PyBullet's data, and any URDF.
+
+An arm other than the LWR gets what its URDF does not hold from its torque limits, in the
+proportions of the LWR's values: stiffness, friction while guided, and the inertia of the motors
+behind their gears, without which light wrists cannot be controlled at 1 kHz.
+"""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics import (
+    DEFAULT_ACCELERATION_RAD_S2,
+    JOINT_NAMES,
+    LWR_LIMITS,
+    JointLimits,
+    read_chain,
+    read_urdf,
+)
+from sim_bridge.arm.controllers import ControllerGains
+from sim_bridge.arm.urdf import HAND_LINK, WORLD_LINK, lwr_urdf
+
+LARGEST_TORQUE_NM = 100.0
+"""Torque limit from which on stiffness and rotors do not grow [Nm]: URDFs often exaggerate it.
+Convention: that of the LWR's middle joints."""
+ROTOR_KG_M2_PER_NM = 1.1e-3
+"""Inertia of a motor behind its gear by torque limit [kg m^2/Nm]: the LWR's."""
+STIFFNESS_PER_RAD = 1.2
+"""Stiffness by torque limit [1/rad]: that of the LWR's large joints."""
+DAMPING_RATIO = 0.8
+"""Of a joint alone in the ready posture. Convention."""
+READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
+"""The LWR's joint angles [rad] with the elbow up and the hand in front of the base, fingers down:
+all limits are far away. Convention."""
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """An arm as the simulation needs it.
+
+    Attributes:
+        name: what it is called.
+        urdf: text with the paths of its meshes made absolute, as PyBullet reads it.
+        description: the same for viewers, beginning at the link `world`.
+        tip: link that is the hand.
+        joint_names: joints of the chain, from the base on.
+        limits: theirs.
+        ready: posture to begin in (n,) [rad].
+        base_position_m: where the base stands in the world (3,).
+        gains: of its controllers; None: from torque limits and inertia.
+    """
+
+    name: str
+    urdf: str
+    description: str
+    tip: str
+    joint_names: tuple[str, ...]
+    limits: JointLimits
+    ready: NDArray[np.float64]
+    base_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gains: ControllerGains | None = None
+
+    @property
+    def n_joints(self) -> int:
+        """Number of joints of the chain."""
+        return len(self.joint_names)
+
+
+def lwr() -> Robot:
+    """The KUKA LWR 4+."""
+    ready = np.array(READY_POSITION)
+    text, gains = lwr_urdf(), ControllerGains()
+    description = lwr_urdf(world=True)
+    return Robot("lwr", text, description, HAND_LINK, JOINT_NAMES, LWR_LIMITS, ready, gains=gains)
+
+
+class Preset(NamedTuple):
+    """An arm of PyBullet's data: file, hand, ready posture [rad] and where its base stands [m]."""
+
+    file: str
+    tip: str
+    ready: tuple[float, ...]
+    base_position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+PRESETS = {
+    # The tip is between the fingers.
+    "panda": Preset(
+        "franka_panda/panda.urdf", "panda_grasptarget", (0.0, -0.3, 0.0, -2.2, 0.0, 3.0, 0.785)
+    ),
+    "iiwa": Preset(
+        "kuka_iiwa/model.urdf", "lbr_iiwa_link_7", (0.0, 0.5, 0.0, -1.7, 0.0, -0.6, 0.0)
+    ),
+    # A short arm: it stands nearer to the worker, on a block.
+    "xarm": Preset(
+        "xarm/xarm6_robot.urdf", "link6", (0.0, -0.3, -0.9, 0.0, -0.3, 0.0), (0.12, 0.0, 0.05)
+    ),
+}
+"""Arms that come with PyBullet's data, by name."""
+NAMES = ("lwr", *PRESETS)
+"""Arms that need no file of the user's."""
+
+
+def find_robot(
+    robot: str, *, tip: str = "", base_position_m: Sequence[float] | None = None
+) -> Robot:
+    """An arm by its name, or from the path of a URDF.
+
+    Args:
+        robot: one of `NAMES`, or a path.
+        tip: link that is the hand; by default the preset's, or the last one before the tree
+            branches.
+        base_position_m: where the base stands in the world (3,); by default the preset's.
+
+    Raises:
+        ArgumentError: neither, or the URDF cannot be used.
+    """
+    if robot == "lwr" and not tip and base_position_m is None:
+        return lwr()
+    if robot in PRESETS:
+        import pybullet_data
+
+        preset = PRESETS[robot]
+        path = Path(pybullet_data.getDataPath()) / preset.file
+        at = preset.base_position_m if base_position_m is None else base_position_m
+        ready = np.array(preset.ready)
+        text = with_meshes(read_urdf(path), path.parent)
+        return _robot(robot, text, tip or preset.tip, ready, _position(at))
+    at = _position((0.0, 0.0, 0.0) if base_position_m is None else base_position_m)
+    if robot == "lwr":
+        return _robot(robot, lwr_urdf(), tip or HAND_LINK, np.array(READY_POSITION), at)
+    path = Path(robot)
+    if not path.is_file():
+        expected = f"one of {', '.join(NAMES)}, or the path of a URDF"
+        raise ArgumentError(describe("robot", expected, robot, "Choose one."))
+    text = with_meshes(read_urdf(path), path.resolve().parent)
+    return _robot(path.stem, text, tip or None, None, at)
+
+
+def describe_robot(robot: str = "") -> str:
+    """URDF for viewers of an arm, by name or path; the LWR's if it is empty."""
+    return find_robot(robot or "lwr").description
+
+
+def _robot(
+    name: str,
+    text: str,
+    tip: str | None,
+    ready: NDArray[np.float64] | None,
+    base_position_m: tuple[float, float, float],
+) -> Robot:
+    chain = read_chain(text, None, tip, DEFAULT_ACCELERATION_RAD_S2)
+    copies = [mimic.joint for mimic in chain.mimics if mimic.master in chain.names]
+    if copies:
+        cure = "Choose a tip before it."
+        raise ArgumentError(describe("robot", "a chain without mimic joints", copies[0], cure))
+    if ready is None or len(ready) != len(chain.names):
+        free = np.array(chain.continuous)
+        ready = np.where(free, 0.0, 0.5 * (chain.limits.lower + chain.limits.upper))
+    return Robot(
+        name,
+        with_rotors(text, chain.names, chain.limits.torque) if name != "lwr" else text,
+        with_world(text, base_position_m),
+        chain.tip,
+        chain.names,
+        chain.limits,
+        ready,
+        base_position_m,
+        ControllerGains() if chain.names == JOINT_NAMES else None,
+    )
+
+
+def derived_gains(torque: NDArray[np.float64], inertia: NDArray[np.float64]) -> ControllerGains:
+    """Gains of an arm that is not the LWR.
+
+    Args:
+        torque: limits (n,) [Nm].
+        inertia: of each joint alone in the ready posture (n,) [kg m^2].
+    """
+    torque = np.minimum(torque, LARGEST_TORQUE_NM)
+    stiffness = STIFFNESS_PER_RAD * torque
+    return ControllerGains(
+        stiffness=stiffness,
+        damping=2.0 * DAMPING_RATIO * np.sqrt(stiffness * inertia),
+        guide_damping=0.01 * torque,
+        guide_friction=np.zeros(len(torque)),
+        limit_stiffness=8.0 * torque,
+        limit_damping=0.17 * torque,
+    )
+
+
+def with_meshes(text: str, folder: Path) -> str:
+    """A URDF whose meshes are named by absolute paths.
+
+    Args:
+        text: of the URDF.
+        folder: that it is in.
+
+    Raises:
+        ArgumentError: it is no XML, or a mesh is nowhere.
+    """
+    root = _parse(text)
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", str(_find_mesh(mesh.get("filename", ""), folder)))
+    return ET.tostring(root, encoding="unicode")
+
+
+def _parse(text: str) -> ET.Element:
+    try:
+        return ET.fromstring(text)
+    except ET.ParseError as error:
+        cure = "Expand a xacro file first: xacro FILE > robot.urdf."
+        raise ArgumentError(describe("robot", "a URDF", f"broken XML: {error}", cure)) from error
+
+
+def _find_mesh(name: str, folder: Path) -> Path:
+    """A mesh beside the URDF, in a folder above it, or in an installed ROS package."""
+    _, scheme, rest = name.rpartition("://")
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    shares = [Path(prefix) / "share" for prefix in prefixes if prefix]
+    places = [folder, *folder.parents[:3], *(shares if scheme else ())]
+    for place in places:
+        if (place / rest).is_file():
+            return (place / rest).resolve()
+    cure = "Source the workspace that has its package, or put it beside the URDF."
+    raise ArgumentError(describe("robot", f"the mesh {name}", "no such file", cure))
+
+
+def with_rotors(text: str, joint_names: Sequence[str], torque: NDArray[np.float64]) -> str:
+    """A URDF whose links have the inertia of their joints' motors.
+
+    As `sim_bridge.arm.urdf.link_inertia` explains: J about the joint's axis, J/2 across it.
+    """
+    root = _parse(text)
+    links = {link.get("name"): link for link in root.findall("link")}
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    rotors = ROTOR_KG_M2_PER_NM * np.minimum(torque, LARGEST_TORQUE_NM)
+    for name, rotor in zip(joint_names, rotors, strict=True):
+        joint = joints[name]
+        if joint.get("type") == "prismatic":
+            continue
+        axis, link = joint.find("axis"), links[_end(joint, "child")]
+        direction = _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
+        _add_rotor(link, direction / np.linalg.norm(direction), float(rotor))
+    return ET.tostring(root, encoding="unicode")
+
+
+def _add_rotor(link: ET.Element, axis: NDArray[np.float64], rotor: float) -> None:
+    """Add to a link's inertia, which is along the axes of its inertial frame."""
+    inertial = link.find("inertial")
+    inertia = None if inertial is None else inertial.find("inertia")
+    if inertial is None or inertia is None:
+        cure = "Write its <inertial> into the URDF: without mass and inertia nothing moves."
+        raise ArgumentError(describe(link.get("name", "link"), "an inertia", "none", cure))
+    origin = inertial.find("origin")
+    rpy = _numbers("0 0 0" if origin is None else origin.get("rpy", "0 0 0"))
+    axis = Rotation.from_euler("xyz", rpy).inv().apply(axis)
+    added = 0.5 * rotor * (np.eye(3) + np.outer(axis, axis))
+    for i, j, key in ((0, 0, "ixx"), (1, 1, "iyy"), (2, 2, "izz"), (0, 1, "ixy")) + (
+        (0, 2, "ixz"),
+        (1, 2, "iyz"),
+    ):
+        inertia.set(key, repr(float(inertia.get(key, "0")) + float(added[i, j])))
+
+
+def with_world(text: str, base_position_m: tuple[float, float, float]) -> str:
+    """A URDF for viewers: the root is `world`, meshes are URIs."""
+    root = _parse(text)
+    links, joints = root.findall("link"), root.findall("joint")
+    children = {_end(joint, "child") for joint in joints}
+    base = next(name for name in (link.get("name", "") for link in links) if name not in children)
+    if base != WORLD_LINK:
+        root.insert(0, ET.Element("link", name=WORLD_LINK))
+        joint = ET.SubElement(root, "joint", name="world_to_base", type="fixed")
+        ET.SubElement(joint, "parent", link=WORLD_LINK)
+        ET.SubElement(joint, "child", link=base)
+        joints.append(joint)
+    for joint in joints:
+        if _end(joint, "parent") == WORLD_LINK:
+            origin = joint.find("origin")
+            origin = ET.SubElement(joint, "origin") if origin is None else origin
+            moved = _numbers(origin.get("xyz", "0 0 0")) + base_position_m
+            origin.set("xyz", " ".join(map(repr, moved.tolist())))
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", Path(mesh.get("filename", "")).as_uri())
+    return ET.tostring(root, encoding="unicode")
+
+
+def _end(joint: ET.Element, end: str) -> str:
+    """Parent or child link of a joint; empty where none is named."""
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
+def _numbers(text: str) -> NDArray[np.float64]:
+    return np.array([float(number) for number in text.split()])
+
+
+def _position(position_m: Sequence[float]) -> tuple[float, float, float]:
+    if len(position_m) != 3 or not np.all(np.isfinite(position_m)):
+        raise ArgumentError(describe("base_position_m", "x, y, z", position_m, "In metres."))
+    return float(position_m[0]), float(position_m[1]), float(position_m[2])

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Four arms and a user's: loaded, held, followed, guided and kept inside their limits."""
+
+import xml.etree.ElementTree as ET
+from functools import cache
+
+import numpy as np
+import pytest
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics import Arm
+from sim_bridge.arm.arm import SimulatedArm
+from sim_bridge.arm.robots import NAMES, ROTOR_KG_M2_PER_NM, find_robot, with_meshes, with_rotors
+
+ONE = """<robot name="one">
+<link name="base"/>
+<link name="arm"><inertial><origin rpy="0 0 1.5707963267948966"/><mass value="2"/>
+  <inertia ixx="0.3" iyy="0.2" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="1 0 0"/>
+  <limit lower="-1" upper="2" velocity="1" effort="50"/></joint></robot>"""
+MESH = '<mesh filename="package://x/y.stl"/>'
+
+
+@cache
+def robot_of(name):
+    return find_robot(name)
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def loaded(request):
+    with SimulatedArm(robot=robot_of(request.param)) as made:
+        yield made
+
+
+@pytest.fixture
+def arm(loaded):
+    loaded.set_gravity_compensation(False)
+    loaded.set_payload(0.0)
+    loaded.reset()
+    return loaded
+
+
+def test_the_hand_is_where_its_urdf_says(arm):
+    """PyBullet beside pinocchio, in the world, with the base where it stands."""
+    robot = arm.robot
+    chain = Arm.from_urdf(robot.description, base="world", tip=robot.tip)
+    assert chain.joint_names == robot.joint_names
+    assert chain.limits.upper.tolist() == robot.limits.upper.tolist()
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        q = robot.ready + rng.uniform(-0.15, 0.15, robot.n_joints)
+        arm.reset(np.clip(q, robot.limits.lower, robot.limits.upper))
+        q = arm.state().q
+        np.testing.assert_allclose(
+            chain.forward_kinematics(q)[:3, 3], arm.hand_pose().position, atol=1e-6
+        )
+
+
+def test_it_holds_still_and_floats_in_gravity_compensation(arm):
+    arm.step(500)
+    np.testing.assert_allclose(arm.state().q, arm.robot.ready, atol=1e-9)
+    arm.set_gravity_compensation(True)
+    arm.step(500)
+    np.testing.assert_allclose(arm.state().q, arm.robot.ready, atol=1e-9)
+
+
+def test_it_follows_and_carries_a_payload(arm):
+    start = arm.state().q
+    for k in range(1000):
+        angle = 2.0 * k * 1e-3
+        arm.set_reference(
+            start + 0.2 * (1 - np.cos(angle)),
+            np.full(len(start), 0.4 * np.sin(angle)),
+            np.full(len(start), 0.8 * np.cos(angle)),
+        )
+        arm.step()
+    assert np.abs(arm.state().q - arm.reference.q).max() < 2e-3
+    assert arm.saturated_steps == 0
+    before = arm.state().torque
+    arm.set_payload(1.0)
+    arm.step()
+    lift = Arm.from_urdf(arm.robot.urdf, tip=arm.robot.tip).jacobian(arm.state().q)[2] * 9.81
+    np.testing.assert_allclose(arm.state().torque - before, lift, atol=0.5)
+
+
+def test_a_push_does_not_take_it_beyond_its_limits(arm):
+    arm.set_gravity_compensation(True)
+    for _ in range(1500):
+        arm.apply_force(np.array([10.0, -20.0, -20.0]))
+        arm.step()
+    q, limits = arm.state().q, arm.robot.limits
+    assert np.all((q > limits.lower - 0.06) & (q < limits.upper + 0.06))
+
+
+def test_fingers_open_and_close_and_the_chain_does_not_feel_it(arm):
+    if not arm.other_joints:
+        arm.set_gripper(0.0)
+        assert arm.other_positions() == []
+        return
+    assert arm.other_joints == ("panda_finger_joint1", "panda_finger_joint2")
+    np.testing.assert_allclose(arm.other_positions(), 0.04, atol=1e-6)
+    arm.set_gripper(0.01)
+    arm.step(500)
+    np.testing.assert_allclose(arm.other_positions(), 0.01, atol=2e-3)
+    np.testing.assert_allclose(arm.state().q, arm.robot.ready, atol=1e-3)
+    arm.set_gripper()
+    arm.step(500)
+    np.testing.assert_allclose(arm.other_positions(), 0.04, atol=2e-3)
+
+
+def test_a_description_begins_at_the_world_and_finds_its_meshes(arm):
+    root = ET.fromstring(arm.robot.description)
+    children = {joint.find("child").get("link") for joint in root.findall("joint")}
+    assert [n.get("name") for n in root.findall("link") if n.get("name") not in children] == [
+        "world"
+    ]
+    assert all(mesh.get("filename").startswith("file:///") for mesh in root.iter("mesh"))
+
+
+def test_the_base_and_the_hand_can_be_elsewhere():
+    robot = find_robot("panda", tip="panda_link8", base_position_m=[0.1, 0.2, 0.3])
+    plain = find_robot("panda", tip="panda_link8")
+    with SimulatedArm(robot=robot) as moved, SimulatedArm(robot=plain) as arm:
+        shift = moved.hand_pose().position - arm.hand_pose().position
+    np.testing.assert_allclose(shift, [0.1, 0.2, 0.3], atol=1e-6)
+    lwr = find_robot("lwr", base_position_m=[0.0, 0.0, 0.5])
+    np.testing.assert_array_equal(lwr.ready, find_robot("lwr").ready)
+
+
+def test_a_users_urdf_by_path(tmp_path):
+    path = tmp_path / "one.urdf"
+    path.write_text(ONE)
+    robot = find_robot(str(path))
+    assert (robot.name, robot.tip, robot.joint_names) == ("one", "arm", ("turn",))
+    np.testing.assert_allclose(robot.ready, [0.5])
+    with SimulatedArm(robot=robot) as arm:
+        arm.step(100)
+        np.testing.assert_allclose(arm.state().q, [0.5], atol=1e-9)
+
+
+def test_rotors_turn_about_the_axis_of_their_joint():
+    """The joint's x axis is -y of the inertial frame, which is turned by 90 degrees."""
+    text = with_rotors(ONE, ["turn"], np.array([50.0]))
+    found = ET.fromstring(text).find("link/inertial/inertia")
+    moments = [float(found.get(key)) for key in ("ixx", "iyy", "izz")]
+    rotor = 50.0 * ROTOR_KG_M2_PER_NM
+    np.testing.assert_allclose(moments, [0.3 + rotor / 2, 0.2 + rotor, 0.1 + rotor / 2])
+    products = [float(found.get(key)) for key in ("ixy", "ixz", "iyz")]
+    np.testing.assert_allclose(products, 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("robot", "message"),
+    [
+        ("nobody", "robot: expected one of lwr, panda, iiwa, xarm, or the path"),
+        (ONE.replace("<inertial>", MESH + "<inertial>"), "mesh package://x/y.stl, got no such"),
+        (ONE.replace("inertial>", "i>"), "arm: expected an inertia"),
+        (ONE.replace('"revolute">', '"revolute"><mimic joint="turn"/>'), "mimic"),
+        (ONE[:80], "broken XML.*xacro"),
+    ],
+)
+def test_what_cannot_be_used_is_named(robot, message, tmp_path):
+    path = robot
+    if "\n" in robot:
+        path = tmp_path / "robot.urdf"
+        path.write_text(robot)
+    with pytest.raises(ArgumentError, match=message):
+        find_robot(str(path))
+
+
+def test_meshes_of_installed_packages_are_found(tmp_path, monkeypatch):
+    mesh = tmp_path / "install/share/arm_description/link.stl"
+    mesh.parent.mkdir(parents=True)
+    mesh.write_text("solid")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path / 'install'}")
+    text = '<robot><link><mesh filename="package://arm_description/link.stl"/></link></robot>'
+    assert str(mesh) in with_meshes(text, tmp_path / "elsewhere")

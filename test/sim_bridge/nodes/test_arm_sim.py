@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node arm_sim with an arm that is not the LWR: its joints, its fingers, its description."""
+
+import numpy as np
+import pytest
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.errors import ArgumentError, KinematicsError
+from intent_recognition.nodes.conversions import build_joint_trajectory
+from intent_recognition.nodes.qos import COMMAND, LATCHED, STATE
+from sim_bridge.arm.robots import find_robot
+from sim_bridge.nodes.arm_sim import ArmSim
+
+
+def make(harness, **parameters):
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    return harness.add(ArmSim(parameter_overrides=overrides))
+
+
+def test_a_panda_follows_a_trajectory_and_shows_its_fingers(harness):
+    robot = find_robot("panda")
+    states = harness.collect(JointState, "joint_states", STATE)
+    descriptions = harness.collect(String, "robot_description", LATCHED)
+    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    node = make(harness, robot="panda", real_time_factor=5.0)
+    harness.spin_until(lambda: states and descriptions and sender.get_subscription_count())
+    fingers = ["panda_finger_joint1", "panda_finger_joint2"]
+    assert list(states[0].name) == [*robot.joint_names, *fingers]
+    np.testing.assert_allclose(states[0].position[:7], robot.ready, atol=1e-6)
+    np.testing.assert_allclose(states[0].position[7:], 0.04, atol=1e-6)
+    assert descriptions[0].data == robot.description
+    goal = robot.ready + 0.2
+    rest = np.zeros((2, 7))
+    sender.publish(
+        build_joint_trajectory(
+            robot.joint_names, np.array([0.0, 1.0]), np.stack([robot.ready, goal]), rest
+        )
+    )
+    harness.spin_until(lambda: np.abs(np.array(states[-1].position[:7]) - goal).max() < 3e-3)
+    assert node.arm.saturated_steps == 0
+
+
+def test_a_trajectory_of_another_arm_is_refused(harness):
+    states = harness.collect(JointState, "joint_states", STATE)
+    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    node = make(harness, robot="xarm", real_time_factor=5.0)
+    harness.spin_until(lambda: states and sender.get_subscription_count())
+    names = find_robot("panda").joint_names
+    sender.publish(
+        build_joint_trajectory(names, np.array([0.0, 1.0]), np.zeros((2, 7)), np.zeros((2, 7)))
+    )
+    harness.spin_until(lambda: node.diagnostics.rejected("wrong_joint_names"))
+    assert np.abs(np.array(states[-1].position) - find_robot("xarm").ready).max() < 1e-3
+
+
+def test_where_it_stands_and_begins_can_be_told(harness):
+    start = (find_robot("iiwa").ready + 0.1).tolist()
+    node = make(harness, robot="iiwa", base_position=[0.2, 0.0, 0.1], initial_position=start)
+    assert node.arm.robot.base_position_m == (0.2, 0.0, 0.1)
+    np.testing.assert_allclose(node.arm.state().q, start)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "message"),
+    [
+        ({"robot": "/no/such.urdf"}, ArgumentError, "robot"),
+        ({"robot": "panda", "tip": "hand"}, ArgumentError, "tip"),
+        ({"robot": "panda", "base_position": [1.0]}, ArgumentError, "base_position"),
+        ({"robot": "panda", "initial_position": [9.0] * 7}, KinematicsError, "panda_joint"),
+        ({"robot": "panda", "initial_position": [0.0] * 6}, ArgumentError, "panda_joint1"),
+    ],
+)
+def test_wrong_parameters_are_named(harness, parameters, error, message):
+    with pytest.raises(error, match=message):
+        make(harness, **parameters)
