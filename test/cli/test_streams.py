@@ -46,6 +46,7 @@ def check_lines(text: str, *, left_out: str) -> None:
     assert shifted.startswith("doubtful") and "0.50 s later" in shifted and "two clocks" in shifted
 
 
+@pytest.mark.slow
 def test_evaluate(run_command, folder, tmp_path):
     output, options = tmp_path / "scores.json", ("--dofs", folder / "dofs.yaml", "--basis", 8)
     fast = ("--protocol", "kfold:3", "--unknown-tasks", "off", "--json", output)

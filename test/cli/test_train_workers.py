@@ -91,6 +91,7 @@ def cluster():
         yield started
 
 
+@pytest.mark.slow
 def test_a_dask_scheduler_learns_the_same_model(train, small_parts, cluster):
     assert cluster.scheduler_address.startswith("tcp://127.0.0.1:")
     elsewhere, _ = train("--scheduler", cluster.scheduler_address)

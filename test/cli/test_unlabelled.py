@@ -74,6 +74,7 @@ def test_options_that_contradict_each_other_are_refused(run, arguments):
         run("train", "bags", *arguments)
 
 
+@pytest.mark.slow
 def test_evaluation_adds_the_mixture(run):
     text, output = run(
         "evaluate", "bags", "--unlabelled", "--protocol", "kfold:2", "--unknown-tasks", "off"
@@ -92,6 +93,7 @@ def test_evaluation_of_recordings_without_a_single_label(run):
     assert "no recording has a label" in text
 
 
+@pytest.mark.slow
 def test_some_without_labels_are_clustered_but_not_scored(run, recorded, tmp_path):
     for name in ("bags", "nameless"):
         shutil.copytree(recorded / name, tmp_path / "all", dirs_exist_ok=True)

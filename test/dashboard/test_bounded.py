@@ -94,6 +94,7 @@ def watched(harness):
     watched.page.close()
 
 
+@pytest.mark.slow
 def test_the_page_keeps_no_more_after_many_observations(watched):
     watched.observe(480)
     before = watched.sizes()

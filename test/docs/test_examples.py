@@ -41,6 +41,7 @@ def test_the_library_works_as_the_readme_shows(capsys):
 GALLERY = sorted((ROOT / "examples").glob("*.py"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", GALLERY, ids=lambda path: path.stem)
 def test_an_example_of_the_gallery_runs(example, monkeypatch):
     """The site runs them, too; here without drawing anything to a file."""

@@ -166,6 +166,7 @@ def test_too_few_recordings_for_a_protocol(n, protocol):
         make_folds(some(n), protocol)
 
 
+@pytest.mark.slow
 def test_several_units_give_one_number_each_in_their_own_unit():
     def with_hand(recording: Demonstration, factor: float) -> Demonstration:
         own = recording.controlled[0]
@@ -379,6 +380,7 @@ def with_robot_later(recording: Demonstration, shift_s: float) -> Demonstration:
     return replace(recording, controlled=tuple(shifted))
 
 
+@pytest.mark.slow
 def test_what_cannot_be_scored_is_left_out_and_named(identical):
     """The scores of the others do not change, and those left out are in no fold."""
     short = replace(IDENTICAL[0], name="short", end_ns=START_NS + 100_000_000)

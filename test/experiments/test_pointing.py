@@ -24,6 +24,7 @@ def outcome():
     return run(Settings(quick=True))
 
 
+@pytest.mark.slow
 def test_the_arm_points_within_the_circle_tenth(outcome):
     numbers = outcome.numbers
     assert len(numbers["error_m"]) == 2
@@ -33,10 +34,12 @@ def test_the_arm_points_within_the_circle_tenth(outcome):
     json.dumps(dict(numbers))
 
 
+@pytest.mark.slow
 def test_the_arm_does_what_was_predicted(outcome):
     assert outcome.numbers["largest_execution_error_m"] < 0.002
 
 
+@pytest.mark.slow
 def test_other_seeds_stand_beside_the_shipped_draw(outcome):
     (draw,) = outcome.numbers["draws"]
     assert draw["seed"] == 2 and 0.0 < draw["mean_m"] <= draw["largest_m"] < 0.15

@@ -139,6 +139,7 @@ def test_a_distrusted_spline_leaves_the_prior_mean(pairs):
     np.testing.assert_allclose(matrix @ np.full(4, 3.0) + offset, mean, atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sparse_outcome", "noise_outcome"])
 def test_outcomes_are_complete(name, request):
     outcome = request.getfixturevalue(name)

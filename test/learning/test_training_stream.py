@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from simulation import make_library, signals, simulate
 
 from intent_recognition.errors import TrainingError
-from intent_recognition.learning import accumulation, selection, statistics
+from intent_recognition.learning import accumulation, selection, statistics, unknown_task
 from intent_recognition.learning.accumulation import accumulate, merge_accumulated
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.learning.training import (
@@ -255,5 +255,7 @@ def peak_memory(n: int) -> int:
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_demonstrations(monkeypatch):
     monkeypatch.setattr(statistics, "MAX_EXAMPLES", 30)
+    monkeypatch.setattr(selection, "MAX_VALIDATED", 6)  # they are bounded anyway
+    monkeypatch.setattr(unknown_task, "MAX_CALIBRATED", 6)
     few, many = peak_memory(80), peak_memory(800)
     assert many < 1.1 * few

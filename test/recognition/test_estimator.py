@@ -34,6 +34,7 @@ def library(truth) -> TaskLibrary:
     return learned(truth)
 
 
+@pytest.mark.slow
 def test_each_task_is_recognised_before_its_end(library, truth, rng):
     for task in range(3):
         for _ in range(5):

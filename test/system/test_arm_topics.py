@@ -7,6 +7,7 @@ from collections import Counter
 from contextlib import ExitStack
 
 import numpy as np
+import pytest
 from ros_harness import NodeProcess
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -29,6 +30,7 @@ def arguments(call):
     return ["--ros-args", *(word for pair in pairs for word in pair)]
 
 
+@pytest.mark.slow
 def test_both_topics_changed_the_arm_moves_and_the_bag_holds_the_commands(harness, tmp_path):
     bag = tmp_path / "session"
     given = {

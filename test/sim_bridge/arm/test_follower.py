@@ -148,6 +148,7 @@ def scripts(draw):
     return script
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(scripts())
 def test_replacement_is_continuous_and_its_acceleration_bounded(script):

@@ -158,6 +158,7 @@ def test_catching_depends_on_the_place(world):
     assert over.through_wall == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("experiment", [POURING, FILLING])
 def test_a_block_depends_on_its_seed_alone(experiment):
     block = TrialBlock(5, experiment, 2, 1, n_trials=2)

@@ -33,6 +33,7 @@ def content(folder):
         ]
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_and_equal_to_what_is_shipped(tmp_path, repository):
     one = write_demonstration(demonstrate(FIRST), tmp_path / "a")
     two = write_demonstration(demonstrate(FIRST), tmp_path / "b")
@@ -46,6 +47,7 @@ def test_same_seed_same_bytes_and_equal_to_what_is_shipped(tmp_path, repository)
     assert all(a == b for a, b in poses)
 
 
+@pytest.mark.slow
 def test_another_seed_gives_other_movements():
     a = demonstrate(FIRST).wrist.samples.positions_m[:50]
     b = demonstrate(ToolboxOrder(2, "train", HOLD, 3)).wrist.samples.positions_m[:50]

@@ -70,6 +70,7 @@ def test_the_wrist_is_a_hand_away_from_the_spot_and_above_the_table():
     assert wrists[:, 2].min() > TABLE_HEIGHT_M + 0.1
 
 
+@pytest.mark.slow
 def test_the_arm_is_led_to_the_spot_without_touching_the_table():
     shown = record_once(PointingOrder(1, "train", 4))
     arm = shown.arm

@@ -105,6 +105,7 @@ def test_the_orders_are_14_on_either_side_and_nine_spots_on_both():
     assert len({o.folder for o in orders}) == len({o.start_ns for o in orders}) == 28
 
 
+@pytest.mark.slow
 def test_a_lesson_is_led_on_its_side_and_depends_on_its_order_alone():
     order = recordings.orders(1)[0]
     first, again = recordings.demonstrate(order), recordings.demonstrate(order)

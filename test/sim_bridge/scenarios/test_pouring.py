@@ -75,6 +75,7 @@ def test_joints_carry_the_hand_along_the_path():
         plan_joints(far, grasp)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("led", [False, True])
 def test_a_pour_loses_no_ball(led):
     cup, second = make_container("tumbler"), make_container("round_bowl")

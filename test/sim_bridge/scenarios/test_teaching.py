@@ -77,6 +77,7 @@ def test_the_fetch_is_short_and_the_same_but_for_the_tempo():
         np.testing.assert_allclose(np.array(phases[0])[:, -1], stand + LIFT_M, atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("task", "k"), SHOWN)
 def test_taught_arm_stays_within_limits_and_starts_at_home(task, k):
     arm = shown(task, k).arm
