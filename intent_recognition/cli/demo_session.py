@@ -15,6 +15,7 @@ from rich.console import Console
 from intent_recognition.cli.session_watch import (
     COWORKER,
     END_SIGNALS,
+    Heartbeats,
     NodeWatch,
     ProgressLine,
     interrupt,
@@ -120,12 +121,16 @@ def _run_graph(
 
     progress = ProgressLine(n_tasks, console)
     simulated_time = [Parameter("use_sim_time", value=True)]
+    heartbeats = Heartbeats()
     observer = SessionObserver(
-        progress.on_task, progress.on_active, parameter_overrides=simulated_time
+        progress.on_task,
+        progress.on_active,
+        heartbeats.hear,
+        parameter_overrides=simulated_time,
     )
     executor = make_executor()
     executor.add_node(observer)
-    watch = NodeWatch(processes, executor)
+    watch = NodeWatch(processes, executor, heartbeats)
     try:
         _refuse_busy_domain(observer, watch)
         _start_nodes(args, calls, observer, watch)

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 
 from intent_recognition import __version__
+from intent_recognition.cli import raise_interrupts
 from intent_recognition.cli.completion import add_completion_option
 from intent_recognition.cli.help import COMMANDS, Formatter
 from intent_recognition.errors import IntentError, one_line
@@ -40,6 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     known = words[0] in COMMANDS if words else False
     args = make_parser(words[:1] if known else COMMANDS).parse_args(words)
+    raise_interrupts()
     try:
         code = int(args.run(args) or 0)
         sys.stdout.flush()

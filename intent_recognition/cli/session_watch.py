@@ -3,7 +3,7 @@
 
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,48 @@ if TYPE_CHECKING:
 COWORKER = "coworker_sim"
 SLICE_S = 0.1
 """Longest wait for a callback between two looks at nodes and signals [s]. Convention."""
+HUNG_S = 15.0
+"""A node that has said nothing on /diagnostics for so long hangs [s]. Convention: three times the
+longest that learning keeps one busy."""
+LONGEST_STEP_S = 1.0
+"""What counts at most of the time between two looks [s]: this process may have been stopped."""
 END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Heartbeats:
+    """For how long nodes that have reported once have been silent.
+
+    Args:
+        clock: seconds, monotonic.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._looked_s = clock()
+        self._silent_s: dict[str, float] = {}
+
+    def hear(self, name: str) -> None:
+        """A node has reported."""
+        self._silent_s[name] = 0.0
+
+    def check(self, names: Iterable[str]) -> None:
+        """Make sure that none of these nodes hangs.
+
+        Raises:
+            IntentError: one has not reported for `HUNG_S`.
+        """
+        now_s = self._clock()
+        step_s, self._looked_s = min(now_s - self._looked_s, LONGEST_STEP_S), now_s
+        for name in self._silent_s:
+            self._silent_s[name] += step_s
+        for name in names:
+            if self._silent_s.get(name, 0.0) > HUNG_S:
+                got = f"none for {HUNG_S:.0f} s"
+                raise IntentError(
+                    describe(
+                        f"node {name}", "reports on /diagnostics", got, "It hangs; see its log."
+                    )
+                )
 
 
 class NodeWatch:
@@ -27,10 +68,18 @@ class NodeWatch:
 
     A callback must not be interrupted halfway: from here on a signal is noted, and ends what is
     waited for after the callback under way.
+
+    Args:
+        processes: the nodes.
+        executor: of this process.
+        heartbeats: what the nodes say on /diagnostics.
     """
 
-    def __init__(self, processes: "NodeProcesses", executor: "Executor") -> None:
+    def __init__(
+        self, processes: "NodeProcesses", executor: "Executor", heartbeats: Heartbeats
+    ) -> None:
         self.processes = processes
+        self._heartbeats = heartbeats
         self._executor = executor
         self._interrupted = False
         for number in END_SIGNALS:
@@ -40,7 +89,7 @@ class NodeWatch:
         """Wait until a condition holds.
 
         Raises:
-            IntentError: a node died, or the deadline is over.
+            IntentError: a node died or hangs, or the deadline is over.
             KeyboardInterrupt: a signal came.
         """
         end_s = time.monotonic() + deadline_s
@@ -61,7 +110,7 @@ class NodeWatch:
         """Wait for a signal.
 
         Raises:
-            IntentError: a node died.
+            IntentError: a node died or hangs.
         """
         with suppress(KeyboardInterrupt):
             while True:
@@ -72,6 +121,7 @@ class NodeWatch:
             self._interrupted = False
             raise KeyboardInterrupt
         self.processes.check(may_end=(COWORKER,))
+        self._heartbeats.check(filter(self.processes.running, self.processes.names))
         self._executor.spin_once(timeout_sec=SLICE_S)
 
     def _note(self, number: int, frame: object) -> None:

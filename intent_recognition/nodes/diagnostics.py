@@ -21,6 +21,9 @@ LATENCY_WINDOW = 2000
 PUBLISHERS, LIFECYCLE, ACTIVE, INACTIVE = "publishers ", "lifecycle", "active", "not active"
 """Keys of a report, the first to be followed by a topic, and what a lifecycle node says."""
 
+MODEL = "model"
+"""Key under which the estimator says which model file it has loaded."""
+
 
 class Level(IntEnum):
     """Levels of a DiagnosticStatus."""

@@ -17,7 +17,7 @@ from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.model import Model, check_dofs, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
-from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.diagnostics import MODEL, Diagnostics, Level
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import MarkerBuilder, to_path
 from intent_recognition.nodes.observation_input import ObservationInput
@@ -142,6 +142,7 @@ class IntentEstimatorNode(ManagedNode):
         self._last_arrival_s = 0.0
         self._last_publication_ns = 0
         self._configured = True
+        self._diagnostics.value(MODEL, self.get_parameter("model").value)
         self.get_logger().info(f"tasks: {', '.join(self._model.labels)}")
 
     def activate(self) -> None:
@@ -288,6 +289,7 @@ class IntentEstimatorNode(ManagedNode):
             self._tasks_template = SerializedNamedVector((*model.labels, NONE))
             self._marker_builder.set_labels(model.labels)
             self._next_task.update(self._estimator)
+            self._diagnostics.value(MODEL, self.get_parameter("model").value)
         except IntentError as error:
             response.success, response.message = False, str(error)
             self.get_logger().error(f"reload_model: {error}")

@@ -86,6 +86,11 @@ class NodeProcesses:
                 preexec_fn=_die_with_parent if sys.platform == "linux" else None,
             )
 
+    @property
+    def names(self) -> list[str]:
+        """Of all nodes that were started."""
+        return list(self._processes)
+
     def log_file(self, name: str) -> Path:
         """Where a node's output goes."""
         return self._log_folder / f"{name}.log"

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
@@ -28,12 +29,18 @@ class SessionObserver(Node):
     Args:
         on_task: called with (ground truth label, or "" at the end of a movement).
         on_active: called with the active task whenever it changes.
+        on_report: called with the name of a node that reports on /diagnostics.
     """
 
     def __init__(
-        self, on_task: Callable[[str], None], on_active: Callable[[str], None], **kwargs: Any
+        self,
+        on_task: Callable[[str], None],
+        on_active: Callable[[str], None],
+        on_report: Callable[[str], None],
+        **kwargs: Any,
     ) -> None:
         super().__init__("session_observer", **kwargs)
+        self._on_report = on_report
         self._on_task, self._on_active = on_task, on_active
         self._labels: tuple[str, ...] = (NONE,)
         self._wrist: list[tuple[int, NDArray[np.float64]]] = []
@@ -52,6 +59,7 @@ class SessionObserver(Node):
             (String, "coworker/task", self._take_truth, qos.STATE),
         )
         self._inputs = [self.create_subscription(*topic) for topic in topics]
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._take_reports, 10)
 
     def close(self) -> None:
         """Unsubscribe: what comes after the session is not part of it."""
@@ -140,6 +148,10 @@ class SessionObserver(Node):
 
     def _take_truth(self, message: String) -> None:
         self._on_task(message.data)
+
+    def _take_reports(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self._on_report(status.name)
 
 
 def _columns(

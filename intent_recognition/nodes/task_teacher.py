@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: records demonstrations while the graph runs and learns them for the estimator."""
 
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.task import Future
@@ -16,12 +18,15 @@ from intent_recognition.demonstrations import DofSpec, load_dofs
 from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
 from intent_recognition.model import WAIT, Change, TaskFolder, load_model
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.diagnostics import Level
+from intent_recognition.nodes.diagnostics import MODEL, Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.topic_recorder import TopicRecorder, answer, refuse_label
 
 ESTIMATOR = "intent_estimator"
+ANSWER_S = 5.0
+"""An estimator that has not answered for so long is asked again [s]. Convention: a model is loaded
+in less than one."""
 
 
 class TaskTeacher(TopicRecorder):
@@ -32,6 +37,9 @@ class TaskTeacher(TopicRecorder):
     parameter `learn_at_stop` is false: then recordings wait for `~/learn`. `~/discard` ends a
     recording and keeps it aside; `~/undo` takes the last one back. What happened is on
     `teach/status`, a sentence each, the last one latched.
+
+    An estimator that had the library's model and reports another one, since it was started again,
+    gets it back.
 
     Attributes:
         folder: the library of tasks.
@@ -46,6 +54,8 @@ class TaskTeacher(TopicRecorder):
         parameter(self, "learn_at_stop", True, "learn each recording at once, not at ~/learn")
         self.last_status = ""
         self.sending_model = False
+        self._asked_s = 0.0
+        self._in_use = False
         self.folder = self._open_folder()
         self.waiting: list[Path] = self.folder.waiting()
         self.add_on_set_parameters_callback(refuse_label)
@@ -60,6 +70,8 @@ class TaskTeacher(TopicRecorder):
             self.create_service(Trigger, f"~/{name}", partial(_serve, action))
         self._set_model = self.create_client(SetParameters, f"{ESTIMATOR}/set_parameters")
         self._reload = self.create_client(Trigger, f"{ESTIMATOR}/reload_model")
+        self._estimator_name = self.resolve_topic_name(ESTIMATOR).lstrip("/")
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_reports, 10)
         entries = (*self.folder.dofs.observed, *self.folder.dofs.controlled)
         self.listen([entry.topic.lstrip("/") for entry in entries])
         left = f"; {len(self.waiting)} recordings wait to be learned" if self.waiting else ""
@@ -164,7 +176,7 @@ class TaskTeacher(TopicRecorder):
         if not self.estimator_runs():
             self._report(Level.OK, f"{text}; no estimator runs")
             return
-        self.sending_model = True
+        self.sending_model, self._asked_s = True, time.monotonic()
         value = Parameter("model", value=str(self.folder.model_path)).to_parameter_msg()
         asked = self._set_model.call_async(SetParameters.Request(parameters=[value]))
         asked.add_done_callback(lambda _: self._ask_to_load(text))
@@ -178,9 +190,25 @@ class TaskTeacher(TopicRecorder):
         self.sending_model = False
         answer = future.result()
         if answer.success:
+            self._in_use = True
             self._report(Level.OK, f"{text}; in use")
         else:
             self._report(Level.WARN, f"{text}; not loaded: {answer.message}")
+
+    def _on_reports(self, message: DiagnosticArray) -> None:
+        """Notice an estimator that was started again with the model of the beginning."""
+        for status in message.status:
+            if status.name != self._estimator_name:
+                continue
+            loaded = {row.key: row.value for row in status.values}.get(MODEL)
+            if loaded == str(self.folder.model_path):
+                self._in_use = True
+            elif self._in_use and loaded is not None and not self._is_asking():
+                self._send_model("the estimator was started again")
+
+    def _is_asking(self) -> bool:
+        """Whether the answer of the estimator may still come; one that died sends none."""
+        return self.sending_model and time.monotonic() - self._asked_s < ANSWER_S
 
     def estimator_runs(self) -> bool:
         """Whether there is an estimator to give models to."""

@@ -2,6 +2,7 @@
 """`intent`: one parser, help for every command, one line for every error."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -94,6 +95,24 @@ def test_as_a_process_it_ends_with_code_and_one_line():
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1 and not done.stdout
     assert len(done.stderr.splitlines()) == 1 and "/no/bag" in done.stderr
+
+
+@pytest.mark.parametrize("n_imports", [0, 100, 300])
+def test_an_interrupt_during_imports_is_quiet(tmp_path, n_imports):
+    script = tmp_path / "intent"  # as pip writes it
+    script.write_text(
+        "import sys\nfrom intent_recognition.cli.main import main\nsys.exit(main())\n"
+    )
+    command = [sys.executable, "-v", str(script), "evaluate", "/no/bag"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        next(line for line in process.stderr if line.startswith("import 'intent_recognition.cli' "))
+        for _ in range(n_imports):  # each import is a line
+            next(process.stderr)
+        process.send_signal(signal.SIGINT)
+        rest = process.stderr.read()
+    assert process.returncode == 130
+    assert "Traceback" not in rest
 
 
 def test_a_reader_that_closes_early_sees_no_traceback(repository):

@@ -120,6 +120,23 @@ def test_a_task_taught_while_the_graph_runs_is_recognised_and_taken_back(harness
     assert not cell.call("undo").success
 
 
+def test_an_estimator_that_was_started_again_gets_the_taught_model(harness, tmp_path, model):
+    cell = Cell(harness, tmp_path / "mine", model)
+    assert cell.call("start").success
+    cell.show(50)
+    assert cell.call("stop").success
+    cell.wait_said("in use")
+    cell.said.clear()
+    harness.executor.remove_node(cell.estimator)
+    harness.nodes.remove(cell.estimator)
+    cell.estimator.destroy_node()
+    override = [Parameter("model", value=str(model))]
+    cell.estimator = harness.add(IntentEstimatorNode(parameter_overrides=override))
+    assert cell.estimator.active and tuple(cell.estimator._model.labels) == OLD
+    cell.wait_said("started again; in use")
+    assert tuple(cell.estimator._model.labels) == (*OLD, NEW)
+
+
 def test_bad_requests_say_what_is_wrong_and_leave_the_model(harness, tmp_path, model):
     cell = Cell(harness, tmp_path / "mine", model)
     assert "Start one first" in cell.call("stop").message
