@@ -24,7 +24,17 @@ from .learning import (
 )
 from .model import Model, load_model, save_model
 from .objects import find_object, load_object
-from .promp import InteractionProMP, NormalizedRBFBasis, TaskLibrary, Trajectory
+from .promp import (
+    Blend,
+    InteractionProMP,
+    NormalizedRBFBasis,
+    TaskLibrary,
+    Trajectory,
+    blend,
+    co_activate,
+    smooth_switch,
+    via_point,
+)
 from .recognition import (
     DecisionSettings,
     DecisionState,
@@ -61,6 +71,7 @@ __all__ = [
     "BagError",
     "BagReader",
     "BagWriter",
+    "Blend",
     "DecisionSettings",
     "DecisionState",
     "Demonstration",
@@ -93,6 +104,8 @@ __all__ = [
     "WarpedPrimitive",
     "align",
     "align_to",
+    "blend",
+    "co_activate",
     "condition",
     "cut_to_movement",
     "decide",
@@ -116,5 +129,7 @@ __all__ = [
     "recover",
     "reliability_bins",
     "save_model",
+    "smooth_switch",
+    "via_point",
     "warp_object",
 ]

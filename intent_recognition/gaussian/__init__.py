@@ -2,6 +2,7 @@
 """Gaussian distributions: every way to condition them (dense, batched, delayed), and mixtures."""
 
 from intent_recognition.gaussian.batch import GaussianBatch, make_state, pending_shape, state_width
+from intent_recognition.gaussian.density_product import product
 from intent_recognition.gaussian.gaussian_mixture import GaussianMixture, fit_gaussian_mixture
 from intent_recognition.gaussian.linalg import (
     LOG_2_PI,
@@ -62,6 +63,7 @@ __all__ = [
     "maximisation",
     "one_hot",
     "pending_shape",
+    "product",
     "regression",
     "solve_lower",
     "state_width",

@@ -2,6 +2,7 @@
 """The interaction primitive: basis functions, weights, their prior, and prediction."""
 
 from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.combining import Blend, blend, co_activate, smooth_switch, via_point
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.library import NONE, TaskLibrary
@@ -42,6 +43,7 @@ __all__ = [
     "NONE",
     "STEADY",
     "USUAL_END_STD",
+    "Blend",
     "ControlGrid",
     "InteractionProMP",
     "NormalizedRBFBasis",
@@ -51,6 +53,8 @@ __all__ = [
     "TaskLibrary",
     "Trajectory",
     "WeightFit",
+    "blend",
+    "co_activate",
     "controlled_weights",
     "deviation_grid",
     "deviation_prior",
@@ -68,6 +72,8 @@ __all__ = [
     "rollout",
     "shared_covariance",
     "shrunk_covariance",
+    "smooth_switch",
     "structured_target",
+    "via_point",
     "weight_floor",
 ]

@@ -1,0 +1,327 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Primitives combined: via points, co-activation, and blending over time.
+
+The operators of Paraschos et al. 2013, "Probabilistic Movement Primitives", Section 2.2, and
+Paraschos et al. 2018, "Using Probabilistic Movement Primitives in Robotics" (modulation by
+conditioning; combination and blending), on the joint primitive of both agents.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.gaussian import (
+    Gaussian,
+    condition,
+    marginal,
+    product,
+    regression,
+    symmetrize,
+)
+from intent_recognition.promp.interaction import InteractionProMP
+
+
+class Blend(NamedTuple):
+    """The trajectory of some DOFs that primitives give together.
+
+    Attributes:
+        times_s: (T,).
+        positions: mean, (T, m).
+        velocities: derivative of the mean, per second, (T, m).
+        covariance: of the positions at each time, measurement noise included, (T, m, m).
+    """
+
+    times_s: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    velocities: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+    @property
+    def std(self) -> NDArray[np.float64]:
+        """Standard deviation of each position, (T, m)."""
+        return np.sqrt(np.einsum("tdd->td", self.covariance))
+
+
+def via_point(
+    primitive: InteractionProMP,
+    time_s: float,
+    values: ArrayLike,
+    *,
+    dofs: Sequence[int] | None = None,
+    covariance: ArrayLike | None = None,
+    velocity: bool = False,
+    keep_observed: bool = True,
+) -> InteractionProMP:
+    """A primitive that passes through a point: any DOFs, at any time, as exactly as asked for.
+
+    The weights are conditioned on the point with the covariance of the wish alone (Paraschos et al.
+    2013, "modulation of via-points"): w' = w + L (y - H w), L = P H^T (R + H P H^T)^-1. With no
+    covariance the mean passes through the point; what an infinite variance is asked of is left
+    out. The robot's other DOFs and times follow by their correlation.
+
+    A wish for the robot is no evidence about the person: with controlled DOFs alone, the observed
+    ones stay as they are, and w, P are the robot's weights given the person's, whatever these are.
+    Conditioning on the person before or after comes to the same.
+
+    Args:
+        primitive: to modulate; it stays as it is.
+        time_s: when, from 0 to `duration_s`; the end for an end point [s].
+        values: the point, (m,), in the units of the DOFs, per second with `velocity`.
+        dofs: m numbers, counted from 0 over the observed, then the controlled ones; None for all
+            controlled ones.
+        covariance: how exactly, (m, m), variances (m,) of which some may be infinite, or None.
+        velocity: whether the point is a velocity.
+        keep_observed: False takes the point as evidence about the person too, as
+            `InteractionProMP.condition` does; so does naming an observed DOF.
+
+    Raises:
+        ShapeError: the arrays do not fit each other.
+        ArgumentError: a number is not finite, there is no such DOF or time, or the primitive has no
+            freedom left to pass there, as where it was conditioned exactly before.
+    """
+    index = _index(primitive, dofs)
+    if not 0.0 <= time_s <= primitive.duration_s:
+        expected = f"a time from 0 to {primitive.duration_s:g} s"
+        raise ArgumentError(describe("time_s", expected, time_s, "Give a time of the movement."))
+    point = np.asarray(values, dtype=np.float64)
+    wish = np.zeros(index.size) if covariance is None else np.asarray(covariance, np.float64)
+    if point.shape != index.shape or wish.shape not in (index.shape, 2 * index.shape):
+        expected = f"values ({index.size},) and a covariance ({index.size}, {index.size})"
+        got = f"{point.shape} and {wish.shape}"
+        raise ShapeError(describe("values, covariance", expected, got, "Give one for each DOF."))
+    wish = np.array(np.diag(wish) if wish.ndim == 1 else wish, dtype=np.float64)
+    wanted = ~np.isinf(np.diag(wish))
+    if not (np.all(np.isfinite(point[wanted])) and np.all(np.isfinite(wish[wanted][:, wanted]))):
+        raise ArgumentError(describe("values", "finite numbers", "NaN or infinity", "Leave out."))
+    if not wanted.any():
+        return primitive
+    rows = index[wanted]
+    phase = np.array([time_s / primitive.duration_s])
+    if velocity:
+        design = primitive.basis.derivative_matrix(phase) / primitive.duration_s
+        matrix = np.asarray(np.kron(np.eye(primitive.n_dofs)[rows], design), np.float64)
+    else:
+        matrix = primitive.observation_matrix(phase, rows.tolist())
+    spread, n_own = wish[wanted][:, wanted], primitive.n_observed * primitive.basis.n_basis
+    if keep_observed and n_own and np.all(rows >= primitive.n_observed):
+        weights = _condition_controlled(
+            primitive.weights, n_own, matrix[:, n_own:], point[wanted], spread
+        )
+    else:
+        weights, _ = condition(primitive.weights, matrix, point[wanted], spread)
+    return replace(primitive, weights=weights)
+
+
+def co_activate(
+    primitives: Sequence[InteractionProMP], activations: Sequence[float]
+) -> InteractionProMP:
+    """One primitive that does justice to several at once: the product of their distributions.
+
+    p(w) is proportional to prod_i p_i(w)^a_i (Paraschos et al. 2013, "combination"): where one is
+    sure and another is not, the sure one decides. Activations that sum to 1 leave a primitive
+    combined with itself as it is. The result can be conditioned as any primitive. Duration and
+    measurement noise are the means, weighted by the activations.
+
+    Args:
+        primitives: of the same DOFs and basis functions.
+        activations: a_i of each, not negative, not all zero.
+
+    Raises:
+        ArgumentError: the primitives do not fit each other, or no activation is above zero.
+    """
+    _check_same(primitives)
+    powers = _activations(activations, (len(primitives),))
+    share = powers / powers.sum()
+    return replace(
+        primitives[0],
+        weights=product([one.weights for one in primitives], powers.tolist()),
+        noise_variance=share @ np.array([one.noise_variance for one in primitives]),
+        duration_s=float(share @ [one.duration_s for one in primitives]),
+    )
+
+
+def blend(
+    primitives: Sequence[InteractionProMP],
+    times_s: ArrayLike,
+    activations: ArrayLike,
+    *,
+    rates: ArrayLike | None = None,
+    starts_s: Sequence[float] | None = None,
+    dofs: Sequence[int] | None = None,
+) -> Blend:
+    """Go over from one primitive to another while the movement lasts.
+
+    At each time the positions' distribution is proportional to prod_i p_i(y_t)^a_i(t) (Paraschos et
+    al. 2013, "blending"): precisions add up, weighted by the activations. Where one primitive is
+    much surer than another, it decides from a small activation on. The paper multiplies positions
+    and velocities together and lets a controller follow; here the velocity is the derivative of the
+    blended mean, so that a position controller can follow the pair. Both are continuous where the
+    activations have continuous rates (`smooth_switch`).
+
+    Args:
+        primitives: K, of the same DOFs. Before its start and after its end a primitive stands
+            still where it begins and ends.
+        times_s: increasing, (T,) [s].
+        activations: (T, K), not negative, not all zero at any time.
+        rates: their derivatives, (T, K) [1/s]; None differentiates them numerically.
+        starts_s: when each begins [s]; None for all at 0.
+        dofs: m numbers, counted from 0 over the observed, then the controlled ones; None for all
+            controlled ones: what the person does is not ours to blend.
+
+    Raises:
+        ShapeError: the arrays do not fit each other.
+        ArgumentError: the primitives do not fit each other, times do not increase, or an
+            activation is negative, not finite, or none is above zero.
+    """
+    if len({(one.n_observed, one.n_dofs) for one in primitives}) != 1:
+        got = [(one.n_observed, one.n_dofs) for one in primitives]
+        raise ArgumentError(describe("primitives", "the same DOFs", got, "Learn them together."))
+    times = np.asarray(times_s, dtype=np.float64)
+    if times.ndim != 1 or times.size < 2 or not np.all(np.diff(times) > 0.0):
+        raise ArgumentError(describe("times_s", "increasing times (T,)", times, "Sort them."))
+    shares = _activations(activations, (times.size, len(primitives)))
+    if rates is None:
+        edge: Literal[1, 2] = 2 if times.size > 2 else 1
+        slopes = np.asarray(np.gradient(shares, times, axis=0, edge_order=edge), np.float64)
+    else:
+        slopes = np.asarray(rates, dtype=np.float64)
+    if slopes.shape != shares.shape:
+        expected = f"shape {shares.shape}"
+        raise ShapeError(describe("rates", expected, slopes.shape, "One for each activation."))
+    starts = [0.0] * len(primitives) if starts_s is None else starts_s
+    index = _index(primitives[0], dofs)
+    precision, precision_rate = np.zeros((2, times.size, index.size, index.size))
+    pull, pull_rate = np.zeros((2, times.size, index.size))
+    for one, start, share, slope in zip(primitives, starts, shares.T, slopes.T, strict=True):
+        mean, mean_rate, covariance, covariance_rate = _moments(one, times - start, index)
+        inverse = np.linalg.inv(covariance)
+        own = share[:, None, None] * inverse
+        own_rate = slope[:, None, None] * inverse - own @ covariance_rate @ inverse
+        precision += own
+        precision_rate += own_rate
+        pull += _times(own, mean)
+        pull_rate += _times(own_rate, mean) + _times(own, mean_rate)
+    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    positions = _times(covariance, pull)
+    velocities = _times(covariance, pull_rate - _times(precision_rate, positions))
+    return Blend(times, positions, velocities, symmetrize(covariance))
+
+
+def smooth_switch(
+    times_s: ArrayLike, at_s: float, over_s: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Activations of two primitives, the second taking over from the first.
+
+    The second's is 10 s^3 - 15 s^4 + 6 s^5 of the share s of the time that has passed (minimum
+    jerk, Flash and Hogan 1985), the first's the rest: continuous up to the second derivative.
+
+    Args:
+        times_s: (T,) [s].
+        at_s: middle of the change [s].
+        over_s: its length, above zero [s].
+
+    Returns:
+        Activations (T, 2), and their rates (T, 2) [1/s], as `blend` takes them.
+
+    Raises:
+        ArgumentError: the change has no length.
+    """
+    if not over_s > 0.0:
+        raise ArgumentError(describe("over_s", "a time above zero", over_s, "Give a longer one."))
+    share = (np.asarray(times_s, dtype=np.float64) - at_s) / over_s + 0.5
+    share = np.clip(share, 0.0, 1.0)
+    second = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    rate = 30.0 * share**2 * (1.0 - share) ** 2 / over_s
+    return np.column_stack([1.0 - second, second]), np.column_stack([-rate, rate])
+
+
+def _condition_controlled(
+    joint: Gaussian,
+    n_observed: int,
+    matrix: NDArray[np.float64],
+    point: NDArray[np.float64],
+    spread: NDArray[np.float64],
+) -> Gaussian:
+    """The observed weights as they are, the controlled ones given them conditioned on a point.
+
+    With w_c | w_o = b + A w_o + e, e of covariance C, the gain K = C H^T (H C H^T + R)^-1 does not
+    depend on w_o, so that A becomes (1 - K H) A, and b becomes b + K (y - H b).
+
+    Args:
+        joint: of (w_o, w_c).
+        n_observed: weights w_o.
+        matrix: H of the controlled weights, (m, n_c).
+        point: y, (m,).
+        spread: R, (m, m).
+    """
+    rule = regression(joint, n_observed)
+    own, _ = condition(Gaussian(rule.offset, rule.covariance), matrix, point, spread)
+    gained = matrix @ rule.covariance
+    gain = np.linalg.solve(gained @ matrix.T + spread, gained).T
+    slope = rule.matrix - gain @ (matrix @ rule.matrix)
+    observed = marginal(joint, np.arange(n_observed))
+    cross = slope @ observed.covariance
+    covariance = np.block(
+        [[observed.covariance, cross.T], [cross, cross @ slope.T + own.covariance]]
+    )
+    mean = np.concatenate([observed.mean, slope @ observed.mean + own.mean])
+    return Gaussian(mean, symmetrize(covariance))
+
+
+def _moments(
+    primitive: InteractionProMP, times_s: NDArray[np.float64], dofs: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], ...]:
+    """Mean (T, m) and covariance (T, m, m) of positions, and their derivatives per second."""
+    basis, n_dofs = primitive.basis, primitive.n_dofs
+    phase = np.clip(times_s / primitive.duration_s, 0.0, 1.0)
+    moving = (times_s >= 0.0) & (times_s <= primitive.duration_s)
+    design = basis.design_matrix(phase)
+    slope = basis.derivative_matrix(phase) * (moving / primitive.duration_s)[:, None]
+    means = primitive.weights.mean.reshape(n_dofs, -1)[dofs].T
+    blocks = primitive.weights.covariance.reshape(n_dofs, basis.n_basis, n_dofs, basis.n_basis)
+    blocks = blocks[dofs][:, :, dofs]
+    half = np.einsum("dkel,tl->tdke", blocks, design)
+    covariance = np.einsum("tk,tdke->tde", design, half) + np.diag(primitive.noise_variance[dofs])
+    rate = np.einsum("tk,tdke->tde", slope, half)
+    return design @ means, slope @ means, covariance, rate + rate.transpose(0, 2, 1)
+
+
+def _times(matrices: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The product of each of T matrices with its vector, (T, D)."""
+    return np.asarray(np.einsum("tij,tj->ti", matrices, vectors))
+
+
+def _index(primitive: InteractionProMP, dofs: Sequence[int] | None) -> NDArray[np.int64]:
+    """Numbers of DOFs, checked; None for the controlled ones."""
+    index = np.array(range(primitive.n_observed, primitive.n_dofs) if dofs is None else dofs, int)
+    if not index.size or index.min() < 0 or index.max() >= primitive.n_dofs:
+        expected = f"numbers from 0 to {primitive.n_dofs - 1}"
+        raise ArgumentError(describe("dofs", expected, dofs, "Observed DOFs come first."))
+    return index
+
+
+def _activations(values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    found = np.asarray(values, dtype=np.float64)
+    if found.shape != shape:
+        cure = "Give one for each primitive, at each time where they change."
+        raise ShapeError(describe("activations", f"shape {shape}", found.shape, cure))
+    if not np.all(np.isfinite(found)) or np.any(found < 0.0) or np.any(found.sum(axis=-1) == 0.0):
+        expected = "finite numbers from 0 on, one above 0 at each time"
+        raise ArgumentError(describe("activations", expected, "others", "Correct them."))
+    return found
+
+
+def _check_same(primitives: Sequence[InteractionProMP]) -> None:
+    """Make sure that weights of the primitives mean the same."""
+    first = primitives[0] if primitives else None
+    if first is None or any(
+        one.basis != first.basis or one.n_dofs != first.n_dofs or one.n_observed != first.n_observed
+        for one in primitives
+    ):
+        got = [(one.basis, one.n_observed, one.n_dofs) for one in primitives]
+        cure = "Learn them with the same DOFs and settings."
+        raise ArgumentError(describe("primitives", "the same basis and DOFs", got, cure))
