@@ -25,7 +25,7 @@ from intent_recognition.cli.output import (
 )
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.experiments.catalogue import EXPERIMENTS, chosen
-from intent_recognition.experiments.settings import Settings
+from intent_recognition.experiments.settings import N_SEEDS, Settings
 from intent_recognition.report import ExperimentResult
 
 MARKS = {True: "[green]yes[/]", False: "[red]no[/]", None: "other conditions"}
@@ -59,6 +59,15 @@ def add_parser(subparsers: Subparsers) -> None:
         help="folder of report.html, numbers.json and figures/ (default: %(default)s)",
     )
     parser.add_argument("--seed", type=int, default=1, help="of all variation (default: 1)")
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        default=N_SEEDS,
+        metavar="N",
+        help="draws of the recordings of pointing, pole and toolbox, to show their spread: the"
+        " shipped ones and N - 1 made anew, minutes each (default: %(default)s; docs/experiments.md"
+        " shows ten)",
+    )
     parser.add_argument("--quick", action="store_true", help="a fast subset of each, for a look")
     parser.add_argument(
         "--bags", type=Path, metavar="DIR", help="folder of recordings (default: the shipped ones)"
@@ -80,14 +89,15 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         _print_list(console)
         return 0
-    if args.seed < 0 or args.jobs < 1:
-        got = (args.seed, args.jobs)
+    if args.seed < 0 or min(args.jobs, args.seeds) < 1:
+        got = (args.seed, args.seeds, args.jobs)
+        expected = "seed >= 0, seeds >= 1 and jobs >= 1"
         raise ArgumentError(
-            describe("--seed, --jobs", "seed >= 0 and jobs >= 1", got, "Give such numbers.")
+            describe("--seed, --seeds, --jobs", expected, got, "Give such numbers.")
         )
     entries = chosen(args.names)
     started = time.monotonic()
-    settings = Settings(args.seed, args.quick, args.bags)
+    settings = Settings(args.seed, args.seeds, args.quick, args.bags)
     runs = run_all(entries, settings, args.jobs, console)
     failures = {name: run.failure for name, run in runs.items() if run.failure}
     outcomes = {name: run.outcome for name, run in runs.items() if run.outcome}

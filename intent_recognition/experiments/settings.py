@@ -9,6 +9,9 @@ import numpy as np
 
 from intent_recognition.share import share_path
 
+N_SEEDS = 3
+"""Draws of the recordings unless more are asked for. Convention: each takes the arm minutes."""
+
 
 def _silent(share: float, what: str) -> None:
     """Report no progress."""
@@ -20,12 +23,15 @@ class Settings:
 
     Attributes:
         seed: of everything random; the same seed gives the same numbers on the same machine.
+        n_seeds: how often recordings are drawn, where an experiment shows their spread: the
+            shipped ones, and those of the seeds after `seed`.
         quick: a fast subset that takes every path, for tests and for a first look.
         bags: folder of the recordings; None takes the shipped ones.
         progress: called with the share done (0 to 1) and what is going on.
     """
 
     seed: int = 1
+    n_seeds: int = N_SEEDS
     quick: bool = False
     bags: Path | None = None
     progress: Callable[[float, str], None] = field(default=_silent, compare=False)

@@ -97,6 +97,21 @@ def generate(
     return sorted(written)
 
 
+def record(
+    output: Path, seed: int, scenario: str, keep: Callable[[PurePosixPath], bool]
+) -> list[Path]:
+    """Make some recordings of a scenario in this process; returns their directories.
+
+    Args:
+        output: the folder that gets toolbox/train and so on.
+        seed: of all variation.
+        scenario: one of `SCENARIOS`.
+        keep: which recordings, by their folder below `output`.
+    """
+    orders = (order for order in _scenario(scenario).orders(seed) if keep(order.folder))
+    return [_make(scenario, order, output) for order in orders]
+
+
 def _make_room(folder: Path, overwrite: bool) -> None:
     if folder.exists() and not overwrite:
         cure = "Choose another folder or add --overwrite."

@@ -4,10 +4,13 @@
 import numpy as np
 import pytest
 
+from intent_recognition.experiments.draws import Draw, draw_again, draws_table
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox import experiment as toolbox
 from intent_recognition.experiments.toolbox import study as toolbox_study
 from intent_recognition.report.html import ReportPage, Section, render
+from intent_recognition.share import share_path
+from sim_bridge.scenarios import generate
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +56,38 @@ def test_the_outcome_is_a_report(outcome):
     missed = [finding for finding in outcome.findings if finding.holds is False]
     assert all("from the final wrist alone" in finding.quantity for finding in missed)
     render(ReportPage(outcome.title, outcome.source, (Section("x", outcome.blocks),)))
+
+
+def test_recordings_drawn_again_are_told_by_the_same_numbers(outcome, monkeypatch):
+    """Were the shipped ones drawn again, their numbers would come out."""
+    monkeypatch.setattr(generate, "record", link_shipped)
+    settings = Settings(quick=True, n_seeds=2)
+    (draw,) = draw_again(
+        settings,
+        "toolbox",
+        lambda folder: toolbox_study.numbers_of_draw(
+            toolbox_study.leave_each_out(folder / "toolbox/train", settings)
+        ),
+        keep=lambda folder: "train" in folder.parts,
+    )
+    (shipped,) = outcome.numbers["draws"]
+    assert {"seed": 1, **draw.numbers} == shipped and draw.seed == 2
+    tasks = np.array(outcome.numbers["tasks"])
+    plate = 100.0 * np.array(outcome.numbers["hand_error_m"])[tasks == "plate_handover"]
+    np.testing.assert_allclose(draw.numbers["plate handover, whole"], plate.mean())
+
+
+def link_shipped(output, seed, scenario, keep):
+    """In place of the simulation: the recordings of seed 1 that are wanted, whatever the seed."""
+    for bag in share_path(f"bags/{scenario}").rglob("metadata.yaml"):
+        place = bag.parent.relative_to(share_path("bags"))
+        if keep(place):
+            (output / place).parent.mkdir(parents=True, exist_ok=True)
+            (output / place).symlink_to(bag.parent)
+
+
+def test_median_and_range_of_draws_stand_below_them():
+    draws = [Draw(k, {"a": float(k), "b": k / 4}) for k in (1, 2, 6)]
+    table = draws_table(draws, {"a": "", "b": "cm"}, "")
+    assert table.rows[-1] == ("all", "2 (1 to 6)", "0.5 (0.2 to 1.5)")
+    assert table.rows[2] == ("6", "6", "1.5") and table.strong == {3}

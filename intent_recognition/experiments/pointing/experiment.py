@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm points where the human points, without seeing the spot (Maeda et al. 2014, Fig. 4-6)."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
-from intent_recognition.experiments.pointing.draws import PointingDraw, draw_again
+from intent_recognition.experiments.draws import Draw, draw_again
 from intent_recognition.experiments.pointing.report import CONDITIONS, blocks, findings
 from intent_recognition.experiments.pointing.study import (
     Tested,
+    draw,
     metadata_values,
     nearest_errors,
     predict_and_execute,
@@ -20,6 +23,7 @@ from intent_recognition.report import ExperimentResult
 from intent_recognition.signals import Demonstration
 
 QUICK = (0, 7)
+QUICK_SPOTS = ("pointing_00", "pointing_01", "pointing_02")
 
 
 def run(settings: Settings) -> ExperimentResult:
@@ -35,9 +39,11 @@ def run(settings: Settings) -> ExperimentResult:
         settings.progress(0.1 + 0.2 * count / len(chosen), f"test position #{index + 1}")
         tested.append(predict_and_execute(library, recordings[index], index))
     draws = draw_again(
-        settings.seed + 1,
-        settings.quick,
-        lambda share: settings.progress(0.3 + 0.6 * share, "other seeds"),
+        replace(settings, n_seeds=2) if settings.quick else settings,
+        "pointing",
+        draw,
+        keep=(lambda folder: folder.name in QUICK_SPOTS) if settings.quick else lambda folder: True,
+        progress=lambda share: settings.progress(0.3 + 0.6 * share, "other seeds"),
     )
     settings.progress(0.9, "figures")
     nearest = nearest_errors(train, tested)
@@ -49,7 +55,7 @@ def _outcome(
     train: list[Demonstration],
     tested: list[Tested],
     nearest: NDArray[np.float64],
-    draws: list[PointingDraw],
+    draws: list[Draw],
 ) -> ExperimentResult:
     errors = np.array([one.error_m for one in tested])
     predicted = np.array([np.linalg.norm(one.predicted_m - one.spot_m) for one in tested])
@@ -73,7 +79,7 @@ def _outcome(
             "error_m": errors.tolist(),
             "largest_error_m": float(errors.max()),
             "mean_error_m": float(errors.mean()),
-            "draws": [draw._asdict() for draw in draws],
+            "draws": [{"seed": one.seed, **one.numbers} for one in draws],
             "predicted_error_m": predicted.tolist(),
             "nearest_demonstration_error_m": nearest.tolist(),
             "teaching_error_m": teaching.tolist(),

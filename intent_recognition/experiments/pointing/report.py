@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.experiments.pointing.draws import PointingDraw
+from intent_recognition.experiments.draws import Draw, spread
 from intent_recognition.experiments.pointing.figures import (
     PointedSpot,
     conditioned_figure,
@@ -38,12 +38,12 @@ def findings(
     errors: NDArray[np.float64],
     nearest: NDArray[np.float64],
     tested: list[Tested],
-    draws: Sequence[PointingDraw],
+    draws: Sequence[Draw],
 ) -> tuple[Finding, ...]:
     """The paper's figures and ours, side by side."""
     shipped = float(errors.max())
-    all_largest = np.array([shipped, *(draw.largest_m for draw in draws)])
-    all_mean = np.array([errors.mean(), *(draw.mean_m for draw in draws)])
+    all_largest = np.array([shipped, *(draw.numbers["largest_m"] for draw in draws)])
+    all_mean = np.array([errors.mean(), *(draw.numbers["mean_m"] for draw in draws)])
     largest = float(np.median(all_largest))
     holds = bool(round(largest, 3) <= PAPER_LARGEST_M)
     met = int(np.sum(np.round(all_largest, 3) <= PAPER_LARGEST_M))
@@ -53,18 +53,18 @@ def findings(
     )
     inside = sum(one.inside for one in tested)
     return (
-        Finding("largest error of the finger [cm]", "3", _range(100 * all_largest), holds, why),
+        Finding("largest error of the finger [cm]", "3", spread(100 * all_largest), holds, why),
         Finding(
             "largest error, of the circle's diameter [%]",
             "10",
-            _range(100 * all_largest / CIRCLE_DIAMETER_M, 0),
+            spread(100 * all_largest / CIRCLE_DIAMETER_M, 0),
             holds,
             why,
         ),
         Finding(
             "mean error of the finger [cm]",
             "",
-            _range(100 * all_mean),
+            spread(100 * all_mean),
             None,
             "The paper shows bars without numbers.",
         ),
@@ -83,12 +83,6 @@ def findings(
             "Not in the paper: 86 % are to be expected of a calibrated prediction.",
         ),
     )
-
-
-def _range(values: NDArray[np.float64], digits: int = 1) -> str:
-    """Median and range of some draws."""
-    middle, low, high = (f"{f(values):.{digits}f}" for f in (np.median, np.min, np.max))
-    return f"{middle} ({low} to {high})"
 
 
 def blocks(

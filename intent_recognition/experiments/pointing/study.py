@@ -2,12 +2,15 @@
 """The wrist's final position decides where the arm points: conditioning, prediction, execution."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.gaussian import Gaussian, condition
+from intent_recognition.learning import learn
 from intent_recognition.promp import TaskLibrary, Trajectory, rollout
 from intent_recognition.signals import Demonstration
 from sim_bridge.scenarios.pointing import pointed_at
@@ -83,6 +86,28 @@ def predicted_spot(library: TaskLibrary, recording: Demonstration) -> NDArray[np
     """Where the finger is predicted to point, from a person's final wrist position, (2,) [m]."""
     trajectory = both_agents(library, condition_on_end(library, final_wrist(recording)))
     return pointed_at(trajectory.positions[-1, library.n_observed :])[:2]
+
+
+def draw(folder: Path) -> dict[str, float]:
+    """Largest and mean error of the predicted spots [m], of recordings drawn again.
+
+    The predictions are not executed: the arm ends where it is told to, within the shipped runs'
+    largest difference.
+
+    Raises:
+        TrainingError: the recordings cannot be learned from.
+    """
+    from sim_bridge.scenarios.pointing import PURPOSES
+
+    train, test = (
+        read_demonstrations(folder / "pointing" / purpose, load_dofs())[0] for purpose in PURPOSES
+    )
+    library = learn(train)
+    errors = [
+        np.linalg.norm(predicted_spot(library, one) - metadata_values(one, "spot_m")[:2])
+        for one in test
+    ]
+    return {"largest_m": float(np.max(errors)), "mean_m": float(np.mean(errors))}
 
 
 def predict_and_execute(library: TaskLibrary, recording: Demonstration, index: int) -> Tested:

@@ -61,6 +61,7 @@ def _numbers(study: PoleStudy) -> Mapping[str, object]:
         "tip_rms_m": [t.tip_rms_m.tolist() for t in study.tried],
         "predicted_through_pole": [t.n_through for t in study.tried],
         "purity": purity(list(study.ways), study.taken.labels),
+        "draws": [{"seed": one.seed, **one.numbers} for one in study.draws],
         "executed": [_carried_numbers(c) for c in study.carried],
     }
 

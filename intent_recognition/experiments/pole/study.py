@@ -4,13 +4,16 @@
 The demonstrations are unlabelled; on which side of the pole the arm was led is known for scoring.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.experiments.draws import Draw, draw_again
 from intent_recognition.experiments.left_out import (
     FINAL,
     WHOLE,
@@ -25,6 +28,7 @@ from intent_recognition.experiments.left_out import (
 )
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.gaussian import Components
+from intent_recognition.learning import MIN_MEMBERS, purity
 from intent_recognition.share import share_path
 from intent_recognition.signals import Demonstration
 from sim_bridge.scenarios.pole import fingertip, planned_clearance, way_of
@@ -105,6 +109,7 @@ class PoleStudy:
         single: of a single Gaussian, on the arm.
         mixture: of the number taken.
         single_end, mixture_end: the same, told the wand's final position alone.
+        draws: the recordings drawn again, the shipped ones first.
     """
 
     demonstrations: tuple[Demonstration, ...]
@@ -117,6 +122,7 @@ class PoleStudy:
     mixture: Carried
     single_end: Carried
     mixture_end: Carried
+    draws: tuple[Draw, ...] = ()
 
     @property
     def taken(self) -> PoleMixture:
@@ -132,8 +138,7 @@ class PoleStudy:
 def investigate(settings: Settings) -> PoleStudy:
     """Fit, predict and execute."""
     settings.progress(0.0, "reading")
-    dofs = load_dofs(share_path("config/dofs_pole.yaml"))
-    demonstrations, _ = read_demonstrations([settings.recordings("pole")], dofs)
+    demonstrations = _read(settings.recordings("pole"))
     pairs = pairs_of(demonstrations)
     ways = tuple(d.metadata["way"] for d in demonstrations)
     both = np.array([len(d.metadata["reachable"].split()) == 2 for d in demonstrations])
@@ -152,9 +157,57 @@ def investigate(settings: Settings) -> PoleStudy:
             (f"{chosen} components, end only", predict(pairs, taken.mixtures, FINAL)),
         )
     ):
-        settings.progress(0.3 + 0.16 * step, f"on the arm: {label}")
+        settings.progress(0.2 + 0.1 * step, f"on the arm: {label}")
         carried.append(_carry_out(label, pairs, predicted, indices))
-    return PoleStudy(tuple(demonstrations), pairs, ways, both, tried, chosen, *carried)
+    draws = [Draw(settings.seed, _numbers_of_draw(pairs, ways, tried, chosen))]
+    if not settings.quick:
+        draws += draw_again(
+            settings,
+            "pole",
+            lambda folder: draw(folder / "pole", settings),
+            progress=lambda share: settings.progress(0.6 + 0.35 * share, "other seeds"),
+        )
+    single, mixture, single_end, mixture_end = carried
+    return PoleStudy(
+        tuple(demonstrations), pairs, ways, both, tried, chosen,
+        single, mixture, single_end, mixture_end, tuple(draws),
+    )  # fmt: skip
+
+
+def draw(recordings: Path, settings: Settings) -> dict[str, float]:
+    """Numbers of recordings drawn again; predictions are held against the pole as planned."""
+    demonstrations = _read(recordings)
+    pairs = pairs_of(demonstrations)
+    silent = replace(settings, progress=lambda share, what: None)
+    tried, chosen = _try_all(pairs, max(1, len(demonstrations) // MIN_MEMBERS), silent)
+    ways = tuple(d.metadata["way"] for d in demonstrations)
+    return _numbers_of_draw(pairs, ways, tried, chosen)
+
+
+def _numbers_of_draw(
+    pairs: Pairs, ways: Sequence[str], tried: Sequence[PoleMixture], chosen: int
+) -> dict[str, float]:
+    """What a draw is told by: counts, and mean errors of the path [cm]."""
+    single, taken = tried[0], tried[chosen - 1]
+    through = [
+        int(np.sum(planned_clearance(predict(pairs, t.mixtures, FINAL).mean).min(axis=1) < 0.0))
+        for t in (single, taken)
+    ]
+    return {
+        "components": chosen,
+        "in their own": round(purity(list(ways), taken.labels) * len(ways)),
+        "path, single": 100.0 * float(single.tip_rms_m.mean()),
+        "path": 100.0 * float(taken.tip_rms_m.mean()),
+        "through the pole, single": single.n_through,
+        "through the pole": taken.n_through,
+        "end only, single": through[0],
+        "end only": through[1],
+    }
+
+
+def _read(recordings: Path) -> list[Demonstration]:
+    dofs = load_dofs(share_path("config/dofs_pole.yaml"))
+    return read_demonstrations([recordings], dofs)[0]
 
 
 def _try_all(pairs: Pairs, largest: int, settings: Settings) -> tuple[tuple[PoleMixture, ...], int]:

@@ -61,6 +61,7 @@ def _numbers(study: ToolboxStudy) -> Mapping[str, object]:
         "inside_2_sigma": float(inside_two_sigma(study)),
         "recognised_from_movement": int(study.recognised(study.from_end).sum()),
         "recognised_from_end": int(study.recognised(study.end_alone).sum()),
+        "draws": [{"seed": one.seed, **one.numbers} for one in study.draws],
         "executions": [e._asdict() for e in study.executions],
         "executions_right": int(sum(right)),
     }

@@ -2,12 +2,14 @@
 """What is found out of the unlabelled toolbox: fits, predictions, and a session."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
+from intent_recognition.experiments.draws import Draw, draw_again
 from intent_recognition.experiments.left_out import (
     FINAL,
     WHOLE,
@@ -22,11 +24,17 @@ from intent_recognition.experiments.left_out import (
     try_numbers,
 )
 from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.toolbox.session import Execution, play
+from intent_recognition.experiments.toolbox.session import HAND_TASKS, Execution, play
 from intent_recognition.gaussian import Components
 from intent_recognition.kinematics import hand_position
-from intent_recognition.learning import TrainingSettings, label_by_components, learn_components
+from intent_recognition.learning import (
+    TrainingSettings,
+    label_by_components,
+    learn_components,
+    purity,
+)
 from intent_recognition.promp import TaskLibrary
+from intent_recognition.report import readable
 from intent_recognition.signals import Demonstration
 from sim_bridge.coworker import parse_task_list, plan_session
 
@@ -37,6 +45,8 @@ SESSIONS = 10
 EXECUTIONS = 4
 """Executions in each; 40 in all, as many as in the paper."""
 QUICK_EXECUTIONS = 3
+WHOLE_NAME, END_NAME = "whole", "end alone"
+"""Whether a component is taken from the whole movement or from the wrist's end alone."""
 SESSION_SEED = 7000
 """Added to the seed, so that no session repeats a demonstration."""
 
@@ -77,6 +87,7 @@ class ToolboxStudy:
         end_alone: the same, the component recognised from the final position too.
         names: the task that most members of each of the library's components are.
         executions: the interactions of all sessions before the online estimator.
+        draws: the recordings drawn again, the shipped ones first.
     """
 
     demonstrations: tuple[Demonstration, ...]
@@ -86,8 +97,9 @@ class ToolboxStudy:
     chosen: int
     from_end: LeftOutPrediction
     end_alone: LeftOutPrediction
-    names: Mapping[str, str]
-    executions: tuple[Execution, ...]
+    names: Mapping[str, str] = field(default_factory=dict)
+    executions: tuple[Execution, ...] = ()
+    draws: tuple[Draw, ...] = ()
 
     @property
     def taken(self) -> ToolboxMixture:
@@ -108,33 +120,61 @@ class ToolboxStudy:
 def investigate(settings: Settings) -> ToolboxStudy:
     """Fit, predict and play the session."""
     settings.progress(0.0, "reading")
-    demonstrations, _ = read_demonstrations([settings.recordings("toolbox/train")], load_dofs())
-    pairs = pairs_of(demonstrations)
-    tasks = np.array([d.task for d in demonstrations])
-    tried, chosen = _try_all(pairs, QUICK_LARGEST if settings.quick else LARGEST_NUMBER, settings)
-    mixtures = tried[chosen - 1].mixtures
-    component = predict(pairs, mixtures, WHOLE).component
-    settings.progress(0.3, "learning the components")
-    library, names = learn_unlabelled(demonstrations, chosen, settings.rng(100))
+    found = leave_each_out(settings.recordings("toolbox/train"), settings)
+    settings.progress(0.2, "learning the components")
+    library, names = learn_unlabelled(list(found.demonstrations), found.chosen, settings.rng(100))
     count, n_sessions = (QUICK_EXECUTIONS, 1) if settings.quick else (EXECUTIONS, SESSIONS)
     executions: list[Execution] = []
     for session in range(n_sessions):
-        settings.progress(0.35 + 0.6 * session / n_sessions, "executions")
+        settings.progress(0.25 + 0.35 * session / n_sessions, "executions")
         seed = SESSION_SEED + settings.seed + session
         executions += play(
             library, names, plan_session(seed, parse_task_list("random", seed, count))
         )
+    draws = [Draw(settings.seed, numbers_of_draw(found))]
+    if not settings.quick:
+        silent = replace(settings, progress=lambda share, what: None)
+        draws += draw_again(
+            settings,
+            "toolbox",
+            lambda folder: numbers_of_draw(leave_each_out(folder / "toolbox/train", silent)),
+            keep=lambda folder: "train" in folder.parts,
+            progress=lambda share: settings.progress(0.6 + 0.35 * share, "other seeds"),
+        )
+    return replace(found, names=names, executions=tuple(executions), draws=tuple(draws))
+
+
+def leave_each_out(recordings: Path, settings: Settings) -> ToolboxStudy:
+    """Mixtures of some recordings and their left-out predictions; nothing is executed."""
+    demonstrations, _ = read_demonstrations([recordings], load_dofs())
+    pairs = pairs_of(demonstrations)
+    tried, chosen = _try_all(pairs, QUICK_LARGEST if settings.quick else LARGEST_NUMBER, settings)
+    mixtures = tried[chosen - 1].mixtures
+    component = predict(pairs, mixtures, WHOLE).component
     return ToolboxStudy(
         tuple(demonstrations),
         pairs,
-        tasks,
+        np.array([d.task for d in demonstrations]),
         tried,
         chosen,
         predict(pairs, mixtures, FINAL, component),
         predict(pairs, mixtures, FINAL),
-        names,
-        tuple(executions),
     )
+
+
+def numbers_of_draw(study: ToolboxStudy) -> dict[str, float]:
+    """What a draw of the recordings is told by: counts, and mean errors of the hand [cm]."""
+    n = len(study.tasks)
+    numbers: dict[str, float] = {
+        "components": study.chosen,
+        "in their own": round(purity(study.tasks.tolist(), study.taken.labels) * n),
+        "right from the end": int(study.recognised(study.end_alone).sum()),
+    }
+    for name, predicted in ((WHOLE_NAME, study.from_end), (END_NAME, study.end_alone)):
+        errors = 100.0 * study.hand_error_m(predicted)
+        for task in HAND_TASKS:
+            numbers[f"{readable(task)}, {name}"] = float(errors[study.tasks == task].mean())
+    return numbers
 
 
 def learn_unlabelled(
@@ -162,7 +202,7 @@ def _try_all(
         pairs,
         range(1, largest + 1),
         settings.rng,
-        lambda number: settings.progress(0.25 * number / largest, f"{number} components"),
+        lambda number: settings.progress(0.2 * number / largest, f"{number} components"),
     )
     tried = []
     for number, (clustering, scored) in fits.items():
