@@ -120,8 +120,7 @@ class PostureInput:
         self._noted = key
         self._diagnostics.value("start posture", prediction.start)
         if prediction.start == POSTURE_OUTSIDE:
-            text = f"{prediction.task} was not taught from where the arm was at onset"
-            self._diagnostics.reject("start_posture_outside", text)
+            self._diagnostics.count("start_posture_outside")
         elif prediction.start == POSTURE_UNKNOWN and self._received:
             self._diagnostics.count("start_posture_unknown")
 

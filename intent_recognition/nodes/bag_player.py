@@ -180,6 +180,7 @@ class BagPlayer(Node):
         try:
             self._wait_for_nodes()
             self._wait_for_subscribers()
+            self.get_logger().info(f"playing {self._reader.path}")
             while not self._stopping.is_set():
                 self._play_once()
                 if not self._loop:
@@ -192,6 +193,7 @@ class BagPlayer(Node):
         for damage in self._reader.damage:
             self.get_logger().warning(f"not played: {damage.reason} (byte {damage.offset})")
         self._diagnostics.value("published", self.published)
+        self.get_logger().info(f"{self.published} messages played")
         self.finished.set()
         self.done = self._exit_at_end
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: recognises the human's task and predicts both agents from `human/<body>`."""
 
+import pathlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -143,7 +144,7 @@ class IntentEstimatorNode(ManagedNode):
         self._last_publication_ns = 0
         self._configured = True
         self._diagnostics.value(MODEL, self.get_parameter("model").value)
-        self.get_logger().info(f"tasks: {', '.join(self._model.labels)}")
+        self.get_logger().info(self._told_tasks())
 
     def activate(self) -> None:
         """Subscribe to the observed agent."""
@@ -176,7 +177,7 @@ class IntentEstimatorNode(ManagedNode):
                     "parameter model",
                     "a model file",
                     "nothing",
-                    "Train one with `intent train BAG... --output M.npz` and pass model:=M.npz.",
+                    "Train one with `intent train BAG... --output M.npz` and pass -p model:=M.npz.",
                 )
             )
         model = load_model(path)
@@ -295,8 +296,13 @@ class IntentEstimatorNode(ManagedNode):
             self.get_logger().error(f"reload_model: {error}")
             return response
         response.success = True
-        response.message = f"tasks: {', '.join(self._model.labels)}"
+        response.message = self._told_tasks()
+        self.get_logger().info(f"model changed; {response.message}")
         return response
+
+    def _told_tasks(self) -> str:
+        path = pathlib.Path(str(self.get_parameter("model").value)).absolute()
+        return f"tasks: {', '.join(self._model.labels)} ({path})"
 
 
 def main(args: Sequence[str] | None = None) -> int:

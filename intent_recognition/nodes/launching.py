@@ -12,6 +12,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
 from intent_recognition.nodes.processes import FAST_DISCOVERY
 from intent_recognition.share import share_path
@@ -97,8 +98,19 @@ def _parameter(value: object) -> object:
 
 
 def _params_file(name: str) -> str:
-    """Path of the user's file, or of a shipped one."""
-    return name if Path(name).is_file() else str(share_path(name))
+    """Path of the user's file, or of a shipped one.
+
+    Raises:
+        ArgumentError: there is neither.
+    """
+    if Path(name).is_file():
+        return str(Path(name).absolute())
+    try:
+        return str(share_path(name))
+    except IntentError as error:
+        cure = "Give the path of yours, or the name of a shipped one, such as config/real_arm.yaml."
+        got = f"{Path(name).absolute()}, which is none"
+        raise ArgumentError(describe("params_file", "a file", got, cure)) from error
 
 
 def _text(value: object) -> str:

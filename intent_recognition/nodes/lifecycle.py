@@ -69,24 +69,24 @@ class ManagedNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Handle the transition to inactive."""
-        return self._guard(self.configure, super().on_configure, state)
+        return self._guard(self.configure, super().on_configure, state, "inactive")
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Handle the transition to active."""
-        return self._guard(self.activate, super().on_activate, state)
+        return self._guard(self.activate, super().on_activate, state, "active")
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Handle the transition back to inactive."""
-        return self._guard(self.deactivate, super().on_deactivate, state)
+        return self._guard(self.deactivate, super().on_deactivate, state, "inactive")
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Handle the transition back to unconfigured."""
-        return self._guard(self.cleanup, super().on_cleanup, state)
+        return self._guard(self.cleanup, super().on_cleanup, state, "unconfigured")
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Handle the transition to finalized; an active node is deactivated first."""
         hook = self.deactivate if state.label == "active" else _nothing
-        return self._guard(hook, super().on_shutdown, state)
+        return self._guard(hook, super().on_shutdown, state, "finalized")
 
     def _refuse_impossible(
         self, change: Callable, request: ChangeState.Request, response: ChangeState.Response
@@ -105,6 +105,7 @@ class ManagedNode(LifecycleNode):
         hook: Callable[[], None],
         default: Callable[[LifecycleState], TransitionCallbackReturn],
         state: LifecycleState,
+        becomes: str,
     ) -> TransitionCallbackReturn:
         self._failure = None
         try:
@@ -118,7 +119,10 @@ class ManagedNode(LifecycleNode):
             self._failure = error
             self.get_logger().error(f"{hook.__name__} failed:\n{traceback.format_exc()}")
             return TransitionCallbackReturn.ERROR
-        return default(state)
+        result = default(state)
+        if result == TransitionCallbackReturn.SUCCESS:
+            self.get_logger().info(f"{becomes}, was {state.label}")
+        return result
 
 
 def _nothing() -> None:

@@ -69,6 +69,10 @@ def parameter(
         declared = node.declare_parameter(name, declared_as, descriptor)
     except ParameterException as error:
         raise ArgumentError(f"parameter {name}: {one_line(error)}. {description}") from error
+    if declared.value is None and isinstance(declared_as, Parameter.Type):
+        # Left without a value, it would make `ros2 param dump` of the whole node print `{}`; and
+        # rclpy takes an empty list for one of bytes, where the type is not said.
+        node._parameters[name] = Parameter(name, declared_as, [])
     if not _is_finite(declared.value):
         raise ArgumentError(
             describe(f"parameter {name}", "a finite number", declared.value, description)

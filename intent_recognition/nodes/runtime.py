@@ -3,6 +3,7 @@
 
 import gc
 import os
+import re
 import signal
 import sys
 import time
@@ -12,7 +13,11 @@ from typing import Any
 import rclpy
 from rclpy.clock import JumpThreshold, ROSClock, TimeJump
 from rclpy.duration import Duration
-from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.exceptions import (
+    NameValidationException,
+    NotInitializedException,
+    ParameterException,
+)
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -55,7 +60,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
         args: command line with `--ros-args ...`; None takes the process's own.
 
     Returns:
-        The exit code: 1 with one line on stderr, and no traceback, if the node could not start
+        The exit code: 1 with one line in the log, and no traceback, if the node could not start
         or gave up with an IntentError.
     """
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
@@ -73,8 +78,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except _START_ERRORS as error:
-        name = getattr(make_node, "__name__", "node") if node is None else node.get_name()
-        sys.stderr.write(f"{name}: {one_line(error)}\n")
+        _log_fatal(node, getattr(make_node, "__name__", "node"), one_line(error))
         return 1
     finally:
         _close(node)
@@ -206,6 +210,20 @@ def _spin(node: Node, signals: _Signals) -> None:
             executor.spin_once(timeout_sec=SPIN_PERIOD_S)
     finally:
         executor.shutdown()
+
+
+def _log_fatal(node: Node | None, class_name: str, text: str) -> None:
+    """Log why a node ends, under its name; on stderr where it could have none."""
+    try:
+        if node is None:  # the same remapping gives a node in its place the name it would have had
+            name = re.sub(r"(?<!^)(?=[A-Z])", "_", class_name.removesuffix("Node")).lower()
+            node = rclpy.create_node(name, start_parameter_services=False, enable_rosout=False)
+            node.get_logger().fatal(text)
+            node.destroy_node()
+        else:
+            node.get_logger().fatal(text)
+    except (*_START_ERRORS, NotInitializedException):
+        sys.stderr.write(f"{class_name}: {text}\n")
 
 
 def _close(node: Node | None) -> None:

@@ -131,7 +131,7 @@ class TaskTeacher(TopicRecorder):
         Raises:
             BagError: nothing is being recorded.
         """
-        bag = self.close_bag().path
+        bag = self.close_bag("~/discard").path
         self.folder.prune(bag)
         text = f"{bag.name} is not learned, and kept in undone"
         self._report(Level.OK, text)
@@ -151,7 +151,7 @@ class TaskTeacher(TopicRecorder):
         dofs = fixed_parameter(self, "dofs", "", "DOF file; empty takes the model's")
         model = fixed_parameter(self, "model", "", "model a new library begins with; empty: none")
         if not library:
-            cure = "Pass library:=DIR."
+            cure = "Start it with -p library:=DIR."
             raise ArgumentError(describe("parameter library", "a folder", "nothing", cure))
         folder = TaskFolder(library, _dofs(dofs, model, library))
         if model and not folder.model_path.exists():

@@ -151,14 +151,14 @@ class TopicRecorder(Node):
         self.diagnostics.status(Level.OK, f"recording to {path}")
         self.get_logger().info(f"recording to {path}")
 
-    def close_bag(self) -> BagWriter:
-        """End the recording; returns its writer, which is closed.
+    def close_bag(self, asked_by: str = "~/stop") -> BagWriter:
+        """End the recording, as a service asks for; returns its writer, which is closed.
 
         Raises:
             BagError: nothing is being recorded, or the end did not fit on the disk.
         """
         if self._writer is None:
-            raise BagError(describe("~/stop", "a recording", "none", "Start one first."))
+            raise BagError(describe(asked_by, "a recording", "none", "Start one first."))
         with self._lock:
             writer, self._writer = self._writer, None
             self.diagnostics.status(Level.OK, "idle")

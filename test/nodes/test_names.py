@@ -100,6 +100,17 @@ def test_every_name_is_in_the_namespace_but_clock_and_diagnostics(harness, bag, 
     assert offered >= {f"/cell1/{name}/{service}" for service in SERVICES.get(name, ())}
 
 
+@pytest.mark.parametrize("name", NODES)
+def test_every_parameter_has_a_value_of_its_type(harness, bag, name):
+    """One without makes `ros2 param dump` print `{}` for the whole node."""
+    node = make(harness, name, bag)
+    names = node.list_parameters([], depth=0).names
+    for found, descriptor in zip(
+        node.get_parameters(names), node.describe_parameters(names), strict=True
+    ):
+        assert found.get_parameter_value().type == descriptor.type != Parameter.Type.NOT_SET.value
+
+
 @pytest.mark.parametrize("name", OFFERED)
 def test_topics_are_offered_as_the_contract_says(harness, bag, name):
     profiles = {p.topic_name: p.qos_profile for p in make(harness, name, bag).publishers}

@@ -46,7 +46,8 @@ def test_start_error_is_one_line(capfd):
         raise ModelError("model:\n expected a file")
 
     assert run(broken, []) == 1
-    assert capfd.readouterr().err.splitlines() == ["broken: model: expected a file"]
+    (line,) = capfd.readouterr().err.splitlines()
+    assert line.startswith("[FATAL]") and line.endswith("[broken]: model: expected a file")
 
 
 def test_error_while_running_is_one_line(capfd):
@@ -55,7 +56,7 @@ def test_error_while_running_is_one_line(capfd):
             raise ModelError("disk full")
 
     assert run(Failing, []) == 1
-    assert capfd.readouterr().err.splitlines()[-1] == "quitter: disk full"
+    assert capfd.readouterr().err.splitlines()[-1].endswith("[quitter]: disk full")
 
 
 def test_programming_errors_are_not_hidden():
@@ -76,6 +77,16 @@ def test_bad_parameter_is_one_line(override):
         assert node.wait() == 1
     assert len(node.errors.splitlines()) == 1
     assert override.split(":")[0] in node.errors
+    assert "[FATAL]" in node.errors and "[mocap_ingest]" in node.errors
+
+
+def test_why_it_cannot_start_is_logged_under_the_name_it_was_given():
+    words = ("-r", "__node:=recognition", "-r", "__ns:=/cell1")
+    node = NodeProcess("intent_recognition.nodes.intent_estimator", "--ros-args", *words)
+    with node:
+        assert node.wait() == 1
+    (line,) = node.errors.splitlines()
+    assert "[FATAL]" in line and "[cell1.recognition]" in line and "-p model:=" in line
 
 
 @pytest.mark.parametrize("domain", ["999", "-1", "mine"])
