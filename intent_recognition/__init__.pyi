@@ -2,7 +2,13 @@
 from .activation import Activation, ActivationSettings
 from .alignment import Alignment, AlignmentSettings, Warp, align, align_to
 from .bags import BagReader, BagWriter, recover
-from .demonstrations import DofEntry, DofSpec, load_dofs, read_demonstrations
+from .demonstrations import (
+    DofEntry,
+    DofSpec,
+    load_dofs,
+    read_demonstrations,
+    settle_orientations,
+)
 from .errors import (
     ArgumentError,
     BagError,
@@ -46,7 +52,14 @@ from .recognition import (
     predict_controlled,
     recognize_task,
 )
-from .signals import Demonstration, Observation, Signal
+from .signals import (
+    Demonstration,
+    Observation,
+    Signal,
+    from_tangent,
+    mean_orientation,
+    to_tangent,
+)
 from .warping import (
     AnnotatedObject,
     ObjectCloud,
@@ -114,6 +127,7 @@ __all__ = [
     "find_object",
     "fit_gaussian_mixture",
     "fit_interaction_promp",
+    "from_tangent",
     "learn",
     "learn_mixture",
     "learn_with_report",
@@ -122,6 +136,7 @@ __all__ = [
     "load_object",
     "make_folds",
     "marginal",
+    "mean_orientation",
     "pouring_parameters",
     "predict_controlled",
     "read_demonstrations",
@@ -129,7 +144,9 @@ __all__ = [
     "recover",
     "reliability_bins",
     "save_model",
+    "settle_orientations",
     "smooth_switch",
+    "to_tangent",
     "via_point",
     "warp_object",
 ]

@@ -18,12 +18,16 @@ from intent_recognition.model.file import Model
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.signals.demonstration import Demonstration
 from intent_recognition.signals.observation import merge
+from intent_recognition.signals.orientation import from_tangent
+from intent_recognition.signals.signal import Signal
 
 WRIST = DofEntry("mocap/wrist/pose", POSE, fields=POSITION_FIELDS, unit="m")
 TOOL = DofEntry("tracker/tool", POSE, fields=("pose.position.x", "pose.position.z"), unit="m")
 GLOVE = DofEntry("glove/joint_states", JOINTS, joints=("thumb", "index"), unit="rad")
 ROBOT = DofEntry("joint_states", JOINTS, joints=tuple(LWR), unit="rad")
 SEED = 5
+TURNED = (0.5, -0.5, 0.5, 0.5)
+"""Orientation (4,) xyzw about which bodies turn where the entry has no reference."""
 
 
 def make_dofs(*observed: DofEntry) -> DofSpec:
@@ -124,9 +128,20 @@ def messages_of(
     """Entry with all fields of its topic, stamp and values of every message, in order."""
     entries = (*dofs.observed, *dofs.controlled)
     at: dict[tuple[int, str], tuple[DofEntry, list]] = {}
-    for o in merge((*recording.observed, *recording.controlled)):
+    (robot,), start = recording.controlled, 0
+    controlled = []
+    for entry in dofs.controlled:
+        columns = slice(start, start + len(entry.names))
+        controlled.append(
+            Signal(entry.names, robot.stamps_ns, robot.values[:, columns], entry.unit)
+        )
+        start = columns.stop
+    for o in merge((*recording.observed, *controlled)):
         entry, key = entries[o.group], (o.stamp_ns, entries[o.group].topic)
         known, values = at.get(key, (replace(entry, fields=()), []))
-        at[key] = (replace(known, fields=known.fields + entry.fields), [*values, *o.values])
+        numbers = o.values
+        if entry.orientation:
+            numbers = from_tangent(numbers, entry.reference or TURNED)
+        at[key] = (replace(known, fields=known.fields + entry.fields), [*values, *numbers])
     for (stamp_ns, _), (entry, values) in at.items():
         yield entry, stamp_ns, np.array(values)

@@ -26,7 +26,7 @@ from intent_recognition.cli.unlabelled import (
     mixture_of,
     n_components,
 )
-from intent_recognition.demonstrations import load_dofs
+from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.evaluation import PHASES, Fold, evaluate, make_folds
 from intent_recognition.signals import Demonstration, Rejection, StreamFinding
@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     check_json(args.json)
     check_output("--report", args.report)
     wanted = n_components(args)
-    dofs = load_dofs(args.dofs)
+    dofs = settle_orientations(load_dofs(args.dofs), args.bags)
     recorded, rejections = read_all(args.bags, dofs, console)
     held_out: list[Demonstration] = []
     if (test := _test_folder(args)) is not None:

@@ -22,6 +22,7 @@ from intent_recognition.demonstrations import (
     find_bags,
     inspect_bag,
     load_dofs,
+    settle_orientations,
 )
 from intent_recognition.errors import BagError, describe
 from intent_recognition.model import load_model
@@ -67,13 +68,13 @@ def run(args: argparse.Namespace) -> int:
     """
     check_json(args.json)
     console = Console(quiet=True) if args.json == PRINTED else make_console()
-    dofs = None if args.dofs is None else load_dofs(args.dofs)
     models = [path for path in args.paths if path.suffix == ".npz"]
     sources = [path for path in args.paths if path not in models]
     if any(path.is_absolute() for path in sources):
         sources = [path.absolute() for path in sources]
     loaded = [load_model(path) for path in models]
     bags = [bag for source in sources for bag in _bags_of(source)]
+    dofs = None if args.dofs is None else settle_orientations(load_dofs(args.dofs), bags)
     content: list[object] = [model_json(model) for model in loaded]
     for path, model in zip(models, loaded, strict=True):
         print_model(console, path, model)

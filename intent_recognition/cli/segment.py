@@ -16,7 +16,7 @@ from intent_recognition.cli.output import (
     console_beside,
     write_json,
 )
-from intent_recognition.demonstrations import load_dofs
+from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.evaluation import (
     Segment,
     propose_segments,
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
             model = load_model(args.model)
             dofs, segments = model.dofs, recognise_segments(args.session, model)
         else:
-            dofs = load_dofs(args.dofs)
+            dofs = settle_orientations(load_dofs(args.dofs), args.session)
             segments = propose_segments(args.session, dofs)
         bags = write_segments(args.session, dofs, segments, args.output)
     content = [

@@ -35,7 +35,7 @@ from intent_recognition.cli.unlabelled import (
     n_components,
     train_unlabelled,
 )
-from intent_recognition.demonstrations import load_dofs
+from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.learning import TrainingReport, TrainingSettings, learn_accumulated
 from intent_recognition.model import Model, Run, save_model
 from intent_recognition.promp import TaskLibrary
@@ -149,7 +149,7 @@ def train(
     Raises:
         IntentError: nothing can be read or learned.
     """
-    dofs = load_dofs(dofs_path)
+    dofs = settle_orientations(load_dofs(dofs_path), bags)
     found = accumulate_all(bags, dofs, settings, console, run=run)
     provenance = provenance_of(list(found.accumulated.used))
     with busy(console, "learning"):

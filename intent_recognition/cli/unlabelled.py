@@ -12,7 +12,7 @@ from rich.table import Table
 from intent_recognition.cli.console import busy, escape, progress_bar
 from intent_recognition.cli.recordings import provenance_of, read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
-from intent_recognition.demonstrations import load_dofs
+from intent_recognition.demonstrations import load_dofs, settle_orientations
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.learning import (
     MAX_COMPONENTS,
@@ -99,7 +99,7 @@ def train_unlabelled(
     Raises:
         IntentError: nothing can be read or learned.
     """
-    dofs = load_dofs(dofs_path)
+    dofs = settle_orientations(load_dofs(dofs_path), bags)
     demonstrations, rejections = read_all(bags, dofs, console)
     found = find_components(demonstrations, settings, wanted, console)
     provenance = provenance_of([recorded.name for recorded in found.demonstrations])

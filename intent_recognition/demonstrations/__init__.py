@@ -6,7 +6,10 @@ from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, load_dofs
 from intent_recognition.demonstrations.fields import (
     POSITION_FIELDS,
     extract,
+    numbers_of,
+    orientation_beside,
     position_columns,
+    reference_of,
     stamp_of,
 )
 from intent_recognition.demonstrations.inspect import (
@@ -28,6 +31,7 @@ from intent_recognition.demonstrations.reading import (
     read_demonstrations,
     read_task_sequences,
     read_whole,
+    settle_orientations,
 )
 from intent_recognition.demonstrations.sessions import MARKER_TOPIC, MARKER_TYPE, clock_shift_ns
 
@@ -51,10 +55,14 @@ __all__ = [
     "iter_observations",
     "iter_samples",
     "load_dofs",
+    "numbers_of",
     "observation_readers",
+    "orientation_beside",
     "position_columns",
     "read_demonstrations",
     "read_task_sequences",
     "read_whole",
+    "reference_of",
+    "settle_orientations",
     "stamp_of",
 ]

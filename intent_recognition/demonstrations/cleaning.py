@@ -79,9 +79,10 @@ def clean_topic(
     stamps_ns = np.array([message.stamp_ns for message in messages], np.int64)
     log_times_ns = np.array([message.log_time_ns for message in messages], np.int64)
     if is_raw_pose(topic, type_name):
-        accepted = _ingest(_pose_columns(stamps_ns, log_times_ns, decoded), extrinsics, True)
-        assert accepted.orientations is not None  # they were asked for
-        poses = zip(accepted.rows, accepted.positions, accepted.orientations, strict=True)
+        raw = _pose_columns(stamps_ns, log_times_ns, decoded)
+        accepted = _ingest(raw, extrinsics, True)
+        orientations = _measured(accepted, raw)
+        poses = zip(accepted.rows, accepted.positions, orientations, strict=True)
         for row, position, orientation in poses:
             decoded[row] = pose_message(decoded[row].header, position, orientation)
         rows, rejected = _longest_increasing(stamps_ns, accepted)
@@ -104,7 +105,7 @@ def clean_columns(
         positions, orientations = np.full((2, stamps_ns.size, 4), np.nan)
         positions[accepted.rows, :3] = accepted.positions
         if accepted.orientations is not None:
-            orientations[accepted.rows] = accepted.orientations
+            orientations[accepted.rows] = _measured(accepted, columns)
         columns = replace(columns, positions=positions[:, :3], orientations=orientations)
         rows, rejected = _longest_increasing(stamps_ns, accepted)
     else:
@@ -189,6 +190,13 @@ def _ingest(
         columns.frames,
         oriented=oriented,
     )
+
+
+def _measured(accepted: AcceptedPoses, raw: PoseColumns) -> NDArray[np.float64]:
+    """Orientations (n, 4) of the accepted poses, NaN where a tracker sent zeros for none."""
+    assert accepted.orientations is not None  # they were asked for
+    measured = np.any(raw.orientations[accepted.rows], axis=1, keepdims=True)
+    return np.where(measured, accepted.orientations, np.nan)
 
 
 def _settings(columns: PoseColumns, extrinsics: Mapping[str, tuple] | None) -> IngestSettings:

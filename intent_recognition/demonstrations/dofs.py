@@ -16,9 +16,13 @@ from intent_recognition.errors import DofError, describe
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 QUANTITIES = ("position", "velocity", "effort")
-KEYS = ("topic", "type", "fields", "joints", "unit", "quantity")
-VELOCITY_KEYS = (*KEYS, "of", "std")
+VELOCITY_KEYS = ("topic", "type", "fields", "joints", "unit", "quantity", "of", "std")
+KEYS = (*VELOCITY_KEYS[:6], "orientation", "reference")
+QUATERNION = "quaternion"
+"""The one representation of an orientation that entries may have."""
 SIDES = ("observed", "controlled", "velocities")
+UNIT_TOLERANCE = 1e-3
+"""How far the norm of a reference may be from one. Convention: three decimals are written."""
 TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 
 
@@ -36,6 +40,10 @@ class DofEntry:
             as the identifier of a tracked person. An entry has either `fields` or `joints`.
         unit: of all DOFs of this entry, such as "m" or "rad".
         quantity: what is read of each joint: "position", "velocity" or "effort".
+        orientation: "quaternion" where the four fields x, y, z, w are one; its three DOFs are a
+            rotation vector [rad] (`signals.orientation`). Else empty.
+        reference: unit quaternion (4,) xyzw from which that leads to the orientation; empty where
+            it is still to be the mean of the demonstrations (`settle_orientations`).
         of: for measured velocities, the names of the observed DOFs they belong to; else empty.
         std: standard deviation of each velocity [unit], used where a message has no covariance.
     """
@@ -46,6 +54,8 @@ class DofEntry:
     joints: tuple[str, ...] = ()
     unit: str = ""
     quantity: str = "position"
+    orientation: str = ""
+    reference: tuple[float, ...] = ()
     of: tuple[str, ...] = ()
     std: float | None = None
 
@@ -55,6 +65,16 @@ class DofEntry:
         if self.joints:
             suffix = "" if self.quantity == "position" else f".{self.quantity}"
             return tuple(joint + suffix for joint in self.joints)
+        if self.orientation:
+            place = self.fields[0].rpartition(".")[0]
+            return tuple(f"{self.topic}.{place}.r{axis}" for axis in "xyz")
+        return self.message_names
+
+    @property
+    def message_names(self) -> tuple[str, ...]:
+        """One name per number in messages: those of the DOFs, but for the four of a quaternion."""
+        if self.joints:
+            return self.names
         return tuple(f"{self.topic}.{field}" for field in self.fields)
 
     @property
@@ -73,6 +93,10 @@ class DofEntry:
             content["fields"] = list(self.fields)
         if self.quantity != "position":
             content["quantity"] = self.quantity
+        if self.orientation:
+            content["orientation"] = self.orientation
+        if self.reference:
+            content["reference"] = list(self.reference)
         if self.of:
             content["of"] = list(self.of)
         if self.std is not None:
@@ -105,6 +129,11 @@ class DofSpec:
     def controlled_names(self) -> tuple[str, ...]:
         """Names of all controlled DOFs, entry by entry."""
         return tuple(name for entry in self.controlled for name in entry.names)
+
+    @property
+    def controlled_message_names(self) -> tuple[str, ...]:
+        """Names of all numbers of the controlled agent in messages, entry by entry."""
+        return tuple(name for entry in self.controlled for name in entry.message_names)
 
     def signal_of(self, velocity: DofEntry) -> tuple[int, tuple[int, ...]] | None:
         """Which observed entry has the DOFs of a velocity entry, and where; None for none."""
@@ -224,16 +253,53 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
     if quantity not in QUANTITIES or (quantity != "position" and "joints" not in item):
         raise _error(f"{place}: quantity", f"{', '.join(QUANTITIES)}, with joints", quantity)
     is_velocity = "of" in keys
-    return DofEntry(
+    found = DofEntry(
         relative_topic(texts["topic"]),
         texts["type"],
         fields=_names(item, "fields", place) if "fields" in item else (),
         joints=_names(item, "joints", place) if "joints" in item else (),
         unit=texts["unit"],
         quantity=quantity,
+        orientation=item.get("orientation", ""),
+        reference=_reference(item, place),
         of=_names(item, "of", place) if is_velocity else (),
         std=_std(item, place) if is_velocity else None,
     )
+    _check_orientation(found, item, place)
+    return found
+
+
+def _check_orientation(entry: DofEntry, item: Mapping, place: str) -> None:
+    """Four fields of one quaternion, in radians; nothing of it in other entries."""
+    if "orientation" not in item:
+        if entry.reference:
+            raise _error(f"{place}: reference", "orientation: quaternion beside it", "none")
+        return
+    if entry.orientation != QUATERNION:
+        raise _error(f"{place}: orientation", QUATERNION, entry.orientation)
+    stem = entry.fields[0].rpartition(".")[0] if entry.fields else ""
+    expected = tuple(f"{stem}.{axis}" for axis in "xyzw")
+    if entry.fields != expected:
+        got = ", ".join(entry.fields or entry.joints)
+        shape = "the fields x, y, z, w of one quaternion in this order, and no others"
+        raise _error(f"{place}: fields", shape, got)
+    if entry.unit != "rad":
+        raise _error(f"{place}: unit", "rad, of rotation vectors", entry.unit)
+
+
+def _reference(item: Mapping, place: str) -> tuple[float, ...]:
+    """The unit quaternion (4,) xyzw of an entry, or nothing."""
+    if "reference" not in item:
+        return ()
+    given = item["reference"]
+    try:
+        quaternion = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        quaternion = np.empty(0)
+    norm = float(np.linalg.norm(quaternion))
+    if quaternion.shape != (4,) or not abs(norm - 1.0) < UNIT_TOLERANCE:
+        raise _error(f"{place}: reference", "a unit quaternion [x, y, z, w]", given)
+    return tuple(quaternion.tolist())
 
 
 def _text(item: Mapping, key: str, place: str) -> str:

@@ -27,7 +27,14 @@ from intent_recognition.demonstrations.paths import (
     follow,
     parse_path,
 )
-from intent_recognition.errors import MessageError, describe
+from intent_recognition.errors import DofError, MessageError, describe
+from intent_recognition.promp import Trajectory
+from intent_recognition.signals import (
+    from_tangent,
+    quaternion_rates,
+    right_jacobian,
+    to_tangent,
+)
 
 POSITION_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
 ORIENTATION_FIELDS = tuple(f"pose.orientation.{axis}" for axis in "xyzw")
@@ -72,7 +79,7 @@ def extract(entry: DofEntry, message: Any) -> NDArray[np.float64]:
     found = _read(entry, message)
     if found.missing is not None:
         raise found.missing
-    return found.values
+    return dofs_of(entry, found.values)
 
 
 def extract_present(entry: DofEntry, message: Any) -> NDArray[np.float64]:
@@ -84,7 +91,74 @@ def extract_present(entry: DofEntry, message: Any) -> NDArray[np.float64]:
     found = _read(entry, message)
     if found.missing is not None and found.n_missing == len(found.values):
         raise found.missing
-    return found.values
+    return dofs_of(entry, found.values)
+
+
+def dofs_of(entry: DofEntry, numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (..., d) of the entry's DOFs, of the numbers that its fields or joints are.
+
+    An orientation is NaN where it was not measured or is not represented, see `to_tangent`.
+    """
+    if not entry.orientation:
+        return numbers
+    return to_tangent(numbers, reference_of(entry))
+
+
+def numbers_of(entries: Sequence[DofEntry], trajectory: Trajectory) -> Trajectory:
+    """A trajectory of the entries' DOFs (T, d) as the numbers that messages hold (T, m).
+
+    These are the same but for orientations, of which they are the four of a quaternion with a
+    continuous sign. Their `std` is that of the rotation [rad]: about the x, y and z axis of the
+    body, and zero in the place of w. Correlations between the axes are not known here.
+    """
+    if not any(entry.orientation for entry in entries):
+        return trajectory
+    edges = np.cumsum([len(entry.names) for entry in entries])[:-1]
+    parts = zip(entries, *(np.split(of, edges, axis=1) for of in trajectory[1:]), strict=True)
+    columns = [_quaternions(*part) if part[0].orientation else part[1:] for part in parts]
+    return Trajectory(trajectory.times_s, *map(np.hstack, zip(*columns, strict=True)))
+
+
+def _quaternions(
+    entry: DofEntry,
+    vectors: NDArray[np.float64],
+    rates: NDArray[np.float64],
+    std: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], ...]:
+    """Quaternions (T, 4), their rates (T, 4), and the spread about the body's axes (T, 4)."""
+    quaternions = from_tangent(vectors, reference_of(entry))
+    about_axes = np.sqrt(np.einsum("tij,tj->ti", right_jacobian(vectors) ** 2, std**2))
+    return (
+        quaternions,
+        quaternion_rates(quaternions, vectors, rates),
+        np.hstack([about_axes, np.zeros((len(std), 1))]),
+    )
+
+
+def orientation_beside(entries: Sequence[DofEntry], group: int) -> int | None:
+    """Which entry is the orientation of the same body as the position in another; None for none."""
+    position = entries[group]
+    columns = position_columns(position)
+    if columns is None:
+        return None
+    body = position.fields[columns[0]].rpartition(".")[0].rpartition(".")[0]
+    for k, entry in enumerate(entries):
+        stem = entry.fields[0].rpartition(".")[0].rpartition(".")[0] if entry.orientation else None
+        if entry.topic == position.topic and stem == body:
+            return k
+    return None
+
+
+def reference_of(entry: DofEntry) -> tuple[float, ...]:
+    """The reference of an orientation.
+
+    Raises:
+        DofError: it is not settled yet.
+    """
+    if not entry.reference:
+        cure = "Call settle_orientations with the recordings, or give it in the DOF file."
+        raise DofError(describe(f"{entry.topic}: reference", "a unit quaternion", "none", cure))
+    return entry.reference
 
 
 def stamp_of(entry: DofEntry, message: Any, received_ns: int) -> int | None:
@@ -145,7 +219,7 @@ def values_of(
     if isinstance(content, PoseColumns):
         poses = np.column_stack([content.positions[rows], content.orientations[rows]])
         columns = [POSE_FIELDS.index(field) for field in entry.fields]
-        return poses[:, columns], np.ones(rows.size, bool)
+        return dofs_of(entry, poses[:, columns]), np.ones(rows.size, bool)
     if isinstance(content, JointColumns):
         return _joint_values(entry, content, rows)
     values = np.full((rows.size, len(entry.names)), np.nan)

@@ -20,16 +20,24 @@ from intent_recognition.demonstrations.cleaning import MISSING_DOF, is_raw_pose
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.demonstrations.fields import (
     POSE_FIELDS,
+    dofs_of,
     extract,
     extract_present,
     pose_message,
     pose_numbers,
+    reference_of,
     stamp_of,
 )
 from intent_recognition.demonstrations.paths import element_of
 from intent_recognition.errors import MessageError, describe
-from intent_recognition.signals import Observation
-from intent_recognition.tracking import IngestSettings, IngestState, Rejected, ingest_pose
+from intent_recognition.signals import LARGEST_ANGLE_RAD, Observation, to_tangent_covariance
+from intent_recognition.tracking import (
+    UNKNOWN_VARIANCE,
+    IngestSettings,
+    IngestState,
+    Rejected,
+    ingest_pose,
+)
 
 POSES = (
     POSE,
@@ -71,7 +79,8 @@ class ObservationReader:
         self.entry, self.group = entry, group
         self._columns = columns
         self._whole = columns is None and entry.type in POSES
-        self._values = partial(extract_present, entry) if entry.joints else _fields(entry)
+        whole_numbers = entry.joints or entry.orientation
+        self._values = partial(extract_present, entry) if whole_numbers else _fields(entry)
         self._matrix, self._axes = _place_of_covariance(entry)
         self._unknown = np.minimum.outer(self._axes, self._axes) < 0
         self._has_unknown = bool(self._unknown.any())
@@ -88,12 +97,13 @@ class ObservationReader:
         Args:
             stamp_ns: time of measurement.
             message: of rclpy or of a bag.
-            covariance: of the position, (3, 3), instead of the message's own.
+            covariance: of the pose, (6, 6), instead of the message's own.
 
         Raises:
             MessageError: a field, or every joint, is missing.
         """
-        return self._observation(stamp_ns, self._values(message), self._noise(message, covariance))
+        values = self._values(message)
+        return self._observation(stamp_ns, values, self._noise(message, covariance, values))
 
     def observe_pose(
         self, stamp_ns: int, pose: NDArray[np.float64], covariance: NDArray[np.float64] | None
@@ -117,7 +127,8 @@ class ObservationReader:
                     "A tracked pose has no others; correct the DOF file.",
                 )
             )
-        return self._observation(stamp_ns, pose[self.pose_columns], self._noise(None, covariance))
+        values = dofs_of(self.entry, pose[self.pose_columns])
+        return self._observation(stamp_ns, values, self._noise(None, covariance, values))
 
     def _observation(
         self, stamp_ns: int, values: NDArray[np.float64], noise: NDArray[np.float64] | None
@@ -131,7 +142,7 @@ class ObservationReader:
         return Observation(stamp_ns, self.group, values, noise, dofs, derivative)
 
     def _noise(
-        self, message: Any, covariance: NDArray[np.float64] | None
+        self, message: Any, covariance: NDArray[np.float64] | None, values: NDArray[np.float64]
     ) -> NDArray[np.float64] | None:
         """The covariance in the message, else that of the DOF file; None where neither is known."""
         if covariance is None and self._matrix is not None:
@@ -142,9 +153,29 @@ class ObservationReader:
             noise = np.where(self._unknown, 0.0, noise)
         if noise is not None and not noise.any():  # ROS: all zero means unknown
             noise = None
+        if self.entry.orientation:
+            return self._turned(noise, values)
         if noise is None and self.entry.std is not None:
             noise = np.eye(len(self._axes)) * self.entry.std**2
         return noise
+
+    def _turned(
+        self, noise: NDArray[np.float64] | None, values: NDArray[np.float64]
+    ) -> NDArray[np.float64] | None:
+        """The noise of an orientation about the world's axes as that of its rotation vector.
+
+        Raises:
+            MessageError: the orientation was not measured.
+        """
+        unknown = noise is not None and np.any(np.diagonal(noise) >= UNKNOWN_VARIANCE)
+        if unknown or np.any(np.isnan(values)):
+            largest = f"{np.degrees(LARGEST_ANGLE_RAD):.0f} degrees"
+            expected = f"an orientation within {largest} of the reference"
+            cure = "Nothing, if it is rare; else give the entry another reference."
+            raise MessageError(describe(self.entry.names[0], expected, "none", cure))
+        if noise is None:
+            return None
+        return to_tangent_covariance(noise, values, reference_of(self.entry))
 
 
 def observation_readers(dofs: DofSpec) -> list[ObservationReader]:
@@ -207,7 +238,10 @@ def iter_samples(
                 rejected[result.reason] += 1
                 continue
             message = pose_message(message.header, result.position, result.orientation)
-            covariance = result.position_covariance
+            measured = result.orientation_measured
+            turn = settings.orientation_std_rad**2 if measured else UNKNOWN_VARIANCE
+            covariance = np.diag([0.0, 0.0, 0.0, turn, turn, turn])
+            covariance[:3, :3] = result.position_covariance
         for of_controlled, observation_reader in by_topic[topic]:
             measured_ns = stamp_of(observation_reader.entry, message, item.log_time_ns)
             if measured_ns is None:
@@ -244,6 +278,9 @@ def _place_of_covariance(
 ) -> tuple[Callable[[Any], Any] | None, NDArray[np.float64]]:
     """Getter of the 6 x 6 matrix in a message, and the row of each field in it, (m,) or -1."""
     count = len(entry.names)
+    if entry.orientation and not any(map(element_of, entry.fields)):
+        stem = ".".join(entry.fields[0].split(".")[:-3])
+        return _matrix_at(".".join(filter(None, [stem, "covariance"]))), np.array([3, 4, 5])
     axes, holders = np.full(count, -1), set[str]()
     if any(map(element_of, entry.fields)):  # elements of arrays have no covariance
         return None, axes
@@ -255,7 +292,12 @@ def _place_of_covariance(
             holders.add(".".join([*parts[:-3], "covariance"]))
     if len(holders) != 1:
         return None, axes
-    read = attrgetter(*holders)
+    return _matrix_at(*holders), axes
+
+
+def _matrix_at(holder: str) -> Callable[[Any], Any]:
+    """Getter of a 6 x 6 matrix; None where a message has none there."""
+    read = attrgetter(holder)
 
     def matrix(message: Any) -> Any:
         try:
@@ -264,4 +306,4 @@ def _place_of_covariance(
             return None
         return found if np.size(found) == 36 else None
 
-    return matrix, axes
+    return matrix

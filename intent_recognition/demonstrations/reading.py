@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.bags import FILE_NAME, BagMessage, BagReader
 from intent_recognition.demonstrations.cleaning import (
@@ -16,8 +17,14 @@ from intent_recognition.demonstrations.cleaning import (
     restamped,
     signals_of,
 )
-from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
-from intent_recognition.demonstrations.fields import ORIENTATION_FIELDS, has_columns
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, relative_topic
+from intent_recognition.demonstrations.fields import (
+    ORIENTATION_FIELDS,
+    extract_present,
+    has_columns,
+    reference_of,
+    stamp_of,
+)
 from intent_recognition.demonstrations.labels import label_problem
 from intent_recognition.demonstrations.paths import element_names
 from intent_recognition.demonstrations.sessions import (
@@ -30,10 +37,24 @@ from intent_recognition.demonstrations.sessions import (
     task_of,
     task_sequences,
 )
-from intent_recognition.errors import BagError, MessageError, describe
-from intent_recognition.signals import Demonstration, Rejection, Signal, stream_defect
+from intent_recognition.errors import (
+    ArgumentError,
+    BagError,
+    DofError,
+    MessageError,
+    describe,
+)
+from intent_recognition.signals import (
+    Demonstration,
+    Rejection,
+    Signal,
+    mean_orientation,
+    stream_defect,
+)
 from intent_recognition.tracking import JUMP
 
+REFERENCE_BAGS = 50
+"""Recordings from which the mean orientation is taken. Convention: the mean need not be exact."""
 LEAST_SAMPLES = 2
 """Samples of each signal, fewer of which are not a movement. Convention: one span of time."""
 UNFINISHED = (
@@ -64,6 +85,7 @@ def read_demonstrations(
 
     Raises:
         BagError: a path does not exist.
+        DofError: an orientation has no reference, see `settle_orientations`.
     """
     demonstrations: list[Demonstration] = []
     rejections: list[Rejection] = []
@@ -79,12 +101,71 @@ def iter_demonstrations(
     paths: Paths, dofs: DofSpec, *, extrinsics: Mapping[str, tuple] | None = None
 ) -> Iterator[Demonstration | Rejection]:
     """As `read_demonstrations`, one by one in the same order."""
-    for path in [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]:
+    for entry in (*dofs.observed, *dofs.controlled):
+        if entry.orientation:
+            reference_of(entry)
+    for path in _as_paths(paths):
         bags = find_bags(path)
         if not bags:
             yield Rejection(str(path), "", 0, NO_BAG)
         for bag in bags:
             yield from _read_bag(bag, dofs, extrinsics)
+
+
+def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
+    """The same DOFs, with a reference for every orientation that has none: the mean of recordings.
+
+    Args:
+        dofs: topics and fields to read.
+        paths: bags and folders of bags, of which at most `REFERENCE_BAGS` are read.
+
+    Raises:
+        BagError: a path does not exist.
+        DofError: no recording has an orientation that was measured.
+    """
+    if all(entry.reference for entry in (*dofs.observed, *dofs.controlled) if entry.orientation):
+        return dofs
+    bags = [bag for path in _as_paths(paths) for bag in find_bags(path)]
+    readers = [*map(_sound_reader, bags[:: -(-len(bags) // REFERENCE_BAGS) or 1])]
+
+    def settled(entry: DofEntry) -> DofEntry:
+        if not entry.orientation or entry.reference:
+            return entry
+        found = [mean for reader in readers if (mean := _mean_in(reader, entry)) is not None]
+        if not found:
+            got = f"none in {len(readers)} of the recordings"
+            cure = "Record orientations, or give the entry a reference."
+            raise DofError(describe(entry.names[0], "orientations to take the mean of", got, cure))
+        return replace(entry, reference=tuple(mean_orientation(found).tolist()))
+
+    return replace(
+        dofs,
+        observed=tuple(map(settled, dofs.observed)),
+        controlled=tuple(map(settled, dofs.controlled)),
+    )
+
+
+def _sound_reader(path: Path) -> BagReader | None:
+    try:
+        return BagReader(path)
+    except BagError:  # what is wrong is said when it is read
+        return None
+
+
+def _mean_in(reader: BagReader | None, entry: DofEntry) -> NDArray[np.float64] | None:
+    """Mean orientation (4,) in a recording; None where there is none."""
+    numbers, whole = [], replace(entry, orientation="")
+    try:
+        for message in reader.messages([entry.topic]) if reader is not None else ():
+            if stamp_of(entry, message.message, message.log_time_ns) is not None:
+                numbers.append(extract_present(whole, message.message))
+        return mean_orientation(numbers)
+    except (ArgumentError, BagError):
+        return None
+
+
+def _as_paths(paths: Paths) -> list[Path]:
+    return [Path(p) for p in ([paths] if isinstance(paths, str | Path) else paths)]
 
 
 def read_whole(path: str | Path, dofs: DofSpec) -> Demonstration:

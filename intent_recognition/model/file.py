@@ -5,7 +5,8 @@ import json
 import os
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import zip_longest
 from math import inf, isinf
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.demonstrations import DofSpec
+from intent_recognition.demonstrations import DofEntry, DofSpec, reference_of
 from intent_recognition.durable import commit
 from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
 from intent_recognition.learning import Trained
@@ -97,8 +98,12 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
 
     Raises:
         ModelError: the folder cannot be written to.
+        DofError: an orientation has no reference, see `settle_orientations`.
     """
     library = model.library
+    for entry in (*model.dofs.observed, *model.dofs.controlled):
+        if entry.orientation:
+            reference_of(entry)
     deviation = library.phase_deviation
     arrays = {
         "observed_weight_covariance": library.observed_covariance[:-1],
@@ -201,13 +206,21 @@ def load_trained(path: str | Path) -> tuple[Model, Trained]:
     return model, unpack_statistics(str(path), model.library, header["statistics"], content)
 
 
-def check_dofs(model: Model, dofs: DofSpec, source: str) -> None:
+def check_dofs(model: Model, dofs: DofSpec, source: str) -> DofSpec:
     """Make sure that a DOF file is the one the model was trained with.
+
+    Returns:
+        The same DOFs with the references of the model's orientations, where they have none.
 
     Raises:
         DofError: they differ; both sides are named.
     """
-    ours, theirs = model.dofs.to_dict(), dofs.to_dict()
+    found = replace(
+        dofs,
+        observed=_with_references(dofs.observed, model.dofs.observed),
+        controlled=_with_references(dofs.controlled, model.dofs.controlled),
+    )
+    ours, theirs = model.dofs.to_dict(), found.to_dict()
     for side in ("observed", "controlled"):
         if ours[side] != theirs[side]:
             raise DofError(
@@ -218,6 +231,18 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> None:
                     "Use the DOF file the model was trained with, or train again.",
                 )
             )
+    return found
+
+
+def _with_references(
+    entries: tuple[DofEntry, ...], settled: tuple[DofEntry, ...]
+) -> tuple[DofEntry, ...]:
+    """Entries with the references of others, where they are the same but for that."""
+    pairs = zip_longest(entries, settled[: len(entries)])
+    return tuple(
+        other if other is not None and entry == replace(other, reference=()) else entry
+        for entry, other in pairs
+    )
 
 
 def _read(path: str | Path, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:

@@ -23,7 +23,7 @@ from datetime import datetime
 from pathlib import Path
 
 from intent_recognition.bags import BagReader
-from intent_recognition.demonstrations import DofSpec, check_label
+from intent_recognition.demonstrations import DofSpec, check_label, settle_orientations
 from intent_recognition.durable import append_line, copy, locked, sync_folder, write_text
 from intent_recognition.errors import (
     BagError,
@@ -106,7 +106,7 @@ class TaskFolder:
         with self._locked():
             pass
         if self.model_path.exists():
-            check_dofs(load_model(self.model_path), dofs, "the DOFs asked for")
+            self.dofs = check_dofs(load_model(self.model_path), dofs, "the DOFs asked for")
 
     @property
     def model_path(self) -> Path:
@@ -138,7 +138,7 @@ class TaskFolder:
                 cure = "Choose a new folder, or leave the model out."
                 raise ResourceBusyError(describe("model", "a folder without one", self.path, cure))
             loaded, trained = load_trained(model)
-            check_dofs(loaded, self.dofs, "the DOFs asked for")
+            self.dofs = check_dofs(loaded, self.dofs, "the DOFs asked for")
             self._keep(START, "", "", trained)
 
     def new_bag(self, task: str) -> Path:
@@ -230,6 +230,7 @@ class TaskFolder:
 
     def _first(self) -> Trained | None:
         """Learn from all recordings, if there are enough by now."""
+        self.dofs = settle_orientations(self.dofs, self.path / BAGS)
         found = accumulate_bags([self.path / BAGS], self.dofs, TrainingSettings())
         _check(found, self.path / BAGS)
         if found.accumulated.n_used == len(found.accumulated.tasks):

@@ -7,13 +7,21 @@ from typing import Any
 
 import numpy as np
 from nav_msgs.msg import Path
+from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from intent_recognition.demonstrations import DofSpec, load_dofs, position_columns
+from intent_recognition.demonstrations import (
+    DofSpec,
+    load_dofs,
+    numbers_of,
+    orientation_beside,
+    position_columns,
+    reference_of,
+)
 from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.model import Model, check_dofs, load_model
 from intent_recognition.nodes import qos
@@ -27,7 +35,7 @@ from intent_recognition.nodes.runtime import LeftOvers, elapsed_s, run, when_clo
 from intent_recognition.nodes.serialized import SerializedNamedVector, SerializedTrajectory
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import FORGET_AFTER_S, Estimate, IntentEstimator, Prediction
-from intent_recognition.signals import Observation
+from intent_recognition.signals import Observation, from_tangent
 
 STREAM_TIMEOUT_S = 0.5
 """Silence of the observed agent during a movement that is reported [s]; the default `timeout` of
@@ -133,7 +141,7 @@ class IntentEstimatorNode(ManagedNode):
             forget_after_s=self._forget_after_s,
             start_posture=self._start_posture,
         )
-        self._trajectory_template = SerializedTrajectory(self._model.controlled_names)
+        self._trajectory_template = SerializedTrajectory(self._model.dofs.controlled_message_names)
         self._tasks_template = SerializedNamedVector((*self._model.labels, NONE))
         self._marker_builder = MarkerBuilder(self._model.labels)
         columns = map(position_columns, self._model.dofs.observed)
@@ -182,8 +190,7 @@ class IntentEstimatorNode(ManagedNode):
             )
         model = load_model(path)
         if self._dofs_path:
-            self._own_dofs = load_dofs(self._dofs_path)
-            check_dofs(model, self._own_dofs, self._dofs_path)
+            self._own_dofs = check_dofs(model, load_dofs(self._dofs_path), self._dofs_path)
         return model
 
     def _use(self, observation: Observation, topic: str) -> bool:
@@ -236,7 +243,8 @@ class IntentEstimatorNode(ManagedNode):
     def _publish_trajectory(self, robot: Prediction) -> None:
         """Publish a prediction; an unchanged one is not serialized again."""
         if self._last_robot is None or robot.trajectory is not self._last_robot[0].trajectory:
-            times, positions, velocities, std = robot.trajectory
+            entries = self._model.dofs.controlled
+            times, positions, velocities, std = numbers_of(entries, robot.trajectory)
             data = self._trajectory_template.build(
                 robot.onset_ns, times, positions, velocities, std, frame_id=robot.task
             )
@@ -250,7 +258,8 @@ class IntentEstimatorNode(ManagedNode):
         group, of_signal = self._shown
         columns = self._model.library.observed_dofs(group)[of_signal]
         positions = human.trajectory.positions[:, columns]
-        self._path.publish(to_path(estimate.stamp_ns, self._inputs.frame, human, positions))
+        turned = self._orientations(group, human)
+        self._path.publish(to_path(estimate.stamp_ns, self._inputs.frame, human, positions, turned))
         if self._markers.get_subscription_count():
             self._markers.publish(
                 self._marker_builder.build(
@@ -262,6 +271,15 @@ class IntentEstimatorNode(ManagedNode):
                     human.trajectory.std[:, columns],
                 )
             )
+
+    def _orientations(self, group: int, human: Prediction) -> NDArray[np.float64] | None:
+        """Predicted quaternions (T, 4) of the body that is shown; None where it has none."""
+        entries = self._model.dofs.observed
+        beside = orientation_beside(entries, group)
+        if beside is None:
+            return None
+        vectors = human.trajectory.positions[:, self._model.library.observed_dofs(beside)]
+        return from_tangent(vectors, reference_of(entries[beside]))
 
     def _check_stream(self) -> None:
         if not self.active:

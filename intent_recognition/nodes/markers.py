@@ -11,7 +11,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from intent_recognition.gaussian import tube_faces, tube_rings
-from intent_recognition.nodes.conversions import to_point, to_stamp
+from intent_recognition.nodes.conversions import to_point, to_pose, to_stamp
 from intent_recognition.recognition import Prediction
 from intent_recognition.report import INK, NONE_COLOUR, readable, task_colours
 
@@ -31,7 +31,13 @@ NEW_MOVEMENT_NS = 500_000_000
 TUBE_FACES = tube_faces().ravel()
 
 
-def to_path(time_ns: int, frame: str, human: Prediction, positions: NDArray[np.float64]) -> Path:
+def to_path(
+    time_ns: int,
+    frame: str,
+    human: Prediction,
+    positions: NDArray[np.float64],
+    orientations: NDArray[np.float64] | None = None,
+) -> Path:
     """The predicted rest of the movement, each pose stamped with the time it is expected at.
 
     Args:
@@ -39,16 +45,19 @@ def to_path(time_ns: int, frame: str, human: Prediction, positions: NDArray[np.f
         frame: frame of the positions.
         human: the prediction they are of.
         positions: (T, 3) [m].
+        orientations: quaternions (T, 4) xyzw; None for no rotation.
     """
+    turned = np.tile([0.0, 0.0, 0.0, 1.0], (len(positions), 1))
+    turned = turned if orientations is None else orientations
     message = Path()
     message.header.stamp = to_stamp(time_ns)
     message.header.frame_id = frame
-    for elapsed_s, position in zip(human.trajectory.times_s, positions, strict=True):
+    at_s = human.trajectory.times_s
+    for elapsed_s, position, quaternion in zip(at_s, positions, turned, strict=True):
         pose = PoseStamped()
         pose.header.frame_id = frame
         pose.header.stamp = to_stamp(human.onset_ns + round(float(elapsed_s) * 1e9))
-        pose.pose.position = to_point(position)
-        pose.pose.orientation.w = 1.0
+        pose.pose = to_pose(position, quaternion)
         message.poses.append(pose)
     return message
 

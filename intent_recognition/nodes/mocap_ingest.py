@@ -76,7 +76,8 @@ class MocapIngest(Node):
     def _orientation_variance(self) -> float:
         """Variance of a measured orientation [rad^2]."""
         description = "Standard deviation of a measured orientation [rad]."
-        return parameter(self, ORIENTATION_STD, 0.02, description, 1e-6, 3.2) ** 2
+        default = IngestSettings.orientation_std_rad
+        return parameter(self, ORIENTATION_STD, default, description, 1e-6, 3.2) ** 2
 
     def _read_settings(self) -> IngestSettings:
         no_extrinsics: list[str] = []

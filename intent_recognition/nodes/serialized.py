@@ -26,11 +26,8 @@ from intent_recognition.bags import (
 )
 from intent_recognition.errors import MessageError, describe
 from intent_recognition.nodes.conversions import TrajectoryBuilder, to_joint_state
-from intent_recognition.tracking import TrackedPose
+from intent_recognition.tracking import UNKNOWN_VARIANCE, TrackedPose
 
-UNKNOWN_VARIANCE = 1e6
-"""Of what was not measured: orientation [rad^2], velocity before the third sample [m^2/s^2], rate
-of turning [rad^2/s^2]. Convention: so large that no filter takes it for a measurement."""
 MAX_TEMPLATES = 32
 """Trajectories of different frames and lengths kept ready. Convention; a node needs one a task."""
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -10,6 +10,15 @@ from intent_recognition.signals.lags import (
 )
 from intent_recognition.signals.observation import Observation, every_second, merge
 from intent_recognition.signals.onset import OnsetSettings, at_rest, detect_onset, is_slow
+from intent_recognition.signals.orientation import (
+    LARGEST_ANGLE_RAD,
+    from_tangent,
+    mean_orientation,
+    quaternion_rates,
+    right_jacobian,
+    to_tangent,
+    to_tangent_covariance,
+)
 from intent_recognition.signals.past import SignalPast
 from intent_recognition.signals.proposals import Span, propose_spans
 from intent_recognition.signals.segmentation import movement_span, onset_settings
@@ -17,6 +26,7 @@ from intent_recognition.signals.signal import Signal
 from intent_recognition.signals.streams import common_span, stream_defect
 
 __all__ = [
+    "LARGEST_ANGLE_RAD",
     "MIN_SAMPLES",
     "Demonstration",
     "Observation",
@@ -32,11 +42,17 @@ __all__ = [
     "correlate_speeds",
     "detect_onset",
     "every_second",
+    "from_tangent",
     "is_slow",
+    "mean_orientation",
     "merge",
     "movement_span",
     "onset_settings",
     "propose_spans",
+    "quaternion_rates",
+    "right_jacobian",
     "stream_defect",
     "stream_doubts",
+    "to_tangent",
+    "to_tangent_covariance",
 ]

@@ -12,12 +12,13 @@ from intent_recognition.tracking.ingest import (
     ingest_pose,
 )
 from intent_recognition.tracking.ingest_many import AcceptedPoses, ingest_poses
-from intent_recognition.tracking.settings import IngestSettings
+from intent_recognition.tracking.settings import UNKNOWN_VARIANCE, IngestSettings
 
 __all__ = [
     "JUMP",
     "NOT_FINITE",
     "STAMP_NOT_INCREASING",
+    "UNKNOWN_VARIANCE",
     "ZERO_STAMP",
     "AcceptedPoses",
     "IngestSettings",

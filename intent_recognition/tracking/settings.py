@@ -16,6 +16,11 @@ NOISE_MARGIN = 6.0
 beyond it is one in 10^8."""
 
 
+UNKNOWN_VARIANCE = 1e6
+"""Of what was not measured: orientation [rad^2], velocity before the third sample [m^2/s^2], rate
+of turning [rad^2/s^2]. Convention: so large that no filter takes it for a measurement."""
+
+
 @dataclass(frozen=True)
 class IngestSettings:
     """How raw poses become world-frame poses.
@@ -27,6 +32,7 @@ class IngestSettings:
         max_speed_m_s: a step that implies a higher speed is a jump.
         max_gap_s: after so long without an accepted sample any position is accepted.
         position_std_m: tracker noise, one number or one per axis (3,) of the tracker's frame.
+        orientation_std_rad: tracker noise about each axis, which `mocap_ingest` attaches [rad].
         reanchor_after: so many consecutive jumps that agree with one another are a new position.
         clock_reset_after: so many consecutive stamps that increase, but lie before the last
             accepted one, are of a clock that was set back.
@@ -41,12 +47,19 @@ class IngestSettings:
     max_speed_m_s: float = 6.0
     max_gap_s: float = 0.5
     position_std_m: float | NDArray[np.float64] = 0.002
+    orientation_std_rad: float = 0.02
     reanchor_after: int = 5
     clock_reset_after: int = 100
     velocity_window_s: float = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("max_speed_m_s", "max_gap_s", "velocity_window_s", "position_std_m"):
+        for name in (
+            "max_speed_m_s",
+            "max_gap_s",
+            "velocity_window_s",
+            "position_std_m",
+            "orientation_std_rad",
+        ):
             value = np.asarray(getattr(self, name), dtype=np.float64)
             if not (np.all(np.isfinite(value)) and np.all(value > 0.0)):
                 raise ArgumentError(

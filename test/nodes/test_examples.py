@@ -15,7 +15,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.demonstrations.reading import read_demonstrations, settle_orientations
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.model.file import Model, load_model, save_model
@@ -45,6 +45,9 @@ EXAMPLES = {
     "a skeleton as PoseArray": Example("config/examples/pose_array.dofs.yaml"),
     "a skeleton as MarkerArray": Example("config/examples/marker_array.dofs.yaml"),
     "a body of REP 155": Example("config/examples/ros4hri.dofs.yaml"),
+    "whole poses": Example(
+        "config/examples/whole_pose.dofs.yaml", "config/examples/second_human.params.yaml"
+    ),
     "a frame of tf": Example("config/examples/tf.dofs.yaml"),
 }
 
@@ -66,10 +69,11 @@ def trained(request, tmp_path_factory):
     for i in range(6 * truth.n_tasks):
         recording = perform(truth, i % truth.n_tasks, i)
         write_recording(folder / "bags" / recording.name, recording, dofs)
-    demonstrations, rejections = read_demonstrations([folder / "bags"], dofs)
+    settled = settle_orientations(dofs, folder / "bags")
+    demonstrations, rejections = read_demonstrations([folder / "bags"], settled)
     assert not rejections
     library = learn(demonstrations, TrainingSettings(n_basis=10))
-    save_model(folder / "m.npz", Model(library, dofs))
+    save_model(folder / "m.npz", Model(library, settled))
     bag = write_recording(folder / "unseen", perform(truth, 1, 90), dofs)
     return Trained(example, str(folder / "m.npz"), bag)
 
@@ -132,7 +136,7 @@ def test_nodes_recognise_and_predict_with_the_example(harness, trained):
         )
     moving = [row["probabilities"] for row in rows if row["probabilities"]["none"] < 1.0]
     assert max(moving[-1], key=moving[-1].get) == "task_1"
-    assert tuple(predictions[-1].joint_names) == model.controlled_names
+    assert tuple(predictions[-1].joint_names) == model.dofs.controlled_message_names
     assert predictions[-1].header.frame_id == "task_1"
     nodes = [estimator] + [ingest] * poses
     rejected = {reason for node in nodes for reason in node._diagnostics._counts}
@@ -149,7 +153,8 @@ def test_every_example_is_tested():
 def test_the_bodies_of_parameters_and_dof_file_agree(path):
     sections = yaml.safe_load(share_path(path).read_text(encoding="utf-8"))
     bodies = sections["/**/mocap_ingest"]["ros__parameters"]["bodies"]
-    (dofs,) = [e.dofs for e in EXAMPLES.values() if e.params == path]
-    spec = load_dofs(share_path(dofs))
-    named = {e.topic for e in (*spec.observed, *spec.controlled) if e.topic.startswith("mocap/")}
-    assert named == {f"mocap/{body}/pose" for body in bodies}
+    for example in [e for e in EXAMPLES.values() if e.params == path]:
+        spec = load_dofs(share_path(example.dofs))
+        topics = {e.topic for e in (*spec.observed, *spec.controlled)}
+        named = {topic for topic in topics if topic.startswith("mocap/")}
+        assert named == {f"mocap/{body}/pose" for body in bodies}

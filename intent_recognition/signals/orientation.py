@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Orientations as vectors: the tangent space at one reference, and back.
+
+A unit quaternion q (xyzw) and -q are the same rotation, and its four numbers form no vector space.
+An orientation is therefore learned as the rotation vector v = Log(q_ref^-1 q) [rad]: axis times
+angle of the rotation that leads from a reference to it, in the axes of the reference. One reference
+serves all tasks and phases (Huang, Abu-Dakka, Silverio & Caldwell 2021, "Toward Orientation
+Learning and Adaptation in Cartesian Space", IEEE Transactions on Robotics 37(1)), so that an
+observation has the same coordinates under every hypothesis of the filter. It is the mean of the
+demonstrations: turning the world turns it too, and v stays the same.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intent_recognition.errors import ArgumentError, describe
+
+LARGEST_ANGLE_RAD = 0.95 * np.pi
+"""Angle from the reference beyond which an orientation is not represented [rad]. At a half turn v
+jumps to -v. Convention: 9 degrees away from that, beyond what a hand turns from its mean."""
+LEAST_QUATERNION = 1e-6
+"""Norm of a quaternion below which it means "not measured", as trackers send zeros. Convention."""
+SMALL_ANGLE_RAD = 1e-4
+"""Angle below which series replace quotients. Numerical safeguard: they agree to 1e-9 there."""
+
+
+def to_tangent(quaternions: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
+    """Rotation vectors [rad] from the reference to orientations, in the axes of the reference.
+
+    Args:
+        quaternions: (..., 4) xyzw, of any norm and sign.
+        reference: unit quaternion (4,) xyzw.
+
+    Returns:
+        (..., 3); NaN where a quaternion is zero or not finite, and farther than
+        `LARGEST_ANGLE_RAD` from the reference.
+    """
+    q = np.asarray(quaternions, dtype=np.float64)
+    x, y, z, w = np.asarray(reference, dtype=np.float64)
+    conjugate = np.array([[w, z, -y, -x], [-z, w, x, -y], [y, -x, w, -z], [x, y, z, w]])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        relative = q @ conjugate.T
+        norm = np.linalg.norm(relative, axis=-1, keepdims=True)
+        relative = relative / np.where(norm > LEAST_QUATERNION, norm, np.nan)
+        relative = np.where(relative[..., 3:] < 0.0, -relative, relative)
+        sine = np.linalg.norm(relative[..., :3], axis=-1, keepdims=True)
+        angle = 2.0 * np.arctan2(sine, relative[..., 3:])
+        scale = np.where(angle < SMALL_ANGLE_RAD, 2.0 + angle**2 / 12.0, angle / sine)
+    return np.where(angle <= LARGEST_ANGLE_RAD, scale * relative[..., :3], np.nan)
+
+
+def from_tangent(vectors: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
+    """Unit quaternions (..., 4) xyzw of rotation vectors from the reference, (..., 3) [rad].
+
+    The sign is continuous: of two that follow one another, the scalar product is not negative.
+
+    Args:
+        vectors: (..., 3) [rad].
+        reference: unit quaternion (4,) xyzw.
+    """
+    v = np.asarray(vectors, dtype=np.float64)
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    u, c = 0.5 * np.sinc(angle / (2.0 * np.pi)) * v, np.cos(0.5 * angle)
+    x, y, z, w = np.asarray(reference, dtype=np.float64)
+    product = np.array([[w, -z, y, x], [z, w, -x, y], [-y, x, w, z], [-x, -y, -z, w]])
+    quaternions = np.concatenate([u, c], axis=-1) @ product.T
+    if quaternions.ndim == 1 or not len(quaternions):
+        return quaternions
+    dots = np.sum(quaternions[1:] * quaternions[:-1], axis=-1, keepdims=True)
+    signs = np.cumprod(np.where(dots < 0.0, -1.0, 1.0), axis=0)
+    return np.concatenate([quaternions[:1], signs * quaternions[1:]])
+
+
+def mean_orientation(quaternions: ArrayLike) -> NDArray[np.float64]:
+    """The mean of orientations (T, 4) xyzw, a unit quaternion (4,) with w >= 0.
+
+    The eigenvector of sum q q^T (Markley, Cheng, Crassidis & Oshman 2007, "Averaging Quaternions"),
+    so that signs do not matter.
+
+    Args:
+        quaternions: (T, 4) xyzw; those that are zero or not finite do not count.
+
+    Raises:
+        ArgumentError: there is none.
+    """
+    q = np.asarray(quaternions, dtype=np.float64).reshape(-1, 4)
+    norm = np.linalg.norm(q, axis=1, keepdims=True)
+    q = q[(norm[:, 0] > LEAST_QUATERNION) & np.isfinite(norm[:, 0])]
+    if not len(q):
+        cure = "Record orientations, or leave the entry out."
+        raise ArgumentError(describe("quaternions", "at least one that is measured", 0, cure))
+    q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    mean = np.linalg.eigh(q.T @ q)[1][:, -1]
+    return mean if mean[3] >= 0.0 else -mean
+
+
+def right_jacobian(vectors: ArrayLike) -> NDArray[np.float64]:
+    """J, (..., 3, 3): a change dv of a rotation vector turns the body by J dv [rad] about its axes.
+
+    Chirikjian (2012), "Stochastic Models, Information Theory, and Lie Groups", vol. 2, p. 40.
+    """
+    v = np.asarray(vectors, dtype=np.float64)
+    angle = np.linalg.norm(v, axis=-1)[..., None, None]
+    cross = np.zeros((*v.shape[:-1], 3, 3))
+    for row, column, axis, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
+        cross[..., row, column] = sign * v[..., axis]
+        cross[..., column, row] = -sign * v[..., axis]
+    small = angle < SMALL_ANGLE_RAD
+    safe = np.where(small, 1.0, angle)
+    first = np.where(small, 0.5 - angle**2 / 24.0, (1.0 - np.cos(safe)) / safe**2)
+    second = np.where(small, 1.0 / 6.0 - angle**2 / 120.0, (safe - np.sin(safe)) / safe**3)
+    return np.eye(3) - first * cross + second * (cross @ cross)
+
+
+def to_tangent_covariance(
+    covariance: ArrayLike, vector: ArrayLike, reference: ArrayLike
+) -> NDArray[np.float64]:
+    """Covariance (3, 3) of a rotation vector, of one about the fixed axes of the world.
+
+    Args:
+        covariance: of small rotations about the world's axes (3, 3) [rad^2], as in ROS.
+        vector: the rotation vector (3,).
+        reference: unit quaternion (4,) xyzw.
+    """
+    quaternion = from_tangent(vector, reference)
+    change = np.linalg.solve(right_jacobian(vector), rotation_matrix(quaternion).T)
+    turned = change @ np.asarray(covariance, dtype=np.float64) @ change.T
+    return 0.5 * (turned + turned.T)
+
+
+def rotation_matrix(quaternion: ArrayLike) -> NDArray[np.float64]:
+    """Rotation matrix (3, 3) of a unit quaternion (4,) xyzw."""
+    x, y, z, w = np.asarray(quaternion, dtype=np.float64)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+
+
+def quaternion_rates(
+    quaternions: NDArray[np.float64], vectors: ArrayLike, rates: ArrayLike
+) -> NDArray[np.float64]:
+    """Time derivatives (..., 4) of quaternions, of those of their rotation vectors (..., 3).
+
+    Args:
+        quaternions: (..., 4) xyzw, as `from_tangent` gives them.
+        vectors: (..., 3) [rad].
+        rates: of the vectors, per second (..., 3).
+    """
+    turn = np.einsum("...ij,...j->...i", right_jacobian(vectors), np.asarray(rates))
+    xyz, w = quaternions[..., :3], quaternions[..., 3:]
+    return 0.5 * np.concatenate(
+        [w * turn + np.cross(xyz, turn), -np.sum(xyz * turn, axis=-1, keepdims=True)], axis=-1
+    )
