@@ -223,6 +223,11 @@ class NodeCall:
     remappings: tuple[tuple[str, str], ...]
     respawns: bool = False
 
+    @property
+    def enclave(self) -> str:
+        """Its own enclave of SROS 2, such as `/cell1/mocap_ingest`."""
+        return "/".join(["", *filter(None, (self.namespace, self.name))])
+
 
 def resolve(graph: str, given: Mapping[str, object]) -> list[NodeCall]:
     """Make the calls that start the nodes of a graph.

@@ -76,6 +76,7 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
         parameters=[*files, typed],
         remappings=list(call.remappings),
         arguments=arguments,
+        ros_arguments=["--enclave", call.enclave],  # without SROS 2 it says nothing
         output="screen",
         respawn=call.respawns,
         respawn_delay=RESPAWN_DELAY_S,

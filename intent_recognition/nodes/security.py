@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Policies of SROS 2 for a graph: who may publish, subscribe, call and answer what.
+
+`python -m intent_recognition.nodes.security GRAPH NAME:=VALUE ...` prints the policy of a graph
+started with these arguments, in the format 0.2.0 that `ros2 security create_permission` reads.
+Each node has an enclave of its own, `/NAMESPACE/NODE`, which the launch files name.
+"""
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+from intent_recognition.demonstrations import DofSpec, load_dofs
+from intent_recognition.errors import IntentError, one_line
+from intent_recognition.model import load_model
+from intent_recognition.nodes.graph import (
+    ARMS,
+    GRAPHS,
+    NODES,
+    OWN_TOPICS,
+    RECORDED,
+    NodeCall,
+    arguments_of,
+    resolve,
+)
+
+BODY, HEARD, SAMPLED = "{body}", "{heard}", "{sampled}"
+"""Stand for each tracked body; for what the estimator hears of each DOF, and where it is from."""
+PARAMETER_SERVICES = tuple(
+    f"~/{name}"
+    for name in ("describe_parameters", "get_parameter_types", "get_parameters")
+    + ("list_parameters", "set_parameters", "set_parameters_atomically", "get_type_description")
+)
+LIFECYCLE_SERVICES = tuple(
+    f"~/{name}"
+    for name in ("change_state", "get_state", "get_available_states")
+    + ("get_available_transitions", "get_transition_graph")
+)
+LEARNING = ("start", "stop", "learn", "discard", "undo")
+
+
+class Interface(NamedTuple):
+    """Names that a node uses beside those of every node; relative, `~/` is its own.
+
+    Attributes:
+        subscribes: topics.
+        publishes: topics.
+        offers: services.
+        calls: services of others.
+        managed: whether it is a lifecycle node.
+    """
+
+    subscribes: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
+    offers: tuple[str, ...] = ()
+    calls: tuple[str, ...] = ()
+    managed: bool = False
+
+
+_ARM = Interface(
+    ("intent/active_task", "joint_trajectory", "~/push"),
+    ("joint_states", "robot_description"),
+    ("~/gravity_compensation",),
+)
+INTERFACES = {
+    **dict.fromkeys(ARMS, _ARM),
+    "mocap_ingest": Interface((f"mocap/{BODY}/pose",), (f"human/{BODY}",)),
+    "intent_estimator": Interface(
+        (HEARD, "joint_states"),
+        ("intent/human_path", "intent/markers", "intent/next_task")
+        + ("intent/robot_trajectory", "intent/tasks"),
+        ("~/reload_model", "~/reset"),
+        managed=True,
+    ),
+    "primitive_activation": Interface(
+        ("intent/next_task", "intent/robot_trajectory", "intent/tasks", "joint_states"),
+        ("intent/active_task", "joint_trajectory"),
+        ("~/reset",),
+        managed=True,
+    ),
+    "coworker_sim": Interface((), ("coworker/task", "mocap/wrist/pose")),
+    "bag_recorder": Interface(RECORDED, (), ("~/start", "~/stop")),
+    "bag_player": Interface(
+        (),
+        (SAMPLED, *(topic for topic in RECORDED if not topic.startswith(OWN_TOPICS))),
+        ("~/pause", "~/resume"),
+    ),
+    "task_teacher": Interface(
+        (SAMPLED,),
+        ("teach/status",),
+        tuple(f"~/{name}" for name in LEARNING),
+        ("intent_estimator/reload_model", "intent_estimator/set_parameters"),
+    ),
+    "dashboard": Interface(
+        ("coworker/task", "intent/active_task", "intent/markers", "intent/robot_trajectory")
+        + ("intent/tasks", "joint_states", f"mocap/{BODY}/pose", "robot_description")
+        + ("teach/status",),
+        ("joint_trajectory", f"mocap/{BODY}/pose"),
+        (),
+        ("intent_estimator/reset", "primitive_activation/reset")
+        + ("primitive_activation/change_state", "primitive_activation/get_state")
+        + tuple(f"task_teacher/{name}" for name in LEARNING)
+        + tuple(f"{arm}/gravity_compensation" for arm in ARMS),
+    ),
+}
+"""Of each node of ours; a test compares them with the nodes themselves."""
+
+
+def policy(graph: str, given: Mapping[str, object]) -> str:
+    """The policy of a graph as XML.
+
+    Args:
+        graph: one of `GRAPHS`.
+        given: values of its arguments, as they are or as text. The topics of the DOFs are those of
+            `dofs`, else of the model, else of the shipped file.
+
+    Raises:
+        IntentError: there is no such graph or argument, or a file cannot be read.
+    """
+    values = arguments_of(graph, given)
+    dofs = _dofs(values)
+    named = values.get("bodies")
+    bodies = [*named] if isinstance(named, tuple) else ["wrist"]
+    sampled = {
+        entry.topic.lstrip("/") for entry in (*dofs.observed, *dofs.controlled, *dofs.velocities)
+    }
+    tracked = {topic.split("/")[1] for topic in sampled if _is_tracked(topic)}
+    heard = {f"human/{topic.split('/')[1]}" if _is_tracked(topic) else topic for topic in sampled}
+    stand_for = {HEARD: sorted(heard), SAMPLED: sorted(sampled)}
+    root = ElementTree.Element("policy", version="0.2.0")
+    enclaves = ElementTree.SubElement(root, "enclaves")
+    for call in resolve(graph, given):
+        if call.name in INTERFACES:
+            _add(enclaves, call, sorted(tracked.union(bodies)), stand_for)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _is_tracked(topic: str) -> bool:
+    return topic.startswith("mocap/") and topic.endswith("/pose") and topic.count("/") == 2
+
+
+def _dofs(values: Mapping[str, object]) -> DofSpec:
+    if values.get("dofs"):
+        return load_dofs(str(values["dofs"]))
+    return load_model(str(values["model"])).dofs if values.get("model") else load_dofs()
+
+
+def _add(
+    enclaves: ElementTree.Element,
+    call: NodeCall,
+    bodies: Sequence[str],
+    stand_for: Mapping[str, Sequence[str]],
+) -> None:
+    own, renamed = INTERFACES[call.name], dict(call.remappings)
+
+    def names(some: Sequence[str]) -> list[str]:
+        found: list[str] = []
+        for name in some:
+            several = stand_for.get(name) or [name.replace(BODY, body) for body in bodies]
+            found += [renamed.get(one, one) for one in several]
+        return sorted(set(found))
+
+    clock = ("/clock",) if NODES[call.name].clock else ()
+    event = ("~/transition_event",) if own.managed else ()
+    services = (*own.offers, *PARAMETER_SERVICES, *(LIFECYCLE_SERVICES if own.managed else ()))
+    every = ("/diagnostics", "/parameter_events", "/rosout")
+    place = ElementTree.SubElement(enclaves, "enclave", path=call.enclave)
+    profiles = ElementTree.SubElement(place, "profiles")
+    profile = ElementTree.SubElement(profiles, "profile", ns=f"/{call.namespace}", node=call.name)
+    for kind, rule, allowed in (
+        ("topic", "subscribe", names((*own.subscribes, "/clock", "/diagnostics", every[1]))),
+        ("topic", "publish", names((*own.publishes, *clock, *event, *every))),
+        ("service", "reply", names(services)),
+        ("service", "request", names(own.calls)),
+    ):
+        if allowed:
+            group = ElementTree.SubElement(profile, f"{kind}s", {rule: "ALLOW"})
+            for name in allowed:
+                ElementTree.SubElement(group, kind).text = name
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Print the policy of a graph; 1 with one line on stderr if that cannot be."""
+    words = list(sys.argv[1:] if args is None else args)
+    if not words or words[0] not in GRAPHS or not all(":=" in word for word in words[1:]):
+        sys.stderr.write(f"expected one of {', '.join(GRAPHS)}, then NAME:=VALUE ...\n")
+        return 2
+    try:
+        text = policy(words[0], dict(word.split(":=", 1) for word in words[1:]))
+    except IntentError as error:
+        sys.stderr.write(f"security: {one_line(error)}\n")
+        return 1
+    sys.stdout.write(text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Policies of SROS 2: each node may do what it does, under its names, and no more."""
+
+from xml.etree import ElementTree
+
+import pytest
+from bag_builder import write_bag
+from nodes.test_names import NODES as BUILT
+from nodes.test_names import make
+
+from intent_recognition.nodes.graph import GRAPHS, NODES, OWN_TOPICS, RECORDED
+from intent_recognition.nodes.security import INTERFACES, main, policy
+
+TOLD = {"joint_states_topic": "/arm/states", "command_topic": "/arm/command"}
+ALL_ON = {"record": "bag", "dashboard": True, "coworker": True, "namespace": "cell1"}
+LATER = {
+    "intent_estimator": {"human/wrist", "joint_states"},  # once it has a model
+    "primitive_activation": {"intent/next_task", "intent/robot_trajectory", "intent/tasks"}
+    | {"joint_states", "joint_trajectory"},
+    "bag_recorder": {*RECORDED},
+    "bag_player": {topic for topic in RECORDED if not topic.startswith(OWN_TOPICS)},
+    "task_teacher": {"mocap/wrist/pose", "joint_states"},
+    "dashboard": {"mocap/wrist/pose", "joint_trajectory", "robot_description", "joint_states"},
+    "coworker_sim": set(),
+}
+"""Topics that a node takes up after its start."""
+
+
+@pytest.fixture
+def bag(tmp_path):
+    write_bag(tmp_path / "bag")
+    return str(tmp_path / "bag")
+
+
+def allowed(text: str) -> dict[str, dict[str, set[str]]]:
+    """Full names by node and by what it may do with them."""
+    found: dict[str, dict[str, set[str]]] = {}
+    for profile in ElementTree.fromstring(text).iter("profile"):
+        ns, node = profile.get("ns").rstrip("/"), profile.get("node")
+        rules = found.setdefault(node, {})
+        for group in profile:
+            ((rule, qualifier),) = group.attrib.items()
+            assert qualifier == "ALLOW"
+            for item in group:
+                name = item.text.replace("~", node, 1)
+                rules.setdefault(rule, set()).add(name if name[0] == "/" else f"{ns}/{name}")
+    return found
+
+
+def given(graph: str, bag: str, **more: object) -> dict:
+    """Every part of a graph on."""
+    known = {argument.name for argument in GRAPHS[graph].arguments()}
+    every = {"dofs": "", "model": "", "bag": bag} | ALL_ON | more
+    return {name: value for name, value in every.items() if name in known and value != ""}
+
+
+@pytest.fixture
+def model(toolbox_model):
+    return str(toolbox_model)
+
+
+@pytest.mark.parametrize("name", sorted(set(INTERFACES) & set(BUILT)))
+def test_a_node_may_do_what_it_does_and_hardly_more(harness, bag, model, name):
+    graph = "replay" if name == "bag_player" else "demo"
+    rules = allowed(policy(graph, given(graph, bag, model=model)))[name]
+    node = make(harness, name, bag)
+    publishes = {p.topic_name for p in node.publishers}
+    subscribes = {s.topic_name for s in node.subscriptions}
+    offers = {s.service_name for s in node.services}
+    assert publishes <= rules["publish"] and subscribes <= rules["subscribe"]
+    assert offers == rules["reply"]
+    assert {f"/cell1/{c.srv_name}" for c in node.clients} <= rules.get("request", set())
+    later = {f"/cell1/{topic}" for topic in LATER.get(name, ())}
+    every = {"/clock", "/diagnostics", "/parameter_events"}
+    below_rclpy = {"/rosout", f"/cell1/{name}/transition_event"}
+    assert rules["subscribe"] - subscribes - every <= later
+    assert rules["publish"] - publishes - below_rclpy - {"/clock"} <= later
+
+
+@pytest.mark.parametrize("graph", GRAPHS)
+def test_every_node_of_ours_has_an_enclave_of_its_own(graph, bag, model):
+    root = ElementTree.fromstring(policy(graph, given(graph, bag, model=model)))
+    assert root.get("version") == "0.2.0"
+    paths = [enclave.get("path") for enclave in root.iter("enclave")]
+    ours = {n for n in GRAPHS[graph].nodes if NODES[n].module and n != "arm_sim"}
+    assert sorted(paths) == sorted(f"/cell1/{name}" for name in ours)
+
+
+def test_only_who_commands_may_publish_commands_and_names_are_those_in_force(bag, model):
+    text = policy("real", given("real", bag, model=model, bodies="wrist,elbow", **TOLD))
+    rules = allowed(text)
+    commanding = {node for node, may in rules.items() if "/arm/command" in may["publish"]}
+    assert commanding == {"primitive_activation", "dashboard"}
+    assert "/arm/states" in rules["intent_estimator"]["subscribe"]
+    assert not any("/arm/states" in may["publish"] for may in rules.values())
+    assert {"/cell1/human/elbow", "/cell1/human/wrist"} <= rules["mocap_ingest"]["publish"]
+    publish_tasks = {n for n, may in rules.items() if "/cell1/intent/tasks" in may["publish"]}
+    assert publish_tasks == {"intent_estimator"}
+
+
+def test_what_cannot_be_is_one_line(capsys, tmp_path):
+    assert main(["ward"]) == 2
+    assert main(["real", "model"]) == 2
+    assert main(["real", f"model:={tmp_path}/none.npz"]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 3 and "none.npz" in lines[2]
