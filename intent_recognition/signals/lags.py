@@ -2,6 +2,7 @@
 """How long the controlled agent follows the observed one, and which recordings differ in it."""
 
 from collections.abc import Iterator, Sequence
+from hashlib import blake2b
 from typing import NamedTuple
 
 import numpy as np
@@ -53,12 +54,14 @@ class SpeedCorrelation(NamedTuple):
         task: its label.
         values: at `LAGS_S`, (L,).
         doubts: what the recording alone gives reason to doubt.
+        movement: digest of the observed agent's values; recordings of equal ones are copies.
     """
 
     name: str
     task: str | None
     values: NDArray[np.float64]
     doubts: tuple[str, ...] = ()
+    movement: bytes = b""
 
     @property
     def lag_s(self) -> float:
@@ -73,7 +76,12 @@ LAGS_S = STEP_S * np.arange(-round(LONGEST_LAG_S / STEP_S), round(LONGEST_LAG_S 
 def correlate_speeds(recorded: Demonstration) -> SpeedCorrelation:
     """What `stream_doubts` needs to know of a recording; small, so that many can be kept."""
     doubts = tuple(recording_doubts(recorded))
-    return SpeedCorrelation(recorded.name, recorded.task, _correlation(recorded), doubts)
+    digest = blake2b(digest_size=16)
+    for signal in recorded.observed:
+        digest.update(np.ascontiguousarray(signal.values).tobytes())
+    return SpeedCorrelation(
+        recorded.name, recorded.task, _correlation(recorded), doubts, digest.digest()
+    )
 
 
 def stream_doubts(correlations: Sequence[SpeedCorrelation]) -> list[StreamFinding]:
@@ -93,8 +101,23 @@ def stream_doubts(correlations: Sequence[SpeedCorrelation]) -> list[StreamFindin
         reasons = [*one.doubts]
         if not reasons and len(usual) >= LEAST_OTHERS:
             reasons += _unusual_lag(one, usual)
+        reasons += _same_under_another_label(one, correlations)
         found += [StreamFinding(one.name, reason) for reason in reasons]
     return found
+
+
+def _same_under_another_label(
+    one: SpeedCorrelation, correlations: Sequence[SpeedCorrelation]
+) -> Iterator[str]:
+    """Whether the observed agent's movement has another label elsewhere."""
+    for other in correlations:
+        alike = one.movement and one.movement == other.movement
+        if alike and None not in (one.task, other.task) and one.task != other.task:
+            yield (
+                f"the observed movement is, number by number, that of {other.name}, and the labels"
+                f" differ: {one.task} and {other.task}. Likely a copied recording: remove one."
+            )
+            return
 
 
 def _unusual_lag(one: SpeedCorrelation, usual_s: NDArray[np.float64]) -> Iterator[str]:

@@ -23,6 +23,11 @@ FASTEST_M_S = 20.0
 """Speed that no hand reaches at work [m/s]. Convention: a thrown ball is faster."""
 WIDEST_M = 20.0
 """Extent of a movement beyond which its unit is not metres [m]. Convention: larger than a cell."""
+LEAST_EXTENT = {"m": 0.01, "rad": 0.01}
+"""Extent below which an agent has not moved, by unit [m], [rad].
+
+Convention: some times the noise of trackers and encoders, a fraction of any reach.
+"""
 WIDEST_RAD = 8.0 * np.pi
 """Extent of a joint beyond which its unit is hardly radians [rad]. Convention: four turns."""
 
@@ -47,7 +52,7 @@ def common_span(recorded: Demonstration) -> tuple[int, int]:
 def recording_doubts(recorded: Demonstration) -> list[str]:
     """What gives reason to doubt a recording that can be used, each with the likely cause."""
     clock = [*_shifted_clock(recorded)] or [*_shifted_edges(recorded)]
-    return [*(clock or _in_part(recorded)), *_degrees(recorded)]
+    return [*(clock or _in_part(recorded)), *_degrees(recorded), *_resting(recorded)]
 
 
 def _unit_defect(signal: Signal) -> str:
@@ -179,6 +184,23 @@ def _degrees(recorded: Demonstration) -> Iterator[str]:
             extent = float(np.ptp(signal.values, axis=0).max())
             if extent > WIDEST_RAD:
                 yield f"{_names(signal)} turns by {extent:.3g} rad. Likely degrees for radians."
+
+
+def _resting(recorded: Demonstration) -> Iterator[str]:
+    """Agents that do not move: what is learned of them is a place, and of the human no task."""
+    for agent, signals, cause in (
+        ("observed", recorded.observed, "a tracker that lost the body, or another unit"),
+        ("controlled", recorded.controlled, "a driver that repeats itself, or an arm switched off"),
+    ):
+        moved = [s for s in signals if len(s.values)]
+        extents = [float(np.ptp(signal.values, axis=0).max()) for signal in moved]
+        if not moved or any(
+            extent > LEAST_EXTENT.get(signal.unit, 0.0)
+            for extent, signal in zip(extents, moved, strict=True)
+        ):
+            continue
+        most = ", ".join(f"{e:.3g} {s.unit}" for e, s in zip(extents, moved, strict=True))
+        yield f"the {agent} agent does not move (by {most} at most). Likely {cause}."
 
 
 def _names(signal: Signal) -> str:

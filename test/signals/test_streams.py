@@ -149,3 +149,34 @@ def test_a_recording_of_the_human_alone_is_none_of_this():
     alone = replace(recording(), controlled=())
     assert stream_defect(alone) == "" and stream_doubts([correlate_speeds(alone)]) == []
     assert common_span(alone) == (alone.start_ns, alone.end_ns)
+
+
+def with_human(recorded: Demonstration, change) -> Demonstration:
+    return replace(recorded, observed=tuple(map(change, recorded.observed)))
+
+
+@pytest.mark.parametrize("extent_m", [0.0, 1e-6, 0.004])
+def test_a_human_who_does_not_move_is_named(extent_m):
+    still = with_human(recording(), lambda s: replace(s, values=s.values * extent_m / 0.4))
+    (doubt,) = stream_doubts([correlate_speeds(still)])
+    assert "the observed agent does not move" in doubt.reason and "tracker" in doubt.reason
+    small = with_human(recording(), lambda s: replace(s, values=s.values * 0.02 / 0.4))
+    assert stream_doubts([correlate_speeds(small)]) == []
+
+
+def test_an_arm_that_never_moves_is_named():
+    """But not where one of its joints does."""
+    still = with_robot(recording(), lambda s: replace(s, values=0.0 * s.values + 0.3))
+    (doubt,) = stream_doubts([correlate_speeds(still)])
+    assert "the controlled agent does not move (by 0 rad" in doubt.reason
+    moving = replace(still, controlled=(*still.controlled, *recording().controlled))
+    assert stream_doubts([correlate_speeds(moving)]) == []
+
+
+def test_one_movement_under_two_labels_is_named_for_both():
+    first, second = recording("a"), replace(recording("b"), task="wave")
+    found = stream_doubts([*map(correlate_speeds, [first, second])])
+    assert [doubt.name for doubt in found] == ["a", "b"]
+    assert "that of b, and the labels differ: reach and wave" in found[0].reason
+    unlabelled = [correlate_speeds(replace(second, task=None)), correlate_speeds(first)]
+    assert stream_doubts(unlabelled) == []
