@@ -60,8 +60,8 @@ changed = ir.blend([plate, screw], grid_s, activations, rates=rates)
 alone = [ir.blend([plate, screw], grid_s, np.tile(row, (grid_s.size, 1))) for row in np.eye(2)]
 
 # %%
-# The robot's hand: its height over its way forward with and without the bottle, its motion to the
-# side for both tasks and their product, and the same with its velocity as one task takes over.
+# The robot's hand: its height with and without the bottle, its motion to the side for both tasks
+# and their product, and the same with its velocity as one task takes over from the other.
 
 
 def tube(axes, x, mean, std, colour, label, **line):
