@@ -20,11 +20,11 @@ REAL_DATA = Path("../shared/data")
 EVALUATE = f"intent evaluate {REAL_DATA}/SET --dofs {REAL_DATA}/SET/dofs.yaml [--protocol kfold:5]"
 
 
-def results(minutes: float) -> Iterator[str | Result]:
+def results(minutes: float, soak_minutes: float) -> Iterator[str | Result]:
     """All of them under their headings; the libraries they are beside are loaded only now."""
     from benchmarks.everything import everything
 
-    return everything(minutes)
+    return everything(minutes, soak_minutes)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -43,9 +43,16 @@ def main(arguments: list[str] | None = None) -> int:
         default=8.0,
         help="end the longest run then, of a million observations (default: %(default)s)",
     )
+    parser.add_argument(
+        "--soak",
+        type=float,
+        default=10.0,
+        metavar="MINUTES",
+        help="let the simulated cell work so long, nodes being killed (default: %(default)s)",
+    )
     args = parser.parse_args(arguments)
     measured, start_s = [], time.monotonic()
-    for result in results(args.minutes):
+    for result in results(args.minutes, args.soak):
         if isinstance(result, Result):
             measured.append(result)
         if args.json != "-":

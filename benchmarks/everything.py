@@ -8,6 +8,7 @@ from benchmarks.alignment import alignment
 from benchmarks.bank import bank
 from benchmarks.bank_memory import growth, long_run, memory
 from benchmarks.bank_numerics import numerics, one_movement
+from benchmarks.flood import flood
 from benchmarks.kinematics import kinematics
 from benchmarks.measure import Result
 from benchmarks.mixture import mixture
@@ -18,6 +19,7 @@ from benchmarks.page import page
 from benchmarks.pouring import pouring
 from benchmarks.reading import reading
 from benchmarks.recognition import unknown_tasks
+from benchmarks.soak import soak
 from benchmarks.training import training
 from benchmarks.warping import warping
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
@@ -27,10 +29,11 @@ TRAINING = "bags/toolbox/train"
 HELD_OUT = "bags/toolbox/test"
 
 
-def everything(minutes: float) -> Iterator[str | Result]:
+def everything(minutes: float, soak_minutes: float) -> Iterator[str | Result]:
     """Headings, and the results that belong to them as they are measured.
 
-    The million observations of the last one end early when so many minutes are over.
+    The million observations of the last one end early when so many minutes are over, without those
+    in which the graph works on end.
     """
     end_s = time.monotonic() + 60.0 * minutes
     in_parts, library, demonstrations = bags_to_model(share_path(TRAINING))
@@ -41,6 +44,10 @@ def everything(minutes: float) -> Iterator[str | Result]:
     yield "Nodes, from a pose to a trajectory of 50 points and 7 joints"
     yield from node(library, held_out)
     yield from page(library)
+    yield "Staying up"
+    yield from flood(library)
+    yield from soak(library, soak_minutes)
+    end_s += 60.0 * soak_minutes
     yield "Learning from aligned demonstrations"
     yield from training(demonstrations)
     yield "Alignment in time"

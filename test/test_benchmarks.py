@@ -11,6 +11,7 @@ from benchmarks import __main__ as command
 from benchmarks.bank_memory import growth, long_run
 from benchmarks.bank_numerics import one_movement
 from benchmarks.measure import Result
+from benchmarks.soak import Soak, Usage, results
 from benchmarks.synthetic import synthetic_library
 from intent_recognition.filtering.bank import condition_bank, start_bank
 from intent_recognition.filtering.hypotheses import fixed_hypotheses
@@ -48,10 +49,24 @@ def test_peers_of_the_filter_bank_compute_what_it_does(name):
     np.testing.assert_allclose(covariance, ours.covariance[0], atol=1e-8)
 
 
+def test_a_process_of_a_soak_grows_from_its_first_warm_minute_to_its_last():
+    """Samples every ten seconds: 100 MB in the first minute, then 3 MB more each minute."""
+    minutes = np.arange(0.0, 6.0, 1 / 6)
+    rising = [Usage(60.0 * m, 100.0 + 3.0 * max(m - 1.0, 0.0), 20, 30 + (m > 4.5)) for m in minutes]
+    soak = Soak(usage={("estimator", 0): rising, ("estimator", 1): rising[:12]})
+    assert soak.growth(1) == pytest.approx(3.0 * 4.0, abs=0.5)
+    assert soak.growth(2) == 0 and soak.growth(3) == 1
+    soak.recognised, soak.disturbed = [True, True, False], 2
+    verdicts = {result.name: result.verdict for result in results(soak, 6.0)}
+    assert verdicts["soak: undisturbed interactions recognised"] == "falls short"
+    assert verdicts["soak: memory of a process grew by"] == "falls short"
+    assert verdicts["soak: file descriptors grew by"] == "ok"
+
+
 @pytest.fixture
 def one_result(monkeypatch):
     result = Result("thing", 9.0, 2.0, "at most", "ms")
-    monkeypatch.setattr(command, "results", lambda minutes: iter(["Things", result]))
+    monkeypatch.setattr(command, "results", lambda *minutes: iter(["Things", result]))
 
 
 def test_a_shortfall_is_said_and_still_exits_with_zero(one_result, capsys):

@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LIBRARY, SIMULATION = "intent_recognition", "sim_bridge"
 BUILDINGS = (LIBRARY, SIMULATION)
 STOREYS = (  # of the library, from the ground up; rooms of one storey may not form a cycle
-    {"errors", "share", "untrusted", "durable"},
+    {"errors", "share", "untrusted", "durable", "interrupts"},
     {"gaussian", "signals", "kinematics", "bags"},
     {"promp", "alignment", "tracking", "warping", "motion"},
     {"filtering", "objects", "demonstrations"},

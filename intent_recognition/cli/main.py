@@ -10,10 +10,10 @@ import sys
 from collections.abc import Sequence
 
 from intent_recognition import __version__
-from intent_recognition.cli import raise_interrupts
 from intent_recognition.cli.completion import add_completion_option
 from intent_recognition.cli.help import COMMANDS, Formatter
 from intent_recognition.errors import IntentError, one_line
+from intent_recognition.interrupts import INTERRUPTED, raise_interrupts
 
 
 def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:  # the reader has had enough
         _drop_output()
         return 0

@@ -3,9 +3,6 @@
 
 import os
 
-import intent_recognition.nodes.interrupts as _interrupts
-
 # Before anything here loads numpy: the matrices are small, and threads of BLAS that wait for one
 # another cost tens of milliseconds an observation where other processes want the cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-_interrupts.end_at_interrupt()

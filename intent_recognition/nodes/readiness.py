@@ -38,6 +38,10 @@ class Readiness:
         """Names of the nodes that are not ready yet."""
         return [name for name in self._names if not self._is_ready(name)]
 
+    def forget(self, name: str) -> None:
+        """Wait for a node anew: it has ended."""
+        self._reports.pop(f"{self._space}{name}".lstrip("/"), None)
+
     def _is_ready(self, name: str) -> bool:
         report = self._reports.get(f"{self._space}{name}".lstrip("/"))
         if report is None or report.get(LIFECYCLE) == INACTIVE:

@@ -106,7 +106,11 @@ def test_an_interrupt_during_imports_is_quiet(tmp_path, n_imports):
     command = [sys.executable, "-v", str(script), "evaluate", "/no/bag"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as process:
-        next(line for line in process.stderr if line.startswith("import 'intent_recognition.cli' "))
+        next(
+            line
+            for line in process.stderr
+            if line.startswith("import 'intent_recognition.interrupts' ")
+        )
         for _ in range(n_imports):  # each import is a line
             next(process.stderr)
         process.send_signal(signal.SIGINT)

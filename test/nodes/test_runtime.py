@@ -146,7 +146,7 @@ def test_interrupts_while_a_node_starts_are_quiet(executable, n_imports):
     environment = {"PYTHONPATH": str(ROOT), "PYTHONVERBOSE": "1"}
     with NodeProcess(executable("mocap_ingest"), environment=environment) as node:
         lines = iter(node.process.stderr)  # each import is a line: wait for some share of them
-        next(line for line in lines if line.startswith("import 'intent_recognition.nodes' "))
+        next(line for line in lines if line.startswith("import 'intent_recognition.interrupts' "))
         for _ in range(n_imports):
             next(lines)
         node.process.send_signal(signal.SIGINT)
