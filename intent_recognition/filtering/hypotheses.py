@@ -42,6 +42,23 @@ class Hypotheses(NamedTuple):
         """Log prior probability of each task and none, (K + 1,)."""
         return np.logaddexp.reduce(self.log_prior.reshape(-1, self.n_scales), axis=1)
 
+    def durations(
+        self, task: int, log_evidence: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Durations of a task, or none, and their posterior probabilities, (S,) each.
+
+        Args:
+            task: its number.
+            log_evidence: of the task's hypotheses, (S,).
+        """
+        grid = slice(task * self.n_scales, (task + 1) * self.n_scales)
+        log_prior = self.log_prior[grid]
+        if not np.any(np.isfinite(log_prior)):  # an impossible task can still be asked for
+            log_prior = np.zeros_like(log_prior)
+        log_weight = log_prior + self.duration_evidence * log_evidence
+        weight = np.exp(log_weight - log_weight.max())
+        return self.duration_s[grid], weight / weight.sum()
+
     def phase(self, elapsed_s: float | NDArray[np.float64]) -> NDArray[np.float64]:
         """Phase of each hypothesis so long after onset, in [0, 1]: (..., B)."""
         phase = np.asarray(elapsed_s)[..., None] / self.duration_s

@@ -15,6 +15,7 @@ from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.filtering.observation_model import ObservationModel
 from intent_recognition.filtering.pruning import PrunedBank
 from intent_recognition.filtering.running_bank import RunningBank
+from intent_recognition.filtering.switching import SwitchedBelief, SwitchedHypotheses
 from intent_recognition.filtering.task_prediction import TaskPrediction, control_grid
 from intent_recognition.promp import (
     ControlGrid,
@@ -57,6 +58,8 @@ class MovementFilter:
         grids: the library's `control_grid` of tasks that had one; others are added.
         prune: do not filter tasks whose posterior is negligible (`pruning`), when there are many.
         task_weight: what the posterior of the known tasks may be multiplied by, (K,); see there.
+        switched: memory of the hypotheses that are born on the way, when a person may turn to
+            another task; None when the task is one from beginning to end.
 
     Attributes:
         observation_model: what observations are to the filter.
@@ -74,6 +77,7 @@ class MovementFilter:
         grids: dict[int, ControlGrid] | None = None,
         prune: bool = False,
         task_weight: NDArray[np.float64] | None = None,
+        switched: SwitchedHypotheses | None = None,
     ):
         self.library, self.hypotheses, self.onset_ns = library, hypotheses, onset_ns
         if memory is None or memory.shape != _shape(library, hypotheses):
@@ -88,6 +92,9 @@ class MovementFilter:
         self.observation_model = ObservationModel(library, hypotheses, onset_ns)
         prune = prune and len(hypotheses.duration_s) >= PRUNE_FROM
         self._bank = PrunedBank(memory, self.observation_model, task_weight, prune=prune)
+        self._switched = switched
+        if switched is not None:
+            switched.start(hypotheses)
         self._grids = {} if grids is None else grids
         self._n_used, self._elapsed_s = 0, 0.0
         self._predictions: dict[int, TaskPrediction] = {}
@@ -104,6 +111,8 @@ class MovementFilter:
         if measurement is None:
             return
         self._bank.condition(measurement)
+        if self._switched is not None:
+            self._switched.observe(measurement, self._bank.log_evidence)
         self._n_used += 1
         self._elapsed_s = max(self._elapsed_s, measurement.elapsed_s)
         self._predictions.clear()
@@ -132,17 +141,14 @@ class MovementFilter:
         """What the observations so far say about the movement, if it is of a task (or none)."""
         found = self._predictions.get(task)
         if found is None:
-            first = task * self.hypotheses.n_scales
-            found = TaskPrediction(
-                self.library,
-                task,
-                self.hypotheses,
-                self.task(task),
-                self._bank.history.of(first, first + self.hypotheses.n_scales),
-                self._elapsed_s,
-            )
-            self._predictions[task] = found
+            found = self._predictions[task] = self._predict(task)
         return found
+
+    def switched(self, elapsed_s: float) -> SwitchedBelief | None:
+        """What hypotheses that were born on the way make of task and timing; None without any."""
+        if self._switched is None or not self._n_used:
+            return None
+        return self._switched.belief(elapsed_s)
 
     def controlled(self, task: int, n_points: int, start: StartPosture | None = None) -> Trajectory:
         """The controlled agent's whole interaction under a task, as `TaskPrediction.controlled`."""
@@ -159,6 +165,25 @@ class MovementFilter:
         """Largest standard deviation of the end predicted for a task over the DOFs of each unit."""
         std = self.controlled(task, 1, start).std[-1]
         return largest_by_unit(std, self.library.controlled_units)
+
+    def _predict(self, task: int) -> TaskPrediction:
+        """From the hypotheses of the onset, or from those born since if they are more probable."""
+        born = self._switched
+        if born is not None and born.log_joint[task] > born.left(self._bank.log_evidence)[task]:
+            bank, durations_s, weights = born.of_task(task)
+            unseen = self._bank.history.of(0, 0)
+            return TaskPrediction(
+                self.library, task, bank, durations_s, weights, unseen, self._elapsed_s
+            )
+        bank, first = self.task(task), task * self.hypotheses.n_scales
+        return TaskPrediction(
+            self.library,
+            task,
+            bank,
+            *self.hypotheses.durations(task, bank.log_evidence),
+            self._bank.history.of(first, first + self.hypotheses.n_scales),
+            self._elapsed_s,
+        )
 
     def _copy(self, index: NDArray[np.int64]) -> FilterBank:
         self._restore(np.unique(index // self.hypotheses.n_scales))

@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 
 from intent_recognition.filtering.bank import FilterBank
 from intent_recognition.filtering.deviation import Deviations
-from intent_recognition.filtering.hypotheses import Hypotheses
 from intent_recognition.gaussian import Gaussian, symmetrize
 from intent_recognition.promp import (
     ControlGrid,
@@ -36,8 +35,9 @@ class TaskPrediction:
     Args:
         library: the learned tasks.
         task: number of the task; K is none, which has no controlled agent.
-        hypotheses: the grid of tasks and durations.
-        bank: the task's filtered hypotheses.
+        bank: S filtered hypotheses of the task.
+        durations_s: of the whole movement under each, (S,).
+        duration_weights: their posterior probabilities, (S,).
         deviations: what was believed of their phase deviations.
         elapsed_s: time of the last observation after onset.
     """
@@ -46,21 +46,15 @@ class TaskPrediction:
         self,
         library: TaskLibrary,
         task: int,
-        hypotheses: Hypotheses,
         bank: FilterBank,
+        durations_s: NDArray[np.float64],
+        duration_weights: NDArray[np.float64],
         deviations: Deviations,
         elapsed_s: float,
     ):
-        grid = slice(task * hypotheses.n_scales, (task + 1) * hypotheses.n_scales)
-        log_prior = hypotheses.log_prior[grid]
-        if not np.any(np.isfinite(log_prior)):  # an impossible task can still be asked for
-            log_prior = np.zeros_like(log_prior)
         self.library, self.task, self.bank, self.elapsed_s = library, task, bank, elapsed_s
-        self.durations_s = hypotheses.duration_s[grid]
+        self.durations_s, self.duration_weights = durations_s, duration_weights
         self._deviations = deviations
-        log_weight = log_prior + hypotheses.duration_evidence * bank.log_evidence
-        weight = np.exp(log_weight - log_weight.max())
-        self.duration_weights = weight / weight.sum()
 
     @property
     def duration_s(self) -> float:

@@ -37,7 +37,11 @@ class GaussianBatch:
     """
 
     def __init__(
-        self, state: NDArray[np.float64], n_basis: int, pending: NDArray[np.float64] | None = None
+        self,
+        state: NDArray[np.float64],
+        n_basis: int,
+        pending: NDArray[np.float64] | None = None,
+        n_pending: int = 0,
     ):
         """Take over the arrays.
 
@@ -46,14 +50,21 @@ class GaussianBatch:
             n_basis: N.
             pending: working memory, (n, rows, columns), `pending_shape` or more; None for new
                 memory.
+            n_pending: rows of that memory which another batch over the same arrays has left.
         """
         n, size, width = state.shape
         self.mean, self.covariance = state[:, :, size], state[:, :, :size]
         self._n_basis, self._size, self._width = n_basis, size, width
-        self._by_dof = state.reshape(n, -1, n_basis, width)
+        self._by_dof = state.reshape(n, size // n_basis, n_basis, width)
         if pending is None:
             pending = np.empty((n, *pending_shape(size // n_basis, n_basis)))
         self._take_memory(pending)
+        self._n_pending = n_pending
+
+    @property
+    def n_pending(self) -> int:
+        """Rows of the working memory that are still to be subtracted."""
+        return self._n_pending
 
     def _take_memory(self, pending: NDArray[np.float64]) -> None:
         # A row holds one of V, the negative whitened innovation, and one of L^T: what turns H S
@@ -61,7 +72,8 @@ class GaussianBatch:
         n, n_rows, n_columns = pending.shape
         self._pending, self._n_pending, self._limit = pending, 0, n_rows
         self._most_values = min(n_rows, n_columns - self._size - 1)
-        by_dof = pending[:, :, : self._size].reshape(n, n_rows, -1, self._n_basis)
+        by_dof = pending[:, :, : self._size]
+        by_dof = by_dof.reshape(n, n_rows, self._size // self._n_basis, self._n_basis)
         self._pending_by_dof = by_dof.transpose(0, 2, 1, 3)
 
     def condition(

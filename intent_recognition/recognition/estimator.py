@@ -11,7 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
-from intent_recognition.filtering import N_SCALES, MovementFilter, make_hypotheses, make_memory
+from intent_recognition.filtering import (
+    N_SCALES,
+    MovementFilter,
+    SwitchedHypotheses,
+    make_hypotheses,
+    make_memory,
+)
 from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, largest_by_unit
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.motion_detection import MotionDetector
@@ -50,7 +56,8 @@ class _Movement:
 
     def posterior(self, stamp_ns: int) -> TaskPosterior:
         elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
-        return task_posterior(self.filter.log_evidence, self.filter.hypotheses, elapsed_s)
+        run = self.filter
+        return task_posterior(run.log_evidence, run.hypotheses, elapsed_s, run.switched(elapsed_s))
 
 
 class IntentEstimator:
@@ -65,6 +72,8 @@ class IntentEstimator:
         forget_after_s: time after a movement from which the task before tells nothing any more.
         start_posture: condition trajectories on the controlled agent's posture at onset, where
             `observe_controlled` has shown it.
+        switching: follow a person who turns to another task on the way; if not, a movement is of
+            one task from its onset to its end.
     """
 
     def __init__(
@@ -76,6 +85,7 @@ class IntentEstimator:
         transitions: bool = True,
         forget_after_s: float = FORGET_AFTER_S,
         start_posture: bool = True,
+        switching: bool = True,
     ):
         self.library = library
         self._labels = (*library.labels, NONE)
@@ -86,6 +96,7 @@ class IntentEstimator:
         self._hypotheses = make_hypotheses(library, task_prior, n_scales)
         self._detector = MotionDetector(library.observed_groups, library.onset)
         self._memory = make_memory(library, self._hypotheses)
+        self._switched = SwitchedHypotheses(library, n_scales) if switching else None
         self._movement: _Movement | None = None
         self._posterior: TaskPosterior | None = None
 
@@ -348,6 +359,8 @@ class IntentEstimator:
         self._detector.settings = library.onset
         self.expectation.swap(library, task_prior)
         self._hypotheses = make_hypotheses(library, task_prior, self._n_scales)
+        if self._switched is not None:
+            self._switched = SwitchedHypotheses(library, self._n_scales)
         if self._posture is not None:
             self._posture.library_changed()
         if self._movement is not None:
@@ -366,6 +379,7 @@ class IntentEstimator:
             grids=self._grids,
             prune=True,
             task_weight=self.expectation.ratio,
+            switched=self._switched,
         )
         self._memory, self._movement = movement_filter.memory, _Movement(movement_filter)
         for observation in past:

@@ -18,7 +18,7 @@ from intent_recognition.signals import (
 HISTORY_S = 2.0
 """Length of the past in which the onset is looked for [s]. Convention."""
 FINISHED_PHASE = 0.99
-"""Expected phase from which a movement at rest is over. Convention."""
+"""Expected phase of the most probable task from which a movement at rest is over. Convention."""
 PAUSE_S = 1.5
 """Shortest rest in mid-movement that ends it [s]. Convention: a hesitation is shorter."""
 PAUSE_SHARE = 0.3
@@ -82,14 +82,12 @@ class MotionDetector:
 
     def is_over(self, elapsed_s: float, posterior: TaskPosterior) -> bool:
         """Whether the movement is over: done and at rest, stopped half-way, or overdue."""
-        probabilities = posterior.probabilities
-        duration_s = float(probabilities @ posterior.duration_s)
-        phase = float(probabilities @ posterior.phase)
+        best = int(np.argmax(posterior.probabilities))
+        duration_s, phase = float(posterior.duration_s[best]), float(posterior.phase[best])
         if elapsed_s > duration_s + OVERTIME_S and phase >= FINISHED_PHASE:
             self._needs_rest = not self._at_rest()
             return True
-        none_is_best = int(np.argmax(probabilities)) == len(probabilities) - 1
-        if phase >= FINISHED_PHASE or none_is_best:
+        if phase >= FINISHED_PHASE or best == len(posterior.probabilities) - 1:
             return self._at_rest()
         return self._at_rest(min(max(PAUSE_S, PAUSE_SHARE * duration_s), HISTORY_S - 0.1))
 

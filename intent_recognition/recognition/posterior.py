@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import Hypotheses
+from intent_recognition.filtering import Hypotheses, SwitchedBelief
 
 
 class TaskPosterior(NamedTuple):
@@ -42,7 +42,10 @@ class TaskPosterior(NamedTuple):
 
 
 def task_posterior(
-    log_evidence: NDArray[np.float64], hypotheses: Hypotheses, elapsed_s: float
+    log_evidence: NDArray[np.float64],
+    hypotheses: Hypotheses,
+    elapsed_s: float,
+    switched: SwitchedBelief | None = None,
 ) -> TaskPosterior:
     """Posterior of the tasks, marginal over the durations (Maeda et al. 2014, Eq. 9-11).
 
@@ -50,6 +53,7 @@ def task_posterior(
         log_evidence: log density of the observations under each hypothesis, (B,).
         hypotheses: the grid of tasks and durations.
         elapsed_s: time since onset.
+        switched: what hypotheses that were born on the way say; None without any.
     """
     shape = (-1, hypotheses.n_scales)
     log_prior = hypotheses.log_prior.reshape(shape)
@@ -58,6 +62,12 @@ def task_posterior(
     log_task_prior = np.logaddexp.reduce(log_prior, axis=1)
     log_task = np.logaddexp.reduce(log_joint, axis=1)
     possible = np.isfinite(log_task)
+    share = np.zeros_like(log_task)
+    if switched is not None:
+        log_task[:-1] += switched.staying
+        total = np.logaddexp(log_task, switched.log_joint)
+        share[possible] = np.exp(switched.log_joint[possible] - total[possible])
+        log_task = np.where(possible, total, log_task)
     with np.errstate(invalid="ignore"):
         log_task_evidence = np.where(possible, log_task - log_task_prior, -np.inf)
         if hypotheses.none_margin:
@@ -73,12 +83,13 @@ def task_posterior(
     probabilities /= probabilities.sum()
     phase = hypotheses.phase(elapsed_s).reshape(shape)
     duration = hypotheses.duration_s.reshape(shape)
+    expected_phase = np.sum(scale_weights * phase, axis=1)
+    expected_s = np.sum(scale_weights * duration, axis=1)
+    if switched is not None:
+        expected_phase += share * (switched.phase - expected_phase)
+        expected_s += share * (switched.duration_s - expected_s)
     return TaskPosterior(
-        probabilities,
-        log_task_evidence,
-        np.sum(scale_weights * phase, axis=1),
-        np.sum(scale_weights * duration, axis=1),
-        scale_weights,
+        probabilities, log_task_evidence, expected_phase, expected_s, scale_weights
     )
 
 

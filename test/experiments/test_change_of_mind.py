@@ -8,15 +8,22 @@ import pytest
 
 from intent_recognition.experiments.change_of_mind import experiment, following
 from intent_recognition.experiments.change_of_mind.following import Followed, follow_reach
-from intent_recognition.experiments.change_of_mind.study import CHANGES, summarise
+from intent_recognition.experiments.change_of_mind.study import (
+    CHANGES,
+    Change,
+    follow_all,
+    summarise,
+)
 from intent_recognition.experiments.change_of_mind.without_pause import score_flowing
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.toolbox.session import Seen
+from intent_recognition.model import load_model
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import DecisionState, Estimate
 from intent_recognition.report.html import ReportPage, Section, render
 from sim_bridge.coworker import (
     TASKS,
+    USUAL_BLEND,
     WITHOUT_PAUSE,
     change_of_mind,
     draw_reach,
@@ -133,3 +140,16 @@ def test_the_experiment_takes_every_path_and_reports_it():
     assert all(one["final"] == one["tasks"][0] for one in outcome.numbers["unchanged"])
     json.dumps(outcome.numbers, allow_nan=False)
     render(ReportPage(outcome.title, outcome.source, (Section("x", outcome.blocks),)))
+
+
+@pytest.mark.slow
+def test_changes_early_in_a_reach_are_followed_and_unchanged_ones_are_not(toolbox_model):
+    """Two reaches of each ordered pair of tasks, changed after a fifth of the movement."""
+    library = load_model(toolbox_model).library
+    change = Change(0.2, USUAL_BLEND)
+    study = follow_all(library, 11, 2, 6, changes=[change])
+    cell = study.cell(change)
+    assert cell.n == 12 and cell.new_active >= 0.75 and cell.old_kept <= 0.1
+    assert cell.others == 0.0
+    assert all(one.switches == 0 and not one.others for one in study.unchanged)
+    assert sum(one.new_active for one in study.unchanged) >= 5

@@ -1,0 +1,399 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Changes of mind: hypotheses that are born while a movement is under way.
+
+As in interacting multiple models (Blom and Bar-Shalom 1988), the task of a movement may change at a
+rate per second. A hypothesis born at a time t follows the course w that its task would have had
+from the movement's start, plus an offset that begins where the hand is at t and fades:
+
+    y(t + s) = psi(z) w + (a (1 + r s) + b s + c s^2 / 2) exp(-r s) + noise.
+
+This is a critically damped spring of rate r (a and b: the offset and its velocity at birth) with
+an initial push that fades as fast (c). a, b and c are weights beside w, so that the same Gaussian
+update filters them (Maeda et al. 2014, Eq. 6); the rate is on a grid, as the duration is.
+
+A born hypothesis takes its share of what all hypotheses are worth at its birth: a new task from all
+others, and the old task again, for a hesitation or a detour on its way. Its pace,
+the duration in standard deviations of the task's, is as probable as the pace of the movement so
+far. What is none of the tasks
+begins at its birth, wherever the hand is. The hypotheses that were there from the onset pay for
+what they pass on.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.filtering.bank import FilterBank
+from intent_recognition.filtering.hypotheses import (
+    N_SCALES,
+    Hypotheses,
+    duration_offsets,
+    make_hypotheses,
+)
+from intent_recognition.filtering.observation_model import Measurement
+from intent_recognition.gaussian import GaussianBatch, make_state, pending_shape, state_width
+from intent_recognition.promp import TaskLibrary
+
+SWITCH_PER_S = 0.1
+"""Rate at which a person turns to another task [1/s] (docs/decisions/change_of_mind.md)."""
+DETOUR_PER_S = 0.3
+"""Rate at which a person goes on with the same task in another way [1/s]
+(docs/decisions/change_of_mind.md)."""
+UNKNOWN_PER_S = 0.2
+"""Rate at which a known movement becomes one of no task [1/s], whose evidence counts beyond the
+library's margin only (docs/decisions/change_of_mind.md)."""
+FADING_PER_S = (5.0, 10.0)
+"""Rates at which an offset fades [1/s]: gone after 1 and 0.5 s (docs/decisions/change_of_mind.md).
+"""
+N_DURATIONS = 7
+"""Durations per task at each birth. Convention: offsets make up for what lies between."""
+PUSH = 0.5
+"""Standard deviation of the push c, in standard deviations of the offset a times r^2.
+Convention."""
+SETTLING = 2
+"""Observations of each signal that a newborn hypothesis takes its offset and velocity from, and is
+not judged by."""
+NEGLIGIBLE = 14.0
+"""Nats below all others together at which a born hypothesis is given up
+(docs/decisions/change_of_mind.md)."""
+MAX_HYPOTHESES = 300
+"""Born hypotheses kept, newborn ones aside. Convention: it bounds the time of an observation."""
+MAX_TASKS = 8
+"""Tasks that hypotheses are born of at a time, the most probable ones. Convention: likewise."""
+NEGLIGIBLE_SHARE = 1e-4
+"""Probability, as a share of the most probable one's, below which a born hypothesis is left out of
+a prediction. Convention."""
+OFFSET_BASIS = 3
+"""Weights of an offset: a, b and c."""
+
+
+class SwitchedBelief(NamedTuple):
+    """What born hypotheses make of a movement's task and timing; zero where there are none.
+
+    Attributes:
+        log_joint: log of prior and density of all observations, of the K tasks and none, (K + 1,).
+        staying: log probability with which a task of the onset passed nothing on.
+        phase: expected phase given the task, (K + 1,).
+        duration_s: expected duration given the task, (K + 1,).
+    """
+
+    log_joint: NDArray[np.float64]
+    staying: float
+    phase: NDArray[np.float64]
+    duration_s: NDArray[np.float64]
+
+
+class _Grid(NamedTuple):
+    """What is born at a time: tasks by rates by durations, n hypotheses.
+
+    Attributes:
+        prior: number of the task among those that are born of, times the rates, and of the rate.
+        duration: number of the duration.
+        rate: at which the offset of the hand fades [1/s].
+        offsets: of the durations, in standard deviations of their logarithm, (S',).
+    """
+
+    prior: NDArray[np.int64]
+    duration: NDArray[np.int64]
+    rate: NDArray[np.float64]
+    offsets: NDArray[np.float64]
+
+
+class SwitchedHypotheses:
+    """The born hypotheses of one movement after the other, in memory that is used again.
+
+    Args:
+        library: the learned tasks.
+        n_scales: durations per task of the hypotheses of the onset.
+    """
+
+    def __init__(self, library: TaskLibrary, n_scales: int = N_SCALES):
+        self.library = library
+        self._width = library.basis.n_basis + OFFSET_BASIS
+        self._grid = _grid(min(library.n_tasks, MAX_TASKS) + 1, min(n_scales, N_DURATIONS))
+        self._settling = SETTLING * len(library.observed_groups)
+        room = MAX_HYPOTHESES + len(self._grid.prior) * (self._settling + 1)
+        shape = library.n_observed, self._width
+        self._state = np.zeros((room, shape[0] * shape[1], state_width(*shape)))
+        self._pending = np.zeros((room, *pending_shape(*shape)))
+        self._task, self._seen, self._duration = np.zeros((3, room), dtype=np.int64)
+        self._duration_s, self._rate, self._birth_s, self._onset_s = np.zeros((4, room))
+        self._log_joint = np.zeros(room)
+        none_variance = np.diag(library.none_covariance).reshape(library.n_observed, -1)
+        std = np.sqrt(none_variance.mean(axis=1))[:, None]
+        rates = np.array(FADING_PER_S)[:, None, None]
+        self._offset_variance = (std * rates ** np.arange(OFFSET_BASIS)) ** 2  # (R, P, 3)
+        self._offset_variance[..., -1] *= PUSH**2
+        self._log_mean = np.r_[library.log_duration_mean, library.none_log_duration[0]]
+        self._log_std = np.r_[library.log_duration_std, library.none_log_duration[1]]
+        self.start(make_hypotheses(library, n_scales=n_scales))
+
+    def start(self, hypotheses: Hypotheses) -> None:
+        """Begin with a movement: nothing is born yet.
+
+        Args:
+            hypotheses: those of the onset.
+        """
+        self._hypotheses = hypotheses
+        known = hypotheses.log_task_prior[:-1]
+        self._log_task_prior = known - np.logaddexp.reduce(known)
+        self._n = 0
+        self._batch = self._batch_of(0, 0)
+        self._first: list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]] = []
+        self._started = np.zeros(self.library.n_observed, dtype=bool)
+        self._last_s = 0.0
+
+    @property
+    def n_hypotheses(self) -> int:
+        """How many there are."""
+        return self._n
+
+    @property
+    def log_joint(self) -> NDArray[np.float64]:
+        """Log of prior and density of all observations, of the K tasks and none, (K + 1,)."""
+        total = np.full(self.library.n_tasks + 1, -np.inf)
+        np.logaddexp.at(total, self._task[: self._n], self._log_joint[: self._n])
+        return total
+
+    @property
+    def staying(self) -> float:
+        """Log probability with which a task of the onset passed nothing on to tasks."""
+        return -(SWITCH_PER_S + DETOUR_PER_S) * self._last_s
+
+    def left(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log joint of the hypotheses of the onset less what they passed on, (K + 1,).
+
+        What was none of the tasks from the onset stays so.
+
+        Args:
+            log_evidence: log density of all observations under them, (B,).
+        """
+        joint = self._hypotheses.log_prior + log_evidence
+        left = np.logaddexp.reduce(joint.reshape(-1, self._hypotheses.n_scales), axis=1)
+        left[:-1] += self.staying
+        return left
+
+    def observe(self, measurement: Measurement, log_evidence: NDArray[np.float64]) -> None:
+        """Condition on a measurement; give birth to new hypotheses, and give up hopeless ones.
+
+        Args:
+            measurement: as the hypotheses of the onset took it.
+            log_evidence: see `left`; this measurement is among the observations.
+        """
+        self._remember_start(measurement)
+        passed_s = max(measurement.elapsed_s - self._last_s, 0.0)
+        self._last_s = max(measurement.elapsed_s, self._last_s)
+        self._bear(measurement.elapsed_s, log_evidence)
+        density = self._batch.condition(
+            measurement.dofs,
+            self._rows(measurement)[:, None],
+            measurement.values,
+            measurement.noise_covariance,
+            self.library.evidence_freedom,
+        )
+        seen, log_joint = self._seen[: self._n], self._log_joint[: self._n]
+        seen += 1
+        log_joint[seen > self._settling] += density[seen > self._settling]
+        total = np.logaddexp(self.log_joint, self.left(log_evidence))
+        settled = np.flatnonzero(seen == self._settling)
+        share = shares(total, self._log_task_prior, self._hypotheses.none_margin, passed_s)
+        if settled.size:
+            task, pace = self._task[settled], self._log_pace(log_evidence)
+            which = (task == self.library.n_tasks).astype(np.int64)
+            log_joint[settled] = share[task] + pace[which, self._duration[settled]]
+        self._give_up(float(np.logaddexp.reduce(total)))
+
+    def belief(self, elapsed_s: float) -> SwitchedBelief:
+        """What they make of task and timing so long after onset."""
+        total, n = self.log_joint, self._n
+        some = np.flatnonzero(np.isfinite(self._log_joint[:n]))
+        task, duration_s, onset_s = (
+            array[some] for array in (self._task, self._duration_s, self._onset_s)
+        )
+        weight = np.exp(self._log_joint[some] - total[task])
+        phase = np.clip((elapsed_s - onset_s) / duration_s, 0.0, 1.0)
+        return SwitchedBelief(
+            total,
+            self.staying,
+            np.bincount(task, weight * phase, len(total)).astype(np.float64),
+            np.bincount(task, weight * (onset_s + duration_s), len(total)).astype(np.float64),
+        )
+
+    def of_task(self, task: int) -> tuple[FilterBank, NDArray[np.float64], NDArray[np.float64]]:
+        """A task's n born hypotheses: weights without offsets, durations, probabilities, (n,)."""
+        log_joint = np.where(self._task[: self._n] == task, self._log_joint[: self._n], -np.inf)
+        weight = np.exp(log_joint - np.max(log_joint))
+        index = np.flatnonzero(weight > NEGLIGIBLE_SHARE)
+        weight = weight[index] / weight[index].sum()
+        mean, covariance = self._batch.current(index)
+        n, p, n_basis = len(index), self.library.n_observed, self.library.basis.n_basis
+        by_dof = covariance.reshape(n, p, self._width, p, self._width)
+        bank = FilterBank(
+            mean.reshape(n, p, self._width)[:, :, :n_basis].reshape(n, p * n_basis),
+            by_dof[:, :, :n_basis, :, :n_basis].reshape(n, p * n_basis, p * n_basis),
+            self._log_joint[index],
+        )
+        return bank, self._duration_s[index], weight
+
+    def _batch_of(self, n: int, n_pending: int) -> GaussianBatch:
+        return GaussianBatch(self._state[:n], self._width, self._pending[:n], n_pending)
+
+    def _remember_start(self, measurement: Measurement) -> None:
+        """Keep where the movement began: the course of another task would have begun there, too."""
+        new = ~self._started[measurement.dofs]
+        if measurement.derivative or not new.any():
+            return
+        dofs = measurement.dofs[new]
+        self._started[dofs] = True
+        noise = measurement.noise_covariance[np.ix_(new, new)]
+        self._first.append((dofs, measurement.values[new], noise))
+
+    def _log_pace(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log probability of duration and rate of newborn hypotheses of a task, and of none."""
+        offsets, hypotheses = self._grid.offsets, self._hypotheses
+        at, log_prior = duration_offsets(hypotheses.n_scales)
+        joint = (hypotheses.log_prior + log_evidence).reshape(-1, len(at))[:-1]
+        own = np.logaddexp.reduce(joint, axis=1)
+        tempered = log_prior + hypotheses.duration_evidence * log_evidence.reshape(-1, len(at))[:-1]
+        tempered -= np.logaddexp.reduce(tempered, axis=1, keepdims=True)
+        so_far = np.logaddexp.reduce(tempered + (own - np.logaddexp.reduce(own))[:, None], axis=0)
+        table = np.array([np.interp(offsets, at, row) for row in (so_far, log_prior)])
+        table -= np.logaddexp.reduce(table, axis=1, keepdims=True)
+        return np.asarray(table - np.log(len(FADING_PER_S)), dtype=np.float64)
+
+    def _bear(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
+        """Add newborn hypotheses of the most probable tasks, and of none."""
+        n_tasks = self.library.n_tasks
+        tasks = np.arange(n_tasks)
+        if n_tasks > MAX_TASKS:
+            known = np.logaddexp(self.log_joint, self.left(log_evidence))[:-1]
+            tasks = np.sort(np.argpartition(known, -MAX_TASKS)[-MAX_TASKS:])
+        tasks = np.r_[tasks, n_tasks]
+        prior, duration, rate, offsets = self._grid
+        born = slice(self._n, self._n + len(prior))
+        self._state[born] = self._priors(tasks)[prior]
+        self._pending[born] = 0.0  # what is pending for the others is nothing to these
+        task = tasks[prior // len(FADING_PER_S)]
+        self._task[born], self._seen[born], self._birth_s[born] = task, 0, birth_s
+        self._onset_s[born] = np.where(task == n_tasks, birth_s, 0.0)
+        log_duration = self._log_mean[task] + self._log_std[task] * offsets[duration]
+        self._duration[born], self._duration_s[born] = duration, np.exp(log_duration)
+        self._rate[born], self._log_joint[born] = rate, -np.inf
+        self._n = born.stop
+        self._batch = self._batch_of(self._n, self._batch.n_pending)
+
+    def _priors(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
+        """States of some tasks by the rates of fading, before anything is seen of the offset."""
+        library, n_basis = self.library, self.library.basis.n_basis
+        mean, covariance = library.observed_mean[tasks], library.observed_covariance[tasks]
+        state = make_state(mean, covariance, n_basis)
+        known = GaussianBatch(state[:-1], n_basis)
+        row = library.basis.design_matrix(np.zeros(len(tasks) - 1))[:, None]
+        for dofs, values, noise in self._first:
+            known.condition(dofs, row, values, noise)
+        known.apply_downdates()
+        courses = GaussianBatch(state, n_basis)
+        shape, p = (len(tasks), len(FADING_PER_S)), library.n_observed
+        mean = np.zeros((*shape, p, self._width))
+        mean[..., :n_basis] = courses.mean.reshape(shape[0], 1, p, n_basis)
+        covariance = np.zeros((*shape, p, self._width, p, self._width))
+        own = courses.covariance.reshape(shape[0], 1, p, n_basis, p, n_basis)
+        covariance[:, :, :, :n_basis, :, :n_basis] = own
+        dof, offset = np.arange(p)[:, None], n_basis + np.arange(OFFSET_BASIS)
+        covariance[:, :, dof, offset, dof, offset] = self._offset_variance
+        size = p * self._width
+        return make_state(mean.reshape(-1, size), covariance.reshape(-1, size, size), self._width)
+
+    def _rows(self, measurement: Measurement) -> NDArray[np.float64]:
+        """Row of the observation matrix of each hypothesis, (n, N + 3)."""
+        some, basis = slice(0, self._n), self.library.basis
+        duration_s, since_s = self._duration_s[some], measurement.elapsed_s - self._birth_s[some]
+        into_s = measurement.elapsed_s - self._onset_s[some]
+        phase = np.clip(into_s / duration_s, 0.0, 1.0)
+        course, offset = basis.design_matrix(phase), fading(since_s, self._rate[some])
+        if measurement.derivative:
+            moving = into_s <= duration_s
+            course = basis.derivative_matrix(phase) * (moving / duration_s)[:, None]
+            offset = fading_velocity(since_s, self._rate[some])
+        return np.concatenate([course, offset], axis=1)
+
+    def _give_up(self, total: float) -> None:
+        """Forget hypotheses that explain far less than all together, and the worst of too many."""
+        n = self._n
+        log_joint = self._log_joint[:n]
+        settled = self._seen[:n] >= self._settling
+        is_none = self._task[:n] == self.library.n_tasks
+        log_joint = log_joint + self._hypotheses.none_margin * is_none
+        hopeless = settled & (log_joint < total - NEGLIGIBLE)
+        kept = np.flatnonzero(settled & ~hopeless)
+        if len(kept) > MAX_HYPOTHESES:
+            worst = np.argpartition(log_joint[kept], -MAX_HYPOTHESES)[:-MAX_HYPOTHESES]
+            hopeless[kept[worst]] = True
+        self._n = n - int(np.count_nonzero(hopeless))
+        free = np.flatnonzero(hopeless[: self._n])
+        moved = self._n + np.flatnonzero(~hopeless[self._n :])
+        for array in (
+            self._state,
+            self._pending,
+            self._task,
+            self._seen,
+            self._duration_s,
+            self._rate,
+            self._birth_s,
+            self._onset_s,
+            self._duration,
+            self._log_joint,
+        ):
+            array[free] = array[moved]
+        self._batch = self._batch_of(self._n, self._batch.n_pending)
+
+
+def fading(since_s: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What remains of an offset of one, of its velocity and of its push, (n, 3).
+
+    Args:
+        since_s: time since birth, (n,); less than zero counts as zero.
+        rate: of a critically damped spring [1/s], (n,).
+    """
+    s = np.maximum(since_s, 0.0)
+    shapes = np.stack([1.0 + rate * s, s, 0.5 * s**2], axis=1)
+    return shapes * np.exp(-rate * s)[:, None]
+
+
+def fading_velocity(since_s: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative of `fading` by the time [1/s], (n, 3)."""
+    s = np.maximum(since_s, 0.0)
+    shapes = np.stack([-(rate**2) * s, 1.0 - rate * s, s - 0.5 * rate * s**2], axis=1)
+    return shapes * np.exp(-rate * s)[:, None]
+
+
+def _grid(n_tasks: int, n_durations: int) -> _Grid:
+    """What is born of so many tasks, none among them."""
+    offsets, _ = duration_offsets(n_durations)
+    n_rates = len(FADING_PER_S)
+    prior, duration = np.divmod(np.arange(n_tasks * n_rates * n_durations), n_durations)
+    return _Grid(prior, duration, np.array(FADING_PER_S)[prior % n_rates], offsets)
+
+
+def shares(
+    total: NDArray[np.float64],
+    log_prior: NDArray[np.float64],
+    none_margin: float,
+    passed_s: float,
+) -> NDArray[np.float64]:
+    """Log of what passes to newborn hypotheses of each task and none in a time, (K + 1,).
+
+    Args:
+        total: log joint of the tasks and none, everything together, (K + 1,).
+        log_prior: of the tasks, (K,).
+        none_margin: evidence that a known task must have over none before it counts, in nats.
+        passed_s: the time.
+    """
+    known, n_tasks = total[:-1], len(total) - 1
+    everything = np.logaddexp.reduce(known)
+    with np.errstate(divide="ignore"):
+        others = everything + np.log(-np.expm1(np.minimum(known - everything, 0.0)))
+        turning = others + log_prior + np.log(SWITCH_PER_S * n_tasks / max(n_tasks - 1, 1))
+        own = np.logaddexp(known + np.log(DETOUR_PER_S), turning)
+        return np.r_[own, everything + np.log(UNKNOWN_PER_S) - none_margin] + np.log(passed_s)

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hypotheses born on the way: their offsets, their shares, and what they make of a movement."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+from simulation import START_NS, draw_weights, make_library
+
+from intent_recognition.filtering import (
+    MovementFilter,
+    SwitchedHypotheses,
+    make_hypotheses,
+    switching,
+)
+from intent_recognition.filtering.switching import fading, fading_velocity, shares
+from intent_recognition.recognition.posterior import task_posterior
+from intent_recognition.signals.observation import Observation
+
+RATE = np.array([2.0, 5.0, 11.0])
+
+
+@pytest.fixture
+def library(rng):
+    return make_library(rng, n_basis=6, correlation_time_s=0.05)
+
+
+def course(library, weights, times_s, duration_s=2.0):
+    design = library.basis.design_matrix(np.clip(times_s / duration_s, 0.0, 1.0))
+    return design @ weights[: library.n_observed].T
+
+
+def changed(library, rng, tasks, change_s, times_s):
+    """Positions of a reach as one task that goes over to the course of another."""
+    first, second = (course(library, draw_weights(library, t, rng), times_s) for t in tasks)
+    done = np.clip((times_s - change_s) / 0.5, 0.0, 1.0)[:, None]
+    done = done**3 * (10.0 - 15.0 * done + 6.0 * done**2)
+    values = first + done * (second - first)
+    return values + rng.normal(size=values.shape) * np.sqrt(library.noise_variance[:3])
+
+
+def filtered(library, times_s, values, switched):
+    run = MovementFilter(library, make_hypotheses(library), START_NS, switched=switched)
+    for elapsed_s, row in zip(times_s, values, strict=True):
+        run.observe(Observation(START_NS + round(elapsed_s * 1e9), 0, row))
+    return run
+
+
+def posterior(run, elapsed_s):
+    return task_posterior(run.log_evidence, run.hypotheses, elapsed_s, run.switched(elapsed_s))
+
+
+def test_an_offset_fades_as_a_critically_damped_spring():
+    s, h = np.full(3, 0.37), 1e-4
+    before, now, after = (fading(s + k * h, RATE) for k in (-1, 0, 1))
+    velocity, acceleration = (after - before) / (2 * h), (after - 2 * now + before) / h**2
+    force = acceleration + 2 * RATE[:, None] * velocity + RATE[:, None] ** 2 * now
+    pushed = np.stack([np.zeros(3), np.zeros(3), np.exp(-RATE * s)], axis=1)
+    np.testing.assert_allclose(force, pushed, atol=1e-5)
+    np.testing.assert_allclose(fading_velocity(s, RATE), velocity, atol=1e-6)
+
+
+def test_at_birth_the_weights_are_position_velocity_and_push():
+    zero = np.zeros(3)
+    np.testing.assert_allclose(fading(zero, RATE), np.eye(3)[[0] * 3])
+    np.testing.assert_allclose(fading_velocity(zero, RATE), np.eye(3)[[1] * 3])
+
+
+def test_what_passes_on_is_what_the_rates_say(rng):
+    total = rng.normal(size=5)
+    passed = np.exp(shares(total, np.full(4, -np.log(4.0)), 1.5, 0.02))
+    known = np.exp(total[:-1]).sum()
+    rate = switching.SWITCH_PER_S + switching.DETOUR_PER_S
+    assert np.isclose(passed[:-1].sum(), 0.02 * rate * known)
+    assert np.isclose(passed[-1], 0.02 * switching.UNKNOWN_PER_S * np.exp(-1.5) * known)
+
+
+def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_one():
+    with np.errstate(divide="ignore"):
+        log_prior = np.log([0.5, 0.5, 0.0])
+    passed = np.exp(shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.0, 0.1))
+    assert passed[2] == 0.0 and passed[0] > 0.0
+    alone = np.exp(shares(np.zeros(2), np.zeros(1), 0.0, 0.1))
+    assert np.isclose(alone[0], 0.1 * switching.DETOUR_PER_S)
+
+
+def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
+    monkeypatch.setattr(switching, "FADING_PER_S", (6.0,))
+    monkeypatch.setattr(switching, "N_DURATIONS", 1)
+    monkeypatch.setattr(switching, "NEGLIGIBLE", np.inf)
+    monkeypatch.setattr(switching, "NEGLIGIBLE_SHARE", 0.0)
+    switched = SwitchedHypotheses(library)
+    times_s = np.arange(0.0, 1.2, 0.1)
+    values = changed(library, rng, (0, 1), 0.4, times_s)
+    run = filtered(library, times_s, values, switched)
+    bank, durations_s, weight = switched.of_task(1)
+    assert np.isclose(weight.sum(), 1.0)
+    born = 4  # those of the fifth observation come fifth, and stay where they are
+    density = [bank.log_evidence[born]]
+    run.observe(Observation(START_NS + round(1.2e9), 0, values[-1]))
+    later = switched.of_task(1)[0]
+    density.append(later.log_evidence[born])
+
+    p, n, noise = 3, library.basis.n_basis, library.noise_variance[0]
+    size = p * (n + 3)
+    std = np.sqrt(np.diag(library.none_covariance).reshape(p, n).mean(axis=1))
+    mean, covariance = np.zeros(size), np.zeros((size, size))
+    mean[: p * n] = library.observed_mean[1]
+    covariance[: p * n, : p * n] = library.observed_covariance[1]
+    scale = np.array([1.0, 6.0, switching.PUSH * 36.0])
+    covariance[p * n :, p * n :] = np.diag(np.outer(std, scale).ravel() ** 2)
+
+    def rows(elapsed_s, offset):
+        phase = np.array([min(elapsed_s / durations_s[born], 1.0)])
+        row = np.zeros((p, size))
+        row[:, : p * n] = np.kron(np.eye(p), library.basis.design_matrix(phase))
+        if offset:
+            since = np.array([elapsed_s - times_s[born]])
+            row[:, p * n :] = np.kron(np.eye(p), fading(since, np.array([6.0])))
+        return row
+
+    seen = np.arange(born, len(times_s))
+    h = [np.kron(np.eye(p), library.basis.design_matrix(np.zeros(1)))]
+    h[0] = np.hstack([h[0], np.zeros((p, 3 * p))])
+    h = np.vstack(h + [rows(times_s[k], True) for k in seen] + [rows(1.2, True)])
+    y = np.concatenate([values[0], *values[seen], values[-1]])
+    joint = h @ covariance @ h.T + noise * np.eye(len(y))
+
+    def log_density(m):
+        return multivariate_normal.logpdf(y[:m], (h @ mean)[:m], joint[:m, :m])
+
+    assert np.isclose(density[1] - density[0], log_density(len(y)) - log_density(len(y) - p))
+    gain = covariance @ h.T @ np.linalg.inv(joint)
+    np.testing.assert_allclose(
+        later.mean[born], (mean + gain @ (y - h @ mean))[: p * n], rtol=1e-6, atol=1e-8
+    )
+
+
+def test_a_change_is_followed_with_births_and_not_without(library, rng):
+    times_s = np.arange(0.0, 2.0, 0.05)
+    values = changed(library, rng, (0, 1), 0.5, times_s)
+    followed = filtered(library, times_s, values, SwitchedHypotheses(library))
+    believed = posterior(followed, 1.95)
+    assert believed.probabilities[1] > 0.9
+    assert posterior(filtered(library, times_s, values, None), 1.95).probabilities[1] < 0.5
+    truth = library.primitive(1)
+    end = followed.controlled(1, 1).positions[-1]
+    other = followed.controlled(0, 1).positions[-1]
+    goal = library.basis.design_matrix(np.ones(1)) @ truth.weights.mean.reshape(5, -1)[3:].T
+    assert np.linalg.norm(end - goal) < 0.5 * np.linalg.norm(other - goal)
+    assert 1.4 < believed.duration_s[1] < 2.8 and 0.7 < believed.phase[1] <= 1.0
+
+
+def test_a_movement_of_one_task_stays_one(library, rng):
+    times_s = np.arange(0.0, 2.0, 0.05)
+    switched = SwitchedHypotheses(library)
+    for task in range(3):
+        values = changed(library, rng, (task, task), 5.0, times_s)
+        run = filtered(library, times_s, values, switched)
+        assert np.argmax(posterior(run, 1.95).probabilities) == task
+
+
+def test_where_nothing_passes_on_the_posterior_is_that_of_the_onset(library, rng, monkeypatch):
+    for name in ("SWITCH_PER_S", "DETOUR_PER_S", "UNKNOWN_PER_S"):
+        monkeypatch.setattr(switching, name, 1e-30)
+    times_s = np.arange(0.0, 1.5, 0.05)
+    values = changed(library, rng, (0, 0), 5.0, times_s)
+    with_births = posterior(filtered(library, times_s, values, SwitchedHypotheses(library)), 1.45)
+    without = posterior(filtered(library, times_s, values, None), 1.45)
+    for one, other in zip(with_births, without, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+def test_memory_that_was_used_before_gives_the_same(library, rng):
+    times_s = np.arange(0.0, 1.5, 0.05)
+    first = changed(library, rng, (2, 1), 0.5, times_s)
+    second = changed(library, rng, (0, 1), 0.5, times_s)
+    used = SwitchedHypotheses(library)
+    filtered(library, times_s, first, used)
+    again = posterior(filtered(library, times_s, second, used), 1.45)
+    fresh = posterior(filtered(library, times_s, second, SwitchedHypotheses(library)), 1.45)
+    for one, other in zip(again, fresh, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_of_many_tasks_the_probable_ones_are_born(rng, monkeypatch):
+    monkeypatch.setattr(switching, "MAX_TASKS", 2)
+    library = make_library(rng, n_tasks=5, n_basis=6, correlation_time_s=0.05)
+    times_s = np.arange(0.0, 1.0, 0.05)
+    switched = SwitchedHypotheses(library)
+    filtered(library, times_s, changed(library, rng, (3, 3), 5.0, times_s), switched)
+    born = np.isfinite(switched.log_joint[:-1])
+    assert born[3] and born.sum() < 5
+
+
+def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
+    monkeypatch.setattr(switching, "NEGLIGIBLE", np.inf)
+    switched = SwitchedHypotheses(library)
+    times_s = np.arange(0.0, 2.0, 0.05)
+    filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s), switched)
+    newborn = 4 * len(switching.FADING_PER_S) * switching.N_DURATIONS
+    assert switched.n_hypotheses <= switching.MAX_HYPOTHESES + switching.SETTLING * newborn
+
+
+def test_velocities_are_those_of_the_positions(library, rng):
+    # Very sure velocities instead of positions after birth: the belief stays a distribution, and
+    # the task whose course has these velocities gains.
+    times_s = np.arange(0.0, 1.6, 0.1)
+    values = course(library, draw_weights(library, 2, rng), times_s)
+    speed = course(library, draw_weights(library, 2, rng) * 0.0, times_s)
+    run = MovementFilter(
+        library, make_hypotheses(library), START_NS, switched=SwitchedHypotheses(library)
+    )
+    speed[1:-1] = (values[2:] - values[:-2]) / 0.2
+    for k, elapsed_s in enumerate(times_s[:-1]):
+        stamp = START_NS + round(elapsed_s * 1e9)
+        run.observe(Observation(stamp, 0, values[k]))
+        if k:
+            run.observe(Observation(stamp, 0, speed[k], 1e-3 * np.eye(3), derivative=True))
+    assert np.argmax(posterior(run, 1.5).probabilities) == 2
+
+
+def test_two_signals_settle_each(rng):
+    library = make_library(rng, groups=(2, 1), n_basis=6, correlation_time_s=0.05)
+    times_s = np.arange(0.0, 2.0, 0.05)
+    values = changed(library, rng, (0, 1), 0.5, times_s)
+    run = MovementFilter(
+        library, make_hypotheses(library), START_NS, switched=SwitchedHypotheses(library)
+    )
+    for elapsed_s, row in zip(times_s, values, strict=True):
+        stamp = START_NS + round(elapsed_s * 1e9)
+        run.observe(Observation(stamp, 0, row[:2]))
+        run.observe(Observation(stamp + 1, 1, row[2:]))
+    assert posterior(run, 1.95).probabilities[1] > 0.9
