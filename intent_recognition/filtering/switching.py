@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Changes of mind: hypotheses that are born while a movement is under way.
 
-As in interacting multiple models (Blom and Bar-Shalom 1988), the task of a movement may change at a
-rate per second. A hypothesis born at a time t follows the course w that its task would have had
-from the movement's start, plus an offset that begins where the hand is at t and fades:
+As in interacting multiple models (Blom and Bar-Shalom 1988), the task of a movement may change on
+the way, at a rate that is relative to how long the tasks usually take. A hypothesis born at a time
+t follows the course w that its task would have had from the movement's start, plus an offset that
+begins where the hand is at t and fades:
 
     y(t + s) = psi(z) w + (a (1 + r s) + b s + c s^2 / 2) exp(-r s) + noise.
 
@@ -12,11 +13,10 @@ an initial push that fades as fast (c). a, b and c are weights beside w, so that
 update filters them (Maeda et al. 2014, Eq. 6); the rate is on a grid, as the duration is.
 
 A born hypothesis takes its share of what all hypotheses are worth at its birth: a new task from all
-others, and the old task again, for a hesitation or a detour on its way. Its pace,
-the duration in standard deviations of the task's, is as probable as the pace of the movement so
-far. What is none of the tasks
-begins at its birth, wherever the hand is. The hypotheses that were there from the onset pay for
-what they pass on.
+others, and the old task again, for a hesitation or a detour on its way. Its pace, the duration in
+standard deviations of the task's, is as probable as the pace of the movement so far. What is none
+of the tasks begins at its birth, wherever the hand is. The hypotheses that were there from the
+onset pay for what they pass on.
 """
 
 from typing import NamedTuple
@@ -35,17 +35,17 @@ from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.gaussian import GaussianBatch, make_state, pending_shape, state_width
 from intent_recognition.promp import TaskLibrary
 
-SWITCH_PER_S = 0.1
-"""Rate at which a person turns to another task [1/s] (docs/decisions/change_of_mind.md)."""
-DETOUR_PER_S = 0.3
-"""Rate at which a person goes on with the same task in another way [1/s]
+SWITCHES = 0.4
+"""Rate at which a person turns to another task, per usual duration of the tasks
 (docs/decisions/change_of_mind.md)."""
-UNKNOWN_PER_S = 0.2
-"""Rate at which a known movement becomes one of no task [1/s], whose evidence counts beyond the
-library's margin only (docs/decisions/change_of_mind.md)."""
-FADING_PER_S = (5.0, 10.0)
-"""Rates at which an offset fades [1/s]: gone after 1 and 0.5 s (docs/decisions/change_of_mind.md).
-"""
+DETOURS = 1.2
+"""Rate at which a person goes on with the same task in another way, likewise."""
+STRAYS = 0.8
+"""Rate at which a known movement becomes one of no task, likewise; its evidence counts beyond the
+library's margin only."""
+FADINGS = (20.0, 40.0)
+"""Rates at which an offset fades, likewise: within a quarter and an eighth of the duration
+(docs/decisions/change_of_mind.md)."""
 N_DURATIONS = 7
 """Durations per task at each birth. Convention: offsets make up for what lies between."""
 PUSH = 0.5
@@ -57,8 +57,12 @@ not judged by."""
 NEGLIGIBLE = 14.0
 """Nats below all others together at which a born hypothesis is given up
 (docs/decisions/change_of_mind.md)."""
-MAX_HYPOTHESES = 300
-"""Born hypotheses kept, newborn ones aside. Convention: it bounds the time of an observation."""
+MAX_HYPOTHESES, LEAST_HYPOTHESES = 150, 60
+"""Born hypotheses kept, newborn ones aside; and of many DOFs at least
+(docs/decisions/change_of_mind.md)."""
+MAX_FLOATS = 1_500_000
+"""Numbers in the states of those that are kept. Convention: 12 MB, and the time of an observation.
+"""
 MAX_TASKS = 8
 """Tasks that hypotheses are born of at a time, the most probable ones. Convention: likewise."""
 NEGLIGIBLE_SHARE = 1e-4
@@ -90,7 +94,7 @@ class _Grid(NamedTuple):
     Attributes:
         prior: number of the task among those that are born of, times the rates, and of the rate.
         duration: number of the duration.
-        rate: at which the offset of the hand fades [1/s].
+        rate: at which the offset of the hand fades, per usual duration.
         offsets: of the durations, in standard deviations of their logarithm, (S',).
     """
 
@@ -113,8 +117,10 @@ class SwitchedHypotheses:
         self._width = library.basis.n_basis + OFFSET_BASIS
         self._grid = _grid(min(library.n_tasks, MAX_TASKS) + 1, min(n_scales, N_DURATIONS))
         self._settling = SETTLING * len(library.observed_groups)
-        room = MAX_HYPOTHESES + len(self._grid.prior) * (self._settling + 1)
         shape = library.n_observed, self._width
+        fitting = MAX_FLOATS // (shape[0] * shape[1] * state_width(*shape))
+        self._n_kept = min(max(fitting, LEAST_HYPOTHESES), MAX_HYPOTHESES)
+        room = self._n_kept + len(self._grid.prior) * (self._settling + 1)
         self._state = np.zeros((room, shape[0] * shape[1], state_width(*shape)))
         self._pending = np.zeros((room, *pending_shape(*shape)))
         self._task, self._seen, self._duration = np.zeros((3, room), dtype=np.int64)
@@ -122,7 +128,8 @@ class SwitchedHypotheses:
         self._log_joint = np.zeros(room)
         none_variance = np.diag(library.none_covariance).reshape(library.n_observed, -1)
         std = np.sqrt(none_variance.mean(axis=1))[:, None]
-        rates = np.array(FADING_PER_S)[:, None, None]
+        self._usual_s = float(np.exp(np.mean(library.log_duration_mean)))
+        rates = np.array(FADINGS)[:, None, None] / self._usual_s
         self._offset_variance = (std * rates ** np.arange(OFFSET_BASIS)) ** 2  # (R, P, 3)
         self._offset_variance[..., -1] *= PUSH**2
         self._log_mean = np.r_[library.log_duration_mean, library.none_log_duration[0]]
@@ -159,7 +166,7 @@ class SwitchedHypotheses:
     @property
     def staying(self) -> float:
         """Log probability with which a task of the onset passed nothing on to tasks."""
-        return -(SWITCH_PER_S + DETOUR_PER_S) * self._last_s
+        return -(SWITCHES + DETOURS) * self._last_s / self._usual_s
 
     def left(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log joint of the hypotheses of the onset less what they passed on, (K + 1,).
@@ -182,7 +189,7 @@ class SwitchedHypotheses:
             log_evidence: see `left`; this measurement is among the observations.
         """
         self._remember_start(measurement)
-        passed_s = max(measurement.elapsed_s - self._last_s, 0.0)
+        passed = max(measurement.elapsed_s - self._last_s, 0.0) / self._usual_s
         self._last_s = max(measurement.elapsed_s, self._last_s)
         self._bear(measurement.elapsed_s, log_evidence)
         density = self._batch.condition(
@@ -197,7 +204,7 @@ class SwitchedHypotheses:
         log_joint[seen > self._settling] += density[seen > self._settling]
         total = np.logaddexp(self.log_joint, self.left(log_evidence))
         settled = np.flatnonzero(seen == self._settling)
-        share = shares(total, self._log_task_prior, self._hypotheses.none_margin, passed_s)
+        share = shares(total, self._log_task_prior, self._hypotheses.none_margin, passed)
         if settled.size:
             task, pace = self._task[settled], self._log_pace(log_evidence)
             which = (task == self.library.n_tasks).astype(np.int64)
@@ -260,7 +267,7 @@ class SwitchedHypotheses:
         so_far = np.logaddexp.reduce(tempered + (own - np.logaddexp.reduce(own))[:, None], axis=0)
         table = np.array([np.interp(offsets, at, row) for row in (so_far, log_prior)])
         table -= np.logaddexp.reduce(table, axis=1, keepdims=True)
-        return np.asarray(table - np.log(len(FADING_PER_S)), dtype=np.float64)
+        return np.asarray(table - np.log(len(FADINGS)), dtype=np.float64)
 
     def _bear(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
@@ -274,12 +281,12 @@ class SwitchedHypotheses:
         born = slice(self._n, self._n + len(prior))
         self._state[born] = self._priors(tasks)[prior]
         self._pending[born] = 0.0  # what is pending for the others is nothing to these
-        task = tasks[prior // len(FADING_PER_S)]
+        task = tasks[prior // len(FADINGS)]
         self._task[born], self._seen[born], self._birth_s[born] = task, 0, birth_s
         self._onset_s[born] = np.where(task == n_tasks, birth_s, 0.0)
         log_duration = self._log_mean[task] + self._log_std[task] * offsets[duration]
         self._duration[born], self._duration_s[born] = duration, np.exp(log_duration)
-        self._rate[born], self._log_joint[born] = rate, -np.inf
+        self._rate[born], self._log_joint[born] = rate / self._usual_s, -np.inf
         self._n = born.stop
         self._batch = self._batch_of(self._n, self._batch.n_pending)
 
@@ -294,7 +301,7 @@ class SwitchedHypotheses:
             known.condition(dofs, row, values, noise)
         known.apply_downdates()
         courses = GaussianBatch(state, n_basis)
-        shape, p = (len(tasks), len(FADING_PER_S)), library.n_observed
+        shape, p = (len(tasks), len(FADINGS)), library.n_observed
         mean = np.zeros((*shape, p, self._width))
         mean[..., :n_basis] = courses.mean.reshape(shape[0], 1, p, n_basis)
         covariance = np.zeros((*shape, p, self._width, p, self._width))
@@ -327,8 +334,8 @@ class SwitchedHypotheses:
         log_joint = log_joint + self._hypotheses.none_margin * is_none
         hopeless = settled & (log_joint < total - NEGLIGIBLE)
         kept = np.flatnonzero(settled & ~hopeless)
-        if len(kept) > MAX_HYPOTHESES:
-            worst = np.argpartition(log_joint[kept], -MAX_HYPOTHESES)[:-MAX_HYPOTHESES]
+        if len(kept) > self._n_kept:
+            worst = np.argpartition(log_joint[kept], -self._n_kept)[: -self._n_kept]
             hopeless[kept[worst]] = True
         self._n = n - int(np.count_nonzero(hopeless))
         free = np.flatnonzero(hopeless[: self._n])
@@ -371,16 +378,16 @@ def fading_velocity(since_s: NDArray[np.float64], rate: NDArray[np.float64]) -> 
 def _grid(n_tasks: int, n_durations: int) -> _Grid:
     """What is born of so many tasks, none among them."""
     offsets, _ = duration_offsets(n_durations)
-    n_rates = len(FADING_PER_S)
+    n_rates = len(FADINGS)
     prior, duration = np.divmod(np.arange(n_tasks * n_rates * n_durations), n_durations)
-    return _Grid(prior, duration, np.array(FADING_PER_S)[prior % n_rates], offsets)
+    return _Grid(prior, duration, np.array(FADINGS)[prior % n_rates], offsets)
 
 
 def shares(
     total: NDArray[np.float64],
     log_prior: NDArray[np.float64],
     none_margin: float,
-    passed_s: float,
+    passed: float,
 ) -> NDArray[np.float64]:
     """Log of what passes to newborn hypotheses of each task and none in a time, (K + 1,).
 
@@ -388,12 +395,12 @@ def shares(
         total: log joint of the tasks and none, everything together, (K + 1,).
         log_prior: of the tasks, (K,).
         none_margin: evidence that a known task must have over none before it counts, in nats.
-        passed_s: the time.
+        passed: the time, in usual durations.
     """
     known, n_tasks = total[:-1], len(total) - 1
     everything = np.logaddexp.reduce(known)
     with np.errstate(divide="ignore"):
         others = everything + np.log(-np.expm1(np.minimum(known - everything, 0.0)))
-        turning = others + log_prior + np.log(SWITCH_PER_S * n_tasks / max(n_tasks - 1, 1))
-        own = np.logaddexp(known + np.log(DETOUR_PER_S), turning)
-        return np.r_[own, everything + np.log(UNKNOWN_PER_S) - none_margin] + np.log(passed_s)
+        turning = others + log_prior + np.log(SWITCHES * n_tasks / max(n_tasks - 1, 1))
+        own = np.logaddexp(known + np.log(DETOURS), turning)
+        return np.r_[own, everything + np.log(STRAYS) - none_margin] + np.log(passed)

@@ -69,9 +69,9 @@ def test_what_passes_on_is_what_the_rates_say(rng):
     total = rng.normal(size=5)
     passed = np.exp(shares(total, np.full(4, -np.log(4.0)), 1.5, 0.02))
     known = np.exp(total[:-1]).sum()
-    rate = switching.SWITCH_PER_S + switching.DETOUR_PER_S
+    rate = switching.SWITCHES + switching.DETOURS
     assert np.isclose(passed[:-1].sum(), 0.02 * rate * known)
-    assert np.isclose(passed[-1], 0.02 * switching.UNKNOWN_PER_S * np.exp(-1.5) * known)
+    assert np.isclose(passed[-1], 0.02 * switching.STRAYS * np.exp(-1.5) * known)
 
 
 def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_one():
@@ -80,11 +80,11 @@ def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_on
     passed = np.exp(shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.0, 0.1))
     assert passed[2] == 0.0 and passed[0] > 0.0
     alone = np.exp(shares(np.zeros(2), np.zeros(1), 0.0, 0.1))
-    assert np.isclose(alone[0], 0.1 * switching.DETOUR_PER_S)
+    assert np.isclose(alone[0], 0.1 * switching.DETOURS)
 
 
 def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
-    monkeypatch.setattr(switching, "FADING_PER_S", (6.0,))
+    monkeypatch.setattr(switching, "FADINGS", (12.0,))
     monkeypatch.setattr(switching, "N_DURATIONS", 1)
     monkeypatch.setattr(switching, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(switching, "NEGLIGIBLE_SHARE", 0.0)
@@ -160,7 +160,7 @@ def test_a_movement_of_one_task_stays_one(library, rng):
 
 
 def test_where_nothing_passes_on_the_posterior_is_that_of_the_onset(library, rng, monkeypatch):
-    for name in ("SWITCH_PER_S", "DETOUR_PER_S", "UNKNOWN_PER_S"):
+    for name in ("SWITCHES", "DETOURS", "STRAYS"):
         monkeypatch.setattr(switching, name, 1e-30)
     times_s = np.arange(0.0, 1.5, 0.05)
     values = changed(library, rng, (0, 0), 5.0, times_s)
@@ -197,7 +197,7 @@ def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
     switched = SwitchedHypotheses(library)
     times_s = np.arange(0.0, 2.0, 0.05)
     filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s), switched)
-    newborn = 4 * len(switching.FADING_PER_S) * switching.N_DURATIONS
+    newborn = 4 * len(switching.FADINGS) * switching.N_DURATIONS
     assert switched.n_hypotheses <= switching.MAX_HYPOTHESES + switching.SETTLING * newborn
 
 
