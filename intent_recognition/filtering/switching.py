@@ -35,12 +35,12 @@ from intent_recognition.filtering.observation_model import Measurement
 from intent_recognition.gaussian import GaussianBatch, make_state, pending_shape, state_width
 from intent_recognition.promp import TaskLibrary
 
-SWITCHES = 0.4
+SWITCHES = 0.04
 """Rate at which a person turns to another task, per usual duration of the tasks
 (docs/decisions/change_of_mind.md)."""
-DETOURS = 1.2
+DETOURS = 0.12
 """Rate at which a person goes on with the same task in another way, likewise."""
-STRAYS = 0.8
+STRAYS = 0.08
 """Rate at which a known movement becomes one of no task, likewise; its evidence counts beyond the
 library's margin only."""
 FADINGS = (20.0, 40.0)
