@@ -40,11 +40,11 @@ SWITCHES = 0.04
 (docs/decisions/change_of_mind.md)."""
 DETOURS = 0.12
 """Rate at which a person goes on with the same task in another way, likewise."""
-STRAYS = 0.08
+STRAYS = 0.3
 """Rate at which a known movement becomes one of no task, likewise; its evidence counts beyond the
 library's margin only."""
-FADINGS = (20.0, 40.0)
-"""Rates at which an offset fades, likewise: within a quarter and an eighth of the duration
+FADINGS = (12.0, 30.0)
+"""Rates at which an offset fades, likewise: gone after two fifths and a sixth of the duration
 (docs/decisions/change_of_mind.md)."""
 N_DURATIONS = 7
 """Durations per task at each birth. Convention: offsets make up for what lies between."""
