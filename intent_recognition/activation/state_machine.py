@@ -106,6 +106,11 @@ class Activation:
         return self.state.mode
 
     @property
+    def home(self) -> NDArray[np.float64] | None:
+        """Posture it returns to (n,) [rad]; None before the arm was seen."""
+        return self._home
+
+    @property
     def active_task(self) -> str:
         """Task being executed, until the arm is home again; empty when there is none."""
         interaction = interaction_of(self.state)

@@ -6,6 +6,7 @@ import signal
 import socket
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -21,9 +22,18 @@ from intent_recognition.cli.output import (
     write_json,
 )
 from intent_recognition.cli.session_watch import END_SIGNALS, interrupt
-from intent_recognition.errors import IntentError, ResourceBusyError, describe
+from intent_recognition.errors import (
+    ArgumentError,
+    IntentError,
+    KinematicsError,
+    ResourceBusyError,
+    describe,
+)
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import load_model, load_trained, save_model
+
+if TYPE_CHECKING:
+    from sim_bridge.scenarios.toolbox import ToolboxArm
 
 SCENARIOS = ("toolbox", "pouring")
 DEFAULT_INTERACTIONS = 40
@@ -54,6 +64,7 @@ def add_parser(subparsers: Subparsers) -> None:
                 "the coworker changes his mind in ten of forty interactions",
                 "intent demo --headless --changes 10",
             ),
+            ("another arm does what the LWR was taught", "intent demo --arm panda"),
             ("the arm pours with other cups and bowls", "intent demo --scenario pouring"),
         ),
     )
@@ -88,6 +99,13 @@ def add_parser(subparsers: Subparsers) -> None:
         default=0,
         metavar="N",
         help="the coworker changes his mind on the way in N of the interactions (default: 0)",
+    )
+    session.add_argument(
+        "--arm",
+        default="lwr",
+        metavar="ARM",
+        help="lwr (default), panda, iiwa, xarm, or the path of a URDF; the others do with their"
+        " hands what the LWR was taught",
     )
     session.add_argument(
         "--seed", type=number(int, 0), default=1, help="of the session (default: 1)"
@@ -148,10 +166,30 @@ def run(args: argparse.Namespace) -> int:
     if args.rate is None:
         args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE
     _check(args)
-    model = args.model or _train(args.output / "model.npz", console)
+    arm = _toolbox_arm(args.arm)
+    model = args.model or _train(args.output / "model.npz", console, of_hand=arm is not None)
     started = time.monotonic()
-    session = run_session(args, model, console)
-    return _report(args, session, time.monotonic() - started, console)
+    session = run_session(args, model, console, arm)
+    return _report(args, session, time.monotonic() - started, console, arm)
+
+
+def _toolbox_arm(name: str) -> "ToolboxArm | None":
+    """An arm other than the one that was taught; None for the LWR.
+
+    Raises:
+        IntentError: there is no such arm, or it cannot reach home.
+    """
+    if name == "lwr":
+        return None
+    from sim_bridge.arm import find_robot
+    from sim_bridge.scenarios.toolbox import ToolboxArm
+
+    arm = ToolboxArm(find_robot(name))
+    try:
+        _ = arm.home
+    except KinematicsError as error:
+        raise ArgumentError(f"--arm {name}: its hand does not reach home. {error}") from error
+    return arm
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -181,14 +219,15 @@ def _check(args: argparse.Namespace) -> None:
                 ) from error
 
 
-def _train(path: Path, console: Console) -> Path:
+def _train(path: Path, console: Console, *, of_hand: bool) -> Path:
     from intent_recognition.cli.train import print_library, train
     from intent_recognition.cli.train_sessions import with_sessions
     from intent_recognition.share import share_path
 
     started = time.monotonic()
     bags = share_path("bags/toolbox/train")
-    model, report = train([bags], None, TrainingSettings(), console)
+    dofs = share_path("config/dofs_hand.yaml") if of_hand else None
+    model, report = train([bags], dofs, TrainingSettings(), console)
     print_library(console, model.library, report)
     model = with_sessions(model, [share_path("bags/sessions")], console)
     save_model(path, model, report.trained)
@@ -196,15 +235,24 @@ def _train(path: Path, console: Console) -> Path:
     return path
 
 
-def _report(args: argparse.Namespace, session: Session, wall_s: float, console: Console) -> int:
+def _report(
+    args: argparse.Namespace,
+    session: Session,
+    wall_s: float,
+    console: Console,
+    arm: "ToolboxArm | None",
+) -> int:
     """Score, print the table, write the report; returns the exit code."""
     from intent_recognition.evaluation import summarise, summary_line, to_json
     from intent_recognition.experiments.toolbox.session_scoring import score_session
+    from intent_recognition.kinematics import hand_position
     from intent_recognition.report import table_lines, write_demo_report
 
-    records, traces = score_session(*session)
+    hand_of = hand_position if arm is None else arm.hand
+    records, traces = score_session(*session, hand_of)
     summary = summarise(records)
     settings = {
+        "arm": args.arm,
         "seed": args.seed,
         "simulated time per real time": args.rate,
         "duration of the session [s, simulated]": round(float(session.plan.samples.times_s[-1]), 1),

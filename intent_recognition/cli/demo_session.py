@@ -22,13 +22,14 @@ from intent_recognition.cli.session_watch import (
 )
 from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
-from intent_recognition.nodes.graph import GRAPHS, NodeCall, resolve
+from intent_recognition.nodes.graph import ARMS, GRAPHS, NodeCall, resolve
 
 if TYPE_CHECKING:
     from intent_recognition.evaluation import SessionLog
     from intent_recognition.nodes.processes import NodeProcesses
     from intent_recognition.nodes.session_observer import SessionObserver
     from sim_bridge.coworker import SessionPlan
+    from sim_bridge.scenarios.toolbox import ToolboxArm
 
 DISCOVERY_S = 0.5
 """Time to find other graphs in the domain [s]. Convention."""
@@ -55,13 +56,16 @@ class Session(NamedTuple):
     first_ns: int
 
 
-def run_session(args: argparse.Namespace, model: Path, console: Console) -> Session:
+def run_session(
+    args: argparse.Namespace, model: Path, console: Console, arm: "ToolboxArm | None" = None
+) -> Session:
     """Start the nodes, follow the session, stop the nodes.
 
     Args:
         args: the options of `intent demo`.
         model: model file of the estimator.
         console: where the progress is shown.
+        arm: in place of the LWR.
 
     Raises:
         IntentError: a node died, or nothing was received from one.
@@ -81,7 +85,8 @@ def run_session(args: argparse.Namespace, model: Path, console: Console) -> Sess
     rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
     try:
         with NodeProcesses(environment, args.output / "logs") as processes:
-            log = _run_graph(args, _calls(args, model, tasks), len(tasks), processes, console)
+            calls = _calls(args, model, tasks, arm)
+            log = _run_graph(args, calls, len(tasks), processes, console)
     finally:
         for number in END_SIGNALS:
             signal.signal(number, interrupt)
@@ -185,7 +190,8 @@ def _follow(
 
     from intent_recognition.nodes.pace_keeper import PaceKeeper
 
-    pace = PaceKeeper(observer, args.rate)
+    lwr, other = ARMS
+    pace = PaceKeeper(observer, args.rate, lwr if args.arm == "lwr" else other)
 
     def keep_pace() -> None:
         if not progress.over:
@@ -202,7 +208,9 @@ def _follow(
     return pace.slowest
 
 
-def _calls(args: argparse.Namespace, model: Path, tasks: Sequence[str]) -> dict[str, NodeCall]:
+def _calls(
+    args: argparse.Namespace, model: Path, tasks: Sequence[str], arm: "ToolboxArm | None"
+) -> dict[str, NodeCall]:
     """The nodes to start, by name.
 
     Raises:
@@ -218,6 +226,8 @@ def _calls(args: argparse.Namespace, model: Path, tasks: Sequence[str]) -> dict[
         "demo",
         {
             "model": str(model.resolve()),
+            "arm": "" if arm is None else args.arm,
+            "hand_link": "" if arm is None else arm.robot.tip,
             "rate": float(args.rate),
             "headless": args.headless or not os.environ.get("DISPLAY"),
             "sensor_noise": True,
@@ -232,9 +242,10 @@ def _calls(args: argparse.Namespace, model: Path, tasks: Sequence[str]) -> dict[
             "models": str(args.output.resolve()),
         },
     )
-    home = {"primitive_activation": {"home": HOME.tolist()}}
+    home = HOME.tolist() if arm is None else arm.home.tolist()
+    own = {"primitive_activation": {"home": home}, "arm_sim": {"initial_position": home}}
     return {
-        call.name: replace(call, parameters=call.parameters | home.get(call.name, {}))
+        call.name: replace(call, parameters=call.parameters | own.get(call.name, {}))
         for call in calls
     }
 

@@ -12,6 +12,7 @@ from intent_recognition.demonstrations.fields import (
     reference_of,
     stamp_of,
 )
+from intent_recognition.demonstrations.hand_poses import JOINTS_TOPIC, arm_in_world
 from intent_recognition.demonstrations.inspect import (
     BagSummary,
     TopicSummary,
@@ -36,6 +37,7 @@ from intent_recognition.demonstrations.reading import (
 from intent_recognition.demonstrations.sessions import MARKER_TOPIC, MARKER_TYPE, clock_shift_ns
 
 __all__ = [
+    "JOINTS_TOPIC",
     "MARKER_TOPIC",
     "MARKER_TYPE",
     "POSITION_FIELDS",
@@ -44,6 +46,7 @@ __all__ = [
     "DofSpec",
     "ObservationReader",
     "TopicSummary",
+    "arm_in_world",
     "check_label",
     "clock_shift_ns",
     "extract",

@@ -5,14 +5,15 @@ import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from intent_recognition.bags import JOINT_STATE
+from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.demonstrations.paths import FIELD_PATH, STAMPED_ELEMENTS, element_of
 from intent_recognition.errors import DofError, describe
+from intent_recognition.motion import HAND_FIELDS
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 QUANTITIES = ("position", "velocity", "effort")
@@ -20,6 +21,7 @@ VELOCITY_KEYS = ("topic", "type", "fields", "joints", "unit", "quantity", "of", 
 KEYS = (*VELOCITY_KEYS[:6], "orientation", "reference")
 QUATERNION = "quaternion"
 """The one representation of an orientation that entries may have."""
+CONTROLLED_KEYS = (*KEYS, "link", "robot")
 SIDES = ("observed", "controlled", "velocities")
 UNIT_TOLERANCE = 1e-3
 """How far the norm of a reference may be from one. Convention: three decimals are written."""
@@ -46,6 +48,10 @@ class DofEntry:
             it is still to be the mean of the demonstrations (`settle_orientations`).
         of: for measured velocities, the names of the observed DOFs they belong to; else empty.
         std: standard deviation of each velocity [unit], used where a message has no covariance.
+        link: for a controlled hand, the link of the robot whose pose this is; where the topic was
+            not recorded it is computed from `joint_states`.
+        robot: for a controlled hand, path of the URDF that it is computed with where the recording
+            has no `robot_description`; relative to the shipped `config`, or absolute.
     """
 
     topic: str
@@ -58,6 +64,8 @@ class DofEntry:
     reference: tuple[float, ...] = ()
     of: tuple[str, ...] = ()
     std: float | None = None
+    link: str = ""
+    robot: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -101,6 +109,7 @@ class DofEntry:
             content["of"] = list(self.of)
         if self.std is not None:
             content["std"] = self.std
+        content |= {key: getattr(self, key) for key in ("link", "robot") if getattr(self, key)}
         content["unit"] = self.unit
         return content
 
@@ -202,7 +211,21 @@ def load_dofs(path: str | Path | None = None) -> DofSpec:
         content = load_yaml(text)
     except UntrustedError as error:
         raise _error(str(source), "YAML", error) from error
-    return DofSpec.from_dict(content, str(source))
+    spec = DofSpec.from_dict(content, str(source))
+    beside = [replace(e, robot=_beside(source, e.robot)) for e in spec.controlled]
+    return replace(spec, controlled=tuple(beside))
+
+
+def _beside(source: Path, robot: str) -> str:
+    """Path of a URDF that lies beside a DOF file other than the shipped ones."""
+    path = (source.parent / robot).resolve()
+    shipped = path.is_relative_to(default_dofs_path().resolve().parent)
+    return str(path) if robot and path.is_file() and not shipped else robot
+
+
+def robot_path(robot: str) -> Path:
+    """Where the URDF of a DOF file's `robot` is."""
+    return Path(robot) if Path(robot).is_file() else default_dofs_path().parent / robot
 
 
 def default_dofs_path() -> Path:
@@ -231,7 +254,7 @@ def _entries(content: Mapping, side: str, source: str, minimum: int) -> tuple[Do
         return ()
     if not isinstance(listed, list) or len(listed) < minimum:
         raise _error(f"{source}: {side}", f"a list of at least {minimum} entries", listed)
-    keys = VELOCITY_KEYS if side == "velocities" else KEYS
+    keys = {"velocities": VELOCITY_KEYS, "controlled": CONTROLLED_KEYS}.get(side, KEYS)
     return tuple(_entry(item, f"{source}: {side}[{i}]", keys) for i, item in enumerate(listed))
 
 
@@ -253,6 +276,12 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
     if quantity not in QUANTITIES or (quantity != "position" and "joints" not in item):
         raise _error(f"{place}: quantity", f"{', '.join(QUANTITIES)}, with joints", quantity)
     is_velocity = "of" in keys
+    link, robot = (_text(item, key, place) if key in item else "" for key in ("link", "robot"))
+    if link and (texts["type"], texts["unit"], item.get("fields")) != (POSE, "m", [*HAND_FIELDS]):
+        expected = f"type {POSE}, unit m and the fields {', '.join(HAND_FIELDS)}"
+        raise _error(f"{place}: link", expected, f"{texts['type']}, {item.get('fields')}")
+    if robot and not link:
+        raise _error(f"{place}: robot", "a link of it", "no link")
     found = DofEntry(
         relative_topic(texts["topic"]),
         texts["type"],
@@ -264,6 +293,8 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
         reference=_reference(item, place),
         of=_names(item, "of", place) if is_velocity else (),
         std=_std(item, place) if is_velocity else None,
+        link=link,
+        robot=robot,
     )
     _check_orientation(found, item, place)
     return found

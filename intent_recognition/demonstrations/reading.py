@@ -25,6 +25,7 @@ from intent_recognition.demonstrations.fields import (
     reference_of,
     stamp_of,
 )
+from intent_recognition.demonstrations.hand_poses import as_hands, read_by_joints
 from intent_recognition.demonstrations.labels import label_problem
 from intent_recognition.demonstrations.paths import element_names
 from intent_recognition.demonstrations.sessions import (
@@ -261,9 +262,11 @@ def _is_bag(folder: Path) -> bool:
 def _read_bag(
     path: Path, dofs: DofSpec, extrinsics: Mapping[str, tuple] | None
 ) -> Iterator[Demonstration | Rejection]:
+    asked = dofs
     try:
         reader = BagReader(path)
         marker = find_marker_topic(reader)
+        dofs, arms = read_by_joints(reader, asked)
         problem = _missing_topic(reader, dofs)
         if problem is None and marker is None and not reader.is_finished and not reader.damage:
             problem = Rejection(str(path), "", reader.end_ns, UNFINISHED)
@@ -273,6 +276,13 @@ def _read_bag(
     if problem is not None:
         yield problem
         return
+    for found in _parts(reader, dofs, marker, extrinsics):
+        yield as_hands(found, asked, arms) if isinstance(found, Demonstration) else found
+
+
+def _parts(
+    reader: BagReader, dofs: DofSpec, marker: str | None, extrinsics: Mapping[str, tuple] | None
+) -> Iterator[Demonstration | Rejection]:
     samples, markers, damage = _collect(reader, dofs, marker, extrinsics)
     if damage is not None and marker is None:
         yield damage
@@ -280,7 +290,7 @@ def _read_bag(
     if marker is None:
         yield _demonstration(reader, dofs, samples)
         return
-    for part in split_session(markers, samples, str(path)):
+    for part in split_session(markers, samples, str(reader.path)):
         if isinstance(part, Rejection):
             yield part
         else:

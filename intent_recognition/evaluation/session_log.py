@@ -17,9 +17,9 @@ class SessionLog:
         wrist_ns, wrist_m: raw tracker poses, (W,), (W, 3).
         tasks_ns, probabilities: stamps and posteriors of intent/tasks, (T,), (T, K + 1).
         active_ns, active: when intent/active_task changed, and to what.
-        joint_ns, joint_rad: measured joints, (M,), (M, 7).
-        predictions: (arrival ns, onset ns, task, times_s (L,), rad (L, 7), std (L, 7)) of
-            intent/robot_trajectory.
+        joint_ns, joint_rad: measured joints, (M,), (M, n); fingers come last.
+        predictions: (arrival ns, onset ns, task, times_s (L,), mean (L, q), std (L, q)) of
+            intent/robot_trajectory; of joints [rad], or of the hand [m].
         paths: (stamp ns, wrist (V, 3)) of intent/human_path.
     """
 

@@ -10,6 +10,7 @@ from intent_recognition.motion.feedback_controller import (
     propagate,
     resting_gains,
 )
+from intent_recognition.motion.hand_path import HAND_FIELDS, is_hand, joints_along
 from intent_recognition.motion.path import JointPath, make_path
 from intent_recognition.motion.plan import JointPlan, JointReference
 from intent_recognition.motion.planning import plan_interaction, stop_plan
@@ -18,6 +19,7 @@ from intent_recognition.motion.retiming import NominalTiming
 from intent_recognition.motion.settings import PlanSettings, scaled_limits
 
 __all__ = [
+    "HAND_FIELDS",
     "FeedbackPolicy",
     "FeedbackSettings",
     "JointPath",
@@ -30,6 +32,8 @@ __all__ = [
     "feedback_policy",
     "home_plan",
     "initial_state",
+    "is_hand",
+    "joints_along",
     "make_path",
     "plan_interaction",
     "propagate",

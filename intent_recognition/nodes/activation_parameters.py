@@ -18,9 +18,10 @@ from intent_recognition.kinematics import (
     DEFAULT_ACCELERATION_RAD_S2,
     JOINT_NAMES,
     LWR_LIMITS,
+    Arm,
     JointLimits,
 )
-from intent_recognition.motion import scaled_limits
+from intent_recognition.motion import is_hand, scaled_limits
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, parameter
 from intent_recognition.promp import end_std_limits, least_end_std
@@ -127,6 +128,8 @@ class ActivationParameters:
 
     Attributes:
         rate_hz: updates of a running motion a second.
+        of_hand: whether the model predicts a hand instead of joints.
+        described: the arm of `robot_description`, whose limits hold where none are given.
     """
 
     def __init__(self, node: Node):
@@ -135,6 +138,8 @@ class ActivationParameters:
             for name, spec in (FIXED | AT_REST | ANY_TIME).items()
         }
         self.rate_hz: float = self._values["command_rate"]
+        self.described: Arm | None = None
+        self.of_hand = False
         self._least_end_std: dict[str, float] = {}
         self._learned_end_std: dict[str, dict[str, float]] = {}
 
@@ -153,6 +158,8 @@ class ActivationParameters:
     def joints(self) -> tuple[tuple[str, ...], dict[str, NDArray[np.float64]]]:
         """Joint names, empty where they are not known yet, and where each task begins.
 
+        Those of a model of the hand are known with the arm; its tasks begin at positions (3,) [m].
+
         Raises:
             ArgumentError: names and model differ, or a model is missing.
         """
@@ -165,9 +172,16 @@ class ActivationParameters:
                 for k, label in enumerate(model.labels)
             }
             starts = {label: start_mean(model.library, k) for k, label in enumerate(model.labels)}
-            return tuple(model.controlled_names), starts
+            of_model = tuple(model.controlled_names)
+            self.of_hand = is_hand(of_model)
+            return () if self.of_hand else of_model, starts
         self._check_pretrigger()
         return names, {}
+
+    @property
+    def home(self) -> NDArray[np.float64] | None:
+        """Posture to return to [rad]; None: the first seen."""
+        return np.array(self._values["home"], dtype=np.float64) if self._values["home"] else None
 
     def limits_in_force(self, names: tuple[str, ...], sources: Mapping[str, str]) -> str:
         """The limits and guards a motion of these joints is held to, and where each comes from.
@@ -182,7 +196,8 @@ class ActivationParameters:
         for name in ARM_LIMITS:
             array = getattr(limits, name).round(4).tolist()
             unit = "rad/s, scaled" if name == "velocity" else "rad"
-            source = sources.get(name, DEFAULT) if own else "the LWR's"
+            known = "the LWR's" if self.described is None else "of robot_description"
+            source = sources.get(name, DEFAULT) if own else known
             shown.append(f"{name} {array} {unit} ({source})")
         return "; ".join(shown)
 
@@ -205,7 +220,7 @@ class ActivationParameters:
             ArgumentError: limits or home of another size.
         """
         value = self._values
-        home = np.array(value["home"], dtype=np.float64) if value["home"] else None
+        home = self.home
         if home is not None and (home.shape != (len(names),) or not np.all(np.isfinite(home))):
             raise ArgumentError(
                 describe(
@@ -258,6 +273,9 @@ class ActivationParameters:
             lower, upper, velocity = (np.array(values) for values in given)
             no_limit = np.full(len(names), 1e9)  # plans know nothing of torques
             limits = JointLimits(lower, upper, velocity, acceleration, no_limit)
+        elif self.described is not None and names == self.described.joint_names:
+            arm = self.described.limits
+            limits = JointLimits(arm.lower, arm.upper, arm.velocity, acceleration, arm.torque)
         elif set(names) <= set(JOINT_NAMES) and len(set(names)) == len(names) > 0:
             at = [JOINT_NAMES.index(name) for name in names]
             lwr = LWR_LIMITS
@@ -280,7 +298,7 @@ def _read_model(path: str, names: tuple[str, ...]) -> "Model":
 
     model = load_model(path)
     of_model = tuple(model.controlled_names)
-    if names and names != of_model:
+    if names and names != of_model and not is_hand(of_model):
         raise ArgumentError(
             describe(
                 "joint_names", f"those of the model {path}: {of_model}", names, "Leave one away."

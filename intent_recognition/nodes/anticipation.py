@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Input and output of the estimator node between movements: start posture in, next task out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -12,11 +12,23 @@ from rclpy.node import Node
 from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from intent_recognition.demonstrations import DofEntry, extract, is_raw_pose, stamp_of
-from intent_recognition.errors import MessageError
+from intent_recognition.demonstrations import (
+    JOINTS_TOPIC,
+    DofEntry,
+    extract,
+    is_raw_pose,
+    stamp_of,
+)
+from intent_recognition.errors import IntentError
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import message_class, to_joint_state
+from intent_recognition.nodes.conversions import (
+    joint_values,
+    message_class,
+    stamp_ns,
+    to_joint_state,
+)
 from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.observation_input import human_topic
 from intent_recognition.nodes.runtime import LeftOvers
 from intent_recognition.recognition import (
@@ -52,6 +64,7 @@ class PostureInput:
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._node, self._diagnostics = node, diagnostics
+        self._hand = HandInput(node, diagnostics)
         self._subscriptions: list = []
         self._estimator: IntentEstimator | None = None
         self._noted: tuple | None = None
@@ -70,6 +83,12 @@ class PostureInput:
         self._last_ns.clear()
         for group, entry in enumerate(entries):
             raw = is_raw_pose(entry.topic, entry.type)
+            if entry.link:
+                take = partial(self._take_joints, group)
+                self._subscriptions.append(
+                    self._node.create_subscription(JointState, JOINTS_TOPIC, take, POSTURES)
+                )
+                continue
             self._subscriptions.append(
                 self._node.create_subscription(
                     Odometry if raw else message_class(entry.type),
@@ -89,28 +108,46 @@ class PostureInput:
         self._left_overs, self._last_ns = LeftOvers(self._last_ns), {}
 
     def _take(self, group: int, entry: DofEntry, raw: bool, message: Any) -> None:
-        self._diagnostics.tick(entry.topic)
-        self._received = True
         now_ns = self._node.get_clock().now().nanoseconds
         stamp = stamp_of(entry, message, now_ns)
         if stamp is None:
             return
+        self._use(
+            group, entry.topic, stamp, partial(extract, entry, message.pose if raw else message)
+        )
+
+    def _take_joints(self, group: int, message: JointState) -> None:
+        """The hand of the arm that is there, from its joints."""
+        if (arm := self._hand.arm) is None:
+            return
+
+        def hand() -> NDArray[np.float64]:
+            return arm.forward_kinematics(joint_values(message, arm.joint_names))[:3, 3]
+
+        self._use(group, JOINTS_TOPIC, stamp_ns(message), hand)
+
+    def _use(
+        self, group: int, topic: str, stamp: int, values_of: Callable[[], NDArray[np.float64]]
+    ) -> None:
+        self._diagnostics.tick(topic)
+        self._received = True
+        now_ns = self._node.get_clock().now().nanoseconds
         if self._left_overs.include(group, stamp):
             self._diagnostics.count("left_over")
             return
         if 0 < max(now_ns, self._last_ns.get(group, 0)) < stamp - LARGEST_AHEAD_NS:
-            self._diagnostics.reject("posture_in_future", f"{entry.topic} at {stamp} ns")
+            self._diagnostics.reject("posture_in_future", f"{topic} at {stamp} ns")
             return
         self._last_ns[group] = stamp
         try:
-            values = extract(entry, message.pose if raw else message)
-        except MessageError as error:
+            values = values_of()
+        except IntentError as error:
             self._diagnostics.reject("posture_missing_dof", str(error))
             return
         assert self._estimator is not None  # since `open`
         reason = self._estimator.update_controlled(Observation(stamp, group, values))
         if reason is not None:
-            self._diagnostics.reject(f"posture_{reason}", f"{entry.topic} at {stamp} ns")
+            self._diagnostics.reject(f"posture_{reason}", f"{topic} at {stamp} ns")
 
     def note(self, prediction: Prediction) -> None:
         """Report whether a prediction could use the posture."""

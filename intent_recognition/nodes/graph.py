@@ -98,12 +98,12 @@ NODES = {
     "mocap_ingest": NodeSpec("intent_recognition.nodes.mocap_ingest", _from("bodies")),
     "intent_estimator": NodeSpec(
         "intent_recognition.nodes.intent_estimator",
-        _from("model", "dofs", "transition_prior"),
+        _from("model", "dofs", "transition_prior", "hand_link"),
         remappings=_STATES,
     ),
     "primitive_activation": NodeSpec(
         "intent_recognition.nodes.primitive_activation",
-        _from("model", "pretrigger_threshold", autostart="activate"),
+        _from("model", "pretrigger_threshold", "hand_link", autostart="activate"),
         remappings=_ARM,
     ),
     "coworker_sim": NodeSpec(

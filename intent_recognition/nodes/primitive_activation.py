@@ -15,8 +15,9 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.activation import Activation, Command, Mode, PredictedInteraction
-from intent_recognition.errors import ArgumentError, IntentError, describe
-from intent_recognition.motion import make_path
+from intent_recognition.errors import ArgumentError, IntentError, TrajectoryError, describe
+from intent_recognition.kinematics import Arm
+from intent_recognition.motion import is_hand, joints_along, make_path
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_parameters import (
     ANY_TIME,
@@ -32,6 +33,7 @@ from intent_recognition.nodes.conversions import (
     trajectory_arrays,
 )
 from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameter_sources import parameter_sources
 from intent_recognition.nodes.parameters import Changes, keep_live
@@ -62,6 +64,7 @@ class PrimitiveActivation(ManagedNode):
         super().__init__("primitive_activation", **kwargs)
         self.diagnostics = Diagnostics(self)
         self._settings = ActivationParameters(self)
+        self._hand = HandInput(self, self.diagnostics)
         self.activation: Activation | None = None
         self.joint_names: tuple[str, ...] = ()
         self._builder: TrajectoryBuilder | None = None
@@ -79,6 +82,7 @@ class PrimitiveActivation(ManagedNode):
             self.diagnostics.watch(subscription, topic)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._starts: dict[str, NDArray[np.float64]] = {}
+        self._taught_starts = self._starts
         keep_live(self, (*ANY_TIME, *AT_REST), self._changed, self._change)
         self._heard_s = dict.fromkeys(STREAMS, time.monotonic())
         self._silent = ""
@@ -92,7 +96,8 @@ class PrimitiveActivation(ManagedNode):
 
     def configure(self) -> None:
         """Read the model, if one is named, and fix the joints where they are known."""
-        names, self._starts = self._settings.joints()
+        names, self._taught_starts = self._settings.joints()
+        self._starts = self._taught_starts
         if names:
             self._set_joints(names)
         for task, std in self._settings.never_certain().items():
@@ -150,10 +155,11 @@ class PrimitiveActivation(ManagedNode):
     def _read_prediction(self, message: JointTrajectory) -> PredictedInteraction | None:
         """The prediction, or None if it is rejected; fixes the joints if they are not yet."""
         names = tuple(message.joint_names)
-        label = message.header.frame_id
+        label, of_hand = message.header.frame_id, is_hand(names)
         try:
-            if self.joint_names and names != self.joint_names:
-                raise RejectionError("wrong_joint_names", f"{list(names)} for {self.joint_names}")
+            joints = self._meet_arm().joint_names if of_hand else names
+            if self.joint_names and joints != self.joint_names:
+                raise RejectionError("wrong_joint_names", f"{list(joints)} for {self.joint_names}")
             if not label:
                 raise RejectionError(
                     "no_task", "intent/robot_trajectory without a task in frame_id"
@@ -161,23 +167,63 @@ class PrimitiveActivation(ManagedNode):
             times_s, positions, rest = trajectory_arrays(message)
             check_trajectory(times_s, positions, rest)
             if self.activation is None:
-                self._set_joints(names)
-            path = make_path(times_s, positions, self._limits, rest.get("velocities"))
+                self._set_joints(joints)
+            onset_s, velocities = times_s[0], rest.get("velocities")
+            if of_hand:
+                times_s, positions = self._joints_along(times_s, positions)
+                velocities = None
+            path = make_path(times_s, positions, self._limits, velocities)
         except RejectionError as error:
             self.diagnostics.reject(error.reason, str(error))
             return None
         except IntentError as error:
             self.diagnostics.reject("wrong_size", str(error))
             return None
-        end_std = {"rad": float(np.max(rest["effort"][-1]))} if "effort" in rest else None
-        onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(times_s[0]) * 1e9)
+        unit = "m" if of_hand else "rad"
+        end_std = {unit: float(np.max(rest["effort"][-1]))} if "effort" in rest else None
+        onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(onset_s) * 1e9)
         return PredictedInteraction(label, onset_ns, path, end_std)
+
+    def _meet_arm(self) -> Arm:
+        """The arm whose hand is predicted; where tasks begin, in its joints, when it is new.
+
+        Raises:
+            RejectionError: there is no description of it.
+        """
+        arm = self._hand.arm
+        if arm is None:
+            raise RejectionError("no_robot_description", "a hand is predicted, but of which arm?")
+        if arm is not self._settings.described:
+            self._settings.described = arm
+            self._starts = {
+                label: arm.nearest(start, self._rest(arm)).q
+                for label, start in self._taught_starts.items()
+            }
+        return arm
+
+    def _rest(self, arm: Arm) -> NDArray[np.float64]:
+        """Posture that the joints are drawn to: home, as far as it is known."""
+        home = self._settings.home if self.activation is None else self.activation.home
+        return arm.rest if home is None or len(home) != arm.n_joints else home
+
+    def _joints_along(
+        self, times_s: NDArray[np.float64], positions: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        arm = self._meet_arm()
+        try:
+            return joints_along(arm, times_s, positions, self._rest(arm))
+        except TrajectoryError as error:
+            raise RejectionError("unreachable", str(error)) from error
 
     def _on_joint_states(self, message: JointState) -> None:
         self._hear("joint_states")
-        if not self.active or self.activation is None:
+        if not self.active:
             return
         try:
+            if self.activation is None and self._settings.of_hand and self._hand.arm is not None:
+                self._set_joints(self._meet_arm().joint_names)
+            if self.activation is None:
+                return
             position = joint_values(message, self.joint_names)
             velocity = None
             if message.velocity:

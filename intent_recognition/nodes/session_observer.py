@@ -93,7 +93,7 @@ class SessionObserver(Node):
         """Everything so far, as arrays."""
         wrist_ns, wrist = _columns(self._wrist, 3)
         tasks_ns, probabilities = _columns(self._tasks, len(self._labels))
-        joint_ns, joints = _columns(self._joints, 7)
+        joint_ns, joints = _columns(self._joints, len(self._joints[0][1]) if self._joints else 7)
         return SessionLog(
             self._labels,
             wrist_ns,

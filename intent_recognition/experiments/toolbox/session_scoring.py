@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scoring of a toolbox session: what was on the topics against what the coworker did."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,7 +10,7 @@ from intent_recognition.evaluation import InteractionRecord, SessionLog, Trace
 from intent_recognition.kinematics import hand_position
 from intent_recognition.promp import NONE
 from sim_bridge.coworker import Interaction, SessionPlan
-from sim_bridge.scenarios.toolbox import HOME, handover_point
+from sim_bridge.scenarios.toolbox import HOME_HAND_M, handover_point
 
 SCORED_AFTER_S = 1.0
 """The hand is scored so long after the end of the human's movement."""
@@ -33,8 +35,12 @@ def first_sample_ns(log: SessionLog, plan: SessionPlan) -> int | None:
     return None
 
 
+HandOf = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""From measured joints (..., n) to the position of the hand in the world (..., 3) [m]."""
+
+
 def score_session(
-    log: SessionLog, plan: SessionPlan, first_ns: int
+    log: SessionLog, plan: SessionPlan, first_ns: int, hand_of: HandOf = hand_position
 ) -> tuple[list[InteractionRecord], list[Trace]]:
     """One record and one trace (arrays for the report's figures) per interaction.
 
@@ -42,20 +48,26 @@ def score_session(
         log: what was on the topics.
         plan: the ground truth.
         first_ns: stamp of the session's first sample.
+        hand_of: forward kinematics of the arm.
     """
     onsets = [first_ns + round(i.onset_s * 1e9) for i in plan.interactions]
     limits = [onset - round(EARLIEST_DECISION_S * 1e9) for onset in onsets[1:]]
     limits.append(np.iinfo(np.int64).max)
     records, traces = [], []
     for number, (interaction, until) in enumerate(zip(plan.interactions, limits, strict=True), 1):
-        record, trace = score_interaction(log, interaction, first_ns, until, number)
+        record, trace = score_interaction(log, interaction, first_ns, until, number, hand_of)
         records.append(record)
         traces.append(trace)
     return records, traces
 
 
 def score_interaction(
-    log: SessionLog, interaction: Interaction, first_ns: int, until_ns: int, number: int
+    log: SessionLog,
+    interaction: Interaction,
+    first_ns: int,
+    until_ns: int,
+    number: int,
+    hand_of: HandOf = hand_position,
 ) -> tuple[InteractionRecord, Trace]:
     """Score one interaction; arguments as of `score_session`, `until_ns` ends the search."""
     onset = first_ns + round(interaction.onset_s * 1e9)
@@ -74,8 +86,8 @@ def score_interaction(
         share = decision_s / movement_s
     error = arrival = None
     if decided_ns is not None and recognised == interaction.task:
-        error = _hand_error(log, interaction, end)
-        arrival = _arrival(log, decided_ns, end, until_ns)
+        error = _hand_error(log, interaction, end, hand_of)
+        arrival = _arrival(log, decided_ns, end, until_ns, hand_of)
     record = InteractionRecord(
         index=number,
         task=interaction.task,
@@ -113,16 +125,20 @@ def _last_decision(log: SessionLog, earliest: int, end_ns: int) -> tuple[int | N
     return int(log.active_ns[last - 1]), log.active[last - 1]
 
 
-def _hand_error(log: SessionLog, interaction: Interaction, end_ns: int) -> float | None:
+def _hand_error(
+    log: SessionLog, interaction: Interaction, end_ns: int, hand_of: HandOf
+) -> float | None:
     """Distance from the measured hand to its right place, `SCORED_AFTER_S` after the end [m]."""
     index = np.searchsorted(log.joint_ns, end_ns + round(SCORED_AFTER_S * 1e9)) - 1
     if index < 0:
         return None
-    hand = hand_position(log.joint_rad[index])
+    hand = hand_of(log.joint_rad[index])
     return float(np.linalg.norm(hand - handover_point(interaction.task, interaction.goal_m)))
 
 
-def _arrival(log: SessionLog, decided_ns: int, end_ns: int, until_ns: int) -> float | None:
+def _arrival(
+    log: SessionLog, decided_ns: int, end_ns: int, until_ns: int, hand_of: HandOf
+) -> float | None:
     """When the arm first rested away from home after the decision, since the human's end [s]."""
     first, last = np.searchsorted(log.joint_ns, [decided_ns, until_ns])
     stamps, joints = log.joint_ns[first:last], log.joint_rad[first:last]
@@ -131,7 +147,7 @@ def _arrival(log: SessionLog, decided_ns: int, end_ns: int, until_ns: int) -> fl
     step = 10
     speed = np.max(np.abs(joints[step:] - joints[:-step]), axis=1)
     speed /= (stamps[step:] - stamps[:-step]) * 1e-9
-    away = np.linalg.norm(hand_position(joints[step:]) - hand_position(HOME), axis=1)
+    away = np.linalg.norm(hand_of(joints[step:]) - HOME_HAND_M, axis=1)
     late = stamps[step:] > end_ns - 5e8
     rested = np.flatnonzero((speed < REST_SPEED_RAD_S) & (away > AWAY_FROM_HOME_M) & late)
     return float((stamps[rested[0]] - end_ns) * 1e-9) if rested.size else None
@@ -161,7 +177,8 @@ def _trace(log: SessionLog, number: int, onset: int, end: int, decided: int | No
     if predictions:
         _, start, _, times, mean, std = predictions[0]
         trace["predicted_s"] = times + (start - onset) * 1e-9
-        trace["predicted_rad"], trace["predicted_std_rad"] = mean, std
+        if mean.shape[1] == log.joint_rad.shape[1]:  # else of the hand
+            trace["predicted_rad"], trace["predicted_std_rad"] = mean, std
     paths = [path for stamp, path in log.paths if decided <= stamp <= stop]
     if paths:
         trace["predicted_wrist_m"] = paths[0]

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 from .gripper import make_gripper
 from .objects import ToolboxObjects
+from .other_arms import ToolboxArm
 from .scene import (
     ARM_BRANCH,
     ARM_SWIVEL_RAD,
     HOME,
+    HOME_HAND_M,
     arm_posture,
     hand_rotation,
     handover_point,
@@ -17,11 +19,13 @@ __all__ = [
     "ARM_BRANCH",
     "ARM_SWIVEL_RAD",
     "HOME",
+    "HOME_HAND_M",
     "HOME_STD_RAD",
     "REACTION_SHARE",
     "SENSOR_NOISE",
     "TEACHING_STD_M",
     "TEACHING_STD_RAD",
+    "ToolboxArm",
     "ToolboxObjects",
     "arm_posture",
     "hand_rotation",

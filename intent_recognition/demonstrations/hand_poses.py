@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The hand of a robot from its recorded joints, by its URDF."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+
+from intent_recognition.bags import JOINT_STATE, BagReader
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, relative_topic, robot_path
+from intent_recognition.errors import DofError, describe
+from intent_recognition.kinematics import Arm, read_urdf
+from intent_recognition.signals import Demonstration, Signal
+
+JOINTS_TOPIC, DESCRIPTION_TOPIC = "joint_states", "robot_description"
+WORLD_LINK = "world"
+"""Link whose frame is that of all positions, where a URDF has it."""
+
+
+def read_by_joints(reader: BagReader, dofs: DofSpec) -> tuple[DofSpec, dict[int, Arm]]:
+    """What to read instead of poses of the hand that were not recorded.
+
+    Args:
+        reader: the recording.
+        dofs: what is asked for.
+
+    Returns:
+        The DOFs with joints in place of those poses, and by index of the controlled entry the arm
+        that turns them into poses again.
+
+    Raises:
+        DofError: nothing says which URDF the arm has.
+        ArgumentError: it cannot be used.
+    """
+    recorded = {relative_topic(name) for name in reader.topics}
+    arms = {
+        k: _arm(_description(reader, recorded, entry), entry.link)
+        for k, entry in enumerate(dofs.controlled)
+        if entry.link and entry.topic not in recorded
+    }
+    controlled = [
+        DofEntry(JOINTS_TOPIC, JOINT_STATE, joints=arms[k].joint_names, unit="rad")
+        if k in arms
+        else entry
+        for k, entry in enumerate(dofs.controlled)
+    ]
+    return replace(dofs, controlled=tuple(controlled)), arms
+
+
+def as_hands(found: Demonstration, dofs: DofSpec, arms: Mapping[int, Arm]) -> Demonstration:
+    """A demonstration with the poses of hands in place of the joints of their arms."""
+    controlled = list(found.controlled)
+    for k, arm in arms.items():
+        entry, joints = dofs.controlled[k], controlled[k]
+        positions = arm.forward_kinematics(joints.values)[:, :3, 3]
+        controlled[k] = Signal(entry.names, joints.stamps_ns, positions, entry.unit)
+    return replace(found, controlled=tuple(controlled))
+
+
+def arm_in_world(description: str, link: str = "") -> Arm:
+    """The arm of a URDF, its poses in the frame `world` where there is one.
+
+    Args:
+        description: text of the URDF.
+        link: that is the hand; empty: the last one before the tree branches.
+
+    Raises:
+        ArgumentError: it cannot be used.
+    """
+    base = WORLD_LINK if f'name="{WORLD_LINK}"' in description else None
+    return Arm.from_urdf(description, base=base, tip=link or None)
+
+
+@lru_cache(maxsize=8)
+def _arm(description: str, link: str) -> Arm:
+    return arm_in_world(description, link)
+
+
+def _description(reader: BagReader, recorded: set[str], entry: DofEntry) -> str:
+    if DESCRIPTION_TOPIC in recorded:
+        for message in reader.messages([DESCRIPTION_TOPIC]):
+            return message.message.data
+    if not entry.robot:
+        cure = "Write robot, the path of its URDF, beside link in the DOF file."
+        raise DofError(describe(f"/{entry.topic}", "the robot of its link", "none named", cure))
+    return read_urdf(robot_path(entry.robot))

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm on `robot_description`, for nodes whose model predicts its hand instead of its joints."""
+
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from intent_recognition.demonstrations import arm_in_world
+from intent_recognition.errors import IntentError
+from intent_recognition.kinematics import Arm
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import fixed_parameter
+
+
+class HandInput:
+    """Reads the arm when it is first asked for, and again when another description has come.
+
+    Args:
+        node: subscribes, and has the parameter `hand_link`.
+        diagnostics: counts descriptions that cannot be used under `bad_robot_description`.
+    """
+
+    def __init__(self, node: Node, diagnostics: Diagnostics):
+        self._diagnostics = diagnostics
+        self._link = fixed_parameter(
+            node,
+            "hand_link",
+            "",
+            "Link that is the hand, of the arm on robot_description, where the model predicts a"
+            " hand; empty: the last one before the fingers.",
+        )
+        self._description = ""
+        self._arm: Arm | None = None
+        subscription = node.create_subscription(
+            String, "robot_description", self._take, qos.LATCHED
+        )
+        diagnostics.watch(subscription, "robot_description")
+
+    @property
+    def arm(self) -> Arm | None:
+        """The arm; None before its description has come, or if that cannot be used."""
+        if self._arm is None and self._description:
+            try:
+                self._arm = arm_in_world(self._description, self._link)
+            except IntentError as error:
+                self._diagnostics.reject("bad_robot_description", str(error))
+                self._description = ""
+        return self._arm
+
+    def _take(self, message: String) -> None:
+        if message.data != self._description:
+            self._description, self._arm = message.data, None

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A controlled hand: from the DOF file, computed from recorded joints by the robot's URDF."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, write_bag
+
+from intent_recognition.bags.writer import BagWriter
+from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
+from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.errors import ArgumentError, DofError
+from intent_recognition.kinematics.forward import hand_position
+from intent_recognition.share import share_path
+from sim_bridge.arm.urdf import lwr_urdf
+
+HAND = load_dofs(share_path("config/dofs_hand.yaml"))
+ENTRY = HAND.controlled[0]
+
+
+def read_one(path, dofs=HAND):
+    (found,), rejections = read_demonstrations(path, dofs)
+    assert rejections == []
+    return found.controlled[0]
+
+
+def entry(**changes):
+    content = HAND.to_dict()
+    content["controlled"] = [content["controlled"][0] | changes]
+    return content
+
+
+def test_the_shipped_urdf_is_that_of_the_simulated_arm():
+    assert share_path("config/robots/lwr.urdf").read_text() == lwr_urdf()
+
+
+def test_the_hand_is_the_forward_kinematics_of_the_recorded_joints(repository):
+    """Against the Denavit-Hartenberg chain, on a shipped recording."""
+    path = repository / "bags/toolbox/test/plate_handover_00"
+    hand, recorded = read_one(path), read_one(path, load_dofs())
+    assert hand.names == tuple(f"hand/pose.pose.position.{axis}" for axis in "xyz")
+    assert hand.unit == "m"
+    np.testing.assert_array_equal(hand.stamps_ns, recorded.stamps_ns)
+    np.testing.assert_allclose(hand.values, hand_position(recorded.values), atol=1e-9)
+
+
+def test_poses_that_were_recorded_are_read_as_they_are(tmp_path):
+    with BagWriter(tmp_path / "bag", {"task": "plate"}) as writer:
+        for k in range(50):
+            at_ns = START_NS + k * STEP_NS
+            writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
+            writer.write_message("hand/pose", POSE, pose(k, x=0.5 + 0.002 * k), at_ns)
+    np.testing.assert_allclose(read_one(tmp_path / "bag").values[:, 0], 0.5 + 0.002 * np.arange(50))
+
+
+def test_a_recorded_description_goes_before_the_file(tmp_path):
+    """The bag's own arm stands half a metre higher than the file's."""
+    text = lwr_urdf(world=True).replace(
+        '<child link="lwr_base_link" />\n    <origin xyz="0.0 0.0 0.0"',
+        '<child link="lwr_base_link" />\n    <origin xyz="0.0 0.0 0.5"',
+    )
+    assert text != lwr_urdf(world=True)
+    still = [0.1] * 7
+    for name, description in (("with", text), ("without", None)):
+        with BagWriter(tmp_path / name, {"task": "plate"}) as writer:
+            if description is not None:
+                about = {"data": description}
+                writer.write_message("robot_description", "std_msgs/msg/String", about, START_NS)
+            for k in range(50):
+                at_ns = START_NS + k * STEP_NS
+                writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
+                writer.write_message("joint_states", JOINTS, joints(k, positions=still), at_ns)
+    shift = read_one(tmp_path / "with").values - read_one(tmp_path / "without").values
+    np.testing.assert_allclose(shift, np.tile([0.0, 0.0, 0.5], (50, 1)), atol=1e-12)
+
+
+def test_the_file_is_written_back_and_found_beside_a_users_own(tmp_path):
+    assert DofSpec.from_dict(HAND.to_dict()) == HAND
+    (tmp_path / "mine.urdf").write_text(lwr_urdf())
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(entry(robot="mine.urdf")))
+    found = load_dofs(tmp_path / "mine.yaml").controlled[0]
+    assert found.robot == str(tmp_path / "mine.urdf")
+    bag = write_bag(tmp_path / "bag")
+    assert read_one(bag, replace(HAND, controlled=(found,))).values.shape == (50, 3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"unit": "mm"}, r"controlled\[0\]: link: expected type .*unit m"),
+        ({"fields": ["pose.position.x"]}, r"controlled\[0\]: link: .*pose.position.z"),
+        ({"link": ""}, r"controlled\[0\]: link: expected a text"),
+    ],
+)
+def test_a_wrong_entry_is_named(changes, message):
+    with pytest.raises(DofError, match=message):
+        DofSpec.from_dict(entry(**changes))
+
+
+def test_a_link_is_of_the_controlled_agent():
+    content = HAND.to_dict()
+    content["observed"][0]["link"] = "lwr_hand"
+    with pytest.raises(DofError, match=r"observed\[0\].*link"):
+        DofSpec.from_dict(content)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"robot": ""}, "hand/pose: expected the robot of its link, got none"),
+        ({"robot": "no.urdf"}, "robot: expected a URDF, got .*no.urdf"),
+        ({"link": "fist"}, "tip: expected a link of .*, got fist"),
+    ],
+)
+def test_an_arm_that_is_not_known_is_one_line(tmp_path, changes, message):
+    bag = write_bag(tmp_path / "bag")
+    dofs = replace(HAND, controlled=(replace(ENTRY, **changes),))
+    with pytest.raises((DofError, ArgumentError), match=message) as caught:
+        read_demonstrations(bag, dofs)
+    assert "\n" not in str(caught.value)

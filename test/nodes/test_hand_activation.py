@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A predicted hand on the topics: another arm moves, what it cannot reach is refused."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.demonstrations import load_dofs
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.anticipation import PostureInput
+from intent_recognition.nodes.conversions import (
+    build_joint_trajectory,
+    stamp_ns,
+    to_joint_state,
+    to_stamp,
+    trajectory_arrays,
+)
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.share import share_path
+from sim_bridge.arm.robots import find_robot
+from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
+from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M
+
+NAMES = [f"hand/pose.pose.position.{axis}" for axis in "xyz"]
+GOAL_M = np.array([0.62, -0.03, 0.38])
+TIP = "panda_grasptarget"
+START_NS, STEP_NS = 50_000_000_000, 20_000_000
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return ToolboxArm(find_robot("panda"))
+
+
+class HandGraph:
+    """Fake estimator, arm and clock around the node, with a Panda's description."""
+
+    def __init__(self, harness, arm, describe=True):
+        self.harness, self.arm, self.now_ns = harness, arm, START_NS
+        parameters = {
+            "use_sim_time": True,
+            "home": arm.home.tolist(),
+            "hand_link": arm.robot.tip,
+            "n_observations": 2,
+        }
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        self.node = harness.add(PrimitiveActivation(parameter_overrides=overrides))
+        self.description = harness.publisher(String, "robot_description", qos.LATCHED)
+        self.clock = harness.publisher(Clock, "/clock", 10)
+        self.tasks = harness.publisher(JointState, "intent/tasks", qos.STATE)
+        self.prediction = harness.publisher(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+        self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
+        self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
+        harness.connect(self.clock, self.tasks, self.prediction, self.joints, self.description)
+        if describe:
+            self.description.publish(String(data=arm.robot.description))
+            harness.spin_until(lambda: self.node._hand.arm is not None)
+
+    def send(self, publisher, message, stream):
+        before = self.node.diagnostics._totals[stream]
+        publisher.publish(message)
+        self.harness.spin_until(lambda: self.node.diagnostics._totals[stream] > before, what=stream)
+
+    def predict(self, goal):
+        s = np.linspace(0.0, 1.0, 50)
+        way = (s**3 * (10 - 15 * s + 6 * s**2))[:, None]
+        path = HOME_HAND_M + way * (goal - HOME_HAND_M)
+        message = build_joint_trajectory(
+            NAMES, 2.0 * s, path, None, np.full((50, 3), 0.01), time_ns=START_NS - 600_000_000
+        )
+        message.header.frame_id = "plate"
+        self.send(self.prediction, message, "intent/robot_trajectory")
+
+    def step(self, goal):
+        self.now_ns += STEP_NS
+        self.clock.publish(Clock(clock=to_stamp(self.now_ns)))
+        clock = self.node.get_clock()
+        self.harness.spin_until(lambda: clock.now().nanoseconds >= self.now_ns)
+        names = [*self.arm.robot.joint_names, "panda_finger_joint1", "panda_finger_joint2"]
+        q = [*self.arm.home, 0.04, 0.04]
+        state = to_joint_state(names, q, np.zeros(9), time_ns=self.now_ns)
+        self.send(self.joints, state, "joint_states")
+        self.predict(goal)
+        p = to_joint_state(("plate", "none"), [0.99, 0.01], time_ns=self.now_ns)
+        self.send(self.tasks, p, "intent/tasks")
+
+
+def test_the_hand_of_another_arm_goes_where_it_was_predicted(harness, panda):
+    graph = HandGraph(harness, panda)
+    for _ in range(6):
+        graph.step(GOAL_M)
+    graph.harness.spin_until(lambda: graph.commands)
+    message = graph.commands[0]
+    assert tuple(message.joint_names) == panda.robot.joint_names
+    _, q, rest = trajectory_arrays(message)
+    assert stamp_ns(message) > START_NS
+    np.testing.assert_allclose(q[0], panda.home, atol=1e-6)
+    np.testing.assert_allclose(panda.hand(q[-1]), GOAL_M, atol=1e-3)
+    limits = panda.robot.limits
+    assert np.all((q > limits.lower) & (q < limits.upper))
+    assert np.all(np.abs(rest["velocities"]) <= 0.9 * limits.velocity * (1 + 1e-6))
+
+
+def test_what_the_arm_cannot_reach_is_refused_and_counted(harness, panda):
+    graph = HandGraph(harness, panda)
+    for _ in range(4):
+        graph.step(np.array([1.4, 0.0, 0.4]))
+    assert graph.node.diagnostics.rejected("unreachable") >= 4
+    assert graph.commands == []
+
+
+def test_without_a_description_nothing_moves(harness, panda):
+    graph = HandGraph(harness, panda, describe=False)
+    graph.predict(GOAL_M)
+    assert graph.node.diagnostics.rejected("no_robot_description") == 1
+    graph.description.publish(String(data="<robot"))
+    reasons = graph.node.diagnostics
+    graph.harness.spin_until(
+        lambda: graph.node._hand.arm or reasons.rejected("bad_robot_description")
+    )
+    assert reasons.rejected("bad_robot_description") == 1
+
+
+def test_the_estimator_hears_where_the_hand_is(harness, panda):
+    """From joint_states and the description, in place of a pose that nobody publishes."""
+    taken = []
+    node = harness.add(Node("listener", parameter_overrides=[Parameter("hand_link", value=TIP)]))
+    inputs = PostureInput(node, Diagnostics(node))
+    estimator = SimpleNamespace(update_controlled=taken.append)
+    inputs.open(estimator, load_dofs(share_path("config/dofs_hand.yaml")).controlled)
+    description = harness.publisher(String, "robot_description", qos.LATCHED)
+    joints = harness.publisher(JointState, "joint_states", qos.STATE)
+    harness.connect(description, joints)
+    description.publish(String(data=panda.robot.description))
+    harness.spin_until(lambda: inputs._hand.arm is not None)
+    state = to_joint_state(panda.robot.joint_names, panda.home, np.zeros(7), time_ns=START_NS)
+    joints.publish(state)
+    joints.publish(to_joint_state(["other"], [0.0], [0.0], time_ns=START_NS + 1))
+    harness.spin_until(lambda: inputs._diagnostics.rejected("posture_missing_dof"))
+    (observation,) = taken
+    assert (observation.stamp_ns, observation.group) == (START_NS, 0)
+    np.testing.assert_allclose(observation.values, HOME_HAND_M, atol=1e-6)
