@@ -78,6 +78,12 @@ class IntentEstimatorNode(ManagedNode):
             True,
             "Condition trajectories on the controlled agent's posture at onset (joint_states).",
         )
+        self._switching = fixed_parameter(
+            self,
+            "switching",
+            True,
+            "Follow a person who turns to another task on the way.",
+        )
         self._transitions = parameter(
             self,
             "transition_prior",
@@ -140,6 +146,7 @@ class IntentEstimatorNode(ManagedNode):
             transitions=self._transitions,
             forget_after_s=self._forget_after_s,
             start_posture=self._start_posture,
+            switching=self._switching,
         )
         self._trajectory_template = SerializedTrajectory(self._model.dofs.controlled_message_names)
         self._tasks_template = SerializedNamedVector((*self._model.labels, NONE))
