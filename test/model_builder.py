@@ -128,9 +128,9 @@ def messages_of(
     """Entry with all fields of its topic, stamp and values of every message, in order."""
     entries = (*dofs.observed, *dofs.controlled)
     at: dict[tuple[int, str], tuple[DofEntry, list]] = {}
-    (robot,), start = recording.controlled, 0
-    controlled = []
+    controlled, start = [], 0
     for entry in dofs.controlled:
+        (robot,) = recording.controlled
         columns = slice(start, start + len(entry.names))
         controlled.append(
             Signal(entry.names, robot.stamps_ns, robot.values[:, columns], entry.unit)

@@ -7,6 +7,7 @@ import re
 import signal
 import sys
 import time
+import traceback
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any
 
@@ -78,6 +79,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except _START_ERRORS as error:
+        node = node or _half_built(error)
         _log_fatal(node, getattr(make_node, "__name__", "node"), one_line(error))
         return 1
     finally:
@@ -210,6 +212,15 @@ def _spin(node: Node, signals: _Signals) -> None:
             executor.spin_once(timeout_sec=SPIN_PERIOD_S)
     finally:
         executor.shutdown()
+
+
+def _half_built(error: BaseException) -> Node | None:
+    """The node whose making the error ended, if it got as far as to have a name."""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        node = frame.f_locals.get("self")
+        if isinstance(node, Node) and hasattr(node, "_logger"):
+            return node
+    return None
 
 
 def _log_fatal(node: Node | None, class_name: str, text: str) -> None:

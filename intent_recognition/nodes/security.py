@@ -67,14 +67,20 @@ INTERFACES = {
     **dict.fromkeys(ARMS, _ARM),
     "mocap_ingest": Interface((f"mocap/{BODY}/pose",), (f"human/{BODY}",)),
     "intent_estimator": Interface(
-        (HEARD, "joint_states"),
+        (HEARD, "joint_states", "robot_description"),
         ("intent/human_path", "intent/markers", "intent/next_task")
         + ("intent/robot_trajectory", "intent/tasks"),
         ("~/reload_model", "~/reset"),
         managed=True,
     ),
     "primitive_activation": Interface(
-        ("intent/next_task", "intent/robot_trajectory", "intent/tasks", "joint_states"),
+        (
+            "intent/next_task",
+            "intent/robot_trajectory",
+            "intent/tasks",
+            "joint_states",
+            "robot_description",
+        ),
         ("intent/active_task", "joint_trajectory"),
         ("~/reset",),
         managed=True,

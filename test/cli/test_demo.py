@@ -149,7 +149,7 @@ def test_a_port_in_use_is_told_before_the_training(tmp_path):
 
 
 def test_its_model_can_be_added_to(tmp_path):
-    path = demo._train(tmp_path / "model.npz", Console(file=io.StringIO()))
+    path = demo._train(tmp_path / "model.npz", Console(file=io.StringIO()), of_hand=False)
     model, trained = load_trained(path)
     assert model.library.transition_prior is not None
     assert trained

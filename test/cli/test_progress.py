@@ -7,7 +7,7 @@ import pytest
 from cli.recorded import write_all
 from rich.console import Console
 
-from intent_recognition.cli import evaluate, replay, train
+from intent_recognition.cli import output
 from intent_recognition.cli.console import busy, progress_bar
 from intent_recognition.cli.session_watch import ProgressLine
 
@@ -61,8 +61,7 @@ def recorded(tmp_path_factory):
 @pytest.mark.slow
 def test_every_long_step_of_a_command_has_one(recorded, tmp_path, parse, monkeypatch):
     console = terminal()
-    for module in (train, evaluate, replay):
-        monkeypatch.setattr(module, "make_console", lambda: console)
+    monkeypatch.setattr(output, "make_console", lambda: console)
     bags, model = recorded / "bags", tmp_path / "model.npz"
     options = ("--dofs", recorded / "dofs.yaml", "--basis", 8)
     for arguments in (
