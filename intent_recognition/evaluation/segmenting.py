@@ -69,7 +69,8 @@ def recognise_segments(path: Path, model: Model) -> list[Segment]:
     """
     session = read_whole(path, model.dofs)
     spans = propose_spans(session.observed, session.controlled)
-    seen = estimates(IntentEstimator(model.library), BagReader(path), model.dofs, Counter())
+    estimator = IntentEstimator(model.library, switching=False)  # a part is of one task
+    seen = estimates(estimator, BagReader(path), model.dofs, Counter())
     return label_spans(spans, seen)
 
 
