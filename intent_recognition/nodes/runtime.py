@@ -79,8 +79,13 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> int
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except _START_ERRORS as error:
-        node = node or _half_built(error)
-        _log_fatal(node, getattr(make_node, "__name__", "node"), one_line(error))
+        half_built = None if node else _half_built(error)
+        _log_fatal(node or half_built, getattr(make_node, "__name__", "node"), one_line(error))
+        if half_built is not None:
+            try:
+                half_built.destroy_node()
+            except AttributeError:  # its class counts on what was not made
+                Node.destroy_node(half_built)
         return 1
     finally:
         _close(node)
