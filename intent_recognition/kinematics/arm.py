@@ -115,8 +115,7 @@ class Arm:
             KinematicsError: no solution was found; names the distance that is left.
             ShapeError: a target or joint vector of another shape.
         """
-        goal, seed, rest = checked_target(target), self._start(seed), self._start(rest, "rest")
-        found = self._search.solve(goal, seed, rest)
+        found = self.nearest(target, seed, rest)
         if found.error > REACHED:
             raise KinematicsError(
                 describe(
@@ -128,14 +127,18 @@ class Arm:
             )
         return found.q
 
-    def nearest(self, target: ArrayLike, seed: ArrayLike | None = None) -> Solution:
+    def nearest(
+        self, target: ArrayLike, seed: ArrayLike | None = None, rest: ArrayLike | None = None
+    ) -> Solution:
         """The posture nearest to a pose (4, 4) or position (3,), and what is left to it.
+
+        Seed and rest are those of `inverse_kinematics`.
 
         Raises:
             ShapeError: a target or joint vector of another shape.
         """
-        start = self._start(seed)
-        return self._search.solve(checked_target(target), start, self.rest)
+        goal = checked_target(target)
+        return self._search.solve(goal, self._start(seed), self._start(rest, "rest"))
 
     def follow(
         self,

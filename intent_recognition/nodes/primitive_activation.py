@@ -83,6 +83,7 @@ class PrimitiveActivation(ManagedNode):
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._starts: dict[str, NDArray[np.float64]] = {}
         self._taught_starts = self._starts
+        self._starts_near: NDArray[np.float64] | None = None
         keep_live(self, (*ANY_TIME, *AT_REST), self._changed, self._change)
         self._heard_s = dict.fromkeys(STREAMS, time.monotonic())
         self._silent = ""
@@ -185,7 +186,7 @@ class PrimitiveActivation(ManagedNode):
         return PredictedInteraction(label, onset_ns, path, end_std)
 
     def _meet_arm(self) -> Arm:
-        """The arm whose hand is predicted; where tasks begin, in its joints, when it is new.
+        """The arm whose hand is predicted; where tasks begin in its joints, when it or home is new.
 
         Raises:
             RejectionError: there is no description of it.
@@ -193,12 +194,15 @@ class PrimitiveActivation(ManagedNode):
         arm = self._hand.arm
         if arm is None:
             raise RejectionError("no_robot_description", "a hand is predicted, but of which arm?")
-        if arm is not self._settings.described:
-            self._settings.described = arm
+        rest = self._rest(arm)
+        if arm is not self._settings.described or not np.array_equal(rest, self._starts_near):
+            self._settings.described, self._starts_near = arm, rest
             self._starts = {
-                label: arm.nearest(start, self._rest(arm)).q
+                label: arm.nearest(start, rest, rest).q
                 for label, start in self._taught_starts.items()
             }
+            if self.activation is not None and self.joint_names == arm.joint_names:
+                self.activation.change(self._settings.settings(self.joint_names, self._starts))
         return arm
 
     def _rest(self, arm: Arm) -> NDArray[np.float64]:

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A predicted hand on the topics: another arm moves, what it cannot reach is refused."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from model_builder import true_library
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
@@ -13,6 +15,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.demonstrations import load_dofs
+from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import PostureInput
 from intent_recognition.nodes.conversions import (
@@ -24,6 +27,7 @@ from intent_recognition.nodes.conversions import (
 )
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.recognition.start_posture import start_mean
 from intent_recognition.share import share_path
 from sim_bridge.arm.robots import find_robot
 from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
@@ -43,15 +47,15 @@ def panda():
 class HandGraph:
     """Fake estimator, arm and clock around the node, with a Panda's description."""
 
-    def __init__(self, harness, arm, describe=True):
+    def __init__(self, harness, arm, describe=True, **others):
         self.harness, self.arm, self.now_ns = harness, arm, START_NS
         parameters = {
             "use_sim_time": True,
             "home": arm.home.tolist(),
             "hand_link": arm.robot.tip,
             "n_observations": 2,
-        }
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        } | others
+        overrides = [Parameter(name, value=value) for name, value in parameters.items() if value]
         self.node = harness.add(PrimitiveActivation(parameter_overrides=overrides))
         self.description = harness.publisher(String, "robot_description", qos.LATCHED)
         self.clock = harness.publisher(Clock, "/clock", 10)
@@ -107,6 +111,25 @@ def test_the_hand_of_another_arm_goes_where_it_was_predicted(harness, panda):
     limits = panda.robot.limits
     assert np.all((q > limits.lower) & (q < limits.upper))
     assert np.all(np.abs(rest["velocities"]) <= 0.9 * limits.velocity * (1 + 1e-6))
+
+
+@pytest.mark.parametrize("home_is", ["given", "the first seen"])
+def test_it_goes_ahead_to_home_where_a_task_begins_there(harness, panda, tmp_path, home_is):
+    """Of the postures with the hand in that place it is the one that paths are drawn to."""
+    dofs = load_dofs(share_path("config/dofs_hand.yaml"))
+    library = true_library(dofs, n_tasks=1)
+    means = library.weight_mean.copy()
+    shift = HOME_HAND_M - start_mean(library, 0)
+    means[0, library.n_observed_weights :] += np.repeat(shift, library.basis.n_basis)
+    library = replace(library, labels=("plate",), weight_mean=means)
+    save_model(tmp_path / "model.npz", Model(library, dofs))
+    home = panda.home.tolist() if home_is == "given" else None
+    graph = HandGraph(harness, panda, home=home, model=str(tmp_path / "model.npz"))
+    for _ in range(6):
+        graph.step(GOAL_M)
+    graph.harness.spin_until(lambda: graph.commands)
+    ahead = graph.node.activation.pretrigger
+    assert ahead.is_near(panda.home, "plate")
 
 
 def test_what_the_arm_cannot_reach_is_refused_and_counted(harness, panda):
