@@ -83,7 +83,7 @@ class PrimitiveActivation(ManagedNode):
         self.create_service(Trigger, "~/reset", self._on_reset)
         self._starts: dict[str, NDArray[np.float64]] = {}
         self._taught_starts = self._starts
-        self._starts_near: NDArray[np.float64] | None = None
+        self._starts_near = np.empty(0)
         keep_live(self, (*ANY_TIME, *AT_REST), self._changed, self._change)
         self._heard_s = dict.fromkeys(STREAMS, time.monotonic())
         self._silent = ""
