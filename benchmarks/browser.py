@@ -118,7 +118,7 @@ def open_page(url: str, width: int, height: int) -> Iterator[OpenPage]:
             page.set_default_timeout(1e3 * OPEN_S)
             calm(page, FRAMES_HZ)
             page.goto(url)
-            page.wait_for_function("window.__viserMutable && window.__viserMutable.scene")
+            page.wait_for_function("() => window.__viserMutable && window.__viserMutable.scene")
             yield OpenPage(browser, page)
         finally:
             browser.close()
