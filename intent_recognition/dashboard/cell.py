@@ -86,7 +86,7 @@ class CellState:
         wrist: newest wrist position (3,) [m], None before the first.
         posterior, predicted, drawn: newest, None before the first.
         active: task being executed.
-        truth: what the simulated coworker really does, empty if not published.
+        truth: what the simulated coworker really does; None if it is not published.
         nodes: health by node name.
         teaching: last sentence of `teach/status`.
     """
@@ -102,12 +102,17 @@ class CellState:
     drawn: PathMarkers | None = None
     drawn_at_s: float = -np.inf
     active: str = ""
-    truth: str = ""
+    truth: str | None = None
     description: str = ""
     teaching: str = ""
     nodes: dict[str, NodeHealth] = field(default_factory=dict)
     _wrist_past: deque = field(default_factory=lambda: deque(maxlen=int(WRIST_S * 100)))
     _past: deque = field(default_factory=lambda: deque(maxlen=int(PLOTTED_S / PLOTTED_STEP_S)))
+
+    @property
+    def begun(self) -> str:
+        """The task that the person does: the truth where it is published, else what is active."""
+        return self.active if self.truth is None else self.truth
 
     def take_joints(self, names: Sequence[str], positions: Sequence[float], now_s: float) -> None:
         """A joint state, of all joints or some; names that keep changing are forgotten."""

@@ -16,6 +16,7 @@ from intent_recognition.bags import BagReader
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.dashboard.page import DashboardPage
+from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.dashboard.subscriptions import CellSubscriptions
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
@@ -56,6 +57,8 @@ class Dashboard(Node):
         names: list[str] = get(
             "names", [], "further names under which the page is reached, as a proxy's"
         )
+        scene = get("scene", "", "what stands in the cell: a YAML file, or toolbox; empty: nothing")
+        hand_link = get("hand_link", "", "link of the arm that is its hand; empty: its last one")
         read_only = get("read_only", False, "only show; nothing can be pressed or dragged")
         seed = get("seed", 0, "of the variation between shown demonstrations", 0)
         self._diagnostics = Diagnostics(self)
@@ -82,6 +85,8 @@ class Dashboard(Node):
             models=self._find_models,
             play=self._play,
             stop=self._stop,
+            scene=load_scene(scene) if scene else None,
+            hand_link=hand_link,
             names=names,
             read_only=read_only,
         )

@@ -13,6 +13,7 @@ from intent_recognition.dashboard.commands import Commands
 from intent_recognition.dashboard.compare_tab import CompareTab
 from intent_recognition.dashboard.replay_tab import Play, ReplayTab
 from intent_recognition.dashboard.scene import Scene
+from intent_recognition.dashboard.scene_file import CellScene
 from intent_recognition.dashboard.server import serve_page
 from intent_recognition.dashboard.teach_tab import TeachTab
 from intent_recognition.dashboard.teaching_session import TeachingSession
@@ -51,6 +52,8 @@ class DashboardPage:
         models: model files to choose from.
         play: starts a player.
         stop: ends one.
+        scene: what stands in the cell; None: nothing is known of it.
+        hand_link: link of the arm that is its hand; empty: the one that most joints move.
         names: further names under which the page is reached.
         read_only: nobody operates the page.
         clock: seconds, monotonic.
@@ -73,6 +76,8 @@ class DashboardPage:
         models: Callable[[], Sequence[Path]],
         play: Play,
         stop: Callable,
+        scene: CellScene | None = None,
+        hand_link: str = "",
         names: Iterable[str] = (),
         read_only: bool = False,
         clock: Callable[[], float] = time.monotonic,
@@ -93,7 +98,7 @@ class DashboardPage:
             Operator(read_only),
             lambda why: self.show_message(False, why),
         )
-        self._scene = Scene(self._server)
+        self._scene = Scene(self._server, scene or CellScene(), hand_link)
         gui = self._server.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_PIXELS)
@@ -169,7 +174,7 @@ class DashboardPage:
     def _choose_colours(self) -> None:
         """One colour per task, the same as in the reports."""
         labels = self._state.posterior.labels if self._state.posterior is not None else ()
-        seen = frozenset({*labels, self._state.truth, self._state.active}) - {""}
+        seen = frozenset({*labels, self._state.truth or "", self._state.active}) - {""}
         if seen != self._labels:
             self._labels = seen
             self._colours = task_colours(seen)

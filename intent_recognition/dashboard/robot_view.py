@@ -15,7 +15,8 @@ from viser.extras import ViserUrdf
 
 from intent_recognition.dashboard.checks import LARGEST
 from intent_recognition.errors import ArgumentError, describe
-from intent_recognition.kinematics import Chain, joint_poses, tip_positions
+from intent_recognition.kinematics import Chain, joint_poses, tip_pose, tip_positions
+from intent_recognition.motion import is_hand
 
 ROOT = "/robot"
 LARGEST_PATH = 32
@@ -35,18 +36,21 @@ class RobotView:
     Args:
         server: the page.
         description: text of the URDF; it must use only what yourdfpy knows (no capsules).
+        hand_link: the link that is the hand; empty, or one that the URDF has not: the link that
+            most joints move.
 
     Raises:
         Exception: of any kind: what yourdfpy, lxml and trimesh raise is no part of their contract.
     """
 
-    def __init__(self, server: viser.ViserServer, description: str):
+    def __init__(self, server: viser.ViserServer, description: str, hand_link: str = ""):
         self._urdf = load_urdf(greyed(description))
         self._view = _MovingUrdf(server, self._urdf, root_node_name=ROOT)
         self._joints = tuple(self._view.get_actuated_joint_names())
-        self._chain = longest_chain(self._urdf)
+        self._chain = chain_to(self._urdf, hand_link)
         self._poses = chain_of(self._chain)
         self._shown: NDArray[np.float64] | None = None
+        self._hand: NDArray[np.float64] | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -58,13 +62,22 @@ class RobotView:
         q = np.array([positions.get(name, 0.0) for name in self._joints])
         if self._shown is None or np.any(np.abs(q - self._shown) > 1e-4):
             self._view.move(self._joints, q)
-            self._shown = q
+            self._shown, self._hand = q, None
+
+    def hand_pose(self) -> NDArray[np.float64] | None:
+        """Where the hand is (4, 4), as the arm is shown; None before it was moved."""
+        if self._hand is None and self._shown is not None:
+            values = joint_values(self._chain, self._joints, self._shown[None])[0]
+            self._hand = tip_pose(self._poses, values)
+        return self._hand
 
     def hand_path(
         self, joints: Sequence[str], positions: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Positions of the last link (T', 3) [m] along a joint trajectory (T, d) [rad]."""
+        """Positions of the hand (T', 3) [m] along a trajectory (T, d) of joints [rad] or of it."""
         chosen = np.unique(np.linspace(0, len(positions) - 1, LARGEST_PATH).round().astype(int))
+        if is_hand(joints):
+            return positions[chosen]
         values = joint_values(self._chain, joints, positions[chosen])
         return tip_positions(self._poses, values)
 
@@ -141,14 +154,15 @@ def chain_of(joints: Sequence[yourdfpy.Joint]) -> Chain:
     )
 
 
-def longest_chain(urdf: yourdfpy.URDF) -> tuple[yourdfpy.Joint, ...]:
-    """The joints from the base to the link that most of them move."""
+def chain_to(urdf: yourdfpy.URDF, link: str = "") -> tuple[yourdfpy.Joint, ...]:
+    """The joints from the base to a link, by default or if there is none such to the last one."""
     above = {joint.child: joint for joint in urdf.joint_map.values()}
 
     def chain(link: str) -> tuple[yourdfpy.Joint, ...]:
         return (*chain(above[link].parent), above[link]) if link in above else ()
 
-    return max((chain(link) for link in urdf.link_map), key=len)
+    links = [link] if link in urdf.link_map else urdf.link_map
+    return max(map(chain, links), key=len)
 
 
 def greyed(description: str) -> str:

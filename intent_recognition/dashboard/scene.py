@@ -8,7 +8,11 @@ import viser
 from numpy.typing import NDArray
 
 from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.handling import Moment
+from intent_recognition.dashboard.person_view import PersonView
 from intent_recognition.dashboard.robot_view import ROOT, RobotView
+from intent_recognition.dashboard.scene_file import CellScene
+from intent_recognition.dashboard.things_view import Colour, ThingsView, rgb
 from intent_recognition.errors import one_line
 from intent_recognition.kinematics import JOINT_NAMES, frame_poses
 from intent_recognition.report import INK, NONE_COLOUR, readable
@@ -20,22 +24,13 @@ STALE_S = 1.5
 """Age from which on a prediction is not drawn [s]. Convention."""
 PATH_WIDTH_M = 0.006
 ARM_WIDTH_M = 0.045
+LABEL_M = 0.14
+"""Height of the task's name above the predicted end [m]. Convention."""
 NOTHING = np.zeros((0, 3))
 HAND_PATH_PERIOD_S = 0.2
 """Time between two updates of the predicted path of the hand [s]. Convention."""
-CAMERA_M = (1.72, -1.38, 1.05)
-LOOK_AT_M = (0.48, 0.0, 0.33)
 VIEW_RAD = np.deg2rad(42.0)
 FADE_M = 5.0
-
-Colour = tuple[int, int, int]
-
-
-def rgb(colour: str) -> Colour:
-    """#rrggbb as three numbers."""
-    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
-    return red, green, blue
-
 
 DARK, GREY = rgb(INK), rgb(NONE_COLOUR)
 """The wrist; the arm, and what is old."""
@@ -46,14 +41,18 @@ class Scene:
 
     Args:
         server: the page.
+        cell: what stands in the cell.
+        hand_link: link of the arm that is its hand.
     """
 
-    def __init__(self, server: viser.ViserServer):
-        self._server = server
+    def __init__(self, server: viser.ViserServer, cell: CellScene, hand_link: str = ""):
+        self._server, self._cell, self._hand_link = server, cell, hand_link
         self._robot: RobotView | None = None
         self._description = self._problem = ""
         self._hand_path_at_s = -np.inf
         self._prepare()
+        self._things = ThingsView(server, cell)
+        self._person = PersonView(server, cell.person) if cell.person is not None else None
 
     @property
     def robot(self) -> RobotView | None:
@@ -68,6 +67,7 @@ class Scene:
             self._base.visible = bare
         self._line("arm", _skeleton(state.joints) if bare else NOTHING, GREY, ARM_WIDTH_M)
         self._update_wrist(state, now_s)
+        self._guard(lambda: self._update_things(state, colours, now_s))
         self._update_prediction(state, colours, now_s)
         self._guard(lambda: self._update_hand_path(state, colours, now_s))
         return self._problem
@@ -87,20 +87,21 @@ class Scene:
         scene.configure_default_lights(cast_shadow=True)
         scene.add_grid(
             "/floor",
-            width=4.0,
-            height=4.0,
-            cell_size=0.1,
-            section_size=0.5,
-            cell_color=(238, 241, 245),
-            section_color=(222, 227, 233),
-            plane_color=(250, 251, 252),
+            width=12.0,
+            height=12.0,
+            cell_size=0.25,
+            section_size=1.0,
+            cell_color=(222, 226, 231),
+            section_color=(208, 214, 221),
+            plane_color=(236, 239, 242),
             plane_opacity=1.0,
-            shadow_opacity=0.2,
+            shadow_opacity=0.25,
             fade_distance=FADE_M,
+            position=(0.0, 0.0, self._cell.floor_m),
         )
-        self._server.initial_camera.position = CAMERA_M
-        self._server.initial_camera.look_at = LOOK_AT_M
-        self._server.initial_camera.fov = VIEW_RAD
+        camera = self._server.initial_camera
+        camera.position, camera.look_at = np.array(self._cell.view)
+        camera.fov = VIEW_RAD
         self._base = scene.add_frame("/base", axes_length=0.15, axes_radius=0.004)
         scene.add_label("/base/name", "robot's base; x goes to the worker", anchor="top-center")
         self._wrist = scene.add_icosphere("/wrist", WRIST_RADIUS_M, DARK, visible=False)
@@ -113,7 +114,7 @@ class Scene:
             self._description = state.description
             self._server.scene.remove_by_name(ROOT)
             self._robot, self._problem = None, ""
-            self._robot = RobotView(self._server, state.description)
+            self._robot = RobotView(self._server, state.description, self._hand_link)
         if self._robot is not None and state.joints:
             self._robot.update(state.joints)
 
@@ -124,7 +125,15 @@ class Scene:
         self._wrist.visible = True
         self._wrist.position = state.wrist
         self._wrist.color = DARK if fresh else GREY
+        if self._person is not None:
+            self._person.update(state.wrist)
         self._line("wrist_path", state.wrist_path(now_s), GREY, PATH_WIDTH_M / 2)
+
+    def _update_things(self, state: CellState, colours: Mapping[str, str], now_s: float) -> None:
+        hand = None
+        if self._robot is not None and self._things.follows_hand(state.active):
+            hand = self._robot.hand_pose()
+        self._things.update(Moment(now_s, state.active, state.begun, hand, state.wrist), colours)
 
     def _update_prediction(
         self, state: CellState, colours: Mapping[str, str], now_s: float
@@ -142,7 +151,7 @@ class Scene:
         if self._label.visible != visible:
             self._label.visible = visible
         if visible:
-            self._label.position = path[-1] + np.array([0.0, 0.0, 0.08])
+            self._label.position = path[-1] + np.array([0.0, 0.0, LABEL_M])
             if self._label.text != text:
                 self._label.text = text
 

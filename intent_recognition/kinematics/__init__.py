@@ -2,7 +2,7 @@
 """Forward and inverse kinematics and joint limits, of the LWR 4+ and of any chain from a URDF."""
 
 from intent_recognition.kinematics.arm import Arm
-from intent_recognition.kinematics.chain import Chain, joint_poses, tip_positions
+from intent_recognition.kinematics.chain import Chain, joint_poses, tip_pose, tip_positions
 from intent_recognition.kinematics.following import FollowedPath
 from intent_recognition.kinematics.forward import (
     forward_kinematics,
@@ -54,5 +54,6 @@ __all__ = [
     "read_chain",
     "read_urdf",
     "solve",
+    "tip_pose",
     "tip_positions",
 ]

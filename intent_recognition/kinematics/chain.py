@@ -5,6 +5,7 @@ A joint is a fixed pose in its parent's frame, followed by a turn about an axis 
 as in a URDF.
 """
 
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,20 @@ def tip_positions(chain: Chain, values: NDArray[np.float64]) -> NDArray[np.float
         origin = chain.origins[joint]
         tips = moved @ origin[:3, :3].T + origin[:3, 3]
     return tips
+
+
+def tip_pose(chain: Chain, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pose of the last joint's frame in the base frame, (4, 4) [m].
+
+    Args:
+        chain: n joints.
+        values: of its joints, (n,) [rad or m]; those of fixed joints do not count.
+    """
+    wxyz, positions = joint_poses(chain, values)
+    local = np.tile(np.eye(4), (len(wxyz), 1, 1))
+    local[:, :3, :3] = Rotation.from_quat(np.roll(wxyz, -1, axis=1)).as_matrix()
+    local[:, :3, 3] = positions
+    return reduce(np.matmul, local, np.eye(4))
 
 
 def joint_poses(

@@ -81,6 +81,7 @@ ARGUMENTS = {
         Argument("record", str, "Folder of a new bag with the session; empty: none."),
         Argument("dashboard", bool, "Serve the web page, and teach tasks from it."),
         Argument("port", int, "Port of the web page."),
+        Argument("scene", str, "What stands in the cell, for the page: a YAML file, or toolbox."),
         Argument("library", str, "Folder of the tasks taught from the page."),
         Argument("models", str, "Folder of the models the page compares."),
         Argument("rviz", bool, "Open RViz with config/intent.rviz."),

@@ -137,7 +137,7 @@ NODES = {
     ),
     "dashboard": NodeSpec(
         "intent_recognition.dashboard.start",
-        _from("port", "models"),
+        _from("port", "models", "hand_link", "scene"),
         remappings=_ARM,
         when="dashboard",
     ),
@@ -177,7 +177,7 @@ GRAPHS = {
     "demo": GraphSpec(
         (*ARMS, *RECOGNITION, "coworker_sim", "bag_recorder", *PAGE)
         + ("robot_state_publisher", "rviz2"),
-        _TASKS | _SIM,
+        _TASKS | _SIM | {"scene": "toolbox"},
     ),
     "sim": GraphSpec(
         (*ARMS, "coworker_sim", "robot_state_publisher", "rviz2"),

@@ -14,6 +14,7 @@ from intent_recognition.dashboard.cell import (
 )
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.dashboard.page import DashboardPage
+from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
 from intent_recognition.kinematics.lwr import JOINT_NAMES
@@ -48,6 +49,7 @@ class Watched:
             models=lambda: (),
             play=None,
             stop=None,
+            scene=load_scene("toolbox"),
             clock=lambda: self.now_s,
         )
 

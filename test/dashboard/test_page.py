@@ -11,11 +11,13 @@ import pytest
 from dashboard.browser import chromium, free_port, visitor
 from ros_harness import NodeProcess
 
+from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.model.file import load_model
 from intent_recognition.model.task_folder import LEARN, TaskFolder
 
 pytestmark = pytest.mark.slow
 
+FOREARM = "/person/upper_body/upper_arm/forearm"
 REACHES, REACH_S = 4, 20.0
 NODES = {
     "sim_bridge.nodes.lwr_sim": {},
@@ -23,7 +25,12 @@ NODES = {
     "intent_recognition.nodes.intent_estimator": {"model": "{model}"},
     "intent_recognition.nodes.primitive_activation": {"model": "{model}"},
     "intent_recognition.nodes.task_teacher": {"model": "{model}", "library": "{library}"},
-    "intent_recognition.dashboard.start": {"port": "{port}", "rate": "10.0", "bags": "{bags}"},
+    "intent_recognition.dashboard.start": {
+        "port": "{port}",
+        "rate": "10.0",
+        "bags": "{bags}",
+        "scene": "toolbox",
+    },
 }
 
 
@@ -66,6 +73,7 @@ def test_page_shows_replays_and_teaches(cell, tmp_path):
         person.open(cell["port"])
         person.wait_for("robot: waits")
         watch_a_replay(person)
+        see_the_cell(person)
         teach_a_task(person)
         outside = {url for url in person.requests if url.startswith("http")}
         assert {url.split("/")[2] for url in outside} == {f"127.0.0.1:{cell['port']}"}
@@ -87,6 +95,16 @@ def watch_a_replay(person):
     person.wait_until(lambda: np.mean(np.abs(person.scene() - before)) > 0.2, "a changed scene")
     person.tab("Replay")
     person.wait_until(lambda: person.page.get_by_role("button", name="Play").is_visible(), "end")
+
+
+def see_the_cell(person):
+    """Bodies stand where the scene has them, and the figure's wrist is the measured one."""
+    scene = load_scene("toolbox")
+    for body in scene.bodies:
+        assert person.pixel(f"/bodies/{body.name}") is not None
+    _, forearm_m = scene.person.arm_m
+    ends = [person.pixel(FOREARM, (0.0, 0.0, forearm_m)), person.pixel("/wrist")]
+    np.testing.assert_allclose(*ends, atol=1.0)
 
 
 def teach_a_task(person):

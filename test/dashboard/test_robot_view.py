@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 yourdfpy = pytest.importorskip("yourdfpy")
 pytest.importorskip("viser")
 
-from intent_recognition.dashboard.robot_view import chain_of, joint_values, longest_chain  # noqa: E402
+from intent_recognition.dashboard.robot_view import chain_of, chain_to, joint_values  # noqa: E402
 from intent_recognition.kinematics.chain import joint_poses, tip_positions  # noqa: E402
 from sim_bridge.arm.urdf import lwr_urdf  # noqa: E402
 
@@ -34,7 +34,7 @@ def test_the_tip_is_where_yourdfpy_has_it(description):
     urdf = yourdfpy.URDF.load(io.StringIO(description), load_meshes=False)
     names = urdf.actuated_joint_names
     q = np.random.default_rng(3).uniform(-0.8, 0.8, size=(5, len(names)))
-    chain = longest_chain(urdf)
+    chain = chain_to(urdf)
     tips = tip_positions(chain_of(chain), joint_values(chain, names, q))
     for row, tip in zip(q, tips, strict=True):
         urdf.update_cfg(row)

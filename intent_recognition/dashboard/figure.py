@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The posture of a simple figure of a person whose wrist is given: inverse kinematics, arrays only.
+
+Only the wrist is measured. Shoulder, elbow and all else are one posture out of many that a person
+may have; they say nothing of where the person is.
+
+Lengths are shares of the body's height (Drillis and Contini 1966, in D. A. Winter, Biomechanics
+and Motor Control of Human Movement, 4th ed., Fig. 4.1).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+HIP, SHOULDER, UPPER_ARM, FOREARM = 0.530, 0.818, 0.186, 0.146
+SHOULDER_HALF_WIDTH = 0.129
+STRETCHED = 0.98
+"""The farthest that a wrist is from its shoulder, as a share of the arm's length: an arm that is
+quite stretched has no plane to bend in. Convention."""
+FOLDED = 1.1
+"""The nearest, as a multiple of the difference between the two bones. Convention."""
+MOST_LEAN_RAD = 0.8
+"""The upper body leans this far; for what is farther away the figure is moved. Convention."""
+ELBOW_POLE = np.array([-0.35, 0.45, -1.0])
+"""Where the elbow points: backward, away from the body, down; for a left arm. Convention."""
+
+
+@dataclass(frozen=True)
+class Stance:
+    """Where a person stands.
+
+    Attributes:
+        ground_m: between the feet (3,), world.
+        faces_rad: direction of the face, about the world's z; 0 is along x.
+        height_m: of the body.
+        left: whether the left wrist is the given one.
+    """
+
+    ground_m: NDArray[np.float64]
+    faces_rad: float = 0.0
+    height_m: float = 1.75
+    left: bool = False
+
+    @property
+    def arm_m(self) -> tuple[float, float]:
+        """Lengths of upper arm and forearm."""
+        return UPPER_ARM * self.height_m, FOREARM * self.height_m
+
+    @property
+    def side(self) -> float:
+        """1 for the left arm, -1 for the right one."""
+        return 1.0 if self.left else -1.0
+
+    @cached_property
+    def arm(self) -> NDArray[np.float64]:
+        """From the middle between the hips to the shoulder of the upright person (3,), world."""
+        across, up = self.side * SHOULDER_HALF_WIDTH, SHOULDER - HIP
+        return self.rotation @ (self.height_m * np.array([0.0, across, up]))
+
+    @cached_property
+    def pole(self) -> NDArray[np.float64]:
+        """Where the elbow points (3,), world."""
+        return self.rotation @ (ELBOW_POLE * [1.0, self.side, 1.0])
+
+    @cached_property
+    def rotation(self) -> NDArray[np.float64]:
+        """Axes of the person, forward, left and up, in the world (3, 3)."""
+        return Rotation.from_euler("z", self.faces_rad).as_matrix()
+
+
+class Posture(NamedTuple):
+    """A posture; points (3,) [m] and rotations (3, 3) are in the world.
+
+    Attributes:
+        moved: how far the figure is moved from its stance, all of it.
+        hip: the middle between the hips, about which the upper body leans.
+        upper_body: axes of the upper body, forward, left and up.
+        shoulder, elbow, wrist: of the arm whose wrist is given.
+    """
+
+    moved: NDArray[np.float64]
+    hip: NDArray[np.float64]
+    upper_body: NDArray[np.float64]
+    shoulder: NDArray[np.float64]
+    elbow: NDArray[np.float64]
+    wrist: NDArray[np.float64]
+
+
+def reach(stance: Stance, wrist: NDArray[np.float64]) -> Posture:
+    """The posture of a figure whose wrist is at a point.
+
+    The upper body leans toward a wrist that is out of the arm's reach, by as little as is needed;
+    where that is not enough the whole figure is moved. The wrist is always reached, bones keep
+    their lengths, and the posture changes continuously with the wrist.
+
+    Args:
+        stance: where the person stands.
+        wrist: (3,) [m], world.
+    """
+    upper, fore = stance.arm_m
+    hip = stance.ground_m + np.array([0.0, 0.0, HIP * stance.height_m])
+    longest, shortest = STRETCHED * (upper + fore), FOLDED * abs(upper - fore)
+    lean = lean_toward(stance.arm, wrist - hip, longest)
+    shoulder = hip + lean @ stance.arm
+    way = wrist - shoulder
+    distance = float(np.linalg.norm(way))
+    direction = way / distance if distance > 0.0 else stance.rotation[:, 0]
+    moved = (distance - min(max(distance, shortest), longest)) * direction
+    shoulder = shoulder + moved
+    elbow = bend(shoulder, wrist, upper, fore, stance.pole)
+    return Posture(moved, hip + moved, lean @ stance.rotation, shoulder, elbow, wrist)
+
+
+def lean_toward(
+    arm: NDArray[np.float64], target: NDArray[np.float64], reach_m: float
+) -> NDArray[np.float64]:
+    """The smallest rotation (3, 3) of a lever that brings its end within reach of a target.
+
+    It is at most `MOST_LEAN_RAD`, and none where the target is within reach already.
+
+    Args:
+        arm: end of the lever from its pivot (3,) [m].
+        target: from the pivot (3,) [m].
+        reach_m: wanted distance between the two.
+    """
+    lever, distance = float(np.linalg.norm(arm)), float(np.linalg.norm(target))
+    axis = np.cross(arm, target)
+    sine = float(np.linalg.norm(axis))
+    if sine <= 1e-12 * lever * distance:
+        return np.eye(3)
+    between = np.arctan2(sine, arm @ target)
+    # Law of cosines: the angle at the pivot of a triangle with the sides lever, distance, reach.
+    cosine = (lever**2 + distance**2 - reach_m**2) / (2.0 * lever * distance)
+    allowed = np.arccos(min(max(cosine, -1.0), 1.0))
+    angle = min(max(between - allowed, 0.0), MOST_LEAN_RAD)
+    if angle == 0.0:
+        return np.eye(3)
+    return Rotation.from_rotvec(angle * axis / sine).as_matrix()
+
+
+def bend(
+    root: NDArray[np.float64],
+    end: NDArray[np.float64],
+    first_m: float,
+    second_m: float,
+    pole: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """The joint (3,) between two bones, in the plane of their ends and a direction.
+
+    Args:
+        root: where the first bone begins (3,) [m].
+        end: where the second one ends (3,) [m], no farther than both are long.
+        first_m: length of the first bone.
+        second_m: of the second one.
+        pole: direction that the joint points to (3,), not along the line between the ends.
+    """
+    way = end - root
+    distance = float(np.linalg.norm(way))
+    along = way / distance
+    out = pole - (pole @ along) * along
+    share = (first_m**2 - second_m**2 + distance**2) / (2.0 * distance)
+    height = np.sqrt(max(first_m**2 - share**2, 0.0))
+    return root + share * along + height * out / np.linalg.norm(out)
+
+
+def bone_axes(bone: NDArray[np.float64], pole: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Axes (3, 3) whose z runs along a bone (3,), and whose x is as near as it can be to a pole."""
+    z = bone / np.linalg.norm(bone)
+    x = pole - (pole @ z) * z
+    x /= np.linalg.norm(x)
+    return np.column_stack((x, np.cross(z, x), z))

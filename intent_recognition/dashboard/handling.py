@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who holds which body, from what the topics say: no ROS, no page.
+
+Bodies are not tracked. That one is taken or given is concluded from the task and from where the
+robot's hand and the person's wrist are, as `docs/dashboard.md` says; a body without evidence stays
+where it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+from intent_recognition.dashboard.scene_file import PERSON, ROBOT, Body
+
+GRASP_M = 0.06
+"""The hand takes a body where it is nearest to its grasp, if within so much [m]. Convention: the
+simulated arm errs by a third."""
+PASSED_M = 0.004
+"""The nearest place was passed when the hand is so much farther away [m]. Convention: more than
+the noise of measured joints."""
+CARRIED_M = 0.12
+"""What is carried less far is not given or laid down [m]; as the simulated gripper has it."""
+NEAR_M = 0.4
+"""Hand and wrist can hand a body over when so near [m]. Convention: the robot's hand, a body and
+the person's hand lie between."""
+STILL_M, STILL_S = 0.012, 0.3
+"""A hand rests when it has stayed within so much [m] for so long [s]. Convention."""
+GLIDE_S = 0.5
+"""Duration of what is drawn where a body changes its place without a measured way [s]."""
+
+
+class Holder(Enum):
+    """Who holds a body, or where it is."""
+
+    PLACE = "place"
+    ROBOT = "robot"
+    PERSON = "person"
+    LAID = "laid"
+
+
+class Rest:
+    """Whether a point rests, and since when."""
+
+    def __init__(self) -> None:
+        self._anchor: NDArray[np.float64] | None = None
+        self._since_s = 0.0
+
+    def update(self, point: NDArray[np.float64] | None, now_s: float) -> bool:
+        """The newest place (3,) [m], None if it is unknown; returns whether it rests."""
+        if point is None:
+            self._anchor = None
+            return False
+        if self._anchor is None or np.linalg.norm(point - self._anchor) > STILL_M:
+            self._anchor, self._since_s = point, now_s
+        return bool(now_s - self._since_s >= STILL_S)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What the topics say now.
+
+    Attributes:
+        now_s: time.
+        active: task that the robot is executing, "" if none.
+        begun: task that the person does, as far as is known, "" if none.
+        hand: pose of the robot's hand (4, 4), world; None if it is unknown.
+        wrist: of the person (3,) [m], world; None if it is unknown.
+    """
+
+    now_s: float
+    active: str
+    begun: str
+    hand: NDArray[np.float64] | None
+    wrist: NDArray[np.float64] | None
+
+    @property
+    def together(self) -> bool:
+        """Whether the robot's hand and the person's wrist are near one another."""
+        if self.hand is None or self.wrist is None:
+            return False
+        return bool(np.linalg.norm(self.hand[:3, 3] - self.wrist) <= NEAR_M)
+
+
+class Handling:
+    """Where the bodies of a scene are.
+
+    Args:
+        bodies: of the scene.
+    """
+
+    def __init__(self, bodies: Sequence[Body]):
+        self._followed = {body.name: _Followed(body) for body in bodies}
+        self._hand_rest, self._wrist_rest = Rest(), Rest()
+
+    def update(self, moment: Moment) -> None:
+        """Look at the newest."""
+        hand = None if moment.hand is None else moment.hand[:3, 3]
+        hand_rests = self._hand_rest.update(hand, moment.now_s)
+        wrist_rests = self._wrist_rest.update(moment.wrist, moment.now_s)
+        for followed in self._followed.values():
+            followed.update(moment, hand_rests, wrist_rests)
+
+    def follows_hand(self, active: str) -> bool:
+        """Whether any body depends on where the robot's hand is, while it does a task."""
+        return any(
+            active == followed.task or followed.holder is Holder.ROBOT
+            for followed in self._followed.values()
+        )
+
+    def holder(self, name: str) -> Holder:
+        """Who holds a body."""
+        return self._followed[name].holder
+
+    def pose(self, name: str) -> NDArray[np.float64]:
+        """Where a body is (4, 4), world."""
+        return self._followed[name].pose
+
+
+class _Followed:
+    """One body, and where it is."""
+
+    def __init__(self, body: Body):
+        self._body = body
+        self._laid = body.pose if body.laid is None else with_position(body.pose, body.laid)
+        self.holder = Holder.PLACE
+        self.pose = body.pose
+        self._local: NDArray[np.float64] = np.eye(4)  # in the frame of who holds it
+        self._glides_from: NDArray[np.float64] | None = None
+        self._glides_since_s = 0.0
+        self._nearest_m, self._came_m = np.inf, 0.0
+        self._taken_m: NDArray[np.float64] | None = None
+        self._was_active = self._had_begun = False
+
+    @property
+    def task(self) -> str:
+        """In which it is handed over."""
+        return self._body.task
+
+    def update(self, moment: Moment, hand_rests: bool, wrist_rests: bool) -> None:
+        """Decide who holds it, and put it there."""
+        active, begun = moment.active == self.task, moment.begun == self.task
+        if active and not self._was_active:
+            self._nearest_m = np.inf
+            self._taken_m = None if moment.hand is None else moment.hand[:3, 3]
+        if self.holder is Holder.LAID and (active or begun):
+            self._put(Holder.PLACE, moment)
+            self._glides_from = None  # it is the next one
+        if self.holder is Holder.PLACE:
+            self._from_place(moment, active, begun and not self._had_begun, hand_rests)
+        elif self.holder is Holder.ROBOT:
+            self._from_robot(moment, active, hand_rests)
+        elif self.holder is Holder.PERSON:
+            self._from_person(moment, active, begun, hand_rests, wrist_rests)
+        self._was_active, self._had_begun = active, begun
+        self._move(moment)
+
+    def _from_place(self, moment: Moment, active: bool, begins: bool, hand_rests: bool) -> None:
+        if self._body.brought_by == PERSON:
+            if begins and moment.wrist is not None and self._body.in_hand is not None:
+                self._put(Holder.PERSON, moment)
+                self._local = with_position(self._local, self._body.in_hand)
+        elif active and moment.hand is not None and self._body.grasp is not None:
+            distance = float(np.linalg.norm(moment.hand[:3, 3] - self._body.grasp))
+            self._nearest_m = min(self._nearest_m, distance)
+            passed = distance > self._nearest_m + PASSED_M or hand_rests
+            if passed and self._nearest_m <= GRASP_M and distance <= 2.0 * GRASP_M:
+                self._hold(moment)
+
+    def _from_robot(self, moment: Moment, active: bool, hand_rests: bool) -> None:
+        carried = self._is_away(moment)
+        if not active:
+            self._put(Holder.PERSON if moment.together else Holder.PLACE, moment)
+        elif self._body.brought_by == ROBOT and hand_rests and carried and moment.together:
+            self._put(Holder.PERSON, moment)
+
+    def _from_person(
+        self, moment: Moment, active: bool, begun: bool, hand_rests: bool, wrist_rests: bool
+    ) -> None:
+        brings = self._body.brought_by == PERSON
+        if brings and active and hand_rests and moment.together and self._is_away(moment):
+            self._hold(moment)
+        elif moment.wrist is not None:
+            self._came_m = max(self._came_m, float(np.linalg.norm(moment.wrist - self._given_m)))
+            if wrist_rests and self._came_m > CARRIED_M and not active and not begun:
+                self._put(Holder.LAID, moment)
+
+    def _is_away(self, moment: Moment) -> bool:
+        """Whether the hand has come a way since it took the body, or since the task began."""
+        if moment.hand is None or self._taken_m is None:
+            return False
+        return bool(np.linalg.norm(moment.hand[:3, 3] - self._taken_m) > CARRIED_M)
+
+    def _hold(self, moment: Moment) -> None:
+        """The robot takes it as it is, without a jump."""
+        assert moment.hand is not None
+        self.holder, self._glides_from = Holder.ROBOT, None
+        self._local = np.asarray(np.linalg.solve(moment.hand, self.pose))
+        self._taken_m = moment.hand[:3, 3]
+
+    def _put(self, holder: Holder, moment: Moment) -> None:
+        """Give it to somebody else, or put it down; it glides where that is elsewhere."""
+        self.holder = holder
+        self._glides_from, self._glides_since_s = self.pose, moment.now_s
+        if holder is Holder.PERSON:
+            assert moment.wrist is not None
+            self._given_m, self._came_m = moment.wrist, 0.0
+            self._local = with_position(self.pose, self.pose[:3, 3] - moment.wrist)
+
+    def _target(self, moment: Moment) -> NDArray[np.float64]:
+        if self.holder is Holder.ROBOT:
+            return self.pose if moment.hand is None else moment.hand @ self._local
+        if self.holder is Holder.PERSON:
+            if moment.wrist is None:
+                return self.pose
+            return with_position(self._local, self._local[:3, 3] + moment.wrist)
+        return self._laid if self.holder is Holder.LAID else self._body.pose
+
+    def _move(self, moment: Moment) -> None:
+        target = self._target(moment)
+        share = (moment.now_s - self._glides_since_s) / GLIDE_S
+        if self._glides_from is None or share >= 1.0:
+            self._glides_from, self.pose = None, target
+        else:
+            self.pose = between(self._glides_from, target, share)
+
+
+def with_position(pose: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A pose (4, 4) turned like another, at a position (3,)."""
+    moved = pose.copy()
+    moved[:3, 3] = position
+    return moved
+
+
+def between(
+    start: NDArray[np.float64], end: NDArray[np.float64], share: float
+) -> NDArray[np.float64]:
+    """A pose (4, 4) on the way between two, smooth at both ends; share 0 to 1."""
+    way = share * share * (3.0 - 2.0 * share)
+    turns = Rotation.from_matrix(np.stack((start[:3, :3], end[:3, :3])))
+    pose = np.eye(4)
+    pose[:3, :3] = Slerp([0.0, 1.0], turns)(way).as_matrix()
+    pose[:3, 3] = start[:3, 3] + way * (end[:3, 3] - start[:3, 3])
+    return pose

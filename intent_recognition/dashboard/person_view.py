@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The person on the page: a grey figure whose wrist is the measured one."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import trimesh
+import viser
+from numpy.typing import NDArray
+
+from intent_recognition.dashboard.figure import Stance, bone_axes, reach
+from intent_recognition.dashboard.things_view import quaternions, set_position, set_turn
+
+COLOUR = (158, 160, 163)
+ROOT = "/person"
+UPPER_ARM_FRAME = "/upper_body/upper_arm"
+FOREARM_FRAME = f"{UPPER_ARM_FRAME}/forearm"
+MOVED_M = 1e-3
+"""The figure follows a wrist that has moved farther [m]. Convention: noise of a tracker at rest."""
+Ball = tuple[float, float, float, float]
+"""Middle and radius, as shares of the body's height."""
+
+# Forward, left and up from the middle between the hips; a pair stands for both sides.
+CHEST: tuple[Ball, ...] = (
+    (-0.006, 0.108, 0.276, 0.034),
+    (0.004, 0.062, 0.235, 0.05),
+    (0.004, 0.05, 0.16, 0.046),
+)
+WAIST: tuple[Ball, ...] = ((0.004, 0.038, 0.17, 0.044), (0.0, 0.042, 0.03, 0.048))
+PELVIS: tuple[Ball, ...] = ((0.0, 0.046, 0.012, 0.054), (-0.004, 0.05, -0.03, 0.052))
+NECK: tuple[Ball, ...] = ((-0.008, 0.0, 0.27, 0.034), (0.0, 0.0, 0.36, 0.028))
+HEAD: tuple[Ball, ...] = (
+    (-0.006, 0.0, 0.418, 0.05),
+    (0.008, 0.0, 0.42, 0.048),
+    (0.03, 0.0, 0.368, 0.022),
+    (0.004, 0.0, 0.375, 0.034),
+)
+LEG: tuple[tuple[Ball, ...], ...] = (
+    ((0.0, 0.055, -0.01, 0.05), (0.006, 0.058, -0.245, 0.031)),
+    ((0.006, 0.058, -0.245, 0.031), (-0.008, 0.06, -0.475, 0.02)),
+    ((-0.03, 0.06, -0.507, 0.023), (0.085, 0.066, -0.513, 0.017)),
+)
+OTHER_ARM: tuple[tuple[Ball, ...], ...] = (
+    ((0.0, 0.129, 0.286, 0.031), (-0.02, 0.15, 0.105, 0.022)),
+    ((-0.02, 0.15, 0.105, 0.022), (0.035, 0.148, -0.032, 0.016)),
+    ((0.037, 0.147, -0.045, 0.018), (0.058, 0.142, -0.095, 0.014)),
+)
+UPPER_ARM_BALLS, FOREARM_BALLS = (0.031, 0.023), (0.023, 0.0165)
+"""Radii at both ends, as shares of the body's height."""
+HAND: tuple[Ball, ...] = (
+    (0.0, 0.0, 0.004, 0.0155),
+    (0.0, 0.013, 0.034, 0.0145),
+    (0.0, -0.013, 0.034, 0.0145),
+    (0.004, 0.0, 0.052, 0.011),
+)
+"""A loose fist, along the forearm from the wrist."""
+
+
+class PersonView:
+    """Draws the figure; without a wrist there is none.
+
+    The frames of the bones hang on one another, so that a posture is sent as two rotations, and
+    one more where the figure leans.
+
+    Args:
+        server: the page.
+        stance: where the person stands.
+    """
+
+    def __init__(self, server: viser.ViserServer, stance: Stance):
+        self._server, self._stance = server, stance
+        self._root = self._frame("", wxyz=quaternions(stance.rotation), visible=False)
+        self._upper_body = self._frame("/upper_body")
+        self._upper_arm = self._frame(UPPER_ARM_FRAME, position=stance.rotation.T @ stance.arm)
+        self._forearm = self._frame(FOREARM_FRAME, position=(0.0, 0.0, stance.arm_m[0]))
+        self._wrist = np.full(3, np.nan)
+        self._build()
+
+    def update(self, wrist: NDArray[np.float64]) -> None:
+        """Let the figure's wrist be at a point (3,) [m], if it is not there already."""
+        if np.abs(wrist - self._wrist).max() <= MOVED_M:
+            return
+        self._wrist = wrist
+        posture = reach(self._stance, wrist)
+        set_position(self._root, posture.hip)
+        upper_arm = bone_axes(posture.elbow - posture.shoulder, self._stance.pole)
+        forearm = bone_axes(wrist - posture.elbow, self._stance.pole)
+        parents = (self._stance.rotation, posture.upper_body, upper_arm)
+        axes = (posture.upper_body, upper_arm, forearm)
+        turned = quaternions(np.swapaxes(parents, 1, 2) @ np.array(axes))
+        for handle, wxyz in zip(
+            (self._upper_body, self._upper_arm, self._forearm), turned, strict=True
+        ):
+            set_turn(handle, wxyz)
+        if not self._root.visible:
+            self._root.visible = True
+
+    def _frame(self, name: str, **options: Any) -> viser.FrameHandle:
+        return self._server.scene.add_frame(f"{ROOT}{name}", show_axes=False, **options)
+
+    def _build(self) -> None:
+        stance = self._stance
+        both = (1.0, -1.0)
+        for name, balls in (("chest", CHEST), ("waist", WAIST), ("neck", NECK), ("head", HEAD)):
+            self._add(f"/upper_body/{name}", [mirrored(ball, s) for ball in balls for s in both])
+        for k, balls in enumerate(OTHER_ARM):
+            self._add(f"/upper_body/arm{k}", [mirrored(ball, -stance.side) for ball in balls])
+        self._add("/legs/pelvis", [mirrored(ball, s) for ball in PELVIS for s in both])
+        for k, balls in enumerate(LEG):
+            for side, word in zip(both, ("left", "right"), strict=True):
+                self._add(f"/legs/{word}{k}", [mirrored(ball, side) for ball in balls])
+        upper, fore = (length / stance.height_m for length in stance.arm_m)
+        for name, length, (first, last) in (
+            (UPPER_ARM_FRAME, upper, UPPER_ARM_BALLS),
+            (FOREARM_FRAME, fore, FOREARM_BALLS),
+        ):
+            self._add(f"{name}/bone", [(0.0, 0.0, 0.0, first), (0.0, 0.0, length, last)])
+        self._add(f"{FOREARM_FRAME}/hand", [(x, y, z + fore, r) for x, y, z, r in HAND])
+
+    def _add(self, name: str, balls: Sequence[Ball]) -> None:
+        """A smooth shape around balls."""
+        shape = around(self._stance.height_m * np.array(balls))
+        self._server.scene.add_mesh_simple(
+            f"{ROOT}{name}", shape.vertices, shape.faces, color=COLOUR
+        )
+
+
+def mirrored(ball: Ball, side: float) -> Ball:
+    """A ball on the left side (1) or the right one (-1)."""
+    x, y, z, radius = ball
+    return x, side * y, z, radius
+
+
+def around(balls: NDArray[np.float64]) -> trimesh.Trimesh:
+    """The convex hull of balls (n, 4): middles and radii."""
+    sphere = trimesh.creation.icosphere(subdivisions=2).vertices
+    points = balls[:, None, :3] + balls[:, None, 3:] * sphere
+    return trimesh.Trimesh(points.reshape(-1, 3)).convex_hull

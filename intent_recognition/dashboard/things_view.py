@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Furniture and bodies of a cell on the page."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.dashboard.handling import Handling, Moment
+from intent_recognition.dashboard.scene_file import GREY, Body, CellScene, Part, Thing
+from intent_recognition.report import NONE_COLOUR
+
+Colour = tuple[int, int, int]
+Shape = viser.BoxHandle | viser.IcosphereHandle | viser.CylinderHandle
+MOVED = 1e-4
+"""What moves or turns less is not sent again [m or 1]. Convention: a pixel is more."""
+
+
+class ThingsView:
+    """Furniture, which never moves, and bodies, which follow `Handling`.
+
+    Args:
+        server: the page.
+        scene: what is there.
+    """
+
+    def __init__(self, server: viser.ViserServer, scene: CellScene):
+        self._bodies = scene.bodies
+        self._handling = Handling(scene.bodies)
+        for thing in scene.furniture:
+            add_thing(server, "furniture", thing, rgb(GREY))
+        self._shown = {body.name: _ShownBody(server, body) for body in scene.bodies}
+
+    def follows_hand(self, active: str) -> bool:
+        """Whether bodies depend on where the robot's hand is, while it does such a task."""
+        return self._handling.follows_hand(active)
+
+    def update(self, moment: Moment, colours: Mapping[str, str]) -> None:
+        """Put the bodies where they are now, in the colours of their tasks."""
+        self._handling.update(moment)
+        for body in self._bodies:
+            colour = rgb(colours.get(body.task, NONE_COLOUR))
+            self._shown[body.name].update(self._handling.pose(body.name), colour)
+
+
+class _ShownBody:
+    """A body on the page; what is sent again is what has changed."""
+
+    def __init__(self, server: viser.ViserServer, body: Body):
+        self._colour, self._pose = rgb(NONE_COLOUR), body.pose
+        self._frame, parts = add_thing(server, "bodies", body, self._colour)
+        self._tinted = [
+            handle for handle, part in zip(parts, body.parts, strict=True) if not part.colour
+        ]
+
+    def update(self, pose: NDArray[np.float64], colour: Colour) -> None:
+        """Show it at a pose (4, 4)."""
+        if pose is not self._pose:
+            self._pose = pose
+            set_position(self._frame, pose[:3, 3])
+            set_turn(self._frame, quaternions(pose[:3, :3]))
+        if colour != self._colour:
+            self._colour = colour
+            for handle in self._tinted:
+                handle.color = colour
+
+
+def add_thing(
+    server: viser.ViserServer, kind: str, thing: Thing, colour: Colour
+) -> tuple[viser.FrameHandle, Sequence[Shape]]:
+    """Draw a thing as `/<kind>/<name>`; returns its frame and its parts."""
+    name = f"/{kind}/{thing.name}"
+    frame = server.scene.add_frame(
+        name, show_axes=False, wxyz=quaternions(thing.pose[:3, :3]), position=thing.pose[:3, 3]
+    )
+    parts = [
+        _add_part(server.scene, f"{name}/{k}", part, rgb(part.colour) if part.colour else colour)
+        for k, part in enumerate(thing.parts)
+    ]
+    return frame, parts
+
+
+def _add_part(scene: viser.SceneApi, name: str, part: Part, colour: Colour) -> Shape:
+    wxyz, position = quaternions(part.pose[:3, :3]), part.pose[:3, 3]
+    if part.shape == "box":
+        return scene.add_box(name, colour, np.array(part.size), wxyz=wxyz, position=position)
+    if part.shape == "sphere":
+        return scene.add_icosphere(name, part.size[0], colour, wxyz=wxyz, position=position)
+    radius, length = part.size
+    return scene.add_cylinder(name, radius, length, colour, wxyz=wxyz, position=position)
+
+
+def set_position(handle: viser.SceneNodeHandle, position: NDArray[np.float64]) -> None:
+    """Move a thing to a position (3,) [m], where it is not there already."""
+    if np.abs(handle.position - position).max() > MOVED:
+        handle.position = position
+
+
+def set_turn(handle: viser.SceneNodeHandle, wxyz: NDArray[np.float64]) -> None:
+    """Turn a thing to a quaternion (4,), where it is not turned so already."""
+    if abs(handle.wxyz @ wxyz) < 1.0 - 0.5 * MOVED**2:
+        handle.wxyz = wxyz
+
+
+def quaternions(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Quaternions wxyz (..., 4) of rotation matrices (..., 3, 3)."""
+    return np.roll(Rotation.from_matrix(rotations).as_quat(), 1, axis=-1)
+
+
+def rgb(colour: str) -> Colour:
+    """#rrggbb as three numbers."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue

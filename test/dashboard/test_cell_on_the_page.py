@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The cell that the page shows: bodies, furniture and the figure, as topics come in."""
+
+from pathlib import PurePosixPath
+
+import numpy as np
+import pytest
+from dashboard.test_hostile_messages import Fed
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from intent_recognition.dashboard.scene_file import load_scene
+from intent_recognition.kinematics.lwr import JOINT_NAMES
+from sim_bridge.arm.urdf import lwr_urdf
+from sim_bridge.scenarios.toolbox.scene import HOME, arm_posture, stand_pose
+
+FOREARM = "/person/upper_body/upper_arm/forearm"
+PLATE = "plate_handover"
+WRIST = np.array([0.8, 0.05, 0.3])
+
+
+@pytest.fixture
+def fed(harness):
+    """A page that hears its topics."""
+    fed = Fed(harness)
+    yield fed
+    fed.page.close()
+
+
+def shown(fed, name):
+    """A thing of the scene."""
+    return fed.page._server.scene._handle_from_node_name[name]
+
+
+def pose(position):
+    message = PoseStamped()
+    place = message.pose.position
+    place.x, place.y, place.z = map(float, position)
+    return message
+
+
+def joints(q):
+    return JointState(name=list(JOINT_NAMES), position=list(map(float, q)))
+
+
+def test_all_of_the_scene_is_drawn_and_the_figure_comes_with_the_wrist(fed):
+    scene = load_scene("toolbox")
+    for body in scene.bodies:
+        np.testing.assert_allclose(shown(fed, f"/bodies/{body.name}").position, body.pose[:3, 3])
+    assert {"/furniture/table", "/furniture/stand"} <= set(
+        fed.page._server.scene._handle_from_node_name
+    )
+    assert not shown(fed, "/person").visible
+    fed.hear("/mocap/wrist/pose", pose(WRIST))
+    assert shown(fed, "/person").visible
+    wrist = np.array([0.0, 0.0, scene.person.arm_m[1]])
+    for name in (FOREARM, *map(str, list(PurePosixPath(FOREARM).parents)[:-1])):  # to the root
+        frame = shown(fed, name)
+        wrist = frame.position + rotated(frame.wxyz, wrist)
+    np.testing.assert_allclose(wrist, WRIST, atol=5e-4)
+
+
+def test_the_plate_goes_with_the_arm_that_fetched_it(fed):
+    fed.hear("/robot_description", String(data=lwr_urdf()))
+    fed.hear("/mocap/wrist/pose", pose(WRIST))
+    fed.hear("/joint_states", joints(HOME))
+    before = np.array(shown(fed, "/bodies/plate").position)
+    fed.hear("/intent/active_task", String(data=PLATE))
+    at_stand = arm_posture(stand_pose(PLATE))
+    for share in np.linspace(0.0, 1.0, 4):
+        fed.hear("/joint_states", joints(HOME + share * (at_stand - HOME)))
+    away = stand_pose(PLATE)
+    away[:3, 3] += [0.1, 0.1, 0.05]
+    fed.hear("/joint_states", joints(at_stand))
+    fed.hear("/joint_states", joints(arm_posture(away)))
+    moved = np.array(shown(fed, "/bodies/plate").position) - before
+    np.testing.assert_allclose(moved, [0.1, 0.1, 0.05], atol=0.01)
+
+
+def test_the_truth_says_what_the_person_holds(fed):
+    fed.hear("/mocap/wrist/pose", pose(WRIST))
+    fed.hear("/coworker/task", String(data="hold_screwdriver"))
+    fed.hear("/mocap/wrist/pose", pose(WRIST))
+    fed.hear("/mocap/wrist/pose", pose(WRIST))
+    at = shown(fed, "/bodies/screwdriver").position
+    np.testing.assert_allclose(at, WRIST + [-0.1, 0.0, 0.0], atol=1e-3)
+
+
+def rotated(wxyz, vector):
+    """A vector (3,) turned by a quaternion."""
+    w, axis = wxyz[0], np.asarray(wxyz[1:])
+    return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + w * vector)
+
+
+@pytest.mark.parametrize("topic", ["/coworker/task", "/intent/active_task"])
+def test_tasks_that_no_body_has_leave_all_where_it_is(fed, topic):
+    before = {name: tuple(shown(fed, f"/bodies/{name}").position) for name in ("plate", "screw")}
+    fed.hear(topic, String(data="another"))
+    fed.hear("/mocap/wrist/pose", pose(WRIST))
+    assert before == {name: tuple(shown(fed, f"/bodies/{name}").position) for name in before}

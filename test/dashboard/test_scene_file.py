@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The file that says what stands in a cell: what is shipped can be read, mistakes are one line."""
+
+import numpy as np
+import pytest
+import yaml
+from dashboard.browser import free_port
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.dashboard.scene_file import load_scene
+from intent_recognition.dashboard.start import main
+from intent_recognition.errors import ArgumentError
+from sim_bridge.scenarios.toolbox.scene import STANDS_M, stand_pose
+
+BOX = {"box": [0.1, 0.2, 0.3]}
+TABLE = {"name": "table", "parts": [BOX]}
+PLATE = TABLE | {"name": "plate", "task": "give", "grasp": [0.5, 0.0, 0.3]}
+PERSON = {"stands": [1.4, 0.0]}
+
+
+@pytest.fixture
+def scene_of(tmp_path):
+    """Reads a scene from its content."""
+
+    def read(content):
+        path = tmp_path / "cell.yaml"
+        path.write_text(content if isinstance(content, str) else yaml.safe_dump(content))
+        return load_scene(path)
+
+    return read
+
+
+def test_the_shipped_scene_is_that_of_the_simulation():
+    scene = load_scene("toolbox")
+    bodies = {body.task: body for body in scene.bodies}
+    for task, hand in STANDS_M.items():
+        np.testing.assert_allclose(bodies[task].grasp, hand, atol=1e-12)
+        ahead = bodies[task].pose[:3, 3] - hand
+        np.testing.assert_allclose(np.cross(ahead, stand_pose(task)[:3, 2]), 0.0, atol=2e-3)
+    assert bodies["hold_screwdriver"].brought_by == "person"
+    assert scene.person is not None
+    assert scene.furniture[0].name == "table"
+
+
+def test_poses_are_as_in_a_urdf_and_what_is_left_out_is_nothing(scene_of):
+    scene = scene_of({"furniture": [TABLE | {"xyz": [1, 2, 3], "rpy": [0.1, 0.2, 0.3]}]})
+    (table,) = scene.furniture
+    expected = Rotation.from_euler("ZYX", [0.3, 0.2, 0.1]).as_matrix()
+    np.testing.assert_allclose(table.pose[:3, :3], expected, atol=1e-15)
+    np.testing.assert_array_equal(table.pose[:3, 3], [1, 2, 3])
+    assert (scene.person, scene.bodies, scene.floor_m) == (None, (), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "place"),
+    [
+        ("[", "a scene in YAML"),
+        ("- 1", "cell.yaml: expected a mapping"),
+        ({"chairs": []}, "only the keys floor, person"),
+        ({"floor": "low"}, "floor: expected a number"),
+        ({"floor": float("nan")}, "floor"),
+        ({"view": [[1, 2, 3]]}, "view"),
+        ({"furniture": TABLE}, "furniture: expected a list"),
+        ({"furniture": [TABLE, TABLE]}, "table twice"),
+        ({"furniture": [TABLE | {"name": "a/b"}]}, "furniture[0].name"),
+        ({"furniture": [TABLE | {"parts": []}]}, "furniture[0].parts"),
+        ({"furniture": [TABLE | {"parts": [{}]}]}, "furniture[0].parts[0]"),
+        ({"furniture": [TABLE | {"parts": [{"box": [1, 2]}]}]}, "parts[0].box (edges"),
+        ({"furniture": [TABLE | {"parts": [{"box": [1, 2, -1]}]}]}, "sizes above zero"),
+        ({"furniture": [TABLE | {"parts": [BOX | {"sphere": 1}]}]}, "box, sphere"),
+        ({"furniture": [TABLE | {"parts": [BOX | {"colour": "red"}]}]}, "colour"),
+        ({"furniture": [TABLE | {"xyz": [1, 2, 1e300]}]}, "furniture[0].xyz"),
+        ({"bodies": [PLATE | {"task": ""}]}, "bodies[0].task"),
+        ({"bodies": [PLATE | {"brought_by": "dog"}]}, "robot or person"),
+        ({"bodies": [PLATE | {"brought_by": "person"}]}, "bodies[0].in_hand"),
+        ({"bodies": [PLATE | {"laid": [1]}]}, "bodies[0].laid"),
+        ({"person": {}}, "person.stands"),
+        ({"person": PERSON | {"height": 175}}, "person.height"),
+        ({"person": PERSON | {"hand": "both"}}, "left or right"),
+    ],
+)
+def test_a_mistake_is_named_in_one_line(scene_of, content, place):
+    with pytest.raises(ArgumentError) as caught:
+        scene_of(content)
+    assert place in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_page_does_not_start_with_a_mistake_and_says_it_in_one_line(tmp_path, capfd):
+    path = tmp_path / "cell.yaml"
+    path.write_text("floor: low")
+    assert main(["--ros-args", "-p", f"scene:={path}", "-p", f"port:={free_port()}"]) == 1
+    told = capfd.readouterr().err.strip()
+    assert "floor: expected a number up to 100, got low. See docs/dashboard.md." in told
+    assert "\n" not in told
+
+
+def test_a_name_that_is_not_shipped_says_which_are():
+    with pytest.raises(ArgumentError, match="one of toolbox, got kitchen"):
+        load_scene("kitchen")
+    with pytest.raises(ArgumentError, match="No such file"):
+        load_scene("no/such.yaml")
