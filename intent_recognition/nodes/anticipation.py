@@ -20,6 +20,7 @@ from intent_recognition.demonstrations import (
     stamp_of,
 )
 from intent_recognition.errors import IntentError
+from intent_recognition.motion import is_hand
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     joint_values,
@@ -75,6 +76,9 @@ class PostureInput:
     def open(self, estimator: IntentEstimator, entries: Sequence[DofEntry]) -> None:
         """Subscribe to the controlled signals.
 
+        A hand's pose comes from the joints of the arm, and so does that of a person's wrist where
+        `hand_link` says that an arm is in that person's place.
+
         Args:
             estimator: takes them.
             entries: of the DOF file, in order.
@@ -83,7 +87,7 @@ class PostureInput:
         self._last_ns.clear()
         for group, entry in enumerate(entries):
             raw = is_raw_pose(entry.topic, entry.type)
-            if entry.link:
+            if entry.link or (self._hand.link and is_hand(entry.names)):
                 take = partial(self._take_joints, group)
                 self._subscriptions.append(
                     self._node.create_subscription(JointState, JOINTS_TOPIC, take, POSTURES)

@@ -69,6 +69,7 @@ ARGUMENTS = {
         Argument("pretrigger_threshold", float, "Go ahead for a next task so probable; 0: never."),
         Argument("arm", str, "Simulated arm: panda, iiwa, xarm or a URDF; empty: the LWR."),
         Argument("hand_link", str, "Link that is the hand, for a model that predicts a hand."),
+        Argument("scenario", str, "What the coworker works at: toolbox or assembly."),
         Argument("publish_clock", bool, "The arm publishes /clock."),
         Argument("rate", float, "Simulated, or recorded, seconds in a real one."),
         Argument("headless", bool, "No PyBullet window."),

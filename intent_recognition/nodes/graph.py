@@ -108,7 +108,7 @@ NODES = {
     ),
     "coworker_sim": NodeSpec(
         "sim_bridge.nodes.coworker_sim",
-        _from("seed", "task_list"),
+        _from("seed", "task_list", "scenario"),
         when="coworker",
         waits=(*ARMS, *RECOGNITION, "bag_recorder"),
     ),
@@ -173,12 +173,12 @@ class GraphSpec:
 
 _TASKS: dict[str, object] = {"library": "tasks"}
 _SIM: dict[str, object] = {"use_sim_time": True, "publish_clock": True, "coworker": True}
+_WHOLE = (*ARMS, *RECOGNITION, "coworker_sim", "bag_recorder", *PAGE) + (
+    *("robot_state_publisher", "rviz2"),
+)
 GRAPHS = {
-    "demo": GraphSpec(
-        (*ARMS, *RECOGNITION, "coworker_sim", "bag_recorder", *PAGE)
-        + ("robot_state_publisher", "rviz2"),
-        _TASKS | _SIM | {"scene": "toolbox"},
-    ),
+    "demo": GraphSpec(_WHOLE, _TASKS | _SIM | {"scene": "toolbox"}),
+    "assembly": GraphSpec(_WHOLE, _TASKS | _SIM | {"arm": "panda", "scenario": "assembly"}),
     "sim": GraphSpec(
         (*ARMS, "coworker_sim", "robot_state_publisher", "rviz2"),
         {"coworker": True},

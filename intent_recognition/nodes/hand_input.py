@@ -18,16 +18,20 @@ class HandInput:
     Args:
         node: subscribes, and has the parameter `hand_link`.
         diagnostics: counts descriptions that cannot be used under `bad_robot_description`.
+
+    Attributes:
+        link: that is the hand; empty where it was not named.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._diagnostics = diagnostics
-        self._link = fixed_parameter(
+        self.link = fixed_parameter(
             node,
             "hand_link",
             "",
             "Link that is the hand, of the arm on robot_description, where the model predicts a"
-            " hand; empty: the last one before the fingers.",
+            " hand, or a person's wrist in whose place the arm is; empty: the last one before the"
+            " fingers.",
         )
         self._description = ""
         self._arm: Arm | None = None
@@ -41,7 +45,7 @@ class HandInput:
         """The arm; None before its description has come, or if that cannot be used."""
         if self._arm is None and self._description:
             try:
-                self._arm = arm_in_world(self._description, self._link)
+                self._arm = arm_in_world(self._description, self.link)
             except IntentError as error:
                 self._diagnostics.reject("bad_robot_description", str(error))
                 self._description = ""

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Launch descriptions of the graphs in `graph.py`. Needs ROS 2 launch."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resol
 from intent_recognition.nodes.processes import FAST_DISCOVERY
 from intent_recognition.share import share_path
 
+Overrides = Mapping[str, Mapping[str, object]]
 RESPAWN_DELAY_S = 2.0
 """Time between the death of a node and its next start [s]. Convention."""
 
@@ -25,6 +27,7 @@ def describe_graph(
     graph: str,
     *,
     robot_description: Callable[[str], str] = lambda _: "",
+    of_arm: Callable[[str], Overrides] = lambda _: {},
     fast_discovery: bool = False,
 ) -> LaunchDescription:
     """The arguments of a graph, and its nodes.
@@ -33,6 +36,7 @@ def describe_graph(
         graph: one of `GRAPHS`.
         robot_description: from the argument `arm`, which may be empty, to the URDF for
             robot_state_publisher, where the graph has one.
+        of_arm: likewise, to parameters that depend on the arm, by node.
         fast_discovery: use config/fastdds.xml, for nodes that find one another quickly.
     """
     spec = GRAPHS[graph]
@@ -46,20 +50,31 @@ def describe_graph(
     if fast_discovery:
         profiles = str(share_path("config/fastdds.xml"))
         entities += [SetEnvironmentVariable(name, profiles) for name in FAST_DISCOVERY]
-    start = OpaqueFunction(function=_start, args=[graph, robot_description])
+    start = OpaqueFunction(function=_start, args=[graph, robot_description, of_arm])
     return LaunchDescription([*entities, start])
 
 
 def _start(
-    context: LaunchContext, graph: str, robot_description: Callable[[str], str]
+    context: LaunchContext,
+    graph: str,
+    robot_description: Callable[[str], str],
+    of_arm: Callable[[str], Overrides],
 ) -> list[Node]:
     """The nodes, now that the arguments have values."""
     names = [argument.name for argument in GRAPHS[graph].arguments()]
     given = {name: LaunchConfiguration(name).perform(context) for name in names}
-    own = arguments_of(graph, given).get("params_file")
-    files = [str(share_path(GRAPHS[graph].params)), *([_params_file(str(own))] if own else [])]
-    describe_arm = partial(robot_description, given.get("arm", ""))
-    return [_node(call, files, describe_arm) for call in resolve(graph, given)]
+    values = arguments_of(graph, given)
+    users, arm = values.get("params_file"), str(values.get("arm", ""))
+    files = [str(share_path(GRAPHS[graph].params)), *([_params_file(str(users))] if users else [])]
+    describe_arm, own = partial(robot_description, arm), of_arm(arm)
+    return [
+        _node(
+            replace(call, parameters={**own.get(call.name, {}), **call.parameters}),
+            files,
+            describe_arm,
+        )
+        for call in resolve(graph, given)
+    ]
 
 
 def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]) -> Node:

@@ -19,7 +19,9 @@ from intent_recognition.nodes.qos import SENSOR, STATE
 from intent_recognition.nodes.readiness import WAIT_FOR_NODES, Readiness
 from intent_recognition.nodes.runtime import run
 from sim_bridge.coworker import RATE_HZ, SessionPlan, SessionTiming, parse_task_list, plan_session
+from sim_bridge.scenarios.assembly import of_worker, plan_live
 
+SCENARIOS = _, ASSEMBLY = "toolbox", "assembly"
 SAMPLE_NS = round(1e9 / RATE_HZ)
 """Time between two samples [ns]."""
 EARLY_NS = 500_000
@@ -104,6 +106,12 @@ class CoworkerSim(Node):
                 self, "occlusions", default.gaps_per_s, "Occlusions per second.", 0.0
             ),
         )
+        scenario = fixed_parameter(self, "scenario", SCENARIOS[0], f"One of {SCENARIOS}.")
+        if scenario not in SCENARIOS:
+            expected = " or ".join(SCENARIOS)
+            raise ArgumentError(describe("scenario", expected, scenario, "Choose one."))
+        if scenario == ASSEMBLY:
+            return of_worker(plan_live(seed, task_list, count, timing))
         return plan_session(seed, parse_task_list(task_list, seed, count), timing)
 
     def _range(self, name: str, default: tuple[float, float], text: str) -> tuple[float, float]:

@@ -152,13 +152,17 @@ def test_without_a_description_nothing_moves(harness, panda):
     assert reasons.rejected("bad_robot_description") == 1
 
 
-def test_the_estimator_hears_where_the_hand_is(harness, panda):
-    """From joint_states and the description, in place of a pose that nobody publishes."""
+@pytest.mark.parametrize("dofs", ["dofs_hand", "dofs_two_humans"])
+def test_the_estimator_hears_where_the_hand_is(harness, panda, dofs):
+    """From joint_states and the description, in place of a pose that nobody publishes.
+
+    An arm in the second person's place stands where that person's wrist would be.
+    """
     taken = []
     node = harness.add(Node("listener", parameter_overrides=[Parameter("hand_link", value=TIP)]))
     inputs = PostureInput(node, Diagnostics(node))
     estimator = SimpleNamespace(update_controlled=taken.append)
-    inputs.open(estimator, load_dofs(share_path("config/dofs_hand.yaml")).controlled)
+    inputs.open(estimator, load_dofs(share_path(f"config/{dofs}.yaml")).controlled)
     description = harness.publisher(String, "robot_description", qos.LATCHED)
     joints = harness.publisher(JointState, "joint_states", qos.STATE)
     harness.connect(description, joints)

@@ -17,6 +17,7 @@ EXECUTABLES = {
     "intent": RECOGNITION,
     "sim": {"lwr_sim", "coworker_sim"},
     "demo": RECOGNITION | {"lwr_sim", "coworker_sim"},
+    "assembly": RECOGNITION | {"arm_sim", "coworker_sim"},
     "real": RECOGNITION,
     "replay": {"bag_player", "mocap_ingest", "intent_estimator"},
 }
@@ -146,7 +147,7 @@ def test_every_node_takes_the_namespace_and_the_clock(describe, name):
         publishes = values(options).get("publish_clock") or values(options).get("clock")
         publishers += bool(publishes)
         assert bool(publishes) != (values(options).get("use_sim_time") is True), node
-    assert publishers == (name in ("demo", "replay"))
+    assert publishers == (name in ("demo", "assembly", "replay"))
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
@@ -304,3 +305,13 @@ def test_a_node_that_cannot_start_ends_the_launch_and_one_that_dies_does_not(des
     exited = types.SimpleNamespace(returncode=code, process_name="primitive_activation-3")
     action = node["on_exit"](exited, Context())
     assert (action is not None and action.kind == "Shutdown") == ends
+
+
+def test_an_arm_stands_where_the_second_person_does(describe):
+    nodes = {name: values(node) for name, node in start(describe("assembly"), arm="iiwa").items()}
+    assert nodes["coworker_sim"]["scenario"] == "assembly"
+    tip = {nodes[node]["hand_link"] for node in ("intent_estimator", "primitive_activation")}
+    assert tip == {"lbr_iiwa_link_7"}
+    assert nodes["arm_sim"]["initial_position"] == nodes["primitive_activation"]["home"]
+    given = start(describe("assembly"), arm="iiwa", hand_link="lbr_iiwa_link_6")
+    assert values(given["intent_estimator"])["hand_link"] == "lbr_iiwa_link_6"

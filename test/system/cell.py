@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A work cell for tests: a recorded or made-up wrist, shown to the nodes on simulated time."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,9 +23,12 @@ from intent_recognition.nodes.conversions import joint_values, stamp_ns, to_pose
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.mocap_ingest import MocapIngest
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from sim_bridge.nodes.arm_sim import ArmSim
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.toolbox.scene import handover_point
 
+Own = Mapping[str, Mapping[str, object]]
+NONE: Own = {}
 POSES = "mocap/wrist/pose"
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 SECOND_NS = 1_000_000_000
@@ -89,14 +92,23 @@ class Cell:
         self._poses = harness.publisher(PoseStamped, POSES, qos.SENSOR)
         harness.probe.create_subscription(Clock, "/clock", self._on_clock, qos.STATE)
 
-    def start_nodes(self, model: Path, *, factor: float = 1.0, **activation) -> None:
-        """All nodes in this process; simulated time waits for the observations to be taken."""
+    def start_nodes(
+        self, model: Path, *, factor: float = 1.0, robot: str = "", own: Own = NONE, **activation
+    ) -> None:
+        """All nodes in this process; simulated time waits for the observations to be taken.
+
+        `own` are parameters by node; `robot` is another arm than the LWR.
+        """
         simulated = {"use_sim_time": True}
         named = simulated | {"model": str(model)}
         self.ingest = self._add(MocapIngest, simulated)
-        self.estimator = self._add(IntentEstimatorNode, named)
+        self.estimator = self._add(IntentEstimatorNode, named | own.get("intent_estimator", {}))
+        activation = own.get("primitive_activation", {}) | activation
         self.activation = self._add(PrimitiveActivation, named | activation)
-        self.arm = self._add(LwrSim, {"publish_clock": True, "real_time_factor": factor})
+        physics = {"publish_clock": True, "real_time_factor": factor}
+        if robot:
+            physics |= {"robot": robot} | own.get("arm_sim", {})
+        self.arm = self._add(ArmSim if robot else LwrSim, physics)
         self.arm._now_s = PatientClock(self._behind)
 
     def _behind(self) -> bool:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from .arm_stand_in import StoodIn, stand_in
+from .live import in_assistants_place, plan_live
+from .session import of_worker
 from .styles import FASTENING, HAND_OVER, PERSONAL_STD_M
 
 __all__ = [
@@ -7,5 +9,8 @@ __all__ = [
     "HAND_OVER",
     "PERSONAL_STD_M",
     "StoodIn",
+    "in_assistants_place",
+    "of_worker",
+    "plan_live",
     "stand_in",
 ]

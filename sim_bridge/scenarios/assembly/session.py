@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
-from sim_bridge.coworker import Reach, WristSamples, sample_wrist
+from sim_bridge.coworker import Interaction, Reach, SessionPlan, WristSamples, sample_wrist
 from sim_bridge.scenarios.assembly.interaction import AssemblyInteraction, Timed, plan_interaction
 from sim_bridge.scenarios.assembly.styles import ASSISTANT, RESTS, TASKS, WORKER, Place
 
@@ -54,13 +54,22 @@ def session_tasks(seed: int, index: int) -> tuple[str, ...]:
     return tuple(str(task) for task in part)
 
 
-def plan_session(seed: int, index: int, tasks: Sequence[str] | None = None) -> AssemblySession:
+def plan_session(
+    seed: int,
+    index: int,
+    tasks: Sequence[str] | None = None,
+    *,
+    idle_s: tuple[float, float] = IDLE_S,
+    hold_s: float = HOLD_S,
+) -> AssemblySession:
     """Plan session number `index` of a seed: a pure function of its arguments.
 
     Args:
         seed: of all variation.
         index: of the session.
         tasks: labels in order; those of `session_tasks` if None.
+        idle_s: shortest and longest rest between two interactions.
+        hold_s: how long both hold at the end of one.
 
     Raises:
         ArgumentError: an unknown task or session.
@@ -69,22 +78,31 @@ def plan_session(seed: int, index: int, tasks: Sequence[str] | None = None) -> A
     rng = np.random.default_rng([seed, 41, index])
     wrists = {body: rest.draw(rng) for body, rest in RESTS.items()}
     movements: dict[str, list[Timed]] = {body: [] for body in RESTS}
-    interactions, now = [], MARGIN_S + IDLE_S[0]
+    interactions, now = [], MARGIN_S + idle_s[0]
     for task in tasks:
         shown = plan_interaction(rng, task, wrists[WORKER], wrists[ASSISTANT], now)
         interactions.append(shown)
-        back, over = shown.end_s + HOLD_S, 0.0
+        back, over = shown.end_s + hold_s, 0.0
         for body, moved in ((WORKER, shown.worker), (ASSISTANT, shown.assistant)):
             retract = _retract(rng, moved[-1][1].goal_m, RESTS[body])
             movements[body] += [*moved, (back, retract)]
             wrists[body], over = retract.goal_m, max(over, back + retract.duration_s)
-        now = over + rng.uniform(*IDLE_S)
+        now = over + rng.uniform(*idle_s)
     length = over + LAST_S
     worker = sample_wrist(rng, movements[WORKER], length, gaps_per_s=GAPS_PER_S)
     assistant = sample_wrist(
         rng, movements[ASSISTANT], length, gaps_per_s=GAPS_PER_S, rest=FACING_WORKER
     )
     return AssemblySession(tuple(interactions), worker, assistant)
+
+
+def of_worker(session: AssemblySession) -> SessionPlan:
+    """The session without the assistant, for a worker whom an arm helps."""
+    interactions = [
+        Interaction(shown.task, shown.onset_s, shown.end_s, shown.goal_m, shown.worker[-1][1])
+        for shown in session.interactions
+    ]
+    return SessionPlan(session.worker, tuple(interactions))
 
 
 def _retract(rng: np.random.Generator, start_m: NDArray[np.float64], rest: Place) -> Reach:

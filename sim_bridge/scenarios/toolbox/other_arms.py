@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The toolbox with an arm that it was not taught with: its home, and where its hand is."""
+"""An arm that a scenario was not taught with: its home, and where its hand is."""
 
 from functools import cached_property
 
@@ -12,24 +12,25 @@ from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M
 
 
 class ToolboxArm:
-    """What the toolbox needs to know of an arm.
+    """What a scenario needs to know of an arm.
 
     Args:
         robot: the arm, and where it stands.
+        home_m: where its hand waits between interactions (3,), world.
     """
 
-    def __init__(self, robot: Robot):
-        self.robot = robot
+    def __init__(self, robot: Robot, home_m: NDArray[np.float64] = HOME_HAND_M):
+        self.robot, self._home_m = robot, home_m
         self._arm = Arm.from_urdf(robot.description, base="world", tip=robot.tip, rest=robot.ready)
 
     @cached_property
     def home(self) -> NDArray[np.float64]:
-        """Posture with the hand where every interaction starts, near the ready one (n,) [rad].
+        """Posture with the hand where it waits, near the ready one (n,) [rad].
 
         Raises:
             KinematicsError: it is out of reach.
         """
-        return self._arm.inverse_kinematics(HOME_HAND_M)
+        return self._arm.inverse_kinematics(self._home_m)
 
     def hand(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions of the hand in the world (..., 3) [m] for measured joints, fingers last."""

@@ -11,6 +11,7 @@ from intent_recognition.errors import ArgumentError
 from intent_recognition.nodes.qos import SENSOR, STATE
 from sim_bridge.coworker.session import SessionTiming, plan_session
 from sim_bridge.nodes.coworker_sim import SAMPLE_NS, CoworkerSim
+from sim_bridge.scenarios.assembly import session as assembly
 
 LISTENER = QoSProfile(depth=2000, reliability=ReliabilityPolicy.BEST_EFFORT)
 TIMING = SessionTiming(0.5, (0.5, 0.6), (0.1, 0.2), 0.2, 0.5)
@@ -76,6 +77,15 @@ def test_publishes_what_the_plan_says_bit_for_bit(played):
     assert node.diagnostics.rejected("occluded") == np.sum(~expected.samples.visible)
 
 
+def test_a_worker_assembles_a_box(harness):
+    """The worker of a session that is none of the recorded ones; who helps is somebody else."""
+    node = harness.add(make(scenario="assembly", task_list="fastening,hand_over"))
+    assert [shown.task for shown in node.plan.interactions] == ["fastening", "hand_over"]
+    session = assembly.plan_session(5, 3, ("fastening", "hand_over"), idle_s=(0.5, 0.6), hold_s=0.2)
+    expected = session.worker.positions_m
+    np.testing.assert_array_equal(node.plan.samples.positions_m, expected)
+
+
 def test_waits_for_subscribers_and_for_the_clock(harness):
     node = harness.add(make(use_sim_time=True))
     clock = harness.publisher(Clock, "/clock", 10)
@@ -96,7 +106,14 @@ def test_waits_for_subscribers_and_for_the_clock(harness):
 
 
 @pytest.mark.parametrize(
-    "bad", [{"task_list": "dance"}, {"task_list": ","}, {"hold": [2.0, 1.0]}, {"seed": -1}]
+    "bad",
+    [
+        {"task_list": "dance"},
+        {"task_list": ","},
+        {"hold": [2.0, 1.0]},
+        {"seed": -1},
+        {"scenario": "x"},
+    ],
 )
 def test_bad_parameters_are_named_errors(harness, bad):
     with pytest.raises(ArgumentError):

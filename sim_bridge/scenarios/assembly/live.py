@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The assembly live: a worker who acts for himself, and an arm in the assistant's place."""
+
+from sim_bridge.arm import find_robot
+from sim_bridge.coworker import SessionTiming
+from sim_bridge.scenarios.assembly.session import (
+    SESSIONS,
+    AssemblySession,
+    plan_session,
+    session_tasks,
+)
+from sim_bridge.scenarios.assembly.styles import ASSISTANT, RESTS
+from sim_bridge.scenarios.toolbox import ToolboxArm
+
+SHUFFLED = ("random", "habit")
+"""Task lists that mean the order of a recorded session: the assembly has no habit."""
+
+
+def plan_live(seed: int, task_list: str, count: int, timing: SessionTiming) -> AssemblySession:
+    """A session that was not recorded, with time for the arm to go home.
+
+    Args:
+        seed: of all variation.
+        task_list: labels separated by commas, or one of `SHUFFLED`.
+        count: how many interactions; 0: as listed.
+        timing: its rests, and the longest hold.
+
+    Raises:
+        ArgumentError: an unknown task.
+    """
+    listed = session_tasks(seed, 0)
+    if task_list not in SHUFFLED:
+        listed = tuple(label.strip() for label in task_list.split(","))
+    tasks = listed[: count or None]
+    held = timing.hold_s[1]
+    return plan_session(seed, SESSIONS, tasks, idle_s=timing.idle_s, hold_s=held)
+
+
+def in_assistants_place(arm: str) -> dict[str, dict[str, object]]:
+    """What the nodes must know of the arm that takes the assistant's place, by node.
+
+    Args:
+        arm: name, or path of a URDF.
+
+    Raises:
+        IntentError: there is no such arm, or its hand does not reach where assistants rest.
+    """
+    placed = ToolboxArm(find_robot(arm), RESTS[ASSISTANT].centre_m)
+    hand, home = {"hand_link": placed.robot.tip}, placed.home.tolist()
+    return {
+        "intent_estimator": hand,
+        "dashboard": hand,
+        "primitive_activation": hand | {"home": home},
+        "arm_sim": {"initial_position": home, "scene": "none"},
+    }
