@@ -126,7 +126,7 @@ def messages_of(
     recording: Demonstration, dofs: DofSpec
 ) -> Iterator[tuple[DofEntry, int, np.ndarray]]:
     """Entry with all fields of its topic, stamp and values of every message, in order."""
-    entries = (*dofs.observed, *dofs.controlled)
+    entries = (*dofs.observed, *dofs.controlled, *dofs.context)
     at: dict[tuple[int, str], tuple[DofEntry, list]] = {}
     controlled, start = [], 0
     for entry in dofs.controlled:
@@ -136,7 +136,7 @@ def messages_of(
             Signal(entry.names, robot.stamps_ns, robot.values[:, columns], entry.unit)
         )
         start = columns.stop
-    for o in merge((*recording.observed, *controlled)):
+    for o in merge((*recording.observed, *controlled, *recording.context)):
         entry, key = entries[o.group], (o.stamp_ns, entries[o.group].topic)
         known, values = at.get(key, (replace(entry, fields=()), []))
         numbers = o.values

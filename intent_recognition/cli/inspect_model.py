@@ -17,7 +17,7 @@ BAGS_SHOWN = 5
 def model_json(model: Model) -> dict:
     """What a model holds as plain values, its large arrays left out."""
     library = model.library
-    names = (*library.observed_names, *library.controlled_names)
+    names, context = (*library.observed_names, *library.controlled_names), library.context
     return {
         "tasks": {
             label: {
@@ -31,6 +31,7 @@ def model_json(model: Model) -> dict:
         },
         "observed": dict(zip(library.observed_names, library.observed_units, strict=True)),
         "controlled": dict(zip(library.controlled_names, library.controlled_units, strict=True)),
+        "context": dict(zip(library.context_names, context.units)) if context else {},
         "noise_std": dict(zip(names, map(float, library.noise_variance**0.5), strict=True)),
         "n_basis": library.basis.n_basis,
         "noise_scale": library.noise_scale,
@@ -97,6 +98,9 @@ def print_model(console: Console, path: Path, model: Model) -> None:
     )
     for (agent, name, unit), variance in zip(rows, library.noise_variance, strict=True):
         dofs.add_row(agent, escape(name), escape(unit), f"{np.sqrt(variance):.4f}")
+    if (context := library.context) is not None:
+        for name, unit in zip(context.names, context.units, strict=True):
+            dofs.add_row("context", escape(name), escape(unit), "-")
     console.print(dofs)
     if bags:
         more = f", and {len(bags) - BAGS_SHOWN} more" if len(bags) > BAGS_SHOWN else ""

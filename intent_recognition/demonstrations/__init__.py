@@ -2,7 +2,8 @@
 """Demonstrations from recordings: the DOF file, readers, sessions, inspection."""
 
 from intent_recognition.demonstrations.cleaning import is_raw_pose
-from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, load_dofs
+from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
+from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
     POSITION_FIELDS,
     extract,
@@ -22,6 +23,7 @@ from intent_recognition.demonstrations.inspect import (
 from intent_recognition.demonstrations.labels import check_label
 from intent_recognition.demonstrations.observations import (
     ObservationReader,
+    Source,
     iter_observations,
     iter_samples,
     observation_readers,
@@ -45,6 +47,7 @@ __all__ = [
     "DofEntry",
     "DofSpec",
     "ObservationReader",
+    "Source",
     "TopicSummary",
     "arm_in_world",
     "check_label",

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.bags import POSE, BagMessage, Columns, PoseColumns
-from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, relative_topic
+from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
+from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
     Content,
     pose_message,
@@ -132,6 +133,18 @@ def signal_of(
     counts = {MISSING_DOF: int(np.sum(~found)), NOT_FINITE: int(np.sum(found & ~finite))}
     signal = Signal(entry.names, stamps_ns[finite], values[finite], entry.unit)
     return signal, _counter(counts)
+
+
+def context_of(
+    spec: DofSpec, samples: Mapping[str, TopicSamples], start_ns: int, end_ns: int
+) -> tuple[Signal, ...]:
+    """What was known of the scene during a movement: from the last sample before it on."""
+    signals = []
+    for entry in spec.context:
+        signal, _ = signal_of(entry, samples[entry.stream], end_ns=end_ns)
+        before = signal.stamps_ns[signal.stamps_ns <= start_ns]
+        signals.append(signal.between(int(before[-1]) if len(before) else start_ns, end_ns))
+    return tuple(signals)
 
 
 def signals_of(

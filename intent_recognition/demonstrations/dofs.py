@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from intent_recognition.bags import JOINT_STATE, POSE
-from intent_recognition.demonstrations.paths import FIELD_PATH, STAMPED_ELEMENTS, element_of
+from intent_recognition.demonstrations.entry import DofEntry
+from intent_recognition.demonstrations.paths import FIELD_PATH
 from intent_recognition.errors import DofError, describe
 from intent_recognition.motion import HAND_FIELDS
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
@@ -21,97 +22,12 @@ VELOCITY_KEYS = ("topic", "type", "fields", "joints", "unit", "quantity", "of", 
 KEYS = (*VELOCITY_KEYS[:6], "orientation", "reference")
 QUATERNION = "quaternion"
 """The one representation of an orientation that entries may have."""
+OBSERVED_KEYS = (*KEYS, "context")
 CONTROLLED_KEYS = (*KEYS, "link", "robot")
 SIDES = ("observed", "controlled", "velocities")
 UNIT_TOLERANCE = 1e-3
 """How far the norm of a reference may be from one. Convention: three decimals are written."""
 TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
-
-
-@dataclass(frozen=True)
-class DofEntry:
-    """The degrees of freedom (DOFs) in the messages of one topic.
-
-    Attributes:
-        topic: relative topic name, without a leading slash.
-        type: full message type, "package/msg/Name".
-        fields: paths such as "pose.position.x", "poses[7].position.x" or
-            "transforms[wrist].transform.translation.x"; an element of an array is given by its
-            number, a transform by its child frame, a marker by namespace/id.
-        joints: joint names of a JointState, in the order of the DOFs; `*` stands for any text, such
-            as the identifier of a tracked person. An entry has either `fields` or `joints`.
-        unit: of all DOFs of this entry, such as "m" or "rad".
-        quantity: what is read of each joint: "position", "velocity" or "effort".
-        orientation: "quaternion" where the four fields x, y, z, w are one; its three DOFs are a
-            rotation vector [rad] (`signals.orientation`). Else empty.
-        reference: unit quaternion (4,) xyzw from which that leads to the orientation; empty where
-            it is still to be the mean of the demonstrations (`settle_orientations`).
-        of: for measured velocities, the names of the observed DOFs they belong to; else empty.
-        std: standard deviation of each velocity [unit], used where a message has no covariance.
-        link: for a controlled hand, the link of the robot whose pose this is; where the topic was
-            not recorded it is computed from `joint_states`.
-        robot: for a controlled hand, path of the URDF that it is computed with where the recording
-            has no `robot_description`; relative to the shipped `config`, or absolute.
-    """
-
-    topic: str
-    type: str
-    fields: tuple[str, ...] = ()
-    joints: tuple[str, ...] = ()
-    unit: str = ""
-    quantity: str = "position"
-    orientation: str = ""
-    reference: tuple[float, ...] = ()
-    of: tuple[str, ...] = ()
-    std: float | None = None
-    link: str = ""
-    robot: str = ""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """One name per DOF, of the joint (and of its quantity, if not position) or the field."""
-        if self.joints:
-            suffix = "" if self.quantity == "position" else f".{self.quantity}"
-            return tuple(joint + suffix for joint in self.joints)
-        if self.orientation:
-            place = self.fields[0].rpartition(".")[0]
-            return tuple(f"{self.topic}.{place}.r{axis}" for axis in "xyz")
-        return self.message_names
-
-    @property
-    def message_names(self) -> tuple[str, ...]:
-        """One name per number in messages: those of the DOFs, but for the four of a quaternion."""
-        if self.joints:
-            return self.names
-        return tuple(f"{self.topic}.{field}" for field in self.fields)
-
-    @property
-    def stream(self) -> str:
-        """What shares the stamps of this entry: the topic, or stamped elements of its arrays."""
-        if self.type not in STAMPED_ELEMENTS:
-            return self.topic
-        return f"{self.topic} {sorted(set(map(str, map(element_of, self.fields))))}"
-
-    def to_dict(self) -> dict[str, object]:
-        """The entry as written in a DOF file."""
-        content: dict[str, object] = {"topic": f"/{self.topic}", "type": self.type}
-        if self.joints:
-            content["joints"] = list(self.joints)
-        else:
-            content["fields"] = list(self.fields)
-        if self.quantity != "position":
-            content["quantity"] = self.quantity
-        if self.orientation:
-            content["orientation"] = self.orientation
-        if self.reference:
-            content["reference"] = list(self.reference)
-        if self.of:
-            content["of"] = list(self.of)
-        if self.std is not None:
-            content["std"] = self.std
-        content |= {key: getattr(self, key) for key in ("link", "robot") if getattr(self, key)}
-        content["unit"] = self.unit
-        return content
 
 
 @dataclass(frozen=True)
@@ -123,11 +39,18 @@ class DofSpec:
         controlled: entries of the robot; may be empty.
         velocities: of observed DOFs, measured independently of their positions. They are
             observed online; training does not need them.
+        context: observed entries with `context: true`, which are of the scene.
     """
 
     observed: tuple[DofEntry, ...]
     controlled: tuple[DofEntry, ...]
     velocities: tuple[DofEntry, ...] = ()
+    context: tuple[DofEntry, ...] = ()
+
+    @property
+    def recorded(self) -> tuple[DofEntry, ...]:
+        """All entries that training needs: observed, controlled, then context."""
+        return (*self.observed, *self.controlled, *self.context)
 
     @property
     def observed_names(self) -> tuple[str, ...]:
@@ -138,6 +61,11 @@ class DofSpec:
     def controlled_names(self) -> tuple[str, ...]:
         """Names of all controlled DOFs, entry by entry."""
         return tuple(name for entry in self.controlled for name in entry.names)
+
+    @property
+    def context_names(self) -> tuple[str, ...]:
+        """Names of all numbers of the context, entry by entry."""
+        return tuple(name for entry in self.context for name in entry.names)
 
     @property
     def controlled_message_names(self) -> tuple[str, ...]:
@@ -154,16 +82,17 @@ class DofSpec:
     @property
     def topics(self) -> dict[str, str]:
         """Type of every topic training needs, by topic name without leading slash."""
-        return {entry.topic: entry.type for entry in (*self.observed, *self.controlled)}
+        return {entry.topic: entry.type for entry in self.recorded}
 
     @property
     def streams(self) -> dict[str, DofEntry]:
         """The first entry of every stream training needs, see `DofEntry.stream`."""
-        return {entry.stream: entry for entry in reversed((*self.observed, *self.controlled))}
+        return {entry.stream: entry for entry in reversed(self.recorded)}
 
     def to_dict(self) -> dict[str, list[dict[str, object]]]:
         """Plain lists and dictionaries, as the DOF file and the model file hold them."""
         sides = {side: [entry.to_dict() for entry in getattr(self, side)] for side in SIDES}
+        sides["observed"] += [entry.to_dict() for entry in self.context]
         if not self.velocities:
             del sides["velocities"]
         return sides
@@ -183,11 +112,15 @@ class DofSpec:
             raise _error(source, "a mapping with the keys observed and controlled", content)
         if unknown := sorted(set(map(str, content)) - set(SIDES)):
             raise _error(source, f"only the keys {', '.join(SIDES)}", ", ".join(unknown))
+        observed = _entries(content, "observed", source, minimum=1)
         spec = cls(
-            _entries(content, "observed", source, minimum=1),
+            tuple(entry for entry in observed if not entry.context),
             _entries(content, "controlled", source, minimum=0),
             _entries(content, "velocities", source, minimum=0),
+            tuple(entry for entry in observed if entry.context),
         )
+        if not spec.observed:
+            raise _error(f"{source}: observed", "an entry of the human", "context alone")
         _check_consistent(spec, source)
         _check_velocities(spec, source)
         return spec
@@ -254,7 +187,7 @@ def _entries(content: Mapping, side: str, source: str, minimum: int) -> tuple[Do
         return ()
     if not isinstance(listed, list) or len(listed) < minimum:
         raise _error(f"{source}: {side}", f"a list of at least {minimum} entries", listed)
-    keys = {"velocities": VELOCITY_KEYS, "controlled": CONTROLLED_KEYS}.get(side, KEYS)
+    keys = dict(zip(SIDES, (OBSERVED_KEYS, CONTROLLED_KEYS, VELOCITY_KEYS), strict=True))[side]
     return tuple(_entry(item, f"{source}: {side}[{i}]", keys) for i, item in enumerate(listed))
 
 
@@ -295,6 +228,7 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
         std=_std(item, place) if is_velocity else None,
         link=link,
         robot=robot,
+        context=_flag(item, "context", place),
     )
     _check_orientation(found, item, place)
     return found
@@ -333,6 +267,13 @@ def _reference(item: Mapping, place: str) -> tuple[float, ...]:
     return tuple(quaternion.tolist())
 
 
+def _flag(item: Mapping, key: str, place: str) -> bool:
+    value = item.get(key, False)
+    if not isinstance(value, bool):
+        raise _error(f"{place}: {key}", "true or false", value)
+    return value
+
+
 def _text(item: Mapping, key: str, place: str) -> str:
     value = item.get(key)
     if not isinstance(value, str) or not value:
@@ -362,10 +303,10 @@ def _names(item: Mapping, key: str, place: str) -> tuple[str, ...]:
 
 
 def _check_consistent(spec: DofSpec, source: str) -> None:
-    names = [*spec.observed_names, *spec.controlled_names]
+    names = [name for entry in spec.recorded for name in entry.names]
     if doubled := sorted({name for name in names if names.count(name) > 1}):
         raise _error(source, "every degree of freedom once", f"twice {', '.join(doubled)}")
-    for entry in (*spec.observed, *spec.controlled):
+    for entry in spec.recorded:
         if spec.topics[entry.topic] != entry.type:
             both = f"{entry.type} and {spec.topics[entry.topic]}"
             raise _error(f"{source}: {entry.topic}", "one type per topic", both)

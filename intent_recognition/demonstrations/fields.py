@@ -19,7 +19,7 @@ from intent_recognition.bags import (
     JointColumns,
     PoseColumns,
 )
-from intent_recognition.demonstrations.dofs import DofEntry
+from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import (
     STAMPED_ELEMENTS,
     ElementAbsentError,

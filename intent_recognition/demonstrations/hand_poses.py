@@ -6,7 +6,8 @@ from dataclasses import replace
 from functools import lru_cache
 
 from intent_recognition.bags import JOINT_STATE, BagReader
-from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, relative_topic, robot_path
+from intent_recognition.demonstrations.dofs import DofSpec, relative_topic, robot_path
+from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.errors import DofError, describe
 from intent_recognition.kinematics import Arm, read_urdf
 from intent_recognition.signals import Demonstration, Signal

@@ -17,7 +17,8 @@ from intent_recognition.bags import (
     decode,
 )
 from intent_recognition.demonstrations.cleaning import clean_topic, is_raw_pose
-from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, relative_topic
+from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
+from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import POSITION_FIELDS
 from intent_recognition.demonstrations.reading import iter_demonstrations
 from intent_recognition.demonstrations.sessions import (

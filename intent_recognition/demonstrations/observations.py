@@ -7,6 +7,8 @@ numbers.
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from enum import Enum
 from functools import partial
 from math import isnan
 from operator import attrgetter
@@ -17,7 +19,8 @@ from numpy.typing import NDArray
 
 from intent_recognition.bags import POSE, BagReader
 from intent_recognition.demonstrations.cleaning import MISSING_DOF, is_raw_pose
-from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
+from intent_recognition.demonstrations.dofs import DofSpec
+from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
     POSE_FIELDS,
     dofs_of,
@@ -54,15 +57,23 @@ AXES = {
 """Row of each coordinate in the 6 x 6 covariance that comes with its pose or twist."""
 
 
+class Source(Enum):
+    """What a sample is of."""
+
+    OBSERVED = "human"
+    CONTROLLED = "robot"
+    CONTEXT = "scene"
+
+
 class Sample(NamedTuple):
-    """One measurement of either agent.
+    """One measurement.
 
     Attributes:
-        controlled: whether it is of the robot.
-        observation: its `group` counts the signals of that agent.
+        source: what it is of.
+        observation: its `group` counts the signals of that source.
     """
 
-    controlled: bool
+    source: Source
     observation: Observation
 
 
@@ -194,7 +205,8 @@ def iter_observations(
     rejected: Counter[str] | None = None,
 ) -> Iterator[Observation]:
     """Observations of the human in the order of recording; arguments as of `iter_samples`."""
-    for _, observation in iter_samples(reader, dofs, settings, rejected, controlled=False):
+    of_human = replace(dofs, controlled=(), context=())
+    for _, observation in iter_samples(reader, of_human, settings, rejected):
         yield observation
 
 
@@ -203,10 +215,8 @@ def iter_samples(
     dofs: DofSpec,
     settings: IngestSettings | None = None,
     rejected: Counter[str] | None = None,
-    *,
-    controlled: bool = True,
 ) -> Iterator[Sample]:
-    """Measurements of both agents in the order of recording.
+    """Measurements of both agents and of the scene in the order of recording.
 
     Raw tracker poses are checked and transformed as by the node `mocap_ingest`.
 
@@ -215,15 +225,15 @@ def iter_samples(
         dofs: which topics and fields to read.
         settings: of the ingest; the node's defaults when None.
         rejected: counts what is dropped, by reason.
-        controlled: whether to read the controlled agent too.
     """
     settings = settings or IngestSettings()
     rejected = Counter() if rejected is None else rejected
-    by_topic: dict[str, list[tuple[bool, ObservationReader]]] = defaultdict(list)
+    by_topic: dict[str, list[tuple[Source, ObservationReader]]] = defaultdict(list)
     for one in observation_readers(dofs):
-        by_topic[one.entry.topic].append((False, one))
-    for group, entry in enumerate(dofs.controlled if controlled else ()):
-        by_topic[entry.topic].append((True, ObservationReader(entry, group)))
+        by_topic[one.entry.topic].append((Source.OBSERVED, one))
+    for source, entries in ((Source.CONTROLLED, dofs.controlled), (Source.CONTEXT, dofs.context)):
+        for group, entry in enumerate(entries):
+            by_topic[entry.topic].append((source, ObservationReader(entry, group)))
     states: dict[str, IngestState] = defaultdict(IngestState.initial)
     for item in reader.messages(list(by_topic)):
         topic = item.topic.lstrip("/")
@@ -242,12 +252,12 @@ def iter_samples(
             turn = settings.orientation_std_rad**2 if measured else UNKNOWN_VARIANCE
             covariance = np.diag([0.0, 0.0, 0.0, turn, turn, turn])
             covariance[:3, :3] = result.position_covariance
-        for of_controlled, observation_reader in by_topic[topic]:
+        for source, observation_reader in by_topic[topic]:
             measured_ns = stamp_of(observation_reader.entry, message, item.log_time_ns)
             if measured_ns is None:
                 continue
             try:
-                if of_controlled:
+                if source is Source.CONTROLLED:
                     values = extract(observation_reader.entry, message)
                     observation = Observation(measured_ns, observation_reader.group, values)
                 else:
@@ -255,7 +265,7 @@ def iter_samples(
             except MessageError:
                 rejected[MISSING_DOF] += 1
                 continue
-            yield Sample(of_controlled, observation)
+            yield Sample(source, observation)
 
 
 def _fields(entry: DofEntry) -> Callable[[Any], NDArray[np.float64]]:

@@ -14,10 +14,12 @@ from intent_recognition.demonstrations.cleaning import (
     TopicSamples,
     clean_columns,
     clean_topic,
+    context_of,
     restamped,
     signals_of,
 )
-from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, relative_topic
+from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
+from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
     ORIENTATION_FIELDS,
     extract_present,
@@ -102,7 +104,7 @@ def iter_demonstrations(
     paths: Paths, dofs: DofSpec, *, extrinsics: Mapping[str, tuple] | None = None
 ) -> Iterator[Demonstration | Rejection]:
     """As `read_demonstrations`, one by one in the same order."""
-    for entry in (*dofs.observed, *dofs.controlled):
+    for entry in dofs.recorded:
         if entry.orientation:
             reference_of(entry)
     for path in _as_paths(paths):
@@ -124,7 +126,7 @@ def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
         BagError: a path does not exist.
         DofError: no recording has an orientation that was measured.
     """
-    if all(entry.reference for entry in (*dofs.observed, *dofs.controlled) if entry.orientation):
+    if all(entry.reference for entry in dofs.recorded if entry.orientation):
         return dofs
     bags = [bag for path in _as_paths(paths) for bag in find_bags(path)]
     readers = [*map(_sound_reader, bags[:: -(-len(bags) // REFERENCE_BAGS) or 1])]
@@ -143,6 +145,7 @@ def settle_orientations(dofs: DofSpec, paths: Paths) -> DofSpec:
         dofs,
         observed=tuple(map(settled, dofs.observed)),
         controlled=tuple(map(settled, dofs.controlled)),
+        context=tuple(map(settled, dofs.context)),
     )
 
 
@@ -172,7 +175,7 @@ def _as_paths(paths: Paths) -> list[Path]:
 def read_whole(path: str | Path, dofs: DofSpec) -> Demonstration:
     """A recording as one, whatever parts its markers divide it into.
 
-    Of the controlled agent only the topics that the recording has are read.
+    Of the controlled agent only the topics that the recording has are read, of the context none.
 
     Args:
         path: of one bag.
@@ -187,7 +190,9 @@ def read_whole(path: str | Path, dofs: DofSpec) -> Demonstration:
         raise BagError(describe(str(path), "one bag", f"{len(bags)} of them", cure))
     reader = BagReader(bags[0])
     recorded = set(map(relative_topic, reader.topics))
-    dofs = replace(dofs, controlled=tuple(e for e in dofs.controlled if e.topic in recorded))
+    dofs = replace(
+        dofs, controlled=tuple(e for e in dofs.controlled if e.topic in recorded), context=()
+    )
     problem: Rejection | None = _missing_topic(reader, dofs)
     if problem is None:
         samples, _, problem = _collect(reader, dofs, None, None)
@@ -354,7 +359,7 @@ def _columns(
     reader: BagReader, dofs: DofSpec, extrinsics: Mapping[str, tuple] | None
 ) -> dict[str, TopicSamples] | None:
     """Samples of all topics read as columns; None if one of them cannot be."""
-    entries = (*dofs.observed, *dofs.controlled)
+    entries = dofs.recorded
     if not all(map(has_columns, entries)):
         return None
     columns = reader.columns(dofs.topics)
@@ -400,6 +405,11 @@ def _demonstration(
         end_ns = int(max(signal.stamps_ns[-1] for signal in observed))
     else:
         name, task, end_ns = f"{folder}#{part.index:03d}", part.task, part.end_ns
+    context = context_of(dofs, samples, start_ns, end_ns)
+    for entry, signal in zip(dofs.context, context, strict=True):
+        if not signal.stamps_ns.size:
+            reason = "empty: nothing of the context was recorded before the end of the movement"
+            return Rejection(str(reader.path), f"/{entry.topic}", int(start_ns), reason)
     delays_s = tuple(
         float(np.median(samples[entry.stream].log_times_ns - samples[entry.stream].stamps_ns))
         * 1e-9
@@ -407,7 +417,7 @@ def _demonstration(
     )
     found = Demonstration(
         name, str(reader.path), task, observed, controlled, start_ns, end_ns, metadata, rejected,
-        delays_s,
+        delays_s, context,
     )  # fmt: skip
     reason = stream_defect(found)
     at_ns = 0 if part is None else start_ns

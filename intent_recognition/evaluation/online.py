@@ -67,9 +67,13 @@ def run_online(
     estimator = _told(library, recorded) if phase_known else IntentEstimator(library)
     state = recognising = DecisionState()
     recognised, activated, decided_share = "", list[str](), np.nan
-    for observation in merge([*recorded.observed, *recorded.controlled]):
+    n_agents = len(recorded.observed) + len(recorded.controlled)
+    for observation in merge([*recorded.observed, *recorded.controlled, *recorded.context]):
         if observation.stamp_ns > recorded.end_ns:
             break
+        if observation.group >= n_agents:
+            estimator.update_context(observation._replace(group=observation.group - n_agents))
+            continue
         if phase_known and observation.stamp_ns < recorded.start_ns:
             continue
         controlled = observation.group - len(recorded.observed)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from intent_recognition.bags import BagReader
-from intent_recognition.demonstrations import DofSpec, iter_samples
+from intent_recognition.demonstrations import DofSpec, Source, iter_samples
 from intent_recognition.model import Model
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import (
@@ -32,9 +32,12 @@ def estimates(
         dofs: topics and fields to read.
         rejected: filled with the number of dropped observations, by reason.
     """
-    for controlled, observation in iter_samples(reader, dofs, rejected=rejected):
-        if controlled:
+    for source, observation in iter_samples(reader, dofs, rejected=rejected):
+        if source is Source.CONTROLLED:
             estimator.update_controlled(observation)
+            continue
+        if source is Source.CONTEXT:
+            estimator.update_context(observation)
             continue
         reason = estimator.reason_to_reject(observation)
         if reason is not None:

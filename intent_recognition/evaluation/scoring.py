@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import IntentError, describe
 from intent_recognition.evaluation.baselines import mean_of_task, nearest_neighbour, sample
 from intent_recognition.evaluation.calibration import NormalisedErrors, RecognitionRecords
+from intent_recognition.evaluation.in_context import in_context
 from intent_recognition.evaluation.unknown_movements import DecisionMonitor, MovementOutcome
 from intent_recognition.filtering import (
     Hypotheses,
@@ -119,12 +120,13 @@ def score_demonstration(
         raise IntentError(describe(test.name, "a positive duration", duration, "Leave it out."))
     times = TRUTH_PHASES * duration
     truth = sample(test.controlled, test.start_ns, times)
+    learned, library = library, in_context(library, test)
     posture = StartPosture(truth[0], np.zeros(library.n_controlled))
     label = library.labels.index(str(test.task))
     for phase in PHASES:
         known = phase == "known_phase"
         hypotheses = fixed_hypotheses(library, duration) if known else make_hypotheses(library)
-        monitor = None if known else DecisionMonitor(library)
+        monitor = None if known else DecisionMonitor(learned)
         for fraction, run in _snapshots(library, hypotheses, test, duration, monitor):
             posterior = task_posterior(run.log_evidence, hypotheses, fraction * duration)
             probabilities = _without_none(posterior, hypotheses)

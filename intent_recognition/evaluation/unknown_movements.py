@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.evaluation.in_context import in_context
 from intent_recognition.filtering import MovementFilter, make_hypotheses
 from intent_recognition.learning import TrainingSettings, learn
 from intent_recognition.promp import NONE, TaskLibrary
@@ -118,8 +119,8 @@ class DecisionMonitor:
 
 def follow(library: TaskLibrary, recorded: Demonstration) -> MovementOutcome:
     """The decision about a whole recording, its duration unknown."""
+    monitor, library = DecisionMonitor(library), in_context(library, recorded)
     run = MovementFilter(library, make_hypotheses(library), recorded.start_ns)
-    monitor = DecisionMonitor(library)
     for observation in merge(recorded.observed):
         if recorded.start_ns <= observation.stamp_ns <= recorded.end_ns:
             run.observe(observation)

@@ -46,6 +46,7 @@ class TrainingExample(NamedTuple):
         controlled: at the scored phases, (s, Q).
         aligned: the example over the reference phase of its task, with another basis; None where
             nothing was aligned.
+        context: what was known of the scene, (M,).
     """
 
     name: str
@@ -56,6 +57,7 @@ class TrainingExample(NamedTuple):
     observed: NDArray[np.float64]
     controlled: NDArray[np.float64]
     aligned: "TrainingExample | None" = None
+    context: NDArray[np.float64] = np.empty(0)
 
 
 def sample_phases() -> NDArray[np.float64]:
@@ -168,6 +170,7 @@ def _assemble(
         (recorded.end_ns - recorded.start_ns) * 1e-9,
         np.hstack([_at(sample_phases(), part) for part in parts[:n_observed]]),
         np.hstack([_at(scored_phases(), part) for part in parts[n_observed:]]),
+        context=recorded.context_values,
     )
 
 

@@ -8,6 +8,7 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.learning.context import fit_context
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
 from intent_recognition.learning.preprocessing import Preprocessing
 from intent_recognition.learning.selection import REGRESSION_STRENGTH, STRENGTH, Hyperparameters
@@ -19,6 +20,7 @@ from intent_recognition.learning.statistics import (
 )
 from intent_recognition.learning.unknown_task import departure, none_primitive, none_timing
 from intent_recognition.promp import (
+    ContextModel,
     TaskLibrary,
     observed_block,
     shared_covariance,
@@ -51,6 +53,7 @@ class LearnedFields(TypedDict):
     none_mean: NDArray[np.float64]
     none_covariance: NDArray[np.float64]
     none_log_duration: NDArray[np.float64]
+    context: ContextModel | None
 
 
 def library_from_statistics(
@@ -107,9 +110,13 @@ def learned_from(
     covariance = (1.0 + 1.0 / n)[:, None, None] * shared
     none = none_primitive(means, covariance, departure(list(over.values()), n_observed))
     mean_duration_s = float(sum(task.duration_sum_s for task in tasks.values()) / n.sum())
+    context, weight_covariance = None, predictive_covariances(over, REGRESSION_STRENGTH)
+    if preprocessing.context:
+        found = fit_context(over, preprocessing.context, n_observed, floor)
+        context, weight_covariance, covariance = found
     return {
         "weight_mean": np.array([task.mean.ravel() for task in over.values()]),
-        "weight_covariance": predictive_covariances(over, REGRESSION_STRENGTH),
+        "weight_covariance": weight_covariance,
         "noise_variance": noise,
         "noise_scale": chosen.noise_scale,
         "n_demonstrations": n,
@@ -120,6 +127,7 @@ def learned_from(
         "none_mean": none.mean,
         "none_covariance": none.covariance,
         "none_log_duration": none_timing(log_mean, log_std),
+        "context": context,
     }
 
 

@@ -34,6 +34,7 @@ class Preprocessing:
         onset, controlled_onset: thresholds of the movement for each signal.
         timing: templates that recordings are aligned with.
         source: name of the recording that the DOFs are from.
+        context: names of each context signal.
     """
 
     settings: TrainingSettings
@@ -43,6 +44,7 @@ class Preprocessing:
     controlled_onset: tuple[OnsetSettings, ...]
     timing: Timing
     source: str = ""
+    context: tuple[SignalNames, ...] = ()
 
     def basis_of(self, aligned: bool) -> NormalizedRBFBasis:
         """The basis functions over recorded phase, or over reference phase of aligned examples."""
@@ -79,6 +81,7 @@ def settle_preprocessing(
         controlled_onset=controlled_onset,
         timing=estimate_timing(recordings),
         source=first.name,
+        context=_names(first.context),
     )
 
 
@@ -144,10 +147,11 @@ def reason_against(recorded: Demonstration, like: Demonstration | Preprocessing 
 
 
 def _dofs(model: Demonstration | Preprocessing) -> tuple[tuple[SignalNames, ...], ...]:
-    """Names and unit of each signal, observed and controlled."""
+    """Names and unit of each signal: observed, controlled and, where there is any, context."""
     if isinstance(model, Preprocessing):
-        return model.observed, model.controlled
-    return _names(model.observed), _names(model.controlled)
+        return model.observed, model.controlled, *([model.context] if model.context else [])
+    context = [_names(model.context)] if model.context else []
+    return _names(model.observed), _names(model.controlled), *context
 
 
 def _names(signals: Iterable[Signal]) -> tuple[SignalNames, ...]:

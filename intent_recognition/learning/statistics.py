@@ -38,6 +38,9 @@ class TaskStatistics:
         log_duration_mean: mean of the logarithms of the durations in seconds.
         log_duration_scatter: sum of their squared deviations from it.
         duration_sum_s: sum of the durations.
+        context_mean: mean context, (M,).
+        context_scatter: sum of outer products of the contexts' deviations from it, (M, M).
+        context_cross: the same of the weights' and the contexts' deviations, (D N, M).
         examples: all demonstrations, or `MAX_EXAMPLES` of them drawn by a hash of their names.
         aligned: statistics of the aligned examples; None where nothing was aligned.
     """
@@ -51,6 +54,9 @@ class TaskStatistics:
     log_duration_mean: float
     log_duration_scatter: float
     duration_sum_s: float
+    context_mean: NDArray[np.float64]
+    context_scatter: NDArray[np.float64]
+    context_cross: NDArray[np.float64]
     examples: tuple[TrainingExample, ...]
     aligned: "TaskStatistics | None" = None
 
@@ -74,6 +80,8 @@ def summarize(examples: Sequence[TrainingExample]) -> TaskStatistics:
     mean = weights.mean(axis=0)
     flat = (weights - mean).reshape(len(weights), -1)
     logs = np.log([example.duration_s for example in examples])
+    context = np.array([example.context for example in examples])
+    apart = context - context.mean(axis=0)
     aligned = [example.aligned for example in examples if example.aligned is not None]
     return TaskStatistics(
         n=len(examples),
@@ -85,6 +93,9 @@ def summarize(examples: Sequence[TrainingExample]) -> TaskStatistics:
         log_duration_mean=float(logs.mean()),
         log_duration_scatter=float(np.sum((logs - logs.mean()) ** 2)),
         duration_sum_s=float(sum(example.duration_s for example in examples)),
+        context_mean=context.mean(axis=0),
+        context_scatter=apart.T @ apart,
+        context_cross=flat.T @ apart,
         examples=_draw(examples),
         aligned=summarize(aligned) if len(aligned) == len(examples) else None,
     )
@@ -99,6 +110,7 @@ def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStati
     aligned = None
     if first.aligned is not None and second.aligned is not None:
         aligned = merge_statistics(first.aligned, second.aligned)
+    context_step = second.context_mean - first.context_mean
     log_step = second.log_duration_mean - first.log_duration_mean
     return TaskStatistics(
         n=n,
@@ -112,6 +124,13 @@ def merge_statistics(first: TaskStatistics, second: TaskStatistics) -> TaskStati
         + second.log_duration_scatter
         + pairs * log_step**2,
         duration_sum_s=first.duration_sum_s + second.duration_sum_s,
+        context_mean=first.context_mean + share * context_step,
+        context_scatter=first.context_scatter
+        + second.context_scatter
+        + pairs * np.outer(context_step, context_step),
+        context_cross=first.context_cross
+        + second.context_cross
+        + pairs * np.outer(step, context_step),
         examples=_draw((*first.examples, *second.examples)),
         aligned=aligned,
     )

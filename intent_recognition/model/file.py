@@ -25,6 +25,7 @@ from intent_recognition.model.arrays import (
     check_covariances,
     check_positive,
 )
+from intent_recognition.model.context import CONTEXT, context_arrays, read_context
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
 from intent_recognition.promp import NONE, NormalizedRBFBasis, PhaseDeviation, TaskLibrary
 from intent_recognition.signals import OnsetSettings
@@ -101,7 +102,7 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
         DofError: an orientation has no reference, see `settle_orientations`.
     """
     library = model.library
-    for entry in (*model.dofs.observed, *model.dofs.controlled):
+    for entry in model.dofs.recorded:
         if entry.orientation:
             reference_of(entry)
     deviation = library.phase_deviation
@@ -110,6 +111,7 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
         DEVIATION_STD: deviation.deviation_std,
     }
     arrays |= {n: np.asarray(getattr(library, n)) for n in NUMBERS if n not in arrays}
+    arrays |= context_arrays(library.context)
     header = {
         "format_version": FORMAT_VERSION,
         "labels": library.labels,
@@ -153,7 +155,7 @@ def load_model(path: str | Path) -> Model:
         ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
             value that is not finite or makes no sense; names the file and the array.
     """
-    content = _read(path, (*NUMBERS, DEVIATION_STD))
+    content = _read(path, (*NUMBERS, DEVIATION_STD, *CONTEXT))
     header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
@@ -185,6 +187,7 @@ def load_model(path: str | Path) -> Model:
         phase_deviation=deviation,
         evidence_freedom=_freedom(path, header),
         provenance=provenance,
+        context=read_context(path, content, dofs, numbers),
         **numbers,
     )
     return Model(library, dofs)
@@ -219,6 +222,7 @@ def check_dofs(model: Model, dofs: DofSpec, source: str) -> DofSpec:
         dofs,
         observed=_with_references(dofs.observed, model.dofs.observed),
         controlled=_with_references(dofs.controlled, model.dofs.controlled),
+        context=_with_references(dofs.context, model.dofs.context),
     )
     ours, theirs = model.dofs.to_dict(), found.to_dict()
     for side in ("observed", "controlled"):

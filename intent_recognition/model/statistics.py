@@ -34,6 +34,8 @@ from intent_recognition.signals import OnsetSettings
 
 SUMS = tuple(f.name for f in fields(TaskStatistics) if f.name not in ("examples", "aligned"))
 PARTS = tuple(name for name in TrainingExample._fields if name not in ("name", "task", "aligned"))
+OF_CONTEXT = "context"
+"""Part of the names of arrays that files without a context do not have."""
 COUNT = "examples_count"
 STEADY, ALIGNED = "", "aligned_"
 """Prefixes of the arrays of the examples as they were recorded, and of the aligned ones."""
@@ -69,6 +71,8 @@ def pack_statistics(trained: Trained) -> Packed:
         **_pack_timing(preprocessing.timing),
         COUNT: np.array([len(task.examples) for task in tasks]),
     }
+    if not trained.library.context_names:
+        arrays = {name: array for name, array in arrays.items() if OF_CONTEXT not in name}
     return Packed(header, arrays)
 
 
@@ -107,6 +111,9 @@ def unpack_statistics(
     for kind in (STEADY, ALIGNED):
         n_basis = preprocessing.basis_of(kind == ALIGNED).n_basis
         shapes = _shapes(library, len(names), n_basis, kind)
+        if not library.context_names:
+            of_context = {name for name in shapes if OF_CONTEXT in name}
+            arrays = {**arrays, **{name: np.empty(shapes[name]) for name in of_context}}
         check_arrays(path, arrays, shapes, (f"{kind}statistics_n",))
         few = np.any(arrays[f"{kind}statistics_n"] < arrays[COUNT])
         if few or arrays[COUNT].sum() != len(names) or np.any(arrays[COUNT] < 0):
@@ -225,6 +232,7 @@ def _preprocessing(content: Mapping, timing: Timing) -> Preprocessing:
         controlled_onset=tuple(OnsetSettings(**entry) for entry in content["controlled_onset"]),
         timing=timing,
         source=content["source"],
+        context=signals(content.get("context", [])),
     )
 
 
@@ -232,8 +240,12 @@ def _shapes(
     library: TaskLibrary, n_examples: int, n_basis: int, kind: str
 ) -> dict[str, tuple[int, ...]]:
     n_tasks, n_dofs = library.n_tasks, library.n_observed + library.n_controlled
-    size = n_dofs * n_basis
+    size, n_context = n_dofs * n_basis, len(library.context_names)
     shapes = {
+        "statistics_context_mean": (n_tasks, n_context),
+        "statistics_context_scatter": (n_tasks, n_context, n_context),
+        "statistics_context_cross": (n_tasks, size, n_context),
+        "examples_context": (n_examples, n_context),
         "statistics_mean": (n_tasks, n_dofs, n_basis),
         "statistics_scatter": (n_tasks, size * (size + 1) // 2),
         "examples_weights": (n_examples, n_dofs, n_basis),

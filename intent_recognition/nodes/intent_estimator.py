@@ -110,7 +110,7 @@ class IntentEstimatorNode(ManagedNode):
         self._markers = self.create_publisher(MarkerArray, "intent/markers", qos.COMMAND)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/reload_model", self._on_reload)
-        self._inputs = ObservationInput(self, self._diagnostics, self._use)
+        self._inputs = ObservationInput(self, self._diagnostics, self._use, self._use_context)
         self._watchdog = self.create_timer(
             CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
@@ -214,6 +214,13 @@ class IntentEstimatorNode(ManagedNode):
         self._last_arrival_s = elapsed_s(self)
         self._publish(self._estimator.update(observation), observation)
         return True
+
+    def _use_context(self, observation: Observation, topic: str) -> bool:
+        """Take a sample of the scene; False if it cannot be used."""
+        reason = self._estimator.update_context(observation)
+        if reason is not None:
+            self._diagnostics.reject(reason, f"{topic} at {observation.stamp_ns} ns")
+        return reason is None
 
     def _publish(self, estimate: Estimate, observation: Observation) -> None:
         if estimate.moving:

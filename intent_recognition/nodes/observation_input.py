@@ -20,6 +20,7 @@ from intent_recognition.demonstrations import (
     stamp_of,
 )
 from intent_recognition.errors import MessageError
+from intent_recognition.nodes import qos
 from intent_recognition.nodes.backlog import Backlog
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -48,16 +49,22 @@ class ObservationInput:
         node: owner of the subscriptions.
         diagnostics: counts messages that cannot be read, under `missing_dof` or `malformed`.
         use: takes an observation and the name of its topic; returns False if it was refused.
+        use_context: the same for samples of the scene.
 
     Attributes:
         frame: frame of the last position.
     """
 
     def __init__(
-        self, node: Node, diagnostics: Diagnostics, use: Callable[[Observation, str], bool]
+        self,
+        node: Node,
+        diagnostics: Diagnostics,
+        use: Callable[[Observation, str], bool],
+        use_context: Callable[[Observation, str], bool],
     ):
         self.frame = "world"
-        self._node, self._diagnostics, self._use = node, diagnostics, use
+        self._node, self._diagnostics = node, diagnostics
+        self._use, self._use_context = use, use_context
         self._backlog = Backlog(partial(diagnostics.count, "dropped_behind"))
         self._kinds: dict[str, type] = {}
 
@@ -68,13 +75,14 @@ class ObservationInput:
             MessageError: one of them is not installed.
         """
         self._dofs = dofs
-        entries = (*dofs.observed, *dofs.velocities)
+        entries = (*dofs.observed, *dofs.velocities, *dofs.context)
         self._kinds = {entry.type: message_class(entry.type) for entry in entries}
 
     def open(self) -> None:
         """Subscribe."""
         by_topic: dict[str, list[ObservationReader]] = {}
-        for reader in observation_readers(self._dofs):
+        context = [ObservationReader(entry, k) for k, entry in enumerate(self._dofs.context)]
+        for reader in (*observation_readers(self._dofs), *context):
             by_topic.setdefault(reader.entry.topic, []).append(reader)
         for topic, readers in by_topic.items():
             entry = readers[0].entry
@@ -84,6 +92,8 @@ class ObservationInput:
             name = human_topic(entry) if raw else topic
             source = self._backlog.subscribe(self._node, kind, name, use, INPUT, raw=raw)
             self._diagnostics.watch(source, name)
+            if any(reader.entry.context for reader in readers):  # it may have been said before
+                self._backlog.subscribe(self._node, kind, name, use, qos.LATCHED, raw=raw)
 
     def close(self) -> None:
         """Unsubscribe."""
@@ -103,14 +113,15 @@ class ObservationInput:
         except MessageError as error:
             self._diagnostics.reject("malformed", str(error))
             return
-        self.frame = frame_id or self.frame
+        if not readers[0].entry.context:
+            self.frame = frame_id or self.frame
         self._take(readers, lambda reader: reader.observe_pose(stamp, pose, covariance), start_s)
 
     def _on_message(self, readers: list[ObservationReader], message: object) -> None:
         start_s = time.perf_counter()
         now_ns = self._node.get_clock().now().nanoseconds
 
-        if position_columns(readers[0].entry) is not None:
+        if not readers[0].entry.context and position_columns(readers[0].entry) is not None:
             frame_id = getattr(getattr(message, "header", None), "frame_id", "")
             self.frame = frame_id or self.frame
 
@@ -135,7 +146,8 @@ class ObservationInput:
             except MessageError as error:
                 self._diagnostics.reject("missing_dof", str(error))
                 continue
-            if observation is not None and self._use(observation, topic):
+            take = self._use_context if reader.entry.context else self._use
+            if observation is not None and take(observation, topic):
                 used = True
                 if len(observation.values) < len(reader.entry.names):
                     self._diagnostics.tick(f"{topic}, in part")

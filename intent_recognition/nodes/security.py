@@ -128,9 +128,7 @@ def policy(graph: str, given: Mapping[str, object]) -> str:
     dofs = _dofs(values)
     named = values.get("bodies")
     bodies = [*named] if isinstance(named, tuple) else ["wrist"]
-    sampled = {
-        entry.topic.lstrip("/") for entry in (*dofs.observed, *dofs.controlled, *dofs.velocities)
-    }
+    sampled = {entry.topic.lstrip("/") for entry in (*dofs.recorded, *dofs.velocities)}
     tracked = {topic.split("/")[1] for topic in sampled if _is_tracked(topic)}
     heard = {f"human/{topic.split('/')[1]}" if _is_tracked(topic) else topic for topic in sampled}
     stand_for = {HEARD: sorted(heard), SAMPLED: sorted(sampled)}

@@ -72,8 +72,7 @@ class TaskTeacher(TopicRecorder):
         self._reload = self.create_client(Trigger, f"{ESTIMATOR}/reload_model")
         self._estimator_name = self.resolve_topic_name(ESTIMATOR).lstrip("/")
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_reports, 10)
-        entries = (*self.folder.dofs.observed, *self.folder.dofs.controlled)
-        self.listen([entry.topic.lstrip("/") for entry in entries])
+        self.listen([entry.topic.lstrip("/") for entry in self.folder.dofs.recorded])
         left = f"; {len(self.waiting)} recordings wait to be learned" if self.waiting else ""
         self._report(Level.OK, f"ready; library {self.folder.path}{left}")
 

@@ -3,6 +3,7 @@
 
 from intent_recognition.promp.basis import NormalizedRBFBasis
 from intent_recognition.promp.combining import Blend, blend, co_activate, smooth_switch, via_point
+from intent_recognition.promp.context import CONTEXT_STRENGTH, ContextModel, as_context
 from intent_recognition.promp.control_grid import ControlGrid
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.library import NONE, TaskLibrary
@@ -40,10 +41,12 @@ from intent_recognition.promp.weights import (
 )
 
 __all__ = [
+    "CONTEXT_STRENGTH",
     "NONE",
     "STEADY",
     "USUAL_END_STD",
     "Blend",
+    "ContextModel",
     "ControlGrid",
     "InteractionProMP",
     "NormalizedRBFBasis",
@@ -53,6 +56,7 @@ __all__ = [
     "TaskLibrary",
     "Trajectory",
     "WeightFit",
+    "as_context",
     "blend",
     "co_activate",
     "controlled_weights",

@@ -2,15 +2,16 @@
 """What was learned: one interaction primitive per task, with timing, noise and the none model."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.promp.basis import NormalizedRBFBasis
+from intent_recognition.promp.context import ContextModel, as_context
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.phase_deviation import STEADY, PhaseDeviation
 from intent_recognition.promp.regressions import Regressions
@@ -54,6 +55,8 @@ class TaskLibrary:
         evidence_freedom: degrees of freedom of the Student density that the evidence of an
             observation is computed with; infinite for the normal density.
         provenance: where it came from: bags, settings, version, score.
+        context: how the weights depend on what is known of the scene; None where nothing is, or
+            where it has been used (`given`).
     """
 
     labels: tuple[str, ...]
@@ -84,6 +87,36 @@ class TaskLibrary:
     phase_deviation: PhaseDeviation = STEADY
     evidence_freedom: float = inf
     provenance: Mapping[str, object] = field(default_factory=dict)
+    context: ContextModel | None = None
+
+    @property
+    def context_names(self) -> tuple[str, ...]:
+        """Names of the M numbers of the context; none where there is no context to give."""
+        return self.context.names if self.context else ()
+
+    def given(self, context: ArrayLike) -> "TaskLibrary":
+        """The library in a known context: its weights conditioned on it, no task more probable.
+
+        Args:
+            context: (M,), in the order of `context_names`; NaN for what is not known.
+
+        Raises:
+            ShapeError: it is not one number for each of `context_names`.
+            ArgumentError: a number is infinite.
+        """
+        values = as_context(context, self.context_names)
+        if self.context is None or np.all(np.isnan(values)):
+            return self
+        shift, reduction, scale = self.context.given(values)
+        size, scale = self.n_observed_weights, scale[:, None, None]
+        observed = self.observed_covariance[:-1] - reduction[:, :size, :size]
+        return replace(
+            self,
+            weight_mean=self.weight_mean + shift,
+            weight_covariance=scale * (self.weight_covariance - reduction),
+            observed_weight_covariance=scale * observed,
+            context=None,
+        )
 
     @property
     def n_tasks(self) -> int:

@@ -56,11 +56,11 @@ class Scatter(NamedTuple):
 
     Attributes:
         matrix: (D N, D N), weights grouped by DOF.
-        freedom: demonstrations less means taken from them.
+        freedom: demonstrations less means, and whatever else, taken from them.
     """
 
     matrix: NDArray[np.float64]
-    freedom: int
+    freedom: float
 
 
 class StructuredTarget(NamedTuple):

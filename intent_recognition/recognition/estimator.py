@@ -18,7 +18,8 @@ from intent_recognition.filtering import (
     make_hypotheses,
     make_memory,
 )
-from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, largest_by_unit
+from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, as_context, largest_by_unit
+from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.motion_detection import MotionDetector
 from intent_recognition.recognition.posterior import TaskPosterior, task_posterior
@@ -88,6 +89,7 @@ class IntentEstimator:
         switching: bool = True,
     ):
         self.library = library
+        self._context, self._task_prior = KnownContext(library), task_prior
         self._labels = (*library.labels, NONE)
         self._n_scales = n_scales
         self._posture = OnsetPosture() if start_posture else None
@@ -221,8 +223,12 @@ class IntentEstimator:
             self.expectation.forget_if_long_ago(observation.stamp_ns)
             onset_ns = self._detector.onset_ns()
             if onset_ns is not None:
+                if self._context.changed():
+                    self._use(self._context.library(observation.stamp_ns))
                 self._begin(onset_ns, self._detector.since(onset_ns))
         elif observation.stamp_ns >= self._movement.onset_ns:
+            if self._context.due(observation.stamp_ns):
+                self._use(self._context.library(observation.stamp_ns))
             self._movement.observe(observation)
         if self._movement is None:
             return self._idle(observation.stamp_ns)
@@ -293,6 +299,33 @@ class IntentEstimator:
             observation.stamp_ns, observation.group, observation.values
         )
 
+    def observe_context(self, values: ArrayLike) -> None:
+        """Take what is known of the scene, from now on and for the movement under way.
+
+        It stays known until other values come, also from one movement to the next. Before
+        the first call, predictions are those of any context.
+
+        Args:
+            values: (M,), in the order of the library's `context_names`; NaN for what is not known.
+
+        Raises:
+            ShapeError: it is not one number for each of `context_names`.
+            ArgumentError: a number is infinite.
+        """
+        self._context.values = as_context(values, self._context.learned.context_names)
+        if self._context.changed():
+            self._use(self._context.library())
+
+    def update_context(self, observation: Observation) -> str | None:
+        """Take a sample of the scene; returns why it was not taken, as a diagnostics key, or None.
+
+        The next observation of the human is filtered with it, where it differs by more than noise
+        from what was known (`ContextModel.tolerance`); the movement under way is filtered anew
+        then, at most every `CONTEXT_PERIOD_S`. Groups count the context signals, in the order of
+        the DOF file.
+        """
+        return self._context.take(observation)
+
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """The controlled agent's whole interaction from onset, under the most probable task.
 
@@ -328,37 +361,46 @@ class IntentEstimator:
         return Prediction(self._labels[task], self._movement.onset_ns, trajectory)
 
     def reset(self) -> None:
-        """Forget the movement under way and the past."""
+        """Forget the movement under way and the past, but not what is known of the scene."""
         self._movement = self._posterior = None
         self.expectation.reset()
         if self._posture is not None:
             self._posture.clear()
         self._detector.clear()
+        self._context.forget_stamps()
 
     def swap(self, library: TaskLibrary, task_prior: NDArray[np.float64] | None = None) -> None:
         """Go on with another library; the movement under way is filtered anew from its onset.
 
         Raises:
-            DofError: the other library observes or controls other DOFs.
+            DofError: the other library has other DOFs, or another context.
         """
+        known = self._context.learned
         for agent in (
             "observed_names",
             "observed_units",
             "observed_groups",
             "controlled_names",
             "controlled_units",
+            "context_names",
         ):
-            ours, theirs = getattr(self.library, agent), getattr(library, agent)
+            ours, theirs = getattr(known, agent), getattr(library, agent)
             if ours != theirs:
                 raise DofError(
                     describe(f"library {agent}", str(ours), str(theirs), "Train on the same DOFs.")
                 )
+        self._task_prior = task_prior
+        self._context.use(library)
+        self._use(self._context.library())
+
+    def _use(self, library: TaskLibrary) -> None:
+        """Go on with a library of the same DOFs."""
         self.library = library
         self._labels = (*library.labels, NONE)
         self._grids = {}
         self._detector.settings = library.onset
-        self.expectation.swap(library, task_prior)
-        self._hypotheses = make_hypotheses(library, task_prior, self._n_scales)
+        self.expectation.swap(library, self._task_prior)
+        self._hypotheses = make_hypotheses(library, self._task_prior, self._n_scales)
         if self._switched is not None:
             self._switched = SwitchedHypotheses(library, self._n_scales)
         if self._posture is not None:

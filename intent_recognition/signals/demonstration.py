@@ -34,6 +34,8 @@ class Demonstration:
         rejected: number of messages dropped, by reason.
         delays_s: median time from stamp to log time of each signal, observed ones first [s]; empty
             where it was not recorded.
+        context: one signal per context entry; what it says holds from its stamp on, also before
+            and after the movement.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Demonstration:
     metadata: Mapping[str, str] = field(default_factory=dict)
     rejected: Mapping[str, int] = field(default_factory=dict)
     delays_s: tuple[float, ...] = ()
+    context: tuple[Signal, ...] = ()
 
     def __post_init__(self) -> None:
         """Copy the mappings, so that nobody else can change them."""
@@ -60,11 +63,14 @@ class Demonstration:
         robot: ArrayLike,
         *,
         robot_times_s: ArrayLike | None = None,
+        context: ArrayLike | None = None,
         task: str | None = None,
         observed_names: Sequence[str] | None = None,
         controlled_names: Sequence[str] | None = None,
+        context_names: Sequence[str] | None = None,
         observed_unit: str = "m",
         controlled_unit: str = "rad",
+        context_unit: str = "m",
         name: str = "demonstration",
     ) -> "Demonstration":
         """A demonstration from arrays, one signal for each agent.
@@ -78,11 +84,15 @@ class Demonstration:
             robot: positions of the controlled DOFs, (T, Q), in `controlled_unit`.
             robot_times_s: times of the robot's samples where they are not the human's, (U,) [s], on
                 the same clock; `robot` is (U, Q) then.
+            context: what was known of the scene, such as where a box stood, (M,), in
+                `context_unit`; None for nothing.
             task: label; None for an unlabelled demonstration.
             observed_names: P names; None for human_0, human_1, ...
             controlled_names: Q names; None for robot_0, robot_1, ...
+            context_names: M names; None for context_0, context_1, ...
             observed_unit: unit of all observed DOFs.
             controlled_unit: unit of all controlled DOFs.
+            context_unit: unit of the context.
             name: of the demonstration, for reports and messages.
 
         Raises:
@@ -94,12 +104,36 @@ class Demonstration:
         own_times_s = times_s if robot_times_s is None else robot_times_s
         controlled = _signal("robot", own_times_s, robot, controlled_names, controlled_unit)
         start_ns, end_ns = int(observed.stamps_ns[0]), int(observed.stamps_ns[-1])
-        return cls(name, "", task, (observed,), (controlled,), start_ns, end_ns)
+        known = (
+            () if context is None else (_constant(context, start_ns, context_names, context_unit),)
+        )
+        return cls(name, "", task, (observed,), (controlled,), start_ns, end_ns, context=known)
 
     @property
     def duration_s(self) -> float:
         """Length of the demonstration in seconds."""
         return (self.end_ns - self.start_ns) * 1e-9
+
+    @property
+    def context_values(self) -> NDArray[np.float64]:
+        """The context in which the movement began, (M,): what was known last, or else first."""
+        rows = (np.searchsorted(one.stamps_ns, self.start_ns, "right") - 1 for one in self.context)
+        known = (one.values[max(row, 0)] for one, row in zip(self.context, rows, strict=True))
+        return np.concatenate([np.empty(0), *known])
+
+
+def _constant(context: ArrayLike, stamp_ns: int, names: Sequence[str] | None, unit: str) -> Signal:
+    """The signal of a context that was known from a stamp on."""
+    values = np.array(context, dtype=np.float64)
+    if values.ndim != 1 or (names is not None and len(names) != len(values)):
+        expected = "shape (M,)" if names is None else f"shape ({len(names)},), one for each name"
+        cure = "Pass one number for each quantity."
+        raise ShapeError(describe("context", expected, values.shape, cure))
+    if not np.all(np.isfinite(values)):
+        cure = "Leave the demonstration out."
+        raise ArgumentError(describe("context", "finite numbers", values, cure))
+    own = tuple(names or (f"context_{k}" for k in range(len(values))))
+    return Signal(own, np.array([stamp_ns]), values[None], unit)
 
 
 def _signal(

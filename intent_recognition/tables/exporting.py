@@ -39,7 +39,7 @@ def export_columns(demonstrations: Sequence[Demonstration]) -> Columns:
     for one in demonstrations:
         names[one.name] = names.get(one.name, 0) + 1
         count = names[one.name]
-        signals = (*one.observed, *one.controlled)
+        signals = (*one.observed, *one.controlled, *one.context)
         stamps = np.unique(np.concatenate([signal.stamps_ns for signal in signals]))
         name = one.name if count == 1 else f"{one.name}_{count}"
         texts = {NAME: name, TASK: one.task or ""}
@@ -66,7 +66,8 @@ def export_map(dofs: DofSpec, columns: Mapping[str, object]) -> dict[str, object
         columns: of the table.
     """
     content: dict[str, object] = {}
-    for side, entries in (("observed", dofs.observed), ("controlled", dofs.controlled)):
+    observed = (*dofs.observed, *dofs.context)
+    for side, entries in (("observed", observed), ("controlled", dofs.controlled)):
         content[side] = [{**entry.to_dict(), "columns": list(entry.names)} for entry in entries]
     texts = [key for key in columns if key.startswith(METADATA)]
     content |= {

@@ -133,6 +133,8 @@ class ImportMap:
         items = _mapping(content, source, KEYS)
         own: dict[str, list] = {side: items.get(side) or [] for side in SIDES}
         plain: dict[str, object] = {}
+        if isinstance(own["observed"], list):  # as `_entries` has them
+            own["observed"] = sorted(own["observed"], key=_is_context)
         for side, listed in own.items():
             if not isinstance(listed, list):
                 raise _error(f"{source}: {side}", "a list of entries", listed)
@@ -147,7 +149,7 @@ class ImportMap:
         columns = tuple(
             _columns(item, entry, files, f"{source}: {side}[{k}]")
             for side in SIDES
-            for k, (item, entry) in enumerate(zip(own[side], getattr(dofs, side), strict=True))
+            for k, (item, entry) in enumerate(zip(own[side], _entries(dofs, side), strict=True))
         )
         labels = _mapping(items.get("labels", {}), f"{source}: labels")
         metadata = _mapping(items.get("metadata", {}), f"{source}: metadata")
@@ -215,6 +217,15 @@ def _columns(item: Mapping, entry: DofEntry, files: Mapping[str, str], place: st
         raise _error(f"{place}: file", "a name under files", file)
     time = _time(item["time"], f"{place}: time") if "time" in item else None
     return ColumnsOf(entry, tuple(map(str, names)), unit, file, time)
+
+
+def _is_context(item: object) -> bool:
+    return isinstance(item, Mapping) and item.get("context") is True
+
+
+def _entries(dofs: DofSpec, side: str) -> tuple[DofEntry, ...]:
+    """Entries in the order of a file; those of the context are the last of the observed ones."""
+    return (*dofs.observed, *dofs.context) if side == "observed" else getattr(dofs, side)
 
 
 def _files(value: object, place: str) -> dict[str, str]:

@@ -15,7 +15,7 @@ from intent_recognition.bags.definitions import make_message
 from intent_recognition.demonstrations import (
     DofEntry,
     DofSpec,
-    iter_samples,
+    iter_observations,
     numbers_of,
     read_demonstrations,
     settle_orientations,
@@ -228,8 +228,8 @@ def test_an_orientation_that_a_raw_pose_does_not_have_is_missing(tmp_path):
     assert [len(signal.stamps_ns) for signal in found.observed] == [60, 40]
     np.testing.assert_allclose(found.observed[1].values, 0.0, atol=1e-15)
     rejected = Counter()
-    samples = iter_samples(BagReader(tmp_path / "bag"), dofs, rejected=rejected, controlled=False)
-    seen = [sample.observation for sample in samples]
+    samples = iter_observations(BagReader(tmp_path / "bag"), dofs, rejected=rejected)
+    seen = list(samples)
     turns = [o for o in seen if o.group == 1]
     assert len(seen) == 100 and len(turns) == 40 and rejected == {"missing_dof": 20}
     np.testing.assert_allclose(turns[0].covariance, 0.02**2 * np.eye(3), atol=1e-15)

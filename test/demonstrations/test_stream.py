@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations.dofs import DofEntry
+from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.observations import iter_observations
 from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.nodes import qos

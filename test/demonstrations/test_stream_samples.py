@@ -9,7 +9,11 @@ from model_builder import make_dofs
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations.observations import iter_observations, iter_samples
+from intent_recognition.demonstrations.observations import (
+    Source,
+    iter_observations,
+    iter_samples,
+)
 
 DOFS = make_dofs()
 
@@ -17,12 +21,12 @@ DOFS = make_dofs()
 def test_both_agents_in_order_and_the_human_s_as_without_the_other(tmp_path):
     reader = BagReader(write_bag(tmp_path / "bag", count=10))
     samples = list(iter_samples(reader, DOFS))
-    assert [s.controlled for s in samples] == [False, True] * 10
-    human = [s.observation for s in samples if not s.controlled]
+    assert [s.source for s in samples] == [Source.OBSERVED, Source.CONTROLLED] * 10
+    human = [s.observation for s in samples if s.source is Source.OBSERVED]
     for ours, alone in zip(human, iter_observations(reader, DOFS), strict=True):
         assert ours.stamp_ns == alone.stamp_ns
         np.testing.assert_array_equal(ours.values, alone.values)
-    arm = [s.observation for s in samples if s.controlled]
+    arm = [s.observation for s in samples if s.source is Source.CONTROLLED]
     assert [o.group for o in arm] == [0] * 10
     np.testing.assert_array_equal(arm[3].values, 0.03 + np.arange(7))
     assert arm[3].stamp_ns == START_NS + 3 * STEP_NS

@@ -9,7 +9,7 @@ import yaml
 from model_builder import GLOVE, WRIST, make_dofs, true_library
 from ros_harness import NodeProcess
 
-from intent_recognition.demonstrations.dofs import DofEntry
+from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes.intent_estimator import main
 from intent_recognition.nodes.observation_input import human_topic

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations.dofs import DofEntry
+from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.model.file import Model, load_model, save_model
 from intent_recognition.nodes import qos

@@ -3,6 +3,9 @@
 
 import numpy as np
 import pytest
+import yaml
+from model_builder import write_recording
+from moved_box import DOFS, hand_over
 
 from intent_recognition.cli.main import main
 from intent_recognition.demonstrations import load_dofs, read_demonstrations
@@ -50,6 +53,16 @@ def test_real_recordings_with_two_trackers_come_back_the_same(shared_data, tmp_p
     bags = sorted(path for path in folder.iterdir() if path.is_dir())[:4]
     before, _ = read_demonstrations(bags, load_dofs(folder / "dofs.yaml"))
     check_same(before, there_and_back(bags, folder / "dofs.yaml", tmp_path, "csv"))
+
+
+def test_a_context_comes_back_the_same(tmp_path):
+    bag = write_recording(tmp_path / "bag", hand_over("give", 3), DOFS)
+    (tmp_path / "dofs.yaml").write_text(yaml.safe_dump(DOFS.to_dict()))
+    before, _ = read_demonstrations(bag, DOFS)
+    after = there_and_back([bag], tmp_path / "dofs.yaml", tmp_path, "csv")
+    check_same(before, after)
+    np.testing.assert_array_equal(after[0].context[0].values, before[0].context[0].values)
+    np.testing.assert_array_equal(after[0].context[0].stamps_ns, before[0].context[0].stamps_ns)
 
 
 def test_demonstrations_of_a_session_and_of_equal_names(repository):

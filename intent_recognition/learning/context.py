@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the weights of each task depend on the context, from statistics (`promp.context`)."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.learning.preprocessing import SignalNames
+from intent_recognition.learning.selection import REGRESSION_STRENGTH, STRENGTH
+from intent_recognition.learning.statistics import TaskStatistics
+from intent_recognition.promp import (
+    CONTEXT_STRENGTH,
+    ContextModel,
+    Scatter,
+    observed_block,
+    shared_covariance,
+    structured_target,
+)
+
+STILL = 1e-6
+"""Standard deviation of a context, in parts of its size, below which it did not vary: it is not
+learned from. Convention."""
+ANY = 1e6
+"""Standard deviation that it is given then, so that no value of it counts. Convention."""
+
+
+class InContext(NamedTuple):
+    """What the context explains, and the marginals of the weights with it.
+
+    Attributes:
+        model: the context.
+        weight_covariance: (K, D N, D N).
+        observed_weight_covariance: (K, P N, P N).
+    """
+
+    model: ContextModel
+    weight_covariance: NDArray[np.float64]
+    observed_weight_covariance: NDArray[np.float64]
+
+
+def fit_context(
+    tasks: Mapping[str, TaskStatistics],
+    signals: Sequence[SignalNames],
+    n_observed: int,
+    floor: NDArray[np.float64],
+) -> InContext:
+    """Regress the weights on the context; what that leaves is shrunk as without a context.
+
+    The regression is Bayesian with a prior of CONTEXT_STRENGTH demonstrations, so that it exists
+    from the first demonstration on.
+
+    Args:
+        tasks: statistics of each label.
+        signals: names of the context.
+        n_observed: number of observed DOFs.
+        floor: variance floor per DOF, (D,).
+    """
+    statistics = list(tasks.values())
+    spread = np.diag(CONTEXT_STRENGTH * _typical_variance(statistics))
+    scatter = [task.context_scatter + spread for task in statistics]
+    gain = [np.linalg.solve(s, t.context_cross.T).T for s, t in zip(scatter, statistics)]
+    left = [_left(*parts) for parts in zip(statistics, scatter, gain)]
+    pooled = Scatter(np.sum([own.matrix for own in left], axis=0), sum(o.freedom for o in left))
+    size = n_observed * statistics[0].mean.shape[1]
+    observed = shared_covariance(observed_block(pooled, size), floor[:n_observed], STRENGTH)
+    covariance, whole, of_observed = [], [], []
+    for task, s, g, own in zip(statistics, scatter, gain, left):
+        mean_factor = 1.0 + 1.0 / task.n
+        of_context = s * (mean_factor / (task.n - 1 + CONTEXT_STRENGTH))
+        explained = g @ of_context @ g.T
+        target = structured_target(own, pooled, floor).covariance()
+        rest = own.matrix + REGRESSION_STRENGTH * target
+        rest *= mean_factor / (own.freedom + REGRESSION_STRENGTH)
+        covariance.append(of_context)
+        whole.append(rest + explained)
+        of_observed.append(mean_factor * observed + explained[:size, :size])
+    model = ContextModel(
+        tuple(name for signal in signals for name in signal.names),
+        tuple(signal.unit for signal in signals for _ in signal.names),
+        np.array([task.context_mean for task in statistics]),
+        np.array(covariance),
+        np.array(gain),
+        np.array([task.n - 1 + CONTEXT_STRENGTH for task in statistics]),
+        tuple(len(signal.names) for signal in signals),
+    )
+    return InContext(model, np.array(whole), np.array(of_observed))
+
+
+def _typical_variance(tasks: Iterable[TaskStatistics]) -> NDArray[np.float64]:
+    """Variance of the context about the means of the tasks, (M,); `ANY` where it did not vary."""
+    tasks = list(tasks)
+    scatter = np.sum([np.diag(task.context_scatter) for task in tasks], axis=0)
+    variance = scatter / max(sum(task.n - 1 for task in tasks), 1)
+    size = np.max([np.abs(task.context_mean) for task in tasks], axis=0)
+    return np.where(variance > (STILL * size) ** 2, variance, ANY**2)
+
+
+def _left(task: TaskStatistics, scatter: NDArray[np.float64], gain: NDArray[np.float64]) -> Scatter:
+    """Scatter of the weights that the context does not explain, and its degrees of freedom."""
+    explained = np.trace(np.linalg.solve(scatter, task.context_scatter))
+    left = task.scatter - gain @ task.context_cross.T
+    return Scatter(0.5 * (left + left.T), task.n - 1 - float(explained))

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of the scene, such as where a box stands, jointly Gaussian with the weights.
+
+A context c (M,) is constant in time. With the weights w of a task it has the joint distribution
+
+    c ~ N(m, S),    w | c ~ N(mu + G (c - m), V),    w ~ N(mu, V + G S G^T),
+
+of which a library holds the marginal of w. Knowing c, or a part of it, conditions the weights; not
+knowing it leaves them as they are. G comes from nu demonstrations, so that the weights are less
+certain in a context far from those shown: the conditional of their Student predictive has the
+covariance of the Gaussian one times 1 + d^2 / nu, with d the Mahalanobis distance of the context.
+
+A context says nothing about the task by itself: it is what the demonstrator set up, and p(c | task)
+is how the recordings were arranged, not how often a task is done in a scene.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.gaussian import cholesky, solve_lower, symmetrize
+
+CONTEXT_STRENGTH = 0.1
+"""Equivalent sample size, in demonstrations, of the prior that the weights do not depend on the
+context: one standard deviation of it moves them by about three of what it leaves. Convention."""
+SAME_CONTEXT = 0.05
+"""Share of a context's standard deviation by which it must change to count. Convention: well below
+what moves a prediction, and above the noise of a tracker."""
+
+
+class Given(NamedTuple):
+    """How known contexts change the weights of K tasks.
+
+    Attributes:
+        shift: of the means, (K, d).
+        reduction: of the covariances, (K, d, d).
+        scale: factor of what remains of the covariances, (K,).
+    """
+
+    shift: NDArray[np.float64]
+    reduction: NDArray[np.float64]
+    scale: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ContextModel:
+    """Context of K tasks, M numbers.
+
+    Attributes:
+        names: of the M numbers.
+        units: their units.
+        mean: m, (K, M).
+        covariance: S, (K, M, M).
+        gain: G, (K, D N, M).
+        freedom: nu, (K,).
+        groups: number of DOFs of each context signal, in order; they sum to M.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    freedom: NDArray[np.float64]
+    groups: tuple[int, ...]
+
+    @property
+    def tolerance(self) -> NDArray[np.float64]:
+        """Changes of the context that make no difference, (M,)."""
+        least = np.min(np.diagonal(self.covariance, axis1=1, axis2=2), axis=0)
+        return SAME_CONTEXT * np.sqrt(least)
+
+    def given(self, values: NDArray[np.float64]) -> Given:
+        """Condition the weights on a context.
+
+        Args:
+            values: of the context, (M,); NaN for what is not known.
+        """
+        known = np.flatnonzero(np.isfinite(values))
+        factor = cholesky(self.covariance[:, known[:, None], known], name="covariance of context")
+        cross = np.matmul(self.gain, self.covariance[:, :, known])
+        whitened = solve_lower(factor, np.swapaxes(cross, 1, 2))
+        apart = solve_lower(factor, (values[known] - self.mean[:, known])[..., None])
+        distance = np.sum(apart[..., 0] ** 2, axis=-1)
+        return Given(
+            np.matmul(np.swapaxes(whitened, 1, 2), apart)[..., 0],
+            symmetrize(np.matmul(np.swapaxes(whitened, 1, 2), whitened)),
+            1.0 + distance / self.freedom,
+        )
+
+
+def as_context(context: ArrayLike, names: Sequence[str]) -> NDArray[np.float64]:
+    """The values (M,) of a context; NaN for what is not known.
+
+    Raises:
+        ShapeError: it is not one number for each of the names.
+        ArgumentError: a number is infinite.
+    """
+    values = np.array(context, dtype=np.float64)
+    if values.shape != (len(names),):
+        expected = f"shape ({len(names)},): {', '.join(names) or 'no context was learned'}"
+        cure = "Pass NaN for what is not known."
+        raise ShapeError(describe("context", expected, f"shape {values.shape}", cure))
+    if np.any(np.isinf(values)):
+        cure = "Pass NaN for what is not known."
+        raise ArgumentError(describe("context", "finite numbers or NaN", values, cure))
+    return values

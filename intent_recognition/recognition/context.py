@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of the scene while the estimator runs: it may come late, and change."""
+
+import numpy as np
+
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.signals import Observation
+
+CONTEXT_PERIOD_S = 0.2
+"""Least time between two changes of context in one movement, which is filtered anew at each [s].
+Convention: a prediction is not acted on faster, and the work is bounded where a thing is carried.
+"""
+
+
+class KnownContext:
+    """The context as far as it is known; nothing until something comes.
+
+    Args:
+        library: the learned tasks, with a context or without.
+
+    Attributes:
+        learned: that library, whatever is known.
+        values: of the context, (M,); NaN for what is not known.
+    """
+
+    def __init__(self, library: TaskLibrary):
+        self.use(library)
+        self.values = np.full(len(library.context_names), np.nan)
+
+    def use(self, library: TaskLibrary) -> None:
+        """Go on with another library of the same context."""
+        self.learned = library
+        self._used = np.full(len(library.context_names), np.nan)
+        self._used_at_ns = 0
+        self._newest_ns: dict[int, int] = {}
+
+    def take(self, observation: Observation) -> str | None:
+        """Take a sample; returns why it was not taken, as a diagnostics key, or None.
+
+        Args:
+            observation: its `group` counts the context signals, in the order of the DOF file.
+        """
+        model, newest_ns = self.learned.context, self._newest_ns.get(observation.group, 0)
+        if model is None or not 0 <= observation.group < len(model.groups):
+            return "no_context"
+        if observation.stamp_ns < newest_ns:
+            return "stamp_not_increasing"
+        first, size = sum(model.groups[: observation.group]), model.groups[observation.group]
+        dofs = range(size) if observation.dofs is None else observation.dofs
+        if np.shape(observation.values) != (len(dofs),):
+            return "wrong_size"
+        if np.any(np.isinf(observation.values)):
+            return "not_finite"
+        measured = ~np.isnan(observation.values)
+        self.values[first + np.array(dofs)[measured]] = observation.values[measured]
+        self._newest_ns[observation.group] = observation.stamp_ns
+        return None
+
+    def forget_stamps(self) -> None:
+        """What comes next may be earlier; what is known of the scene stays."""
+        self._newest_ns, self._used_at_ns = {}, 0
+
+    def changed(self) -> bool:
+        """Whether more is known than was used, or something else."""
+        model = self.learned.context
+        if model is None:
+            return False
+        same = np.abs(self.values - self._used) <= model.tolerance
+        return bool(np.any(~same & ~(np.isnan(self.values) & np.isnan(self._used))))
+
+    def due(self, stamp_ns: int) -> bool:
+        """Whether a movement under way is to be filtered anew, in another context."""
+        waited_s = abs(stamp_ns - self._used_at_ns) * 1e-9
+        return waited_s >= CONTEXT_PERIOD_S and self.changed()
+
+    def library(self, stamp_ns: int = 0) -> TaskLibrary:
+        """The library in this context, as used from a stamp on."""
+        self._used, self._used_at_ns = self.values.copy(), stamp_ns
+        return self.learned if self.learned.context is None else self.learned.given(self.values)

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A context while the estimator runs: known before, late, never, in part, and changed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from moved_box import SETTINGS, demonstrations, hand_over, learned
+
+from intent_recognition.errors import DofError, ShapeError
+from intent_recognition.learning import learn
+from intent_recognition.recognition import IntentEstimator
+from intent_recognition.recognition.context import CONTEXT_PERIOD_S
+from intent_recognition.signals import Observation, merge
+
+BOX, ELSEWHERE = np.array([0.2, -0.15]), np.array([-0.1, 0.25])
+
+
+def feed(estimator, recorded, at=None, then=lambda: None):
+    """All estimates; `then` is called before the observation of a number."""
+    found = []
+    for number, observation in enumerate(merge(recorded.observed)):
+        if number == at:
+            then()
+        found.append(estimator.update(observation))
+        if found[-1].moving and (predicted := estimator.predict_controlled()) is not None:
+            estimator.last = predicted.trajectory
+    return found
+
+
+def assert_same(estimates, others, atol=1e-9):
+    for one, other in zip(estimates, others, strict=True):
+        assert (one.stamp_ns, one.moving, one.onset_ns) == (
+            other.stamp_ns,
+            other.moving,
+            other.onset_ns,
+        )
+        np.testing.assert_allclose(one.probabilities, other.probabilities, atol=atol)
+        np.testing.assert_allclose(one.phase, other.phase, atol=atol)
+
+
+@pytest.fixture(scope="module")
+def library():
+    return learned().library
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    return hand_over("give", 200, box=BOX)
+
+
+@pytest.fixture(scope="module")
+def in_context(library, recorded):
+    """The estimator that was given the library in this context."""
+    estimator = IntentEstimator(library.given(BOX))
+    return estimator, feed(estimator, recorded)
+
+
+def test_a_context_known_before_is_the_library_in_it(library, recorded, in_context):
+    estimator = IntentEstimator(library)
+    estimator.observe_context(BOX)
+    assert_same(feed(estimator, recorded), in_context[1])
+    np.testing.assert_allclose(estimator.last.positions, in_context[0].last.positions, atol=1e-9)
+    np.testing.assert_allclose(estimator.last.std, in_context[0].last.std, atol=1e-9)
+
+
+@pytest.mark.parametrize("at", [30, 70])
+def test_a_context_that_comes_late_counts_from_then_on_as_if_known_before(
+    library, recorded, in_context, at
+):
+    estimator, never = IntentEstimator(library), IntentEstimator(library)
+    found = feed(estimator, recorded, at, lambda: estimator.observe_context(BOX))
+    assert_same(found[:at], feed(never, recorded)[:at], atol=0.0)
+    assert_same(found[at:], in_context[1][at:])
+    np.testing.assert_allclose(estimator.last.positions, in_context[0].last.positions, atol=1e-9)
+
+
+def test_a_context_that_never_comes_leaves_the_marginal_prediction(library, recorded):
+    without = IntentEstimator(replace(library, context=None))
+    assert_same(feed(IntentEstimator(library), recorded), feed(without, recorded), atol=0.0)
+
+
+def test_the_last_of_several_contexts_counts(library, recorded, in_context):
+    estimator = IntentEstimator(library)
+    estimator.observe_context(ELSEWHERE)
+    found = feed(estimator, recorded, 60, lambda: estimator.observe_context(BOX))
+    wrong = feed(IntentEstimator(library.given(ELSEWHERE)), recorded)
+    assert_same(found[:60], wrong[:60])
+    assert_same(found[60:], in_context[1][60:])
+
+
+def test_a_part_of_a_context_counts_as_such(library, recorded):
+    estimator = IntentEstimator(library)
+    assert estimator.update_context(Observation(1, 0, BOX[1:], dofs=(1,))) is None
+    assert estimator.update_context(Observation(2, 0, np.array([np.nan, np.nan]))) is None
+    expected = feed(IntentEstimator(library.given([np.nan, BOX[1]])), recorded)
+    assert_same(feed(estimator, recorded), expected)
+
+
+def test_a_context_shows_before_the_wrist_does(library, recorded):
+    known, unknown = IntentEstimator(library), IntentEstimator(library)
+    known.observe_context(BOX)
+    errors = []
+    for estimator in (known, unknown):
+        for observation in merge(recorded.observed):
+            estimate = estimator.update(observation)
+            if estimate.moving and observation.stamp_ns - estimate.onset_ns > 3e8:
+                break
+        end = estimator.predict_controlled().trajectory.positions[-1]
+        errors.append(np.linalg.norm(end - recorded.controlled[0].values[-1]))
+    assert errors[0] < 0.3 * errors[1]
+
+
+def test_it_stays_known_from_one_movement_to_the_next_and_after_a_reset(library, recorded):
+    estimator = IntentEstimator(library)
+    estimator.observe_context(BOX)
+    first = feed(estimator, recorded)
+    estimator.reset()
+    assert_same(feed(estimator, recorded), first)
+
+
+def test_noise_of_a_context_is_not_filtered_anew_and_a_carried_thing_seldom(library, recorded):
+    estimator = IntentEstimator(library)
+    used, still = [], library.context.tolerance * 0.4
+    for number, observation in enumerate(merge(recorded.observed)):
+        shift = still * (-1) ** number if number < 80 else 0.02 * (number - 80)
+        sample = Observation(observation.stamp_ns, 0, BOX + shift)
+        assert estimator.update_context(sample) is None
+        moving = estimator.update(observation).moving
+        if moving and (not used or estimator.library is not used[-1][1]):
+            used.append((observation.stamp_ns, estimator.library))
+    gaps_ns = np.diff([stamp_ns for stamp_ns, _ in used])
+    assert len(used) > 2 and np.all(gaps_ns >= CONTEXT_PERIOD_S * 1e9)
+    assert sum(stamp_ns < recorded.start_ns + 1.6e9 for stamp_ns, _ in used) == 1
+
+
+def test_samples_that_are_no_context_are_refused_by_reason(library):
+    estimator = IntentEstimator(library)
+    assert estimator.update_context(Observation(5, 1, BOX)) == "no_context"
+    assert estimator.update_context(Observation(5, 0, BOX[:1])) == "wrong_size"
+    assert estimator.update_context(Observation(5, 0, np.array([0.0, np.inf]))) == "not_finite"
+    assert estimator.update_context(Observation(5, 0, BOX)) is None
+    assert estimator.update_context(Observation(4, 0, BOX)) == "stamp_not_increasing"
+    estimator.reset()
+    assert estimator.update_context(Observation(4, 0, BOX)) is None
+    plain = IntentEstimator(replace(library, context=None))
+    assert plain.update_context(Observation(5, 0, BOX)) == "no_context"
+    with pytest.raises(ShapeError, match="no context was learned"):
+        plain.observe_context(BOX)
+
+
+def test_another_library_is_used_in_the_same_context(library, recorded):
+    more = learn([*demonstrations(), hand_over("give", 70)], SETTINGS)
+    more = replace(more, onset=library.onset)
+    estimator = IntentEstimator(library)
+    estimator.observe_context(BOX)
+    found = feed(estimator, recorded, 60, lambda: estimator.swap(more))
+    assert_same(found[60:], feed(IntentEstimator(more.given(BOX)), recorded)[60:])
+    with pytest.raises(DofError, match="library context_names"):
+        estimator.swap(replace(library, context=None))
