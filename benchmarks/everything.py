@@ -8,6 +8,7 @@ from benchmarks.alignment import alignment
 from benchmarks.bank import bank
 from benchmarks.bank_memory import growth, long_run, memory
 from benchmarks.bank_numerics import numerics, one_movement
+from benchmarks.clearance import clearance
 from benchmarks.flood import flood
 from benchmarks.kinematics import kinematics
 from benchmarks.measure import Result
@@ -56,6 +57,8 @@ def everything(minutes: float, soak_minutes: float) -> Iterator[str | Result]:
     yield from mixture(demonstrations)
     yield "Inverse kinematics of any arm"
     yield from kinematics()
+    yield "Clear of boxes and of the arm itself"
+    yield from clearance(library)
     yield "Warping"
     yield from warping()
     yield "Pouring"

@@ -4,6 +4,7 @@
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +13,27 @@ from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.settings import ActivationSettings, Command
 from intent_recognition.activation.states import PredictedInteraction
 from intent_recognition.motion import (
+    JointPath,
     JointPlan,
     JointReference,
     NominalTiming,
+    Obstruction,
     brake_plan,
     home_plan,
     plan_interaction,
     stop_plan,
 )
+
+_GOING_BACK = ("home", "retreat")
+"""Kinds of plans."""
+
+
+class _Followed(NamedTuple):
+    """The path of a task that the arm follows, and by which weights it was bent."""
+
+    label: str
+    path: JointPath
+    weights: NDArray[np.float64] | None = None
 
 
 class Motions:
@@ -29,7 +43,7 @@ class Motions:
         settings: limits and how plans are made.
         arm: gets every command.
         reject: called with (reason, text) where no plan keeps the limits.
-        counts: gets how often plans were made, slowed and clamped.
+        counts: gets how often plans were made, slowed, clamped, bent and refused.
     """
 
     def __init__(
@@ -41,6 +55,7 @@ class Motions:
     ):
         self.settings, self._arm = settings, arm
         self._reject, self._counts = reject, counts
+        self._followed: _Followed | None = None
 
     def interact(
         self,
@@ -60,10 +75,13 @@ class Motions:
             progress: phase, phase rate [1/s] and its derivative [1/s^2] then.
         """
         settings = self.settings
+        followed = self._clear_of_things(prediction, progress[0])
+        if followed is None:
+            return None
         onset_s = (prediction.onset_ns - start_ns) * 1e-9
         plan = plan_interaction(
-            prediction.path,
-            NominalTiming(onset_s, prediction.path.duration_s),
+            followed.path,
+            NominalTiming(onset_s, followed.path.duration_s),
             start,
             *progress[:2],
             settings.limits,
@@ -73,10 +91,41 @@ class Motions:
         if plan is None:
             self._reject("infeasible", f"no plan for {prediction.label} keeps the limits")
             return None
+        if self._touches(plan, prediction.label):
+            return None
+        self._followed = followed
         self._counts["planned"] += 1
         self._counts["slowed"] += plan.slowed
         self._counts["clamped"] += bool(plan.clamped)
+        self._counts["bent"] += followed.weights is not None
         return self._arm.send(now_ns, Command(start_ns, plan))
+
+    def _clear_of_things(
+        self, prediction: PredictedInteraction, phase: float
+    ) -> "_Followed | None":
+        """The predicted path, bent where it must be; None where nothing makes it clear."""
+        label, path, last = prediction.label, prediction.path, self._followed
+        clearance = self.settings.clearance
+        if clearance is None:
+            return _Followed(label, path)
+        before = last.weights if last is not None and last.label == label else None
+        found = clearance.clear(path, label, phase, self.settings.limits, before)
+        if isinstance(found, Obstruction):
+            self._refuse(label, found)
+            return None
+        return _Followed(label, *found)
+
+    def _touches(self, plan: JointPlan, what: str) -> bool:
+        """Whether a plan comes too near to something; such a one is refused."""
+        clearance = self.settings.clearance
+        found = None if clearance is None else clearance.obstruction(plan)
+        if found is not None:
+            self._refuse(what, found)
+        return found is not None
+
+    def _refuse(self, what: str, obstruction: Obstruction) -> None:
+        self._counts["refused"] += 1
+        self._reject("would_touch", f"no motion for {what}: {obstruction}")
 
     def stop(self, now_ns: int, executed: PredictedInteraction | None) -> Command | None:
         """Stop along the path of what is executed, or straight on where that is nothing.
@@ -94,10 +143,12 @@ class Motions:
     ) -> Command | None:
         """Go to a posture, braking first where no plan starts from this motion.
 
-        None where the command under way goes home already, or braking would leave the limits.
+        Where the way there is not clear, the arm goes back along its path first. None where the
+        command under way goes home already, braking would leave the limits, or that way is not
+        clear either.
         """
         current, settings = self._arm.in_force(), self.settings
-        if current.plan.kind == "home" and self._arm.under_way(now_ns):
+        if current.plan.kind in _GOING_BACK and self._arm.under_way(now_ns):
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = current.at(start_ns)
@@ -105,7 +156,30 @@ class Motions:
         if plan is None:
             plan = self._stop_plan(start_ns, executed)
             return self._send_unless_outside(now_ns, start_ns, plan)
+        if self._touches(plan, "the way home"):
+            plan = self._retreat(current, start_ns, start)
+            if plan is None:
+                return None
         return self._arm.send(now_ns, Command(start_ns, plan))
+
+    def _retreat(self, current: Command, start_ns: int, start: JointReference) -> JointPlan | None:
+        """Back to where the path that was followed begins; None if that is not clear either."""
+        followed, settings = self._followed, self.settings
+        if followed is None or settings.clearance is None or current.plan.kind in _GOING_BACK:
+            return None
+        limits = settings.limits
+        found = settings.clearance.clear(followed.path, followed.label, 0.0, limits)
+        if isinstance(found, Obstruction):
+            self._refuse("the way back", found)
+            return None
+        path = found[0].reversed()
+        phase = 1.0 - current.phase_at(start_ns)[0]
+        timing = NominalTiming(-phase * path.duration_s, path.duration_s)
+        plan = plan_interaction(path, timing, start, phase, 0.0, limits, settings.plan)
+        if plan is None or self._touches(plan, "the way back"):
+            return None
+        standing = np.zeros_like(plan.phase)
+        return replace(plan, kind="retreat", phase=standing, phase_rate=standing)
 
     def _send_unless_outside(self, now_ns: int, start_ns: int, brake: JointPlan) -> Command | None:
         """Send a brake, but none that leaves the position limits."""
@@ -122,6 +196,8 @@ class Motions:
         if plan is None or plan.clamped:
             self._reject("infeasible", "no plan to the start of the expected task keeps the limits")
             return None
+        if self._touches(plan, "the start of the expected task"):
+            return None
         return self._arm.send(now_ns, Command(start_ns, replace(plan, kind="pretrigger")))
 
     def _stop_plan(self, start_ns: int, executed: PredictedInteraction | None) -> JointPlan:
@@ -129,8 +205,9 @@ class Motions:
         start = current.at(start_ns)
         phase, rate, acceleration = current.phase_at(start_ns)
         limits, settings = self.settings.limits, self.settings.plan
-        if executed is None or current.plan.kind == "home":
+        followed = self._followed
+        if executed is None or followed is None or current.plan.kind in _GOING_BACK:
             return brake_plan(start, phase, limits, settings)
         return stop_plan(
-            executed.path, start, phase, rate, limits, settings, phase_acceleration=acceleration
+            followed.path, start, phase, rate, limits, settings, phase_acceleration=acceleration
         )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion import JointPlan, JointReference, PlanSettings
+from intent_recognition.motion import Clearance, JointPlan, JointReference, PlanSettings
 from intent_recognition.recognition import DecisionSettings
 
 
@@ -39,6 +39,7 @@ class ActivationSettings:
             may be off by `lead_s` times it. Convention: several times the noise of a measured
             velocity.
         max_lateness_s: a prediction whose end is longer ago than this is outdated [s]. Convention.
+        clearance: keeps plans clear of things; None: joint limits alone count.
     """
 
     limits: JointLimits
@@ -55,6 +56,7 @@ class ActivationSettings:
     max_tracking_error_rad: float = 0.4
     rest_speed_rad_s: float = 0.05
     max_lateness_s: float = 3.0
+    clearance: Clearance | None = None
 
 
 class Command(NamedTuple):

@@ -355,8 +355,15 @@ class Activation:
         """Return home, braking first where no plan home starts from this motion."""
         if not self._settings.return_home or self._home is None or self._arm.current is None:
             return Transition(Idle())
-        command = self._motions.go_home(now_ns, self._home, _prediction(interaction))
-        return Transition(Homing(interaction), command)
+        return self._home_to(now_ns, self._home, interaction)
+
+    def _home_to(
+        self, now_ns: int, target: NDArray[np.float64], interaction: ActiveInteraction | None
+    ) -> Transition:
+        """On the way to a posture; at rest where it is if that way is not clear."""
+        command = self._motions.go_home(now_ns, target, _prediction(interaction))
+        under_way = command is not None or self._arm.under_way(now_ns)
+        return Transition(Homing(interaction) if under_way else Idle(), command)
 
     def _go_ahead(self, now_ns: int) -> Transition | None:
         """Go to where the expected next task begins, if it is time for that; see `pretrigger`."""
@@ -390,7 +397,7 @@ class Activation:
             return Transition(Idle())
         if np.abs(current.plan.end - target).max() <= _SAME_POSTURE_RAD:
             return Transition(Homing(None) if self._arm.under_way(now_ns) else Idle())
-        return Transition(Homing(None), self._motions.go_home(now_ns, target, None))
+        return self._home_to(now_ns, target, None)
 
     def _reason_to_halt(self, now_ns: int) -> str:
         """Why no motion may go on, or an empty text."""

@@ -2,6 +2,7 @@
 """Forward and inverse kinematics and joint limits, of the LWR 4+ and of any chain from a URDF."""
 
 from intent_recognition.kinematics.arm import Arm
+from intent_recognition.kinematics.bodies import Bodies, Box, Contact, parse_boxes
 from intent_recognition.kinematics.chain import Chain, joint_poses, tip_pose, tip_positions
 from intent_recognition.kinematics.following import FollowedPath
 from intent_recognition.kinematics.forward import (
@@ -37,8 +38,11 @@ __all__ = [
     "POSITION_TOLERANCE_RAD",
     "RATE_TOLERANCE",
     "Arm",
+    "Bodies",
+    "Box",
     "Branch",
     "Chain",
+    "Contact",
     "FollowedPath",
     "JointLimits",
     "UrdfChain",
@@ -49,6 +53,7 @@ __all__ = [
     "inverse_kinematics",
     "jacobian",
     "joint_poses",
+    "parse_boxes",
     "position_violation",
     "reach_position",
     "read_chain",

@@ -5,7 +5,6 @@ pinocchio is loaded with the first arm, and by nothing else of the package.
 """
 
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +14,7 @@ from intent_recognition.kinematics.following import FollowedPath, follow
 from intent_recognition.kinematics.limits import JointLimits, check_position
 from intent_recognition.kinematics.lwr import DEFAULT_ACCELERATION_RAD_S2
 from intent_recognition.kinematics.pose_search import REACHED, PoseSearch, Solution, Target
+from intent_recognition.kinematics.reduced_model import ReducedModel, load_pinocchio
 from intent_recognition.kinematics.urdf import UrdfChain, read_chain
 
 
@@ -191,28 +191,15 @@ class Arm:
         except Exception as error:  # what urdfdom finds wrong is a plain C++ exception
             cure = "Check it with check_urdf."
             raise ArgumentError(describe("robot", "a URDF", str(error), cure)) from error
-        copies = {m.joint: m for m in chain.mimics if m.master in chain.names}
-        kept = {*chain.names, *copies}
-        locked = [k for k, name in enumerate(full.names) if k and name not in kept]
-        self._model = pin.buildReducedModel(full, locked, np.zeros(full.nq)) if locked else full
-        self._data = self._model.createData()
-        self._drive = np.zeros((self._model.nv, len(chain.names)))
-        self._offset = np.zeros(self._model.nv)
-        for k, name in enumerate(self._model.names):
-            if k == 0:
-                continue
-            row, copy = self._model.joints[k].idx_v, copies.get(name)
-            master = name if copy is None else copy.master
-            self._drive[row, chain.names.index(master)] = 1.0 if copy is None else copy.multiplier
-            self._offset[row] = 0.0 if copy is None else copy.offset
-        self._direct = np.array_equal(self._drive, np.eye(len(chain.names)))
+        self._reduced = ReducedModel.of(pin, full, chain.names, chain.mimics)
+        self._model, self._data = self._reduced.model, self._reduced.model.createData()
         self._tip_frame = self._model.getFrameId(chain.tip)
-        pin.framesForwardKinematics(self._model, self._data, self._offset)
+        pin.framesForwardKinematics(self._model, self._data, self._reduced.offset)
         at = self._data.oMf[self._model.getFrameId(chain.base)]
         self._from_base = None if at.isIdentity() else at.inverse()
 
     def _pose(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
-        values = q if self._direct else self._drive @ q + self._offset
+        values = self._reduced.values(q)
         self._pin.forwardKinematics(self._model, self._data, values)
         pose = self._pin.updateFramePlacement(self._model, self._data, self._tip_frame)
         return (pose if self._from_base is None else self._from_base * pose).homogeneous
@@ -221,31 +208,17 @@ class Arm:
         self, q: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         pin, model, data = self._pin, self._model, self._data
-        values = q if self._direct else self._drive @ q + self._offset
+        values = self._reduced.values(q)
         pin.computeJointJacobians(model, data, values)
         pose = pin.updateFramePlacement(model, data, self._tip_frame)
         J = pin.getFrameJacobian(model, data, self._tip_frame, pin.LOCAL_WORLD_ALIGNED)
         J = J.reshape(6, -1)  # of one joint it comes as a vector
-        if not self._direct:
-            J = J @ self._drive
+        if not self._reduced.direct:
+            J = J @ self._reduced.drive
         if self._from_base is not None:
             pose, R = self._from_base * pose, self._from_base.rotation
             J = np.vstack([R @ J[:3], R @ J[3:]])
         return pose.homogeneous, J
-
-
-def load_pinocchio() -> ModuleType:
-    """The module pinocchio.
-
-    Raises:
-        ArgumentError: it is not installed.
-    """
-    try:
-        import pinocchio
-    except ImportError as error:
-        cure = "Install it: pip install pin, or apt install ros-jazzy-pinocchio."
-        raise ArgumentError(describe("pinocchio", "the library", str(error), cure)) from error
-    return pinocchio
 
 
 def checked_target(target: ArrayLike) -> Target:

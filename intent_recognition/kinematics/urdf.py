@@ -69,6 +69,15 @@ def read_urdf(source: str | Path) -> str:
         raise ArgumentError(describe("robot", "a URDF", f"{source}: {error}", cure)) from error
 
 
+def read_mimics(source: str | Path) -> tuple[Mimic, ...]:
+    """The joints of a URDF that copy another.
+
+    Raises:
+        ArgumentError: no URDF.
+    """
+    return _mimics(_parse(source).findall("joint"))
+
+
 def read_chain(
     source: str | Path, base: str | None, tip: str | None, acceleration_rad_s2: float
 ) -> UrdfChain:
@@ -87,7 +96,7 @@ def read_chain(
     base = base if base is not None else _root_link(links, above)
     tip = tip if tip is not None else _last_link(base, joints)
     way = _way(base, tip, above)
-    mimics = {mimic.joint: mimic for mimic in map(_mimic, joints) if mimic is not None}
+    mimics = {mimic.joint: mimic for mimic in _mimics(joints)}
     by_name = {joint.get("name", ""): joint for joint in joints}
     names = []
     for joint in way:
@@ -172,6 +181,10 @@ def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Elemen
         way.insert(0, above[link])
         link = _link(above[link], "parent")
     return way
+
+
+def _mimics(joints: list[ET.Element]) -> tuple[Mimic, ...]:
+    return tuple(mimic for mimic in map(_mimic, joints) if mimic is not None)
 
 
 def _mimic(joint: ET.Element) -> Mimic | None:

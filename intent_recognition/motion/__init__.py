@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a predicted path to commands: retiming, plans, blending, feedback."""
 
+from intent_recognition.motion.bending import Spread, least_change
 from intent_recognition.motion.blending import Offset
+from intent_recognition.motion.clearance import LARGEST_BEND, Clearance, Obstruction
 from intent_recognition.motion.feedback_controller import (
     FeedbackPolicy,
     FeedbackSettings,
@@ -20,20 +22,25 @@ from intent_recognition.motion.settings import PlanSettings, scaled_limits
 
 __all__ = [
     "HAND_FIELDS",
+    "LARGEST_BEND",
+    "Clearance",
     "FeedbackPolicy",
     "FeedbackSettings",
     "JointPath",
     "JointPlan",
     "JointReference",
     "NominalTiming",
+    "Obstruction",
     "Offset",
     "PlanSettings",
+    "Spread",
     "brake_plan",
     "feedback_policy",
     "home_plan",
     "initial_state",
     "is_hand",
     "joints_along",
+    "least_change",
     "make_path",
     "plan_interaction",
     "propagate",

@@ -67,7 +67,7 @@ class JointPlan:
         velocities: (T, n) [rad/s]; the last row is zero.
         phase: (T,) how much of the predicted interaction is done, in [0, 1].
         phase_rate: (T,) its rate [1/s].
-        kind: "interaction", "stop", "home" or "pretrigger".
+        kind: "interaction", "stop", "home", "retreat" (back along the path) or "pretrigger".
         clamped: indices of joints whose prediction left the position limits and was held inside.
         outside: indices of joints that leave the position limits; empty but for a brake.
         slowed: the prediction at its own speed would break a velocity or acceleration limit.
@@ -117,6 +117,21 @@ class JointPlan:
             )
         )
 
+    def subdivided(self, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Samples n times as dense, and how far each joint turns at most from one to the next.
+
+        Both are those of the cubics: positions ((T - 1) n + 1, n_joints), turns one row less [rad].
+        """
+        h = np.diff(self.times_s)[:, None, None]
+        tau = np.linspace(0.0, 1.0, n, endpoint=False)[None, :, None]
+        q0, q1 = self.positions[:-1, None], self.positions[1:, None]
+        v0, v1 = self.velocities[:-1, None], self.velocities[1:, None]
+        inner = _hermite(h, tau, q0, v0, q1, v1)
+        q, v = (part.reshape(-1, q0.shape[2]) for part in inner[:2])
+        q, v = np.vstack([q, self.positions[-1]]), np.vstack([v, self.velocities[-1]])
+        part_s = np.repeat(h[:, 0] / n, n, axis=0)
+        return q, part_s * _fastest(part_s, q[:-1], v[:-1], q[1:], v[1:])
+
     def phase_at(self, time_s: float) -> tuple[float, float, float]:
         """Phase, phase rate [1/s] and its derivative [1/s^2] `time_s` after the start."""
         if time_s >= self.duration_s:
@@ -157,6 +172,14 @@ def _end_accelerations(h: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> tuple[Any,
     return (6.0 * mean - 4.0 * v0 - 2.0 * v1) / h, (-6.0 * mean + 2.0 * v0 + 4.0 * v1) / h
 
 
+def _fastest(h: Any, q0: Any, v0: Any, q1: Any, v1: Any) -> Any:
+    """Largest speed on the cubic, at its ends or where its acceleration changes sign."""
+    begin, end = _end_accelerations(h, q0, v0, q1, v1)
+    turns = begin * end < 0.0
+    turn_s = np.where(turns, begin * h / np.where(turns, begin - end, 1.0), 0.0)
+    return np.maximum(np.maximum(np.abs(v0), np.abs(v1)), np.abs(v0 + begin * turn_s / 2.0))
+
+
 def interval_use(
     times_s: NDArray[np.float64],
     positions: NDArray[np.float64],
@@ -170,12 +193,9 @@ def interval_use(
     h = np.diff(times_s)[:, None]
     q0, q1, v0, v1 = positions[:-1], positions[1:], velocities[:-1], velocities[1:]
     begin, end = _end_accelerations(h, q0, v0, q1, v1)
-    turns = begin * end < 0.0
-    turn_s = np.where(turns, begin * h / np.where(turns, begin - end, 1.0), 0.0)
-    fastest = np.maximum(np.maximum(np.abs(v0), np.abs(v1)), np.abs(v0 + begin * turn_s / 2.0))
     sharpest = np.maximum(np.abs(begin), np.abs(end))
     return (
-        (fastest / limits.velocity).max(axis=1),
+        (_fastest(h, q0, v0, q1, v1) / limits.velocity).max(axis=1),
         (sharpest / limits.acceleration).max(axis=1),
     )
 

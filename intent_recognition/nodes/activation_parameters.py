@@ -21,10 +21,10 @@ from intent_recognition.kinematics import (
     Arm,
     JointLimits,
 )
-from intent_recognition.motion import is_hand, scaled_limits
+from intent_recognition.motion import Clearance, is_hand, scaled_limits
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, parameter
-from intent_recognition.promp import end_std_limits, least_end_std
+from intent_recognition.promp import TaskLibrary, end_std_limits, least_end_std
 from intent_recognition.recognition import DecisionSettings, start_mean
 
 if TYPE_CHECKING:
@@ -130,6 +130,7 @@ class ActivationParameters:
         rate_hz: updates of a running motion a second.
         of_hand: whether the model predicts a hand instead of joints.
         described: the arm of `robot_description`, whose limits hold where none are given.
+        library: of the model; None without one.
     """
 
     def __init__(self, node: Node):
@@ -140,6 +141,7 @@ class ActivationParameters:
         self.rate_hz: float = self._values["command_rate"]
         self.described: Arm | None = None
         self.of_hand = False
+        self.library: TaskLibrary | None = None
         self._least_end_std: dict[str, float] = {}
         self._learned_end_std: dict[str, dict[str, float]] = {}
 
@@ -166,6 +168,7 @@ class ActivationParameters:
         names = tuple(name for name in self._values["joint_names"] if name)
         if self._values["model"]:
             model = _read_model(self._values["model"], names)
+            self.library = model.library
             self._learned_end_std = end_std_limits(model.library)
             self._least_end_std = {
                 label: least_end_std(model.library, k).get("rad", 0.0)
@@ -207,13 +210,17 @@ class ActivationParameters:
         return {label: std for label, std in self._least_end_std.items() if std > limit}
 
     def settings(
-        self, names: tuple[str, ...], starts: dict[str, NDArray[np.float64]]
+        self,
+        names: tuple[str, ...],
+        starts: dict[str, NDArray[np.float64]],
+        clearance: Clearance | None = None,
     ) -> ActivationSettings:
         """How to act, for these joints.
 
         Args:
             names: of the joints.
             starts: where each task begins, label to (n,) [rad].
+            clearance: keeps plans clear of things.
 
         Raises:
             RejectionError: the limits of a joint are not known.
@@ -242,6 +249,7 @@ class ActivationParameters:
             max_joint_state_age_s=value["max_joint_state_age"],
             max_tracking_error_rad=value["max_tracking_error"],
             max_lateness_s=value["max_lateness"],
+            clearance=clearance,
         )
 
     def _decision(self) -> DecisionSettings:

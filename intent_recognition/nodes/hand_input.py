@@ -41,6 +41,11 @@ class HandInput:
         diagnostics.watch(subscription, "robot_description")
 
     @property
+    def description(self) -> str:
+        """Text of the URDF; empty before it has come, and where no arm can be read from it."""
+        return self._description
+
+    @property
     def arm(self) -> Arm | None:
         """The arm; None before its description has come, or if that cannot be used."""
         if self._arm is None and self._description:

@@ -4,6 +4,7 @@
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from intent_recognition.nodes.activation_parameters import (
     RejectionError,
     check_trajectory,
 )
+from intent_recognition.nodes.clearance_input import ClearanceInput
 from intent_recognition.nodes.conversions import (
     TrajectoryBuilder,
     joint_values,
@@ -65,6 +67,7 @@ class PrimitiveActivation(ManagedNode):
         self.diagnostics = Diagnostics(self)
         self._settings = ActivationParameters(self)
         self._hand = HandInput(self, self.diagnostics)
+        self._things = ClearanceInput(self)
         self.activation: Activation | None = None
         self.joint_names: tuple[str, ...] = ()
         self._builder: TrajectoryBuilder | None = None
@@ -167,6 +170,7 @@ class PrimitiveActivation(ManagedNode):
                 )
             times_s, positions, rest = trajectory_arrays(message)
             check_trajectory(times_s, positions, rest)
+            self._keep_clear(joints)
             if self.activation is None:
                 self._set_joints(joints)
             onset_s, velocities = times_s[0], rest.get("velocities")
@@ -204,6 +208,18 @@ class PrimitiveActivation(ManagedNode):
             if self.activation is not None and self.joint_names == arm.joint_names:
                 self.activation.change(self._settings.settings(self.joint_names, self._starts))
         return arm
+
+    def _keep_clear(self, names: tuple[str, ...]) -> None:
+        """Go by the arm's shape, where it counts, as soon as that is known.
+
+        Raises:
+            RejectionError: it is not known.
+        """
+        settings = self._settings
+        arm = settings.described if settings.of_hand else None
+        new = self._things.update(self._hand.description, names, settings.library, arm)
+        if new and self.activation is not None:
+            self._set_joints(self.joint_names)
 
     def _rest(self, arm: Arm) -> NDArray[np.float64]:
         """Posture that the joints are drawn to: home, as far as it is known."""
@@ -276,6 +292,9 @@ class PrimitiveActivation(ManagedNode):
 
     def _look_for_silence(self) -> None:
         """Report at once who has fallen silent, or speaks again; in real time, whatever /clock."""
+        if self.active and self.joint_names:
+            with suppress(RejectionError):  # predictions are rejected for it
+                self._keep_clear(self.joint_names)
         now_s = time.monotonic()
         dead = [
             f"{name} ({STREAMS[name]})"
@@ -369,9 +388,7 @@ class PrimitiveActivation(ManagedNode):
         """Go on with new values."""
         self._settings = self._changed(changes)
         if self.activation is not None:
-            settings = self._settings.settings(self.joint_names, self._starts)
-            self._limits = settings.limits
-            self.activation.change(settings)
+            self._set_joints(self.joint_names)
 
     def _set_joints(self, names: tuple[str, ...]) -> None:
         """Fix the joints; for those of before, the command in force is not forgotten.
@@ -379,7 +396,7 @@ class PrimitiveActivation(ManagedNode):
         Raises:
             IntentError: their limits are not known.
         """
-        settings = self._settings.settings(names, self._starts)
+        settings = self._settings.settings(names, self._starts, self._things.clearance)
         self._limits = settings.limits
         if self.activation is None or names != self.joint_names:
             self.activation = Activation(settings, self.diagnostics.reject)

@@ -135,6 +135,7 @@ def test_activation_tells_what_does_not_fit(harness, model):
 def test_limits_change_only_while_the_arm_rests(harness, model):
     node = make(harness, PrimitiveActivation, model=model)
     before = node._limits.velocity
+    node._timer.cancel()  # nothing steps it on meanwhile
     node.activation.state = Homing(None)
     assert "an arm at rest, got homing" in change(harness, node, velocity_scale=0.45)
     assert change(harness, node, threshold=0.95) == ""

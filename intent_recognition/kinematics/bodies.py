@@ -1,0 +1,376 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm as bodies among boxes: which come near one another along a motion, and how to part them.
+
+Geometry is coal's, through pinocchio; both are loaded with the first `Bodies`, by nothing else.
+Meshes are replaced by their convex hulls, which hold them and are quicker to measure.
+"""
+
+import os
+from bisect import bisect_right
+from collections.abc import Sequence
+from heapq import heappop, heapreplace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe, one_line
+from intent_recognition.kinematics.reduced_model import ReducedModel, load_pinocchio
+from intent_recognition.kinematics.urdf import read_mimics, read_urdf
+
+_N_POSTURES = 100
+"""Random postures from which bodies that are always near one another are told. Convention."""
+_SEED = 0
+_WIDEST_RAD = np.pi
+"""Random postures turn joints no farther than this [rad]: continuous ones have no limit."""
+
+
+class Box(NamedTuple):
+    """A thing that stands in the cell.
+
+    Attributes:
+        name: what it is called in messages.
+        center: (3,) [m], in the frame of the URDF's root link.
+        size: whole edge lengths (3,) [m].
+        quaternion: x, y, z, w.
+    """
+
+    name: str
+    center: tuple[float, ...]
+    size: tuple[float, ...]
+    quaternion: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """Its axes as columns (3, 3)."""
+        return Rotation.from_quat(self.quaternion).as_matrix()
+
+
+def parse_boxes(texts: Sequence[str]) -> tuple[Box, ...]:
+    """Boxes from strings 'name x y z length width height', and 'qx qy qz qw' after it if turned.
+
+    Raises:
+        ArgumentError: a string is no box, or two have one name.
+    """
+    boxes = tuple(_parse_box(text) for text in texts if text)
+    names = [box.name for box in boxes]
+    if len(set(names)) != len(names):
+        raise ArgumentError(describe("boxes", "different names", names, "Rename one."))
+    return boxes
+
+
+def _parse_box(text: str) -> Box:
+    name, *words = text.split()
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        numbers = []
+    turned = numbers[6:] or [0.0, 0.0, 0.0, 1.0]
+    if (
+        len(numbers) not in (6, 10)
+        or not np.all(np.isfinite(numbers))
+        or min(numbers[3:6]) <= 0.0
+        or abs(np.linalg.norm(turned) - 1.0) > 1e-3
+    ):
+        expected = "'name x y z length width height [qx qy qz qw]', sizes above 0, unit quaternion"
+        raise ArgumentError(describe("boxes", expected, text, "In metres."))
+    return Box(name, tuple(numbers[:3]), tuple(numbers[3:6]), tuple(turned))
+
+
+class Contact(NamedTuple):
+    """Two bodies that are nearer to one another than they may be.
+
+    Attributes:
+        sample: where along the motion.
+        pair: number of the pair of bodies.
+        distance_m: between them; negative where they overlap.
+    """
+
+    sample: int
+    pair: int
+    distance_m: float
+
+
+class Bodies:
+    """The links of an arm and boxes about it.
+
+    Joint vectors have one value for each of `joint_names`; other joints stay at zero. Pairs that
+    cannot part are left out: on one rigid body, joined by one joint, or nearer than the clearance
+    in each of 100 random postures (the first link above the table the arm stands on). An object
+    keeps work space of its own: one thread at a time may use it.
+
+    Args:
+        source: path or text of a URDF, its collision shapes in files that are found here.
+        joint_names: the joints that move, in the order of joint vectors.
+        boxes: in the frame of the URDF's root link.
+        clearance_m: distance that shall be kept, above 0.
+
+    Attributes:
+        clearance_m: likewise.
+        boxes: likewise.
+        pairs: names of the two bodies of each pair; an arm's link comes first.
+
+    Raises:
+        ArgumentError: no URDF, no such joint, a mesh is missing, or the clearance is not above 0.
+    """
+
+    def __init__(
+        self,
+        source: str | Path,
+        joint_names: Sequence[str],
+        boxes: Sequence[Box] = (),
+        *,
+        clearance_m: float,
+    ) -> None:
+        if not clearance_m > 0.0:
+            raise ArgumentError(describe("clearance", "above 0 m", clearance_m, "Try 0.02."))
+        self._pin = pin = load_pinocchio()
+        self._coal = _load_coal()
+        self.clearance_m, self.boxes = float(clearance_m), tuple(boxes)
+        self._read(read_urdf(source), tuple(joint_names))
+        self._add_boxes()
+        self._data = self._model.model.createData()
+        self._measure_sizes()
+        self._choose_pairs()
+        self._work = pin.GeometryData(self._geometry)
+        self._leave_out_always_near()
+
+    # Distances
+
+    def contacts(
+        self, positions: ArrayLike, travel: ArrayLike | None = None, *, first_only: bool = False
+    ) -> list[Contact]:
+        """Where along a motion bodies are nearer than the clearance, in the order of samples.
+
+        No sample is missed: a pair that is farther apart than both can have moved until a later
+        sample is not measured before that one (conservative advancement). Where a point moves by
+        at most twice the clearance between samples (`steps`), bodies touch nowhere in between
+        either.
+
+        Args:
+            positions: samples of the motion (T, n) [rad].
+            travel: how far each joint turns between samples, at least (T - 1, n) [rad]; by default
+                the difference of the samples.
+            first_only: whether to stop at the first contact.
+
+        Raises:
+            ShapeError: positions do not fit the arm.
+        """
+        q = self._checked(positions)
+        moved = np.abs(np.diff(q, axis=0)) if travel is None else np.asarray(travel, np.float64)
+        way = np.zeros((len(self.pairs), len(q)))
+        np.cumsum(self._reach.T @ moved.T, axis=1, out=way[:, 1:])
+        ways = way.tolist()
+        due = [(0, pair) for pair in range(len(ways))]
+        placed, found = -1, []
+        while due:
+            sample, pair = due[0]
+            if sample != placed:
+                self._place(q[sample])
+                placed = sample
+            distance, free = self._distance(pair), sample + 1
+            if distance < self.clearance_m:
+                found.append(Contact(sample, pair, distance))
+                if first_only:
+                    return found
+            else:
+                reached = ways[pair][sample] + distance - self.clearance_m
+                free = max(bisect_right(ways[pair], reached, sample), free)
+            if free < len(q):
+                heapreplace(due, (free, pair))
+            else:
+                heappop(due)
+        return found
+
+    def steps(self, travel: NDArray[np.float64]) -> int:
+        """Into how many parts intervals must be cut for `contacts` to miss nothing between samples.
+
+        Args:
+            travel: how far each joint turns in an interval, at most (T, n) [rad].
+        """
+        largest = float((travel @ self._reach).max(initial=0.0))
+        return max(int(np.ceil(largest / (2.0 * self.clearance_m))), 1)
+
+    def distance_m(self, q: ArrayLike, pair: int) -> float:
+        """Between the bodies of a pair at a posture (n,); negative where they overlap."""
+        self._place(self._checked(np.asarray(q, np.float64)[None])[0])
+        return self._distance(pair)
+
+    # Parting
+
+    def box_of(self, pair: int) -> int | None:
+        """Number of the box in a pair; None for two links."""
+        return self._boxes_of[pair]
+
+    def gap(
+        self, q: NDArray[np.float64], pair: int, side: int | None = None
+    ) -> tuple[float, NDArray[np.float64]]:
+        """Distance of a pair, and its gradient in the joints (n,).
+
+        Args:
+            q: posture (n,).
+            pair: number of the pair.
+            side: one of the six faces of the pair's box: the distance is to the half space below
+                that face instead of to the box; None: to the other body.
+        """
+        self._place(q)
+        objects = self._geometry.geometryObjects
+        first, second = self._ends(pair)
+        result, transform = self._coal.DistanceResult(), self._coal.Transform3s
+        poses = [transform(p.rotation, p.translation) for p in map(self._pose, (first, second))]
+        other = objects[second].geometry
+        if side is not None:
+            box = self.boxes[second - self._n_links]
+            axis, sign = divmod(side, 2)
+            normal = box.rotation[:, axis] * (1.0 - 2.0 * sign)
+            offset = float(normal @ np.array(box.center)) + box.size[axis] / 2.0
+            other, poses[1] = self._coal.Halfspace(normal, offset), transform()
+        distance = self._coal.distance(
+            objects[first].geometry, poses[0], other, poses[1], self._request, result
+        )
+        self._pin.computeJointJacobians(self._model.model, self._data)
+        normal = result.normal
+        gradient = self._speed(second, result.getNearestPoint2(), normal)
+        gradient -= self._speed(first, result.getNearestPoint1(), normal)
+        return float(distance), gradient @ self._model.drive
+
+    def _speed(
+        self, body: int, point: NDArray[np.float64], direction: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """How fast a point of a body moves in a direction, by the configuration's rate (nv,)."""
+        model, joint = self._model.model, self._geometry.geometryObjects[body].parentJoint
+        if joint == 0:
+            return np.zeros(model.nv)
+        J = self._pin.getJointJacobian(model, self._data, joint, self._pin.LOCAL_WORLD_ALIGNED)
+        x, y, z = point - self._data.oMi[joint].translation
+        u, v, w = direction
+        turned = np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+        return np.asarray(direction @ J[:3] + turned @ J[3:], dtype=np.float64)
+
+    # Set-up
+
+    def _read(self, text: str, names: tuple[str, ...]) -> None:
+        pin, places = self._pin, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+        packages = [str(Path(place) / "share") for place in places if place]
+        try:
+            full = pin.buildModelFromXML(text)
+            shapes = pin.buildGeomFromUrdfString(
+                full, text, pin.GeometryType.COLLISION, None, packages
+            )
+        except Exception as error:  # urdfdom and assimp raise plain C++ exceptions
+            cure = "Check it with check_urdf, and that its meshes are where it says."
+            wrong = describe("robot", "a URDF with shapes", one_line(error), cure)
+            raise ArgumentError(wrong) from error
+        missing = [name for name in names if name not in set(full.names)]
+        if missing or not names:
+            known = ", ".join(list(full.names)[1:])
+            cure = "Describe the arm that is commanded."
+            raise ArgumentError(describe("robot", f"the joints {names}", known, cure))
+        self._model = ReducedModel.of(pin, full, names, read_mimics(text), shapes)
+        self._geometry = self._model.geometry
+        for shape in self._geometry.geometryObjects:
+            if isinstance(shape.geometry, self._coal.BVHModelBase):
+                shape.geometry.buildConvexHull(True, "Qt")
+                shape.geometry = shape.geometry.convex
+        frames = self._model.model.frames
+        self._names = [frames[s.parentFrame].name for s in self._geometry.geometryObjects]
+        self._n_links = len(self._names)
+        self._request = self._coal.DistanceRequest()
+
+    def _add_boxes(self) -> None:
+        pin = self._pin
+        for box in self.boxes:
+            pose = pin.SE3(box.rotation, np.array(box.center))
+            shape = pin.GeometryObject(f"box {box.name}", 0, 0, pose, self._coal.Box(*box.size))
+            self._geometry.addGeometryObject(shape)
+            self._names.append(box.name)
+
+    def _measure_sizes(self) -> None:
+        """How far a point of each body can move by the turn of each joint, (bodies, joints) [m]."""
+        model = self._model.model
+        shapes = self._geometry.geometryObjects
+        self._far = np.zeros((len(shapes), model.nv))
+        for k, shape in enumerate(shapes):
+            geometry, joint = shape.geometry, shape.parentJoint
+            geometry.computeLocalAABB()
+            at = shape.placement.act(geometry.aabb_center)
+            radius = float(np.linalg.norm(at)) + float(geometry.aabb_radius)
+            while joint:
+                column = model.joints[joint].idx_v
+                shifts = model.joints[joint].shortname().startswith("JointModelP")
+                self._far[k, column] = 1.0 if shifts else radius
+                radius += float(np.linalg.norm(model.jointPlacements[joint].translation))
+                if shifts:
+                    ends = model.lowerPositionLimit[column], model.upperPositionLimit[column]
+                    radius += float(np.abs(ends).max())
+                joint = model.parents[joint]
+
+    def _choose_pairs(self) -> None:
+        """All pairs but of bodies on one joint, or on a joint and the next."""
+        shapes, parents = self._geometry.geometryObjects, self._model.model.parents
+        for i in range(self._n_links):
+            for j in range(i + 1, len(shapes)):
+                a, b = shapes[i].parentJoint, shapes[j].parentJoint
+                joined = j < self._n_links and (parents[a] == b or parents[b] == a)
+                if a != b and not joined:
+                    self._geometry.addCollisionPair(self._pin.CollisionPair(i, j))
+
+    def _leave_out_always_near(self) -> None:
+        model = self._model.model
+        low = np.maximum(model.lowerPositionLimit, -_WIDEST_RAD)
+        high = np.minimum(model.upperPositionLimit, _WIDEST_RAD)
+        near = list(range(len(self._geometry.collisionPairs)))
+        for values in np.random.default_rng(_SEED).uniform(low, high, (_N_POSTURES, model.nq)):
+            self._pin.updateGeometryPlacements(
+                model, self._data, self._geometry, self._work, values
+            )
+            near = [pair for pair in near if self._distance(pair) < self.clearance_m]
+        for pair in [self._geometry.collisionPairs[k] for k in near]:
+            self._geometry.removeCollisionPair(pair)
+        self._work = self._pin.GeometryData(self._geometry)
+        ends = [self._ends(k) for k in range(len(self._geometry.collisionPairs))]
+        self.pairs = tuple((self._names[i], self._names[j]) for i, j in ends)
+        self._boxes_of = [j - self._n_links if j >= self._n_links else None for _, j in ends]
+        drive = np.abs(self._model.drive)
+        supports = self._far > 0.0
+        self._reach = np.zeros((drive.shape[1], len(ends)))
+        for k, (i, j) in enumerate(ends):
+            own, others = self._far[i] * ~supports[j], self._far[j] * ~supports[i]
+            self._reach[:, k] = (own + others) @ drive
+
+    # Inside
+
+    def _ends(self, pair: int) -> tuple[int, int]:
+        ends = self._geometry.collisionPairs[pair]
+        return ends.first, ends.second
+
+    def _pose(self, body: int) -> Any:
+        return self._work.oMg[body]
+
+    def _place(self, q: NDArray[np.float64]) -> None:
+        model = self._model
+        self._pin.updateGeometryPlacements(
+            model.model, self._data, self._geometry, self._work, model.values(q)
+        )
+
+    def _distance(self, pair: int) -> float:
+        return float(self._pin.computeDistance(self._geometry, self._work, pair).min_distance)
+
+    def _checked(self, positions: ArrayLike) -> NDArray[np.float64]:
+        q = np.asarray(positions, dtype=np.float64)
+        n = self._model.drive.shape[1]
+        if q.ndim != 2 or q.shape[1] != n or not np.all(np.isfinite(q)):
+            cure = "One row per sample."
+            raise ShapeError(describe("positions", f"(T, {n}), finite", q.shape, cure))
+        return q
+
+
+def _load_coal() -> Any:
+    try:
+        import coal
+    except ImportError as error:
+        cure = "Install it: pip install pin, or apt install ros-jazzy-coal."
+        raise ArgumentError(describe("coal", "the library", str(error), cure)) from error
+    return coal

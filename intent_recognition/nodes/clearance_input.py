@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What plans keep clear of: boxes from parameters, and the arm's shape from `robot_description`."""
+
+from rclpy.node import Node
+
+from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.kinematics import Arm, Bodies, parse_boxes
+from intent_recognition.motion import LARGEST_BEND, Clearance, Spread
+from intent_recognition.nodes.activation_parameters import RejectionError
+from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.promp import TaskLibrary
+
+
+class ClearanceInput:
+    """Makes the clearance for each description of the arm.
+
+    Args:
+        node: has the parameters, and logs.
+
+    Attributes:
+        clearance: None where nothing is kept clear of, or as long as the arm is not known.
+
+    Raises:
+        ArgumentError: the parameters do not fit one another.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._distance_m = fixed_parameter(
+            node,
+            "clearance",
+            0.0,
+            "Keep so far from boxes, and the arm from itself, by robot_description [m]; 0: off.",
+            0.0,
+            1.0,
+        )
+        no_boxes: list[str] = []
+        self._boxes = parse_boxes(
+            fixed_parameter(
+                node,
+                "boxes",
+                no_boxes,
+                "Things to keep clear of, one string 'name x y z length width height [qx qy qz qw]'"
+                " each, in the frame of the URDF's root link [m, unit quaternion].",
+            )
+        )
+        self._largest_bend = fixed_parameter(
+            node,
+            "largest_bend",
+            LARGEST_BEND,
+            "Standard deviations of its task by which a path is bent at most; needs a model.",
+            0.0,
+            100.0,
+        )
+        if self._boxes and not self._distance_m:
+            cure = "Try 0.02, or leave boxes empty."
+            raise ArgumentError(describe("clearance", "above 0 m with boxes", 0.0, cure))
+        self.clearance: Clearance | None = None
+        self._description = ""
+        self._rejection: RejectionError | None = None
+
+    def update(
+        self,
+        description: str,
+        names: tuple[str, ...],
+        library: TaskLibrary | None,
+        arm: Arm | None,
+    ) -> bool:
+        """Whether there is another clearance than before.
+
+        Args:
+            description: URDF of the arm; empty where it is not known.
+            names: of its joints.
+            library: of the tasks whose motions may be bent.
+            arm: whose hand the tasks are of; None where they are of joints.
+
+        Raises:
+            RejectionError: things are to be kept clear of, and there is no description for it.
+        """
+        if not self._distance_m:
+            return False
+        if not description:
+            raise RejectionError("no_robot_description", "clearance is set, but for which arm?")
+        changed = description != self._description
+        if changed:
+            self._description, self._rejection = description, None
+            try:
+                self._make(description, names, library, arm)
+            except IntentError as error:
+                self._rejection = RejectionError("bad_robot_description", str(error))
+        if self._rejection is not None:
+            raise self._rejection
+        return changed
+
+    def _make(
+        self,
+        description: str,
+        names: tuple[str, ...],
+        library: TaskLibrary | None,
+        arm: Arm | None,
+    ) -> None:
+        bodies = Bodies(description, names, self._boxes, clearance_m=self._distance_m)
+        labels = () if library is None else library.labels
+        spreads = {
+            label: Spread.of(library.primitive(k), arm)
+            for k, label in enumerate(labels)
+            if library is not None
+        }
+        self.clearance = Clearance(bodies, spreads, self._largest_bend)
+        things = ", ".join([*(box.name for box in self._boxes), "itself"])
+        self._node.get_logger().info(
+            f"keeps {self._distance_m:g} m clear of {things}: {len(bodies.pairs)} pairs of bodies"
+        )

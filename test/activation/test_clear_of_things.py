@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The activation among boxes: it bends, refuses by name, goes back the way it came."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from activation_world import GOALS, HOME, World
+from clearance_world import bodies_among, box_beside, clearance
+
+from intent_recognition.activation.states import Mode
+from intent_recognition.kinematics import Box, hand_position
+
+
+def way(world):
+    """Everything the arm was asked for, every 5 ms (T, 7)."""
+    times = range(world.commands[0].start_ns, world.commands[-1].end_ns, 5_000_000)
+    return np.array([world.reference(t).position for t in times])
+
+
+def interact(world):
+    world.run(0.3)
+    world.begin("plate")
+    world.run(4.0)
+    world.task = "idle"
+    world.run(6.0)
+
+
+@pytest.mark.parametrize("depth_m", [0.01, 0.03])
+def test_an_interaction_goes_around_a_box(depth_m):
+    box = box_beside(depth_m)
+    touches, clear = World(), World(clearance=clearance(box))
+    for world in (touches, clear):
+        interact(world)
+        assert world.modes == [Mode.IDLE, Mode.EXECUTING, Mode.HOMING, Mode.IDLE]
+    bodies = bodies_among(box, clearance_m=0.001)
+    assert bodies.contacts(way(touches))
+    assert bodies.contacts(way(clear)) == []
+    clear.check_continuous()
+    assert clear.activation.counts["bent"] > 0
+    np.testing.assert_allclose(way(clear)[-1], HOME, atol=1e-6)
+
+
+def test_what_cannot_be_bent_is_refused_and_the_arm_stays():
+    world = World(clearance=clearance(box_beside(0.03), largest=0.1))
+    interact(world)
+    assert world.commands == [] and world.modes == [Mode.IDLE]
+    assert world.activation.counts["refused"] > 0 and "would_touch" in world.rejected
+
+
+def arrived(**settings):
+    """A world whose arm is at the end of its path."""
+    world = World(clearance=clearance(), hold_s=3.0, **settings)
+    world.run(0.3)
+    world.begin("plate")
+    world.run_until(Mode.EXECUTING)
+    world.run(2.5)
+    return world
+
+
+def change(world, **changes):
+    world.activation.change(replace(world.activation._settings, **changes))
+
+
+def test_where_the_straight_way_home_is_blocked_it_goes_back_along_its_path():
+    """And stays where that began, for from there the way is blocked too."""
+    world = arrived()
+    home = HOME + np.array([1.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    straight = hand_position(0.5 * (world.arm() + home))
+    box = Box("post", tuple(straight), (0.04, 0.04, 0.04))
+    change(world, clearance=clearance(box), home=home)
+    world.task = "idle"
+    world.run(10.0)
+    assert world.commands[-1].plan.kind == "retreat" and world.activation.mode is Mode.IDLE
+    assert bodies_among(box, clearance_m=0.001).contacts(way(world)) == []
+    np.testing.assert_allclose(world.arm(), HOME, atol=0.05)
+    assert world.activation.counts["refused"] == 2
+    world.check_continuous()
+
+
+def test_where_no_way_home_is_clear_the_arm_stays_and_asks_once():
+    world = arrived()
+    at = world.arm()
+    wall = Box("wall", tuple(hand_position(HOME + 0.5 * GOALS["plate"])), (0.5, 0.5, 0.02))
+    change(world, clearance=clearance(wall))
+    world.task = "idle"
+    world.run(5.0)
+    assert {c.plan.kind for c in world.commands} == {"interaction"}
+    assert world.activation.mode is Mode.IDLE
+    np.testing.assert_allclose(world.arm(), at, atol=0.02)  # it follows until the person rests
+    assert world.activation.counts["refused"] == 2  # straight, and back
+
+
+def test_without_things_neither_pinocchio_nor_coal_is_loaded():
+    code = (
+        "import sys; sys.path.insert(0, 'test')\n"
+        "from activation_world import Mode, World\n"
+        "world = World()\n"
+        "world.run(0.3); world.begin('plate'); world.run_until(Mode.EXECUTING); world.run(1.0)\n"
+        "assert world.commands\n"
+        "print([name for name in ('pinocchio', 'coal') if name in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.stdout.strip() == "[]", run.stderr

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Paths bent away from boxes within the spread of their task, or refused with the bodies named."""
+
+import numpy as np
+import pytest
+from activation_world import GOALS, LIMITS
+from clearance_world import (
+    BASIS,
+    PATH,
+    POSITIONS,
+    ROBOT,
+    TIMES,
+    box_beside,
+    clearance,
+    primitive,
+)
+
+from intent_recognition.gaussian import Gaussian, condition
+from intent_recognition.kinematics import Arm, Box, hand_position
+from intent_recognition.motion import (
+    JointReference,
+    NominalTiming,
+    Obstruction,
+    Spread,
+    least_change,
+    make_path,
+    plan_interaction,
+)
+from intent_recognition.promp import via_point
+
+
+def plan_along(path):
+    start = JointReference.at_rest(path.spline(0.0))
+    return plan_interaction(path, NominalTiming(0.0, path.duration_s), start, 0.0, 0.0, LIMITS)
+
+
+def test_one_row_is_conditioning_on_a_via_point():
+    rng = np.random.default_rng(0)
+    half = rng.normal(size=(12, 12))
+    prior = Gaussian(np.zeros(12), half @ half.T)
+    row, need = rng.normal(size=(1, 12)), np.array([0.7])
+    weights, deviations = least_change(prior.covariance, row, need)
+    posterior, _ = condition(prior, row, need, np.zeros((1, 1)))
+    np.testing.assert_allclose(weights, posterior.mean, rtol=1e-6)
+    mahalanobis = weights @ np.linalg.solve(prior.covariance, weights)
+    assert deviations == pytest.approx(np.sqrt(mahalanobis), rel=1e-6)
+
+
+def test_rows_that_hold_already_change_nothing():
+    rng = np.random.default_rng(1)
+    rows = rng.normal(size=(3, 5))
+    weights, deviations = least_change(np.eye(5), rows, np.array([-1.0, -0.1, -2.0]))
+    np.testing.assert_array_equal(weights, np.zeros(5))
+    assert deviations == 0.0
+    weights, _ = least_change(np.eye(5), rows, np.array([0.5, -9.0, 0.2]))
+    assert np.all(rows @ weights >= [0.5 - 1e-6, -9.0, 0.2 - 1e-6])
+
+
+def test_a_spread_keeps_both_ends_and_is_that_of_via_points():
+    one = primitive()
+    spread = Spread.of(one)
+    phases = np.linspace(0.0, 1.0, 21)
+    design = spread.design(phases, np.zeros((21, 7)))
+    variance = np.einsum("tjm,mk,tjk->tj", design, spread.covariance, design)
+    np.testing.assert_allclose(variance[[0, -1]], 0.0, atol=1e-12)
+    fixed = one
+    for time_s in (0.0, 2.0):
+        fixed = via_point(fixed, time_s, np.zeros(7), keep_observed=False)
+    expected = fixed.predict_controlled(21).std ** 2 - 1e-6
+    np.testing.assert_allclose(variance, expected, atol=1e-9)
+
+
+def test_a_clear_path_is_the_path_itself():
+    guard = clearance(Box("far", (0.0, 0.0, 3.0), (0.1, 0.1, 0.1)))
+    path, weights = guard.clear(PATH, "plate", 0.0, LIMITS)
+    assert path is PATH and weights is None
+    assert guard.obstruction(plan_along(PATH)) is None
+
+
+@pytest.mark.parametrize("depth_m", [0.0, 0.02, 0.04])
+def test_a_path_that_touches_is_bent_between_its_ends(depth_m):
+    guard = clearance(box_beside(depth_m))
+    before = guard.obstruction(plan_along(PATH))
+    assert before is not None and before.bodies[1] == "crate"
+    path, weights = guard.clear(PATH, "plate", 0.0, LIMITS)
+    assert guard.obstruction(plan_along(path)) is None
+    np.testing.assert_allclose(path.spline([0.0, 1.0]), PATH.spline([0.0, 1.0]), atol=1e-9)
+    covariance = Spread.of(primitive()).covariance
+    deviations = np.sqrt(weights @ np.linalg.pinv(covariance, rcond=1e-10) @ weights)
+    assert 0.0 < deviations <= 3.0 * (1 + 1e-3)
+
+
+def test_what_is_beyond_the_spread_is_refused_by_name():
+    guard = clearance(box_beside(0.04), largest=0.2)
+    found = guard.clear(PATH, "plate", 0.0, LIMITS)
+    assert isinstance(found, Obstruction) and found.bodies[1] == "crate"
+    assert "would touch crate at phase 0." in str(found)
+    assert clearance(box_beside(0.04), spreads={}).clear(PATH, "plate", 0.0, LIMITS) == found
+
+
+def test_what_is_past_does_not_count():
+    guard = clearance(box_beside(0.02), largest=0.0)
+    assert isinstance(guard.clear(PATH, "plate", 0.0, LIMITS), Obstruction)
+    path, _ = guard.clear(PATH, "plate", 0.9, LIMITS)
+    assert path is PATH
+
+
+def test_a_bend_is_kept_while_it_serves():
+    guard = clearance(box_beside(0.02))
+    _, weights = guard.clear(PATH, "plate", 0.0, LIMITS)
+    shifted = make_path(TIMES, POSITIONS + 1e-3, LIMITS)
+    _, again = guard.clear(shifted, "plate", 0.1, LIMITS, before=1.1 * weights)
+    np.testing.assert_array_equal(again, 1.1 * weights)
+
+
+def test_a_hands_spread_bends_the_joints():
+    arm = Arm.from_urdf(ROBOT.description)
+    spreads = {"plate": Spread.of(primitive(3, 0.03), arm)}
+    guard = clearance(box_beside(0.02), spreads=spreads)
+    path, weights = guard.clear(PATH, "plate", 0.0, LIMITS)
+    assert guard.obstruction(plan_along(path)) is None
+    phase = np.linspace(0.0, 1.0, 11)
+    moved = hand_position(path.spline(phase)) - hand_position(PATH.spline(phase))
+    wanted = BASIS.design_matrix(phase) @ weights.reshape(3, -1).T
+    np.testing.assert_allclose(moved, wanted, atol=4e-3)
+
+
+def test_a_plan_subdivided_is_the_plan_and_joints_turn_no_farther_than_said():
+    path = make_path(TIMES * 0.2, POSITIONS, LIMITS)
+    plan = plan_along(path)
+    positions, travel = plan.subdivided(7)
+    np.testing.assert_allclose(positions[::7], plan.positions, atol=1e-12)
+    t = np.interp(np.arange(len(positions)) / 7.0, np.arange(len(plan.times_s)), plan.times_s)
+    np.testing.assert_allclose(positions, [plan.at(float(x)).position for x in t], atol=1e-9)
+    assert np.all(travel >= np.abs(np.diff(positions, axis=0)) - 1e-12)
+    assert np.all(travel.sum(axis=0) >= np.abs(GOALS["plate"]) - 1e-9)

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boxes as parameters of the activation node: nothing moves into one, and both bodies are named."""
+
+import numpy as np
+import pytest
+from clearance_world import ROBOT
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics import JOINT_NAMES, hand_position
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import (
+    build_joint_trajectory,
+    to_joint_state,
+    to_stamp,
+    trajectory_arrays,
+)
+from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+
+HOME = np.array([-0.07, -0.58, -0.47, 1.5, -0.39, 0.94, 0.5])
+GOAL = HOME + 0.4
+START_NS, STEP_NS = 50_000_000_000, 20_000_000
+
+
+def box_at(q):
+    return "crate " + " ".join(f"{x:.3f}" for x in hand_position(q)) + " 0.1 0.1 0.1"
+
+
+class Graph:
+    def __init__(self, harness, **parameters):
+        self.harness, self.now_ns = harness, START_NS
+        parameters = {"use_sim_time": True, "home": HOME.tolist(), "n_observations": 2} | parameters
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        self.node = harness.add(PrimitiveActivation(parameter_overrides=overrides))
+        self.clock = harness.publisher(Clock, "/clock", 10)
+        self.tasks = harness.publisher(JointState, "intent/tasks", qos.STATE)
+        self.prediction = harness.publisher(JointTrajectory, "intent/robot_trajectory", qos.COMMAND)
+        self.joints = harness.publisher(JointState, "joint_states", qos.STATE)
+        self.description = harness.publisher(String, "robot_description", qos.LATCHED)
+        self.commands = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
+        harness.connect(self.clock, self.tasks, self.prediction, self.joints, self.description)
+
+    def describe(self, text):
+        self.description.publish(String(data=text))
+        self.harness.spin_until(lambda: self.node._hand.description == text)
+
+    def send(self, publisher, message, stream):
+        before = self.node.diagnostics._totals[stream]
+        publisher.publish(message)
+        self.harness.spin_until(lambda: self.node.diagnostics._totals[stream] > before, what=stream)
+
+    def step(self):
+        self.now_ns += STEP_NS
+        self.clock.publish(Clock(clock=to_stamp(self.now_ns)))
+        clock = self.node.get_clock()
+        self.harness.spin_until(lambda: clock.now().nanoseconds >= self.now_ns)
+        state = to_joint_state(JOINT_NAMES, HOME, np.zeros(7), time_ns=self.now_ns)
+        self.send(self.joints, state, "joint_states")
+        s = np.linspace(0.0, 1.0, 50)
+        q = HOME + np.outer(s**3 * (10 - 15 * s + 6 * s**2), GOAL - HOME)
+        message = build_joint_trajectory(
+            JOINT_NAMES, 2.0 * s, q, None, np.full((50, 7), 0.05), time_ns=START_NS - 600_000_000
+        )
+        message.header.frame_id = "plate"
+        self.send(self.prediction, message, "intent/robot_trajectory")
+        p = to_joint_state(("plate", "none"), [0.99, 0.01], time_ns=self.now_ns)
+        self.send(self.tasks, p, "intent/tasks")
+
+
+def test_a_path_into_a_box_is_refused_and_both_bodies_are_named(harness):
+    graph = Graph(harness, clearance=0.02, boxes=[box_at(0.5 * (HOME + GOAL))])
+    told = []
+    graph.node.diagnostics.reject = lambda reason, text: told.append((reason, text))
+    graph.describe(ROBOT.description)
+    for _ in range(4):
+        graph.step()
+    assert graph.commands == []
+    reasons, texts = zip(*told, strict=True)
+    assert set(reasons) == {"would_touch"}
+    assert all("plate: lwr_a" in text and "would touch crate at phase" in text for text in texts)
+
+
+def test_a_path_beside_a_box_is_executed(harness):
+    graph = Graph(harness, clearance=0.02, boxes=[box_at(HOME + [1.5, 0, 0, 0, 0, 0, 0])])
+    graph.describe(ROBOT.description)
+    for _ in range(4):
+        graph.step()
+    graph.harness.spin_until(lambda: graph.commands)
+    np.testing.assert_allclose(trajectory_arrays(graph.commands[0])[1][-1], GOAL, atol=1e-6)
+
+
+def test_without_the_arms_shape_nothing_moves(harness):
+    graph = Graph(harness, clearance=0.02)
+    graph.step()
+    assert graph.node.diagnostics.rejected("no_robot_description") == 1
+    graph.describe(ROBOT.description.replace("lwr_a3_joint", "elbow"))
+    graph.step()
+    assert graph.node.diagnostics.rejected("bad_robot_description") == 1
+    assert graph.commands == []
+    graph.describe(ROBOT.description)
+    for _ in range(3):
+        graph.step()
+    graph.harness.spin_until(lambda: graph.commands)
+
+
+@pytest.mark.parametrize(
+    "wrong, message",
+    [
+        ({"boxes": ["table 0 0 0 1 1 0.1"]}, "clearance: expected above 0 m with boxes"),
+        ({"clearance": 0.02, "boxes": ["table 0 0"]}, "boxes: expected 'name x y z"),
+    ],
+)
+def test_boxes_that_cannot_be_kept_clear_of_are_errors_at_start(harness, wrong, message):
+    with pytest.raises(ArgumentError, match=message):
+        Graph(harness, **wrong)
