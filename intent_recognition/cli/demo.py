@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from intent_recognition.cli.console import busy
-from intent_recognition.cli.demo_session import Session, run_session, session_tasks
+from intent_recognition.cli.demo_scene import LIVE, Scene, make_scene
+from intent_recognition.cli.demo_session import run_session
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers, number
 from intent_recognition.cli.output import (
@@ -25,7 +26,6 @@ from intent_recognition.cli.session_watch import END_SIGNALS, interrupt
 from intent_recognition.errors import (
     ArgumentError,
     IntentError,
-    KinematicsError,
     ResourceBusyError,
     describe,
 )
@@ -33,9 +33,9 @@ from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import load_model, load_trained, save_model
 
 if TYPE_CHECKING:
-    from sim_bridge.scenarios.toolbox import ToolboxArm
+    from intent_recognition.evaluation import InteractionRecord
 
-SCENARIOS = ("toolbox", "pouring")
+SCENARIOS = (*LIVE, "pouring")
 DEFAULT_INTERACTIONS = 40
 """Interactions where the task list has no end. Convention."""
 DEFAULT_RATE, DASHBOARD_RATE = 1.5, 1.0
@@ -65,6 +65,11 @@ def add_parser(subparsers: Subparsers) -> None:
                 "intent demo --headless --changes 10",
             ),
             ("another arm does what the LWR was taught", "intent demo --arm panda"),
+            ("four arms, and one report of all", "intent demo --arm lwr,panda,iiwa,xarm"),
+            (
+                "an arm in the second of two people's place",
+                "intent demo --scenario assembly --arm panda",
+            ),
             ("the arm pours with other cups and bowls", "intent demo --scenario pouring"),
         ),
     )
@@ -75,7 +80,8 @@ def add_parser(subparsers: Subparsers) -> None:
         "--scenario",
         choices=SCENARIOS,
         default="toolbox",
-        help="what to do (default: toolbox); pouring: the arm pours with containers it was not"
+        help="what to do (default: toolbox); assembly: learned from two people, the arm is in the"
+        " second one's place; pouring: the arm pours with containers it was not"
         " taught with, --interactions times (default: 2), without ROS 2",
     )
     session.add_argument(
@@ -105,7 +111,7 @@ def add_parser(subparsers: Subparsers) -> None:
         default="lwr",
         metavar="ARM",
         help="lwr (default), panda, iiwa, xarm, or the path of a URDF; the others do with their"
-        " hands what the LWR was taught",
+        " hands what the LWR was taught. Several with commas: one after the other, and one report",
     )
     session.add_argument(
         "--seed", type=number(int, 0), default=1, help="of the session (default: 1)"
@@ -165,40 +171,54 @@ def run(args: argparse.Namespace) -> int:
         signal.signal(end_signal, interrupt)
     if args.rate is None:
         args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE
+    arms = args.arm.split(",")
+    if len(arms) > 1:
+        return _run_several(args, arms, console)
+    scene = make_scene(args)
     _check(args)
-    arm = _toolbox_arm(args.arm)
-    model = args.model or _train(args.output / "model.npz", console, of_hand=arm is not None)
-    started = time.monotonic()
-    session = run_session(args, model, console, arm)
-    return _report(args, session, time.monotonic() - started, console, arm)
+    records, numbers = _run_one(args, scene, console)
+    write_json(args.json, numbers)
+    return _end(records, console)
 
 
-def _toolbox_arm(name: str) -> "ToolboxArm | None":
-    """An arm other than the one that was taught; None for the LWR.
+def _run_several(args: argparse.Namespace, arms: list[str], console: Console) -> int:
+    """The same session with one arm after the other, and one report of all."""
+    from intent_recognition.report import write_arms_report
 
-    Raises:
-        IntentError: there is no such arm, or it cannot reach home.
-    """
-    if name == "lwr":
-        return None
-    from sim_bridge.arm import find_robot
-    from sim_bridge.scenarios.toolbox import ToolboxArm
+    for option in ("record", "dashboard", "model"):
+        if getattr(args, option):
+            cure = "Run one arm at a time."
+            raise ArgumentError(describe("--arm", f"one arm with --{option}", args.arm, cure))
+    own = [{"arm": arm, "output": args.output / Path(arm).stem} for arm in arms]
+    parts = [argparse.Namespace(**vars(args) | values) for values in own]
+    scenes = [make_scene(part) for part in parts]
+    sessions, numbers = {}, {}
+    for part, scene in zip(parts, scenes, strict=True):
+        _check(part)
+        console.print(f"arm: {part.arm}", highlight=False)
+        sessions[part.arm], numbers[part.arm] = _run_one(part, scene, console)
+    report = write_arms_report(args.output / "report.html", sessions)
+    console.print(f"all arms: {report}", highlight=False, soft_wrap=True)
+    write_json(args.json, {"arms": numbers})
+    return _end([record for records in sessions.values() for record in records], console)
 
-    arm = ToolboxArm(find_robot(name))
-    try:
-        _ = arm.home
-    except KinematicsError as error:
-        raise ArgumentError(f"--arm {name}: its hand does not reach home. {error}") from error
-    return arm
+
+def _end(records: list["InteractionRecord"], console: Console) -> int:
+    """Print the last line; returns the exit code."""
+    from intent_recognition.evaluation import summarise, summary_line
+
+    summary = summarise(records)
+    console.file.write(summary_line(summary) + "\n")
+    console.file.flush()
+    return 1 if summary.too_many_missed else 0
 
 
 def _check(args: argparse.Namespace) -> None:
     """Check before the training what would otherwise end the demo after it.
 
     Raises:
-        IntentError: a task is unknown, the model cannot be used, or the page's port is taken.
+        IntentError: the model cannot be used, or the page's port is taken.
     """
-    session_tasks(args)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -219,52 +239,51 @@ def _check(args: argparse.Namespace) -> None:
                 ) from error
 
 
-def _train(path: Path, console: Console, *, of_hand: bool) -> Path:
+def _train(path: Path, console: Console, scene: Scene) -> Path:
     from intent_recognition.cli.train import print_library, train
     from intent_recognition.cli.train_sessions import with_sessions
     from intent_recognition.share import share_path
 
     started = time.monotonic()
-    bags = share_path("bags/toolbox/train")
-    dofs = share_path("config/dofs_hand.yaml") if of_hand else None
-    model, report = train([bags], dofs, TrainingSettings(), console)
+    dofs = share_path(scene.dofs) if scene.dofs else None
+    model, report = train([share_path(scene.bags)], dofs, TrainingSettings(), console)
     print_library(console, model.library, report)
-    model = with_sessions(model, [share_path("bags/sessions")], console)
+    if scene.sessions:
+        model = with_sessions(model, [share_path(scene.sessions)], console)
     save_model(path, model, report.trained)
     console.print(f"trained in {time.monotonic() - started:.1f} s", highlight=False)
     return path
 
 
-def _report(
-    args: argparse.Namespace,
-    session: Session,
-    wall_s: float,
-    console: Console,
-    arm: "ToolboxArm | None",
-) -> int:
-    """Score, print the table, write the report; returns the exit code."""
-    from intent_recognition.evaluation import summarise, summary_line, to_json
+def _run_one(
+    args: argparse.Namespace, scene: Scene, console: Console
+) -> tuple[list["InteractionRecord"], dict]:
+    """A session: run it, print its table and write its report; its records and numbers."""
+    from intent_recognition.evaluation import summarise, to_json
     from intent_recognition.experiments.toolbox.session_scoring import score_session
-    from intent_recognition.kinematics import hand_position
     from intent_recognition.report import table_lines, write_demo_report
 
-    hand_of = hand_position if arm is None else arm.hand
-    records, traces = score_session(*session, hand_of)
+    model = args.model or _train(args.output / "model.npz", console, scene)
+    started = time.monotonic()
+    session = run_session(args, model, console, scene)
+    wall_s = time.monotonic() - started
+    records, traces = score_session(session.log, scene.plan, session.first_ns, scene.scoring)
     summary = summarise(records)
     settings = {
+        "scenario": args.scenario,
         "arm": args.arm,
         "seed": args.seed,
         "simulated time per real time": args.rate,
-        "duration of the session [s, simulated]": round(float(session.plan.samples.times_s[-1]), 1),
+        "duration of the session [s, simulated]": round(float(scene.plan.samples.times_s[-1]), 1),
         "duration of the session [s, real]": round(wall_s, 1),
     }
     for line in table_lines(records) if args.json != PRINTED else ():
         console.print(line, highlight=False, markup=False, soft_wrap=True)
-    report = args.output / "report.html"
-    with busy(console, "writing the report"):
-        write_demo_report(report, records, summary, traces, settings)
-    write_json(args.json, to_json(records, summary, settings))
-    console.print(f"session of {wall_s:.0f} s, report: {report}", highlight=False, soft_wrap=True)
-    console.file.write(summary_line(summary) + "\n")
-    console.file.flush()
-    return 1 if summary.too_many_missed else 0
+    told = f"session of {wall_s:.0f} s"
+    if args.scenario == "toolbox":  # beside the paper's figures
+        report = args.output / "report.html"
+        with busy(console, "writing the report"):
+            write_demo_report(report, records, summary, traces, settings)
+        told += f", report: {report}"
+    console.print(told, highlight=False, soft_wrap=True)
+    return records, to_json(records, summary, settings)

@@ -5,13 +5,13 @@ import argparse
 import os
 import secrets
 import signal
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 
+from intent_recognition.cli.demo_scene import Scene
 from intent_recognition.cli.session_watch import (
     COWORKER,
     END_SIGNALS,
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from intent_recognition.evaluation import SessionLog
     from intent_recognition.nodes.processes import NodeProcesses
     from intent_recognition.nodes.session_observer import SessionObserver
-    from sim_bridge.coworker import SessionPlan
-    from sim_bridge.scenarios.toolbox import ToolboxArm
 
 DISCOVERY_S = 0.5
 """Time to find other graphs in the domain [s]. Convention."""
@@ -49,23 +47,20 @@ ROS_DOMAIN_ID")."""
 
 
 class Session(NamedTuple):
-    """A session that is over: what was observed, the truth, the stamp of the first sample."""
+    """A session that is over: what was observed, and the stamp of the first sample."""
 
     log: "SessionLog"
-    plan: "SessionPlan"
     first_ns: int
 
 
-def run_session(
-    args: argparse.Namespace, model: Path, console: Console, arm: "ToolboxArm | None" = None
-) -> Session:
+def run_session(args: argparse.Namespace, model: Path, console: Console, scene: Scene) -> Session:
     """Start the nodes, follow the session, stop the nodes.
 
     Args:
         args: the options of `intent demo`.
         model: model file of the estimator.
         console: where the progress is shown.
-        arm: in place of the LWR.
+        scene: what the session is of.
 
     Raises:
         IntentError: a node died, or nothing was received from one.
@@ -75,40 +70,25 @@ def run_session(
 
     from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
     from intent_recognition.nodes.processes import NodeProcesses, node_environment
-    from sim_bridge.coworker import plan_session
 
-    tasks = session_tasks(args)
-    plan = plan_session(args.seed, tasks)
     environment = node_environment(os.environ, _domain())
     environment.setdefault(TOKEN_VARIABLE, secrets.token_urlsafe(TOKEN_BYTES))
     os.environ.update(environment)
     rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
     try:
         with NodeProcesses(environment, args.output / "logs") as processes:
-            calls = _calls(args, model, tasks, arm)
-            log = _run_graph(args, calls, len(tasks), processes, console)
+            calls = _calls(args, model, scene)
+            log = _run_graph(args, calls, len(scene.plan.interactions), processes, console)
     finally:
         for number in END_SIGNALS:
             signal.signal(number, interrupt)
         rclpy.try_shutdown()
-    first_ns = first_sample_ns(log, plan)
+    first_ns = first_sample_ns(log, scene.plan)
     if first_ns is None:
         raise IntentError(
             describe("mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs.")
         )
-    return Session(log, plan, first_ns)
-
-
-def session_tasks(args: argparse.Namespace) -> tuple[str, ...]:
-    """The entries of the session's task list, some of them changed on the way.
-
-    Raises:
-        ArgumentError: an entry is not possible, or there are fewer than shall be changed.
-    """
-    from sim_bridge.coworker import change_some, parse_task_list
-
-    tasks = parse_task_list(args.task_list, args.seed, args.interactions)
-    return change_some(tasks, args.seed, args.changes)
+    return Session(log, first_ns)
 
 
 def _run_graph(
@@ -191,7 +171,8 @@ def _follow(
     from intent_recognition.nodes.pace_keeper import PaceKeeper
 
     lwr, other = ARMS
-    pace = PaceKeeper(observer, args.rate, lwr if args.arm == "lwr" else other)
+    simulator = lwr if lwr in watch.processes.names else other
+    pace = PaceKeeper(observer, args.rate, simulator)
 
     def keep_pace() -> None:
         if not progress.over:
@@ -208,31 +189,25 @@ def _follow(
     return pace.slowest
 
 
-def _calls(
-    args: argparse.Namespace, model: Path, tasks: Sequence[str], arm: "ToolboxArm | None"
-) -> dict[str, NodeCall]:
+def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, NodeCall]:
     """The nodes to start, by name.
 
     Raises:
         ResourceBusyError: the folder to record to exists.
     """
-    from sim_bridge.scenarios.toolbox import HOME
-
     if args.record and args.record.exists():
         raise ResourceBusyError(
             describe("--record", "a folder that does not exist", args.record, "Name another.")
         )
     calls = resolve(
-        "demo",
+        scene.graph,
         {
+            **scene.arguments,
             "model": str(model.resolve()),
-            "arm": "" if arm is None else args.arm,
-            "hand_link": "" if arm is None else arm.robot.tip,
             "rate": float(args.rate),
             "headless": args.headless or not os.environ.get("DISPLAY"),
             "sensor_noise": True,
             "seed": args.seed,
-            "task_list": ",".join(tasks),
             "transition_prior": not args.no_anticipation,
             "pretrigger_threshold": 0.0 if args.no_anticipation else PRETRIGGER_THRESHOLD,
             "record": str(args.record.resolve()) if args.record else "",
@@ -242,10 +217,8 @@ def _calls(
             "models": str(args.output.resolve()),
         },
     )
-    home = HOME.tolist() if arm is None else arm.home.tolist()
-    own = {"primitive_activation": {"home": home}, "arm_sim": {"initial_position": home}}
     return {
-        call.name: replace(call, parameters=call.parameters | own.get(call.name, {}))
+        call.name: replace(call, parameters=call.parameters | dict(scene.own.get(call.name, {})))
         for call in calls
     }
 

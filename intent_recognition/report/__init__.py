@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pages and figures: drawing and writing, neither training nor scoring."""
 
+from intent_recognition.report.arms_report import write_arms_report
 from intent_recognition.report.demo_report import write_demo_report
 from intent_recognition.report.drawing import (
     DASHED,
@@ -68,6 +69,7 @@ __all__ = [
     "task_markers",
     "to_png",
     "to_svg",
+    "write_arms_report",
     "write_demo_report",
     "write_evaluation_report",
     "write_experiments_report",

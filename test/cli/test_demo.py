@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demo as a user runs it: real processes, a short session, and every way out."""
 
+import argparse
 import io
 import json
 import os
@@ -14,6 +15,7 @@ import pytest
 from rich.console import Console
 
 from intent_recognition.cli import demo
+from intent_recognition.cli.demo_scene import make_scene
 from intent_recognition.model.file import load_trained
 
 pytestmark = pytest.mark.slow
@@ -124,6 +126,8 @@ def test_killed_it_leaves_no_orphan(running_demo):
         (("--model", "/nowhere.npz"), "/nowhere.npz: expected a model file"),
         (("--output", "/dev/null/out"), "--output: expected a folder that can be made"),
         (("--dashboard", "--port", "0"), "--port: expected 1 to 65535, got 0"),
+        (("--scenario", "assembly", "--changes", "1"), "--changes: expected 0 in the assembly"),
+        (("--arm", "lwr,panda"), "--arm: expected one arm with --model"),
         (("--rate", "0"), "--rate: expected 0.01 to 50, got 0"),
     ],
 )
@@ -149,7 +153,9 @@ def test_a_port_in_use_is_told_before_the_training(tmp_path):
 
 
 def test_its_model_can_be_added_to(tmp_path):
-    path = demo._train(tmp_path / "model.npz", Console(file=io.StringIO()), of_hand=False)
+    options = {"scenario": "toolbox", "arm": "lwr", "task_list": "habit", "seed": 1, "changes": 0}
+    scene = make_scene(argparse.Namespace(interactions=1, **options))
+    path = demo._train(tmp_path / "model.npz", Console(file=io.StringIO()), scene)
     model, trained = load_trained(path)
     assert model.library.transition_prior is not None
     assert trained

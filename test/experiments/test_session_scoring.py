@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from intent_recognition.evaluation.session_log import SessionLog
-from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns, score_session
+from intent_recognition.experiments.toolbox.session_scoring import (
+    Scoring,
+    first_sample_ns,
+    score_session,
+    toolbox_places,
+)
 from intent_recognition.kinematics.inverse import inverse_kinematics
 from sim_bridge.coworker.session import plan_session
 from sim_bridge.scenarios.toolbox.scene import HOME, handover_point, handover_rotation, pose
@@ -51,7 +56,7 @@ def test_first_sample_is_found_although_the_first_messages_were_lost():
 
 def test_numbers_of_an_interaction_are_those_of_the_topics():
     plan, log = session()
-    records, traces = score_session(log, plan, FIRST_NS)
+    records, traces = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
     record, interaction = records[0], plan.interactions[0]
     movement = interaction.end_s - interaction.onset_s
     assert record.recognised == TASK
@@ -71,7 +76,7 @@ def test_numbers_of_an_interaction_are_those_of_the_topics():
 
 def test_nothing_activated_is_a_miss():
     plan, log = session()
-    records, _ = score_session(log, plan, FIRST_NS)
+    records, _ = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))
     assert records[1].recognised == "none"
     assert records[1].hand_error_m is None
     assert not records[1].right
@@ -79,7 +84,7 @@ def test_nothing_activated_is_a_miss():
 
 def test_the_wrong_task_is_a_miss_without_a_hand_error():
     plan, log = session(task="screw_handover")
-    record = score_session(log, plan, FIRST_NS)[0][0]
+    record = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))[0][0]
     assert record.recognised == "screw_handover"
     assert not record.right
     assert record.hand_error_m is None
@@ -96,7 +101,7 @@ def test_a_change_is_followed_if_the_new_task_is_active_soon_after_the_end(late_
         active_ns=np.array([onset + 500_000_000, switched, switched + 2_000_000_000]),
         active=("hold_screwdriver", TASK, ""),
     )
-    record = score_session(log, plan, FIRST_NS)[0][0]
+    record = score_session(log, plan, FIRST_NS, Scoring(toolbox_places(plan)))[0][0]
     assert (record.changed_from, record.task) == ("hold_screwdriver", TASK)
     assert record.right == (late_s < 0.3)
     assert record.recognised == (TASK if record.right else "hold_screwdriver")

@@ -2,6 +2,7 @@
 """Scoring of a toolbox session: what was on the topics against what the coworker did."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +40,27 @@ HandOf = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From measured joints (..., n) to the position of the hand in the world (..., 3) [m]."""
 
 
+class Scoring(NamedTuple):
+    """What the arm is measured by.
+
+    Attributes:
+        places_m: where the hand belongs in each interaction (n, 3), world.
+        hand_of: forward kinematics of the arm.
+        home_m: where its hand waits (3,).
+    """
+
+    places_m: NDArray[np.float64]
+    hand_of: HandOf = hand_position
+    home_m: NDArray[np.float64] = HOME_HAND_M
+
+
+def toolbox_places(plan: SessionPlan) -> NDArray[np.float64]:
+    """Where the demonstrator's rule puts the hand in each interaction (n, 3) [m]."""
+    return np.array([handover_point(one.task, one.goal_m) for one in plan.interactions])
+
+
 def score_session(
-    log: SessionLog, plan: SessionPlan, first_ns: int, hand_of: HandOf = hand_position
+    log: SessionLog, plan: SessionPlan, first_ns: int, scoring: Scoring
 ) -> tuple[list[InteractionRecord], list[Trace]]:
     """One record and one trace (arrays for the report's figures) per interaction.
 
@@ -48,14 +68,14 @@ def score_session(
         log: what was on the topics.
         plan: the ground truth.
         first_ns: stamp of the session's first sample.
-        hand_of: forward kinematics of the arm.
+        scoring: what the arm is measured by.
     """
     onsets = [first_ns + round(i.onset_s * 1e9) for i in plan.interactions]
     limits = [onset - round(EARLIEST_DECISION_S * 1e9) for onset in onsets[1:]]
     limits.append(np.iinfo(np.int64).max)
     records, traces = [], []
     for number, (interaction, until) in enumerate(zip(plan.interactions, limits, strict=True), 1):
-        record, trace = score_interaction(log, interaction, first_ns, until, number, hand_of)
+        record, trace = score_interaction(log, interaction, first_ns, until, number, scoring)
         records.append(record)
         traces.append(trace)
     return records, traces
@@ -67,7 +87,7 @@ def score_interaction(
     first_ns: int,
     until_ns: int,
     number: int,
-    hand_of: HandOf = hand_position,
+    scoring: Scoring,
 ) -> tuple[InteractionRecord, Trace]:
     """Score one interaction; arguments as of `score_session`, `until_ns` ends the search."""
     onset = first_ns + round(interaction.onset_s * 1e9)
@@ -86,8 +106,8 @@ def score_interaction(
         share = decision_s / movement_s
     error = arrival = None
     if decided_ns is not None and recognised == interaction.task:
-        error = _hand_error(log, interaction, end, hand_of)
-        arrival = _arrival(log, decided_ns, end, until_ns, hand_of)
+        error = _hand_error(log, scoring.places_m[number - 1], end, scoring)
+        arrival = _arrival(log, decided_ns, end, until_ns, scoring)
     record = InteractionRecord(
         index=number,
         task=interaction.task,
@@ -126,18 +146,17 @@ def _last_decision(log: SessionLog, earliest: int, end_ns: int) -> tuple[int | N
 
 
 def _hand_error(
-    log: SessionLog, interaction: Interaction, end_ns: int, hand_of: HandOf
+    log: SessionLog, place_m: NDArray[np.float64], end_ns: int, scoring: Scoring
 ) -> float | None:
     """Distance from the measured hand to its right place, `SCORED_AFTER_S` after the end [m]."""
     index = np.searchsorted(log.joint_ns, end_ns + round(SCORED_AFTER_S * 1e9)) - 1
     if index < 0:
         return None
-    hand = hand_of(log.joint_rad[index])
-    return float(np.linalg.norm(hand - handover_point(interaction.task, interaction.goal_m)))
+    return float(np.linalg.norm(scoring.hand_of(log.joint_rad[index]) - place_m))
 
 
 def _arrival(
-    log: SessionLog, decided_ns: int, end_ns: int, until_ns: int, hand_of: HandOf
+    log: SessionLog, decided_ns: int, end_ns: int, until_ns: int, scoring: Scoring
 ) -> float | None:
     """When the arm first rested away from home after the decision, since the human's end [s]."""
     first, last = np.searchsorted(log.joint_ns, [decided_ns, until_ns])
@@ -147,7 +166,7 @@ def _arrival(
     step = 10
     speed = np.max(np.abs(joints[step:] - joints[:-step]), axis=1)
     speed /= (stamps[step:] - stamps[:-step]) * 1e-9
-    away = np.linalg.norm(hand_of(joints[step:]) - HOME_HAND_M, axis=1)
+    away = np.linalg.norm(scoring.hand_of(joints[step:]) - scoring.home_m, axis=1)
     late = stamps[step:] > end_ns - 5e8
     rested = np.flatnonzero((speed < REST_SPEED_RAD_S) & (away > AWAY_FROM_HOME_M) & late)
     return float((stamps[rested[0]] - end_ns) * 1e-9) if rested.size else None

@@ -12,6 +12,10 @@ from sim_bridge.scenarios.assembly.session import (
 from sim_bridge.scenarios.assembly.styles import ASSISTANT, RESTS
 from sim_bridge.scenarios.toolbox import ToolboxArm
 
+REST_M = RESTS[ASSISTANT].centre_m
+"""Where assistants rest (3,), world."""
+STAY_S = 2.5
+"""The hand stays where it has come to so long [s]: workers are done within that. Convention."""
 SHUFFLED = ("random", "habit")
 """Task lists that mean the order of a recorded session: the assembly has no habit."""
 
@@ -45,11 +49,11 @@ def in_assistants_place(arm: str) -> dict[str, dict[str, object]]:
     Raises:
         IntentError: there is no such arm, or its hand does not reach where assistants rest.
     """
-    placed = ToolboxArm(find_robot(arm), RESTS[ASSISTANT].centre_m)
+    placed = ToolboxArm(find_robot(arm), REST_M)
     hand, home = {"hand_link": placed.robot.tip}, placed.home.tolist()
     return {
         "intent_estimator": hand,
         "dashboard": hand,
-        "primitive_activation": hand | {"home": home},
+        "primitive_activation": hand | {"home": home, "hold_time": STAY_S},
         "arm_sim": {"initial_position": home, "scene": "none"},
     }

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a session of the demo is of: recordings to learn from, a worker's plan, an arm."""
+
+import argparse
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError, KinematicsError, describe
+
+if TYPE_CHECKING:
+    from intent_recognition.experiments.toolbox.session_scoring import Scoring
+    from sim_bridge.coworker import SessionPlan
+    from sim_bridge.scenarios.toolbox import ToolboxArm
+
+LIVE = ("toolbox", "assembly")
+"""Scenarios with a worker and an arm in a graph of nodes."""
+LWR = "lwr"
+
+
+class Scene(NamedTuple):
+    """A session before it begins.
+
+    Attributes:
+        bags: shipped recordings to learn from.
+        dofs: shipped DOF file that they are read by; empty: the default.
+        sessions: shipped recordings that tell which task follows which; empty: none.
+        graph: of the nodes.
+        arguments: of the graph.
+        own: parameters that depend on the arm, by node.
+        plan: what the worker does.
+        scoring: where the hand belongs, and where it is.
+    """
+
+    bags: str
+    dofs: str
+    sessions: str
+    graph: str
+    arguments: Mapping[str, object]
+    own: Mapping[str, Mapping[str, object]]
+    plan: "SessionPlan"
+    scoring: "Scoring"
+
+
+def make_scene(args: argparse.Namespace) -> Scene:
+    """The session that the options of `intent demo` ask for.
+
+    Raises:
+        ArgumentError: a task list, or an arm, with which there is none.
+    """
+    return _assembly(args) if args.scenario == "assembly" else _toolbox(args)
+
+
+def session_tasks(args: argparse.Namespace) -> tuple[str, ...]:
+    """The entries of a toolbox session's task list, some of them changed on the way.
+
+    Raises:
+        ArgumentError: an entry is not possible, or there are fewer than shall be changed.
+    """
+    from sim_bridge.coworker import change_some, parse_task_list
+
+    tasks = parse_task_list(args.task_list, args.seed, args.interactions)
+    return change_some(tasks, args.seed, args.changes)
+
+
+def _toolbox(args: argparse.Namespace) -> Scene:
+    """The LWR by its joints, as it was taught; another arm by its hand."""
+    from intent_recognition.experiments.toolbox.session_scoring import Scoring, toolbox_places
+    from sim_bridge.coworker import plan_session
+    from sim_bridge.scenarios.toolbox import HOME, HOME_HAND_M
+
+    tasks = session_tasks(args)
+    plan = plan_session(args.seed, tasks)
+    arm = None if args.arm == LWR else _arm(args.arm, HOME_HAND_M)
+    home = HOME.tolist() if arm is None else arm.home.tolist()
+    named = {"arm": "", "hand_link": ""}
+    if arm is not None:
+        named = {"arm": args.arm, "hand_link": arm.robot.tip}
+    places_m = toolbox_places(plan)
+    scoring = Scoring(places_m) if arm is None else Scoring(places_m, arm.hand)
+    return Scene(
+        "bags/toolbox/train",
+        "" if arm is None else "config/dofs_hand.yaml",
+        "bags/sessions",
+        "demo",
+        named | {"task_list": ",".join(tasks)},
+        {"primitive_activation": {"home": home}, "arm_sim": {"initial_position": home}},
+        plan,
+        scoring,
+    )
+
+
+def _assembly(args: argparse.Namespace) -> Scene:
+    """Learned from two people; the arm is in the second one's place."""
+    from intent_recognition.experiments.toolbox.session_scoring import Scoring
+    from sim_bridge.coworker import SessionTiming
+    from sim_bridge.scenarios.assembly import REST_M, in_assistants_place, of_worker, plan_live
+
+    if args.changes:
+        cure = "Choose the scenario toolbox."
+        raise ArgumentError(describe("--changes", "0 in the assembly", args.changes, cure))
+    session = plan_live(args.seed, args.task_list, args.interactions or 0, SessionTiming())
+    places_m = np.array([one.assistant[-1][1].goal_m for one in session.interactions])
+    arm = _arm(args.arm, REST_M)
+    return Scene(
+        "bags/assembly",
+        "config/dofs_two_humans.yaml",
+        "",
+        "assembly",
+        {"arm": args.arm, "task_list": ",".join(one.task for one in session.interactions)},
+        in_assistants_place(args.arm),
+        of_worker(session),
+        Scoring(places_m, arm.hand, REST_M),
+    )
+
+
+def _arm(name: str, home_m: NDArray[np.float64]) -> "ToolboxArm":
+    """An arm by its name or URDF.
+
+    Raises:
+        ArgumentError: there is no such arm, or it cannot reach home.
+    """
+    from sim_bridge.arm import find_robot
+    from sim_bridge.scenarios.toolbox import ToolboxArm
+
+    arm = ToolboxArm(find_robot(name), home_m)
+    try:
+        _ = arm.home
+    except KinematicsError as error:
+        raise ArgumentError(f"--arm {name}: its hand does not reach home. {error}") from error
+    return arm

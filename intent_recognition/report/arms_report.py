@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One report of the same session with several arms: a row an arm, and their hand errors."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from statistics import median
+
+from intent_recognition.evaluation import (
+    CM_PER_M,
+    InteractionRecord,
+    summarise,
+    summary_line,
+)
+from intent_recognition.report.drawing import to_svg
+from intent_recognition.report.figures_session import hand_error_figure
+from intent_recognition.report.html import (
+    Column,
+    Figure,
+    ReportPage,
+    Section,
+    Table,
+    write_page,
+)
+
+COLUMNS = (
+    Column("arm", align="left"),
+    Column("recognised"),
+    Column("before the end"),
+    Column("median decision", "%"),
+    Column("hand error", "cm"),
+    Column("median hand error", "cm"),
+    Column("largest", "cm"),
+    Column("median arrival", "s"),
+    Column("latest", "s"),
+)
+CAPTION = (
+    "hand error: mean and two standard deviations over the tasks whose place depends on the human,"
+    " as in the report of one arm; median and largest are of all interactions. arrival: after the"
+    " human's end."
+)
+
+
+def write_arms_report(
+    path: str | Path, sessions: Mapping[str, Sequence[InteractionRecord]]
+) -> Path:
+    """Write the report as one HTML file.
+
+    Args:
+        path: of the file; its folder is made if it is missing.
+        sessions: interactions by arm.
+
+    Raises:
+        ResourceBusyError: the file cannot be written.
+    """
+    errors_cm = {arm: hand_errors_cm(records) for arm, records in sessions.items()}
+    rows = tuple(arm_row(arm, records) for arm, records in sessions.items())
+    figure = hand_error_figure(errors_cm)
+    blocks = (
+        Table(COLUMNS, rows, CAPTION),
+        Figure(to_svg(figure), "Every interaction's hand error, and their mean, by arm."),
+    )
+    together = summary_line(summarise([one for records in sessions.values() for one in records]))
+    page = ReportPage(
+        "The same session with several arms",
+        "Each arm before the same simulated coworker; measured on the ROS 2 topics.",
+        (Section("Result", blocks),),
+        together,
+    )
+    return write_page(path, page)
+
+
+def arm_row(arm: str, records: Sequence[InteractionRecord]) -> tuple[str | None, ...]:
+    """What is told of one arm, in the order of `COLUMNS`."""
+    summary, errors_cm = summarise(records), hand_errors_cm(records)
+    share, arrival = summary.median_decision_share, summary.median_arrival_s
+    return (
+        arm,
+        f"{summary.recognised_right}/{summary.n}",
+        f"{summary.decided_before_end}/{summary.n}",
+        None if share is None else f"{100.0 * share:.0f}",
+        str(summary.hand_error).removesuffix(" cm"),
+        f"{median(errors_cm):.1f}" if errors_cm else None,
+        f"{max(errors_cm):.1f}" if errors_cm else None,
+        None if arrival is None else f"{arrival:+.2f}",
+        None if summary.latest_arrival_s is None else f"{summary.latest_arrival_s:+.2f}",
+    )
+
+
+def hand_errors_cm(records: Sequence[InteractionRecord]) -> list[float]:
+    """Those that were measured, of all tasks."""
+    errors_m = (record.hand_error_m for record in records)
+    return [CM_PER_M * error for error in errors_m if error is not None]

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several arms in the demo: what is run with each, and the one report of all."""
+
+import json
+
+import numpy as np
+import pytest
+
+from intent_recognition.cli import demo
+from intent_recognition.cli.main import main
+from intent_recognition.evaluation.session_summary import InteractionRecord
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path):
+    """Run the demo without its nodes; returns its exit code and the sessions asked for."""
+    asked = []
+
+    def session(args, scene, console):
+        asked.append((args.arm, args.output, scene))
+        found = "plate_handover" if args.arm != "xarm" else "none"
+        error = {"lwr": 0.01, "iiwa": 0.03}.get(args.arm)
+        record = InteractionRecord(1, "plate_handover", found, 40, 0.4, 0.2, error, None, 2.0)
+        return [record], {"arm": args.arm}
+
+    monkeypatch.setattr(demo, "_run_one", session)
+
+    def start(*arguments):
+        given = ("--headless", "--task-list", "plate_handover", "--output", str(tmp_path / "out"))
+        return main(["demo", *given, *arguments]), asked
+
+    return start
+
+
+def test_each_arm_has_its_session_and_all_have_one_report(run, tmp_path, capsys):
+    code, asked = run("--arm", "lwr,iiwa,xarm", "--json", str(tmp_path / "all.json"))
+    assert code == 1  # one of three interactions was missed
+    assert [(arm, output.name) for arm, output, _ in asked] == [
+        *(("lwr", "lwr"), ("iiwa", "iiwa"), ("xarm", "xarm")),
+    ]
+    by_joints, by_hand, _ = (scene for *_, scene in asked)
+    assert (by_joints.dofs, by_hand.dofs) == ("", "config/dofs_hand.yaml")
+    assert by_hand.arguments["hand_link"] == "lbr_iiwa_link_7"
+    last = capsys.readouterr().out.strip().splitlines()[-1]
+    assert last.startswith("summary: recognised 2/3, decided before the end 2/3, hand error 2.0 ")
+    numbers = json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))
+    assert list(numbers["arms"]) == ["lwr", "iiwa", "xarm"]
+    page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
+    for cell in (">lwr<", ">1/1<", ">0/1<", ">1.0 +- -<", ">3.0 +- -<"):
+        assert cell in page, cell
+
+
+@pytest.mark.parametrize("arm", ["panda", "lwr"])
+def test_in_the_assembly_an_arm_is_in_a_persons_place(run, arm):
+    code, ((name, _, scene),) = run(
+        *("--scenario", "assembly", "--arm", arm, "--task-list", "fastening,hand_over")
+    )
+    assert (code, name, scene.graph) == (0, arm, "assembly")
+    assert scene.arguments == {"arm": arm, "task_list": "fastening,hand_over"}
+    assert scene.own["primitive_activation"]["hand_link"]
+    hands = scene.scoring.hand_of(np.array([scene.own["primitive_activation"]["home"]]))
+    np.testing.assert_allclose(hands[0], scene.scoring.home_m, atol=1e-6)
+    goals = [one.goal_m for one in scene.plan.interactions]
+    away = np.linalg.norm(scene.scoring.places_m - goals, axis=1)
+    assert np.all((away > 0.05) & (away < 0.4))  # beside the worker's wrist, not where it is
