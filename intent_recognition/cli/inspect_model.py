@@ -38,6 +38,7 @@ def model_json(model: Model) -> dict:
         "largest_phase_deviation": float(library.phase_deviation.deviation_std.max()),
         "controlled_follows": library.phase_deviation.controlled_follows,
         "none_margin": library.none_margin,
+        "switch_margin": library.switch_margin,
         "correlation_time_s": library.correlation_time_s,
         "none_prior": library.none_prior,
         "dofs": model.dofs.to_dict(),
@@ -64,6 +65,7 @@ def print_model(console: Console, path: Path, model: Model) -> None:
             "model": str(path),
             "basis": f"{library.basis.n_basis} functions per degree of freedom",
             "none": f"prior {library.none_prior:.3g}, margin {library.none_margin:.3g} nats",
+            "change of mind": f"margin {library.switch_margin:.3g} nats",
             "noise": f"scale {library.noise_scale:.3g}, correlated over"
             f" {library.correlation_time_s:.3g} s",
             "progress": _progress(library),

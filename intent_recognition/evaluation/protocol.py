@@ -88,7 +88,7 @@ def evaluate(
     units: tuple[str, ...] = ()
     for train, test in folds:
         training = [usable[i] for i in train]
-        library = learn(training, settings)
+        library = learn(training, replace(settings, switching=False))
         units = tuple(dict.fromkeys(library.controlled_units))
         labels |= set(library.labels)
         for recorded in (usable[i] for i in test):

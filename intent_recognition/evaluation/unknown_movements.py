@@ -150,7 +150,7 @@ def follow_unknown(
         rest = [d for d in demonstrations if d.task != task]
         if len(rest) < 2 or len(rest) == len({d.task for d in rest}):
             continue
-        library = learn(rest, settings)
+        library = learn(rest, replace(settings, switching=False))
         for recorded in (d for d in demonstrations if d.task == task):
             outcomes.append(follow(library, recorded))
             progress(len(outcomes))

@@ -51,6 +51,8 @@ N_DURATIONS = 7
 PUSH = 0.5
 """Standard deviation of the push c, in standard deviations of the offset a times r^2.
 Convention."""
+BIRTHS_EVERY = 2
+"""Used observations of each signal between births (docs/decisions/change_of_mind.md)."""
 SETTLING = 2
 """Observations of each signal that a newborn hypothesis takes its offset and velocity from, and is
 not judged by."""
@@ -117,10 +119,11 @@ class SwitchedHypotheses:
         self._width = library.basis.n_basis + OFFSET_BASIS
         self._grid = _grid(min(library.n_tasks, MAX_TASKS) + 1, min(n_scales, N_DURATIONS))
         self._settling = SETTLING * len(library.observed_groups)
+        self._births_every = BIRTHS_EVERY * len(library.observed_groups)
         shape = library.n_observed, self._width
         fitting = MAX_FLOATS // (shape[0] * shape[1] * state_width(*shape))
         self._n_kept = min(max(fitting, LEAST_HYPOTHESES), MAX_HYPOTHESES)
-        room = self._n_kept + len(self._grid.prior) * (self._settling + 1)
+        room = self._n_kept + len(self._grid.prior) * -(-SETTLING // BIRTHS_EVERY)
         self._state = np.zeros((room, shape[0] * shape[1], state_width(*shape)))
         self._pending = np.zeros((room, *pending_shape(*shape)))
         self._task, self._seen, self._duration = np.zeros((3, room), dtype=np.int64)
@@ -148,8 +151,10 @@ class SwitchedHypotheses:
         self._n = 0
         self._batch = self._batch_of(0, 0)
         self._first: list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]] = []
+        self._newborn: dict[tuple[int, ...], NDArray[np.float64]] = {}
         self._started = np.zeros(self.library.n_observed, dtype=bool)
-        self._last_s = 0.0
+        self._last_s, self._n_used = 0.0, 0
+        self._last_birth_s, self._between_births_s = 0.0, 0.0
 
     @property
     def n_hypotheses(self) -> int:
@@ -166,7 +171,8 @@ class SwitchedHypotheses:
     @property
     def staying(self) -> float:
         """Log probability with which a task of the onset passed nothing on to tasks."""
-        return -(SWITCHES + DETOURS) * self._last_s / self._usual_s
+        rate = SWITCHES * np.exp(-self.library.switch_margin) + DETOURS
+        return float(-rate * self._last_s / self._usual_s)
 
     def left(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log joint of the hypotheses of the onset less what they passed on, (K + 1,).
@@ -189,9 +195,10 @@ class SwitchedHypotheses:
             log_evidence: see `left`; this measurement is among the observations.
         """
         self._remember_start(measurement)
-        passed = max(measurement.elapsed_s - self._last_s, 0.0) / self._usual_s
         self._last_s = max(measurement.elapsed_s, self._last_s)
-        self._bear(measurement.elapsed_s, log_evidence)
+        self._n_used += 1
+        if self._n_used % self._births_every == 0:
+            self._bear(measurement.elapsed_s, log_evidence)
         density = self._batch.condition(
             measurement.dofs,
             self._rows(measurement)[:, None],
@@ -204,8 +211,8 @@ class SwitchedHypotheses:
         log_joint[seen > self._settling] += density[seen > self._settling]
         total = np.logaddexp(self.log_joint, self.left(log_evidence))
         settled = np.flatnonzero(seen == self._settling)
-        share = shares(total, self._log_task_prior, self._hypotheses.none_margin, passed)
         if settled.size:
+            share = self._shares(total)
             task, pace = self._task[settled], self._log_pace(log_evidence)
             which = (task == self.library.n_tasks).astype(np.int64)
             log_joint[settled] = share[task] + pace[which, self._duration[settled]]
@@ -243,6 +250,16 @@ class SwitchedHypotheses:
         )
         return bank, self._duration_s[index], weight
 
+    def _shares(self, total: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What passes to the hypotheses of the last birth."""
+        return shares(
+            total,
+            self._log_task_prior,
+            self._between_births_s / self._usual_s,
+            none_margin=self._hypotheses.none_margin,
+            switch_margin=self.library.switch_margin,
+        )
+
     def _batch_of(self, n: int, n_pending: int) -> GaussianBatch:
         return GaussianBatch(self._state[:n], self._width, self._pending[:n], n_pending)
 
@@ -255,6 +272,7 @@ class SwitchedHypotheses:
         self._started[dofs] = True
         noise = measurement.noise_covariance[np.ix_(new, new)]
         self._first.append((dofs, measurement.values[new], noise))
+        self._newborn.clear()
 
     def _log_pace(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log probability of duration and rate of newborn hypotheses of a task, and of none."""
@@ -271,6 +289,8 @@ class SwitchedHypotheses:
 
     def _bear(self, birth_s: float, log_evidence: NDArray[np.float64]) -> None:
         """Add newborn hypotheses of the most probable tasks, and of none."""
+        self._between_births_s = max(birth_s - self._last_birth_s, 0.0)
+        self._last_birth_s = max(birth_s, self._last_birth_s)
         n_tasks = self.library.n_tasks
         tasks = np.arange(n_tasks)
         if n_tasks > MAX_TASKS:
@@ -279,7 +299,7 @@ class SwitchedHypotheses:
         tasks = np.r_[tasks, n_tasks]
         prior, duration, rate, offsets = self._grid
         born = slice(self._n, self._n + len(prior))
-        self._state[born] = self._priors(tasks)[prior]
+        self._state[born] = self._newborn_states(tasks)[prior]
         self._pending[born] = 0.0  # what is pending for the others is nothing to these
         task = tasks[prior // len(FADINGS)]
         self._task[born], self._seen[born], self._birth_s[born] = task, 0, birth_s
@@ -290,8 +310,14 @@ class SwitchedHypotheses:
         self._n = born.stop
         self._batch = self._batch_of(self._n, self._batch.n_pending)
 
-    def _priors(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _newborn_states(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
         """States of some tasks by the rates of fading, before anything is seen of the offset."""
+        key = tuple(tasks)
+        if key not in self._newborn:
+            self._newborn = {key: self._make_newborn(tasks)}
+        return self._newborn[key]
+
+    def _make_newborn(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
         library, n_basis = self.library, self.library.basis.n_basis
         mean, covariance = library.observed_mean[tasks], library.observed_covariance[tasks]
         state = make_state(mean, covariance, n_basis)
@@ -386,21 +412,24 @@ def _grid(n_tasks: int, n_durations: int) -> _Grid:
 def shares(
     total: NDArray[np.float64],
     log_prior: NDArray[np.float64],
-    none_margin: float,
     passed: float,
+    *,
+    none_margin: float = 0.0,
+    switch_margin: float = 0.0,
 ) -> NDArray[np.float64]:
     """Log of what passes to newborn hypotheses of each task and none in a time, (K + 1,).
 
     Args:
         total: log joint of the tasks and none, everything together, (K + 1,).
         log_prior: of the tasks, (K,).
-        none_margin: evidence that a known task must have over none before it counts, in nats.
         passed: the time, in usual durations.
+        none_margin: evidence that a known task must have over none before it counts, in nats.
+        switch_margin: evidence that another task must have over the old one, likewise.
     """
     known, n_tasks = total[:-1], len(total) - 1
     everything = np.logaddexp.reduce(known)
     with np.errstate(divide="ignore"):
         others = everything + np.log(-np.expm1(np.minimum(known - everything, 0.0)))
         turning = others + log_prior + np.log(SWITCHES * n_tasks / max(n_tasks - 1, 1))
-        own = np.logaddexp(known + np.log(DETOURS), turning)
+        own = np.logaddexp(known + np.log(DETOURS), turning - switch_margin)
         return np.r_[own, everything + np.log(STRAYS) - none_margin] + np.log(passed)

@@ -43,6 +43,7 @@ from intent_recognition.learning.preprocessing import Preprocessing, SignalNames
 from intent_recognition.learning.selection import Hyperparameters
 from intent_recognition.learning.settings import SEGMENTATIONS, TrainingSettings
 from intent_recognition.learning.statistics import TaskStatistics, summarize
+from intent_recognition.learning.switch_margin import learn_switch_margin
 from intent_recognition.learning.timing import Timing
 from intent_recognition.learning.training import (
     Trained,
@@ -53,7 +54,7 @@ from intent_recognition.learning.training import (
     learn,
     learn_accumulated,
     learn_with_report,
-    with_margin,
+    with_margins,
 )
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
 from intent_recognition.learning.unknown_task import is_outdated, learn_none_margin
@@ -105,6 +106,7 @@ __all__ = [
     "learn_components",
     "learn_mixture",
     "learn_none_margin",
+    "learn_switch_margin",
     "learn_with_report",
     "library_from_statistics",
     "make_example",
@@ -120,5 +122,5 @@ __all__ = [
     "smoothed_transitions",
     "statistics_of",
     "summarize",
-    "with_margin",
+    "with_margins",
 ]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.learning.context import fit_context
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT
+from intent_recognition.learning.none_model import departure, none_primitive, none_timing
 from intent_recognition.learning.preprocessing import Preprocessing
 from intent_recognition.learning.selection import REGRESSION_STRENGTH, STRENGTH, Hyperparameters
 from intent_recognition.learning.statistics import (
@@ -18,7 +19,6 @@ from intent_recognition.learning.statistics import (
     pooled_moments,
     variance_scales,
 )
-from intent_recognition.learning.unknown_task import departure, none_primitive, none_timing
 from intent_recognition.promp import (
     ContextModel,
     TaskLibrary,

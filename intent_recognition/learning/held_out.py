@@ -6,6 +6,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from intent_recognition.filtering import Deviations, Step, condition_on
 from intent_recognition.gaussian import Gaussian, GaussianBatch, make_state
@@ -142,3 +143,21 @@ def nearest_tasks(
     n_observed = example.observed.shape[1]
     apart = [np.sum((tasks[k].mean - example.weights)[:n_observed] ** 2) for k in others]
     return others[np.argsort(apart)[:MAX_RIVALS]]
+
+
+def conformal_bound(values: NDArray[np.float64], accepted: float) -> float:
+    """What one more value of the same kind exceeds with at most a probability.
+
+    Whatever the distribution (Vovk et al. 2005). Fewer values than that takes are extrapolated by
+    a normal distribution.
+
+    Args:
+        values: (n,), two or more.
+        accepted: the probability, in (0, 1).
+    """
+    n = len(values)
+    rank = int(np.ceil((n + 1) * (1.0 - accepted)))
+    if rank <= n:
+        return float(np.sort(values)[rank - 1])
+    quantile = float(ndtri(1.0 - accepted))
+    return float(max(values.mean() + quantile * values.std(ddof=1), values.max()))

@@ -23,6 +23,8 @@ class TrainingSettings:
             decision's threshold, no task is acted on without evidence against none.
         duration_evidence: exponent of the evidence in the posterior of a movement's duration, in
             (0, 1]; on real recordings 0.2 predicts better than 1 (docs/decisions).
+        switching: learn what must speak for a change of mind, for the online estimator to follow
+            one; takes longer than all the rest.
 
     Raises:
         ArgumentError: a setting is out of range.
@@ -35,6 +37,7 @@ class TrainingSettings:
     segmentation: str = "movement"
     none_prior: float = 0.11
     duration_evidence: float = 0.2
+    switching: bool = True
 
     def __post_init__(self) -> None:
         if self.segmentation not in SEGMENTATIONS:

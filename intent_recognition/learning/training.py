@@ -24,6 +24,7 @@ from intent_recognition.learning.statistics import (
     merge_statistics,
     summarize,
 )
+from intent_recognition.learning.switch_margin import learn_switch_margin
 from intent_recognition.learning.unknown_task import learn_none_margin
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.signals import Demonstration
@@ -124,7 +125,7 @@ def learn_accumulated(
     preprocessing = _check_enough(accumulated)
     chosen, tried = choose_hyperparameters(accumulated.tasks, preprocessing)
     library = library_from_statistics(accumulated.tasks, preprocessing, chosen, provenance)
-    trained = with_margin(Trained(library, preprocessing, accumulated.tasks, chosen))
+    trained = with_margins(Trained(library, preprocessing, accumulated.tasks, chosen))
     return TrainingReport(
         accumulated.used,
         accumulated.rejected,
@@ -203,14 +204,18 @@ def choose_again(trained: Trained) -> tuple[Trained, tuple[Hyperparameters, ...]
         **learned_from(trained.tasks, preprocessing, chosen),
         provenance={**trained.library.provenance, "chosen": chosen._asdict()},
     )
-    return with_margin(replace(trained, library=library, chosen=chosen)), tried
+    return with_margins(replace(trained, library=library, chosen=chosen)), tried
 
 
-def with_margin(trained: Trained) -> Trained:
-    """The same with the margin over none that these demonstrations give."""
+def with_margins(trained: Trained) -> Trained:
+    """The same with the margins over none and over staying that these demonstrations give."""
     tasks = statistics_of(trained.tasks, trained.chosen.aligned)
     margin = learn_none_margin(trained.library, tasks, trained.tasks)
-    return replace(trained, library=replace(trained.library, none_margin=margin))
+    library = replace(trained.library, none_margin=margin)
+    if trained.preprocessing.settings.switching:
+        margin = learn_switch_margin(library, tasks, trained.tasks)
+        library = replace(library, switch_margin=margin)
+    return replace(trained, library=library)
 
 
 class _Priors(TypedDict):

@@ -52,6 +52,7 @@ NUMBERS = (
     "none_log_duration",
     "none_prior",
     "none_margin",
+    "switch_margin",
     "duration_evidence",
     "n_demonstrations",
     "observed_groups",
@@ -62,8 +63,11 @@ SCALARS = (
     "correlation_time_s",
     "none_prior",
     "none_margin",
+    "switch_margin",
     "duration_evidence",
 )
+BEFORE_SWITCHES: dict[str, NDArray[Any]] = {"switch_margin": np.array(0.0)}
+"""What models hold that were written before changes of mind were followed."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +159,7 @@ def load_model(path: str | Path) -> Model:
         ModelError: no such file, not a model, unknown version, missing array, wrong shape, or a
             value that is not finite or makes no sense; names the file and the array.
     """
-    content = _read(path, (*NUMBERS, DEVIATION_STD, *CONTEXT))
+    content = BEFORE_SWITCHES | _read(path, (*NUMBERS, DEVIATION_STD, *CONTEXT))
     header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")

@@ -38,7 +38,7 @@ from intent_recognition.learning import (
     add_statistics,
     is_outdated,
     learn_accumulated,
-    with_margin,
+    with_margins,
 )
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, accumulate_bags
@@ -226,7 +226,7 @@ class TaskFolder:
         before, now = ({label: s.n for label, s in t.tasks.items()} for t in (trained, more))
         if not is_outdated(before, now):
             return more
-        return with_margin(more)
+        return with_margins(more)
 
     def _first(self) -> Trained | None:
         """Learn from all recordings, if there are enough by now."""

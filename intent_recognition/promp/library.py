@@ -44,6 +44,8 @@ class TaskLibrary:
         none_log_duration: mean and standard deviation of its timing, (2,).
         none_prior: prior probability that a movement is none of the tasks.
         none_margin: evidence that a known task must have over none before it counts, in nats.
+        switch_margin: evidence that a change of mind must have over staying before it counts, in
+            nats.
         n_demonstrations: per task, (K,).
         observed_groups: number of DOFs of each observed signal, in order; they sum to P.
         onset: how movement onset is detected, one for each observed signal.
@@ -83,6 +85,7 @@ class TaskLibrary:
     onset: tuple[OnsetSettings, ...]
     duration_evidence: float = 1.0
     none_margin: float = 0.0
+    switch_margin: float = 0.0
     observed_weight_covariance: NDArray[np.float64] | None = None
     phase_deviation: PhaseDeviation = STEADY
     evidence_freedom: float = inf

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hypotheses born on the way: their offsets, their shares, and what they make of a movement."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -67,19 +69,27 @@ def test_at_birth_the_weights_are_position_velocity_and_push():
 
 def test_what_passes_on_is_what_the_rates_say(rng):
     total = rng.normal(size=5)
-    passed = np.exp(shares(total, np.full(4, -np.log(4.0)), 1.5, 0.02))
+    passed = np.exp(shares(total, np.full(4, -np.log(4.0)), 0.02, none_margin=1.5))
     known = np.exp(total[:-1]).sum()
     rate = switching.SWITCHES + switching.DETOURS
     assert np.isclose(passed[:-1].sum(), 0.02 * rate * known)
     assert np.isclose(passed[-1], 0.02 * switching.STRAYS * np.exp(-1.5) * known)
 
 
+def test_a_margin_makes_turning_to_another_task_rarer(rng):
+    total, log_prior = rng.normal(size=4), np.log([0.2, 0.3, 0.5])
+    detours = np.exp(total[:-1]) * switching.DETOURS * 0.02
+    turning = np.exp(shares(total, log_prior, 0.02))[:-1] - detours
+    rarer = np.exp(shares(total, log_prior, 0.02, switch_margin=2.0))[:-1] - detours
+    np.testing.assert_allclose(rarer, np.exp(-2.0) * turning)
+
+
 def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_one():
     with np.errstate(divide="ignore"):
         log_prior = np.log([0.5, 0.5, 0.0])
-    passed = np.exp(shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.0, 0.1))
+    passed = np.exp(shares(np.array([0.0, 0.0, -np.inf, 0.0]), log_prior, 0.1))
     assert passed[2] == 0.0 and passed[0] > 0.0
-    alone = np.exp(shares(np.zeros(2), np.zeros(1), 0.0, 0.1))
+    alone = np.exp(shares(np.zeros(2), np.zeros(1), 0.1))
     assert np.isclose(alone[0], 0.1 * switching.DETOURS)
 
 
@@ -88,6 +98,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     monkeypatch.setattr(switching, "N_DURATIONS", 1)
     monkeypatch.setattr(switching, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(switching, "NEGLIGIBLE_SHARE", 0.0)
+    monkeypatch.setattr(switching, "BIRTHS_EVERY", 1)
     switched = SwitchedHypotheses(library)
     times_s = np.arange(0.0, 1.2, 0.1)
     values = changed(library, rng, (0, 1), 0.4, times_s)
@@ -142,6 +153,9 @@ def test_a_change_is_followed_with_births_and_not_without(library, rng):
     believed = posterior(followed, 1.95)
     assert believed.probabilities[1] > 0.9
     assert posterior(filtered(library, times_s, values, None), 1.95).probabilities[1] < 0.5
+    wary = replace(library, switch_margin=50.0)
+    never = posterior(filtered(wary, times_s, values, SwitchedHypotheses(wary)), 1.95)
+    assert never.probabilities[1] < 0.5
     truth = library.primitive(1)
     end = followed.controlled(1, 1).positions[-1]
     other = followed.controlled(0, 1).positions[-1]

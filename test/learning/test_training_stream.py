@@ -57,7 +57,8 @@ def anew(demonstrations: list[Demonstration], like: Trained) -> Trained:
     """Trained from nothing at the preprocessing and hyperparameters of another."""
     accumulated = accumulate(demonstrations, CUT, like.preprocessing)
     library = library_from_statistics(accumulated.tasks, like.preprocessing, like.chosen)
-    library = replace(library, none_margin=like.library.none_margin)
+    margins = {n: getattr(like.library, n) for n in ("none_margin", "switch_margin")}
+    library = replace(library, **margins)
     return Trained(library, like.preprocessing, accumulated.tasks, like.chosen)
 
 

@@ -14,22 +14,22 @@ from intent_recognition.filtering.movement import MovementFilter
 from intent_recognition.learning import unknown_task
 from intent_recognition.learning.examples import SAMPLES_PER_MOVEMENT, sample_phases
 from intent_recognition.learning.fitting import library_from_statistics, statistics_of
+from intent_recognition.learning.left_out import LeavingOut
+from intent_recognition.learning.none_model import departure, none_primitive
 from intent_recognition.learning.statistics import merge_statistics, summarize
 from intent_recognition.learning.training import (
     TrainingSettings,
     learn,
     learn_with_report,
-    with_margin,
+    with_margins,
 )
 from intent_recognition.learning.unknown_task import (
     Comparison,
     calibrating_tasks,
-    departure,
     is_outdated,
     learn_none_margin,
     log_factors,
     margin_between,
-    none_primitive,
 )
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation, merge
@@ -142,13 +142,7 @@ def test_factors_are_those_of_the_filter_that_runs_online(report):
     tasks = statistics_of(report.trained.tasks, report.chosen.aligned)
     library = replace(report.library, correlation_time_s=2.4 / SAMPLES_PER_MOVEMENT)
     recorded = examples_of(report)[3]._replace(duration_s=2.4)
-    inflation = 1.0 + 1.0 / library.n_demonstrations[0]
-    whole = unknown_task._without(
-        library,
-        np.array([], dtype=int),
-        library.observed_covariance[0] / inflation,
-        departure(list(tasks.values()), library.n_observed),
-    )
+    whole = LeavingOut(library, tasks).nothing()
     asked = Comparison(whole, np.arange(library.n_tasks), library.n_tasks, recorded)
     (found,) = log_factors([asked])
     hypotheses = make_hypotheses(library, n_scales=unknown_task.N_CALIBRATED_SCALES)
@@ -236,7 +230,7 @@ def test_the_margin_of_a_library_is_that_of_its_statistics(report):
     tasks = statistics_of(trained.tasks, trained.chosen.aligned)
     other = replace(trained.library, none_margin=1e3, none_mean=0.0 * trained.library.none_mean)
     assert learn_none_margin(other, tasks, trained.tasks) == trained.library.none_margin
-    assert with_margin(replace(trained, library=other)).library.none_margin == (
+    assert with_margins(replace(trained, library=other)).library.none_margin == (
         trained.library.none_margin
     )
 

@@ -16,6 +16,7 @@ from model_builder import GLOVE, WRIST, make_dofs, true_library
 from intent_recognition.demonstrations.dofs import DofSpec
 from intent_recognition.errors import DofError, ModelError
 from intent_recognition.model.file import (
+    BEFORE_SWITCHES,
     DEVIATION_STD,
     FORMAT_VERSION,
     NUMBERS,
@@ -36,6 +37,7 @@ def model() -> Model:
         observed_weight_covariance=1.5 * library.observed_covariance[:-1],
         noise_scale=2.0,
         none_margin=3.5,
+        switch_margin=1.25,
         phase_deviation=PhaseDeviation(np.linspace(0.0, 0.1, 7), 0.4, 0.15, False),
         evidence_freedom=4.0,
         provenance={"bags": ["a", "b"], "package_version": "1"},
@@ -99,6 +101,11 @@ def test_reading_and_writing_again_changes_nothing(written, tmp_path):
     assert ours.keys() == theirs.keys()
     for name in ours:
         np.testing.assert_array_equal(theirs[name], ours[name])
+
+
+def test_a_model_of_before_changes_of_mind_has_no_margin_for_them(written, tmp_path):
+    old = rewritten(tmp_path / "old.npz", written, switch_margin=None)
+    assert load_model(old).library.switch_margin == 0.0
 
 
 def test_the_file_holds_what_the_contract_lists(written):
@@ -172,7 +179,7 @@ def test_flipped_bits_are_an_error_or_harmless(model, written, tmp_path, data):
         np.testing.assert_array_equal(read.library.weight_mean, model.library.weight_mean)
 
 
-@pytest.mark.parametrize("name", [*NUMBERS, "header"])
+@pytest.mark.parametrize("name", sorted({*NUMBERS, "header"} - {*BEFORE_SWITCHES}))
 def test_a_missing_array_is_named(written, tmp_path, name):
     refused(rewritten(tmp_path / "m.npz", written, **{name: None}), name)
 

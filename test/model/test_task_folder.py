@@ -17,7 +17,7 @@ from intent_recognition.errors import (
     ResourceBusyError,
     TrainingError,
 )
-from intent_recognition.learning import with_margin
+from intent_recognition.learning import with_margins
 from intent_recognition.model.file import load_model, load_trained
 from intent_recognition.model.from_bags import accumulate_bags
 from intent_recognition.model.task_folder import LEARN, START, UNDO, WAIT, TaskFolder
@@ -77,7 +77,7 @@ def test_adding_equals_learning_at_the_same_reference(started):
 def test_evidence_against_none_is_read_as_by_training_anew(started):
     """A first model of two recordings knows nothing of unknown movements; the next ones tell."""
     _, trained = load_trained(started[0].model_path)
-    anew = with_margin(trained).library.none_margin
+    anew = with_margins(trained).library.none_margin
     assert trained.library.none_margin == pytest.approx(anew, rel=1e-6)
     first = load_model(started[0].path / "models" / "0001.npz").library
     assert first.none_margin != pytest.approx(anew, rel=0.01)

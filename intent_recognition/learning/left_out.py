@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Libraries without some of the demonstrations that they were learned from.
+
+From the tasks' statistics, without learning anew: the hyperparameters, the timing of the tasks and
+what people's phases deviate by stay as all demonstrations gave them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.gaussian import Gaussian
+from intent_recognition.learning.examples import TrainingExample
+from intent_recognition.learning.held_out import without_demonstration
+from intent_recognition.learning.none_model import departure, none_primitive, none_timing
+from intent_recognition.learning.selection import STRENGTH
+from intent_recognition.learning.statistics import TaskStatistics, pooled_moments, variance_scales
+from intent_recognition.promp import Scatter, TaskLibrary, observed_block, shared_covariance
+
+
+class LeftOut(NamedTuple):
+    """What a library without some demonstrations believes of the observed weights.
+
+    Attributes:
+        library: of all demonstrations.
+        mean: of each task, (K, P N).
+        covariance: under each task, its mean known, (P N, P N).
+        n: demonstrations of each task, (K,).
+        none: its none.
+        timing: mean and standard deviation of the log duration of none, (2,).
+    """
+
+    library: TaskLibrary
+    mean: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    n: NDArray[np.int64]
+    none: Gaussian
+    timing: NDArray[np.float64]
+
+    def as_library(self) -> TaskLibrary:
+        """A library that observes with these beliefs, and controls with those of the whole one."""
+        weight_mean = self.library.weight_mean.copy()
+        weight_mean[:, : self.library.n_observed_weights] = self.mean
+        return replace(
+            self.library,
+            weight_mean=weight_mean,
+            observed_weight_covariance=(1.0 + 1.0 / self.n)[:, None, None] * self.covariance,
+            none_mean=self.none.mean,
+            none_covariance=self.none.covariance,
+            none_log_duration=self.timing,
+        )
+
+
+class LeavingOut:
+    """Leaves demonstrations out of a library.
+
+    Args:
+        library: the learned tasks.
+        tasks: statistics that it was built from.
+    """
+
+    def __init__(self, library: TaskLibrary, tasks: Mapping[str, TaskStatistics]):
+        self.library, self.tasks = library, tasks
+        self.statistics = list(tasks.values())
+        size = library.n_observed_weights
+        self._pooled = observed_block(pooled_moments(self.statistics), size)
+        self._floor = variance_scales(tasks)[0][: library.n_observed]
+        self._departed = departure(self.statistics, library.n_observed)
+
+    def nothing(self) -> LeftOut:
+        """With every demonstration."""
+        inflation = 1.0 + 1.0 / self.library.n_demonstrations[0]
+        covariance = self.library.observed_covariance[0] / inflation
+        return self._left_out(covariance, self._departed)
+
+    def task(self, number: int) -> LeftOut:
+        """Without a task, as a library of the other tasks would have it."""
+        label, n_observed = self.library.labels[number], self.library.n_observed
+        own = observed_block(self.tasks[label].moments, self.library.n_observed_weights)
+        rest = Scatter(self._pooled.matrix - own.matrix, self._pooled.freedom - own.freedom)
+        kept = {other: task for other, task in self.tasks.items() if other != label}
+        floor = variance_scales(kept)[0][:n_observed]
+        covariance = shared_covariance(rest if rest.freedom else self._pooled, floor, STRENGTH)
+        departed = departure(list(kept.values()), n_observed)
+        return self._left_out(covariance, departed, without=number)
+
+    def can_spare_one_of(self, number: int) -> bool:
+        """Whether something is left to learn from without one demonstration of a task."""
+        return self.statistics[number].n > 1 and self._pooled.freedom > 1
+
+    def demonstration(self, number: int, example: TrainingExample) -> LeftOut:
+        """Without one demonstration of a task."""
+        task, size = self.statistics[number], self.library.n_observed_weights
+        deviation = (example.weights - task.mean).ravel()[:size]
+        own = observed_block(task.moments, size)
+        _, rest = without_demonstration(self._pooled, own, deviation)
+        mean, n = self.library.observed_mean[:-1].copy(), self.library.n_demonstrations.copy()
+        mean[number] -= deviation / (task.n - 1)
+        n[number] -= 1
+        covariance = shared_covariance(rest, self._floor, STRENGTH)
+        return self._left_out(covariance, self._departed, mean, n)
+
+    def _left_out(
+        self,
+        covariance: NDArray[np.float64],
+        departed: NDArray[np.float64],
+        mean: NDArray[np.float64] | None = None,
+        n: NDArray[np.int64] | None = None,
+        without: int | None = None,
+    ) -> LeftOut:
+        """None comes from all tasks but one; means and numbers are the library's if not given."""
+        library = self.library
+        mean = library.observed_mean[:-1] if mean is None else mean
+        n = library.n_demonstrations if n is None else n
+        kept = np.array([k for k in range(library.n_tasks) if k != without])
+        inflation = 1.0 + 1.0 / n[kept]
+        means = mean[kept].reshape(len(kept), library.n_observed, -1)
+        none = none_primitive(means, inflation[:, None, None] * covariance, departed)
+        timing = none_timing(library.log_duration_mean[kept], library.log_duration_std[kept])
+        return LeftOut(library, mean, covariance, n, none, timing)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The hypothesis that a movement is none of the known tasks.
+
+An unknown movement is one more draw from the population of the known tasks. Its mean is distributed
+about their mean as they are themselves, and it varies as they vary. The scatter of few tasks is
+hardly known, so it is shrunk towards how far movements depart from their starts.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.gaussian import Gaussian, symmetrize
+from intent_recognition.learning.statistics import TaskStatistics
+
+DEPARTURE_SAMPLE_SIZE = 0.25
+"""Equivalent sample size, in tasks, of the prior that tasks differ as much as movements depart from
+their starts (docs/recognition.md)."""
+UNKNOWN_DEVIATION_WIDTH = 0.25
+"""Width of the kernel, in phase, that correlates an unknown movement's deviation from the tasks'
+mean along the movement. Convention."""
+UNKNOWN_AMPLITUDE_WIDTH = 0.1
+"""Width of the kernel, in phase, that the variance of this deviation is averaged with. Convention.
+"""
+
+
+def departure(tasks: Sequence[TaskStatistics], n_observed: int) -> NDArray[np.float64]:
+    """Mean square distance of movements from where they start, per basis function, (N,).
+
+    The variance of the starts is added; mean over the P observed DOFs.
+    """
+    n_basis = tasks[0].mean.shape[1]
+    count = np.array([task.n for task in tasks], dtype=np.float64)
+    means = np.array([task.mean[:n_observed] for task in tasks])
+    centre = np.einsum("k,kp->p", count, means[:, :, 0]) / count.sum()
+    total = np.zeros(n_basis)
+    for task, mean in zip(tasks, means, strict=True):
+        rows = task.scatter.reshape(len(task.mean), n_basis, len(task.mean), n_basis)
+        own = np.einsum("dkdl->dkl", rows)[:n_observed]
+        variance, at_start = np.einsum("pkk->k", own), np.sum(own[:, 0, 0])
+        total += (
+            variance
+            + at_start
+            - 2.0 * np.sum(own[:, 0], axis=0)
+            + task.n * np.sum((mean - mean[:, :1]) ** 2, axis=0)
+        )
+        total += at_start + task.n * np.sum((mean[:, 0] - centre) ** 2)
+    return total / (count.sum() * n_observed)
+
+
+def none_primitive(
+    means: NDArray[np.float64], covariances: NDArray[np.float64], departed: NDArray[np.float64]
+) -> Gaussian:
+    """Observed weights of a movement that is none of K tasks but of their kind.
+
+    Args:
+        means: of the tasks' observed weights, (K, P, N).
+        covariances: theirs, (K, P N, P N).
+        departed: see `departure`, (N,).
+    """
+    n_tasks, n_dofs, n_basis = means.shape
+    centre = means.mean(axis=0)
+    scatter = np.sum(np.mean((means - centre) ** 2, axis=1), axis=0)
+    phase = np.linspace(0.0, 1.0, n_basis)
+    distance = phase[:, None] - phase
+    average = np.exp(-0.5 * (distance / UNKNOWN_AMPLITUDE_WIDTH) ** 2)
+    average /= average.sum(axis=1, keepdims=True)
+    variance = (scatter + DEPARTURE_SAMPLE_SIZE * departed) / (n_tasks - 1 + DEPARTURE_SAMPLE_SIZE)
+    amplitude = np.sqrt(average @ variance * (1.0 + 1.0 / n_tasks))
+    correlation = np.exp(-0.5 * (distance / UNKNOWN_DEVIATION_WIDTH) ** 2)
+    between = np.kron(np.eye(n_dofs), correlation * np.outer(amplitude, amplitude))
+    return Gaussian(centre.ravel(), symmetrize(covariances.mean(axis=0) + between))
+
+
+def none_timing(log_mean: NDArray[np.float64], log_std: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean and standard deviation of its log duration, (2,), from the tasks' (K,) and (K,)."""
+    return np.array([log_mean.mean(), np.sqrt(np.mean(log_std**2) + log_mean.var())])

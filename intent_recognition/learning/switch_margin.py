@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What must speak for a change of mind before it counts.
+
+Hypotheses that are born on the way fit people who do not quite move as they were taught, too. So
+the filter follows demonstrations, with a library that does not know them: how probable does it ever
+hold other tasks that were born, compared with all the rest? A change of mind has to be more
+probable than that (docs/decisions/change_of_mind.md).
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.filtering import MovementFilter, SwitchedHypotheses, make_hypotheses
+from intent_recognition.learning.examples import TrainingExample, sample_phases
+from intent_recognition.learning.held_out import conformal_bound, paired_examples
+from intent_recognition.learning.left_out import LeavingOut
+from intent_recognition.learning.statistics import TaskStatistics
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.signals import Observation
+
+FALSE_SWITCHES = 0.05
+"""Share of movements in which another task may become more probable than the true one. Convention.
+"""
+MAX_FOLLOWED = 40
+"""Demonstrations that are followed at most. Convention: it bounds the time."""
+N_FOLLOWED_SCALES = 5
+"""Durations per task meanwhile. Convention: likewise; with 15 the margin is alike."""
+
+
+def learn_switch_margin(
+    library: TaskLibrary,
+    tasks: Mapping[str, TaskStatistics],
+    recorded: Mapping[str, TaskStatistics],
+) -> float:
+    """Evidence by which turning to another task is held to be rarer, in nats, zero or more.
+
+    Args:
+        library: the learned tasks; its own margin is not used.
+        tasks: statistics that it was built from.
+        recorded: statistics of the examples as they were recorded.
+    """
+    if library.n_tasks == 1:
+        return 0.0
+    leaving_out = LeavingOut(library, tasks)
+    odds = [
+        largest_odds(leaving_out.demonstration(k, example).as_library(), k, as_recorded)
+        for k, example, as_recorded in paired_examples(tasks, recorded, MAX_FOLLOWED)
+        if leaving_out.can_spare_one_of(k)
+    ]
+    if len(odds) < 2:
+        return 0.0
+    return max(conformal_bound(np.array(odds), FALSE_SWITCHES), 0.0)
+
+
+def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
+    """Highest log odds along a movement of other tasks that were born on the way.
+
+    Args:
+        library: one that does not know the movement.
+        task: number of the true one.
+        recorded: the movement.
+    """
+    library = replace(library, switch_margin=0.0)
+    hypotheses = make_hypotheses(library, n_scales=N_FOLLOWED_SCALES)
+    switched = SwitchedHypotheses(library, N_FOLLOWED_SCALES)
+    run = MovementFilter(library, hypotheses, 0, switched=switched)
+    largest = -np.inf
+    for observation in _observations(library, recorded):
+        run.observe(observation)
+        born, left = switched.log_joint[:-1], switched.left(run.log_evidence)[:-1]
+        largest = max(largest, _log_odds(born, left, task))
+    return largest
+
+
+def _log_odds(born: NDArray[np.float64], left: NDArray[np.float64], task: int) -> float:
+    """Of the born hypotheses of other tasks, against all others."""
+    others = np.logaddexp.reduce(np.delete(born, task))
+    return float(others - np.logaddexp.reduce(np.r_[left, born[task]]))
+
+
+def _observations(library: TaskLibrary, recorded: TrainingExample) -> list[Observation]:
+    """The samples of a movement that begins at zero, of one signal after the other."""
+    edges = np.cumsum([0, *library.observed_groups])
+    stamps_ns = np.round(sample_phases() * recorded.duration_s * 1e9).astype(np.int64)
+    return [
+        Observation(int(stamp_ns), group, values[first:last])
+        for stamp_ns, values in zip(stamps_ns, recorded.observed, strict=True)
+        for group, (first, last) in enumerate(pairwise(edges))
+    ]

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What must speak for a change of mind, and libraries without some of their demonstrations."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulation import make_library, simulate
+
+from intent_recognition.learning import TrainingSettings, learn_with_report
+from intent_recognition.learning.fitting import library_from_statistics, statistics_of
+from intent_recognition.learning.left_out import LeavingOut
+from intent_recognition.learning.statistics import summarize
+from intent_recognition.learning.switch_margin import largest_odds, learn_switch_margin
+
+WHOLE = TrainingSettings(n_basis=8, n_aligned_basis=8, segmentation="recording")
+
+
+@pytest.fixture(scope="module")
+def trained():
+    """Three tasks of three observed DOFs, six demonstrations each."""
+    rng = np.random.default_rng(5)
+    truth = make_library(rng, n_tasks=3, groups=(3,), n_controlled=1, n_basis=8, spread=0.05)
+    recordings = [simulate(truth, i % 3, rng, name=f"{i:02d}", n_samples=60) for i in range(18)]
+    return learn_with_report(recordings, WHOLE).trained
+
+
+@pytest.fixture(scope="module")
+def tasks(trained):
+    return statistics_of(trained.tasks, trained.chosen.aligned)
+
+
+def test_without_a_demonstration_it_observes_as_if_it_had_been_learned_so(trained, tasks):
+    label, (first, *rest) = "task_1", tasks["task_1"].examples
+    found = LeavingOut(trained.library, tasks).demonstration(1, first).as_library()
+    fewer = {**tasks, label: summarize(rest)}
+    anew = library_from_statistics(fewer, trained.preprocessing, trained.chosen)
+    np.testing.assert_allclose(found.observed_mean[:-1], anew.observed_mean[:-1], atol=1e-10)
+    np.testing.assert_allclose(found.none_mean, anew.none_mean, atol=1e-10)
+    assert not np.allclose(found.observed_mean[1], trained.library.observed_mean[1], atol=1e-6)
+
+
+def test_a_movement_that_becomes_another_task_has_higher_odds_than_any_that_does_not(
+    trained, tasks
+):
+    library = trained.library
+    one, other = (tasks[label].examples[0] for label in ("task_0", "task_2"))
+    done = np.linspace(-1.0, 2.0, len(one.observed)).clip(0.0, 1.0)[:, None]
+    changed = one._replace(observed=one.observed + done * (other.observed - one.observed))
+    unchanged = [largest_odds(library, 0, example) for example in tasks["task_0"].examples]
+    assert largest_odds(library, 0, changed) > max(0.0, *unchanged)
+
+
+def test_the_margin_is_what_left_out_movements_of_the_tasks_stay_below(trained, tasks):
+    leaving_out = LeavingOut(trained.library, tasks)
+    odds = [
+        largest_odds(leaving_out.demonstration(k, example).as_library(), k, as_recorded)
+        for k, label in enumerate(tasks)
+        for example, as_recorded in zip(
+            tasks[label].examples, trained.tasks[label].examples, strict=True
+        )
+    ]
+    margin = learn_switch_margin(trained.library, tasks, trained.tasks)
+    assert margin >= max(0.0, *odds)  # 18 are too few for 5 % to lie above
+    assert trained.library.switch_margin == margin
+    wary = replace(trained.library, switch_margin=margin + 3.0)
+    assert learn_switch_margin(wary, tasks, trained.tasks) == margin
+
+
+def test_nobody_turns_from_the_only_task(trained, tasks):
+    only = {"task_0": tasks["task_0"]}
+    library = library_from_statistics(only, trained.preprocessing, trained.chosen)
+    assert learn_switch_margin(library, only, {"task_0": trained.tasks["task_0"]}) == 0.0
