@@ -67,7 +67,7 @@ class Dashboard(Node):
             self, self.state, body, self._diagnostics.reject
         )
         self._commands = Commands(self, lambda ok, text: self.page.show_message(ok, text))
-        teleoperation = Teleoperation(self, self.state, body)
+        teleoperation = Teleoperation(self, self.state, body, hand_link=hand_link)
         session = TeachingSession(
             teleoperation,
             self._commands,

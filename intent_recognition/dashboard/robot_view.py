@@ -101,9 +101,9 @@ def load_urdf(description: str) -> yourdfpy.URDF:
     return urdf
 
 
-def _mesh_file(name: str) -> str:
+def _mesh_file(fname: str) -> str:
     """Where a mesh is, as yourdfpy looks for it; nowhere if it is too large."""
-    path = yourdfpy.urdf.filename_handler_magic(name, dir="")
+    path = yourdfpy.urdf.filename_handler_magic(fname, dir="")
     return path if Path(path).is_file() and Path(path).stat().st_size <= LARGEST_MESH else ""
 
 

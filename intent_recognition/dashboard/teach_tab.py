@@ -21,7 +21,6 @@ from intent_recognition.dashboard.widgets import (
     set_value,
     slider_value,
 )
-from intent_recognition.kinematics import hand_position
 
 REST_M = np.array([1.05, 0.0, 0.25])
 WRIST_GOAL_M = (0.78, 0.22, 0.42)
@@ -53,7 +52,10 @@ NO_TEACHER = (
 NOT_FREE = "Another node moves the wrist."
 OTHERS = ("With the demo: wait until the coworker is done.", "With a tracker: stop it.")
 NO_ARM = "No arm that can be moved from here publishes its joint states."
-ARMS = ("It must be an LWR that takes `joint_trajectory`: the demo has one.",)
+ARMS = (
+    "It must take `joint_trajectory`: the demo has one.",
+    "Others than the LWR need a URDF on `robot_description`, and pinocchio (`pip install pin`).",
+)
 RECORD = "Record a demonstration"
 
 
@@ -133,7 +135,7 @@ class TeachTab:
         if not taken and self._teleoperation.others_move_wrist():
             return markup.ways(NOT_FREE, OTHERS)
         if not self._teleoperation.can_move_arm():
-            return markup.ways(NO_ARM, ARMS)
+            return markup.ways(self._teleoperation.arm_problem or NO_ARM, ARMS)
         return ""
 
     def _steps_done(self, taken: bool) -> int:
@@ -152,7 +154,7 @@ class TeachTab:
         if kind == DIRECT and taken and (shown or (rests and not self._rested)):
             self._handles.place(DIRECT, WRIST, self._teleoperation.position)
             if self._teleoperation.can_move_arm():
-                self._handles.place(DIRECT, HAND, hand_position(self._teleoperation.measured()))
+                self._handles.place(DIRECT, HAND, self._teleoperation.hand())
         self._rested = rests
 
     def _connect(self) -> None:

@@ -71,7 +71,7 @@ class TeachingSession:
         try:
             home = self._teleoperation.measured()
             posture = self._teleoperation.posture_at(hand_goal + shift)
-        except (KinematicsError, KeyError) as error:
+        except KinematicsError as error:
             self._notify(False, f"the arm cannot go there: {error}")
             return
 

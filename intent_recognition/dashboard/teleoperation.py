@@ -14,9 +14,9 @@ from rclpy.timer import Timer
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.moved_arm import ArmFinder, MovedArm
 from intent_recognition.dashboard.synthetic_demonstration import SyntheticDemonstration, arm_motion
-from intent_recognition.errors import KinematicsError
-from intent_recognition.kinematics import JOINT_NAMES, reach_position
+from intent_recognition.errors import KinematicsError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import build_joint_trajectory, to_pose, to_stamp
 
@@ -43,10 +43,19 @@ class Teleoperation:
         state: where the arm and the wrist are.
         body: the tracked body it moves.
         frame: frame of its poses.
+        hand_link: link of the arm that is its hand.
     """
 
-    def __init__(self, node: Node, state: CellState, body: str = "wrist", frame: str = "world"):
+    def __init__(
+        self,
+        node: Node,
+        state: CellState,
+        body: str = "wrist",
+        frame: str = "world",
+        hand_link: str = "",
+    ):
         self._node, self._state, self._body, self._frame = node, state, body, frame
+        self._finder = ArmFinder(hand_link)
         self._pose: Publisher | None = None
         self._arm = node.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -98,9 +107,14 @@ class Teleoperation:
         self._target = np.array(target, dtype=float)
 
     def can_move_arm(self) -> bool:
-        """Whether the arm is one whose inverse kinematics are known, and listens."""
-        known = all(name in self._state.joints for name in JOINT_NAMES)
-        return known and self._arm.get_subscription_count() > 0
+        """Whether there is an arm whose inverse kinematics are known, and listens."""
+        found = self._finder.find(self._state) is not None
+        return found and self._arm.get_subscription_count() > 0
+
+    @property
+    def arm_problem(self) -> str:
+        """Why the arm that is described cannot be moved; empty if nothing is wrong with it."""
+        return self._finder.problem
 
     def drag_hand(self, position: NDArray[np.float64]) -> None:
         """Let the arm bring its hand to a position (3,) [m], soon."""
@@ -109,25 +123,41 @@ class Teleoperation:
             self.step_arm()
 
     def measured(self) -> NDArray[np.float64]:
-        """The arm's joint angles (7,) [rad].
+        """The arm's joint angles (n,) [rad].
 
         Raises:
-            KeyError: they have not been received yet.
+            KinematicsError: there is no arm.
         """
-        return np.array([self._state.joints[name] for name in JOINT_NAMES])
+        return np.array([self._state.joints[name] for name in self._found().joint_names])
+
+    def hand(self) -> NDArray[np.float64]:
+        """Where the arm's hand is (3,) [m].
+
+        Raises:
+            KinematicsError: there is no arm.
+        """
+        return self._found().hand(self.measured())
 
     def posture_at(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Joint angles (7,) [rad] near the present ones that have the hand there.
+        """Joint angles (n,) [rad] near the present ones that have the hand there.
 
         Raises:
-            KinematicsError: out of reach.
+            KinematicsError: out of reach, or there is no arm.
         """
-        return reach_position(np.asarray(position, dtype=float), self.measured())
+        return self._found().posture_at(np.asarray(position, dtype=float), self.measured())
 
     def send_arm(self, goal: NDArray[np.float64], duration_s: float) -> None:
-        """Send the arm to a posture (7,) [rad], from rest to rest."""
+        """Send the arm to a posture (n,), from rest to rest."""
         times, positions, velocities = arm_motion(self.measured(), goal, duration_s)
-        self._arm.publish(build_joint_trajectory(JOINT_NAMES, times, positions, velocities))
+        names = self._found().joint_names
+        self._arm.publish(build_joint_trajectory(names, times, positions, velocities))
+
+    def _found(self) -> MovedArm:
+        arm = self._finder.find(self._state)
+        if arm is None:
+            cure = "See the tab Teach."
+            raise KinematicsError(describe("joint_states", "those of an arm", "none", cure))
+        return arm
 
     def play(
         self,
@@ -135,7 +165,7 @@ class Teleoperation:
         arm_goal: NDArray[np.float64] | None,
         done: Callable[[], None],
     ) -> None:
-        """Show a demonstration; the arm goes along if it has a goal (7,) [rad]."""
+        """Show a demonstration; the arm goes along if it has a goal (n,) [rad]."""
         self._playing, self._arm_goal, self._done = demonstration, arm_goal, done
         self._began_s = time.monotonic()
 

@@ -13,7 +13,12 @@ from intent_recognition.demonstrations.fields import (
     reference_of,
     stamp_of,
 )
-from intent_recognition.demonstrations.hand_poses import JOINTS_TOPIC, arm_in_world
+from intent_recognition.demonstrations.hand_poses import (
+    HAND_LINK,
+    JOINTS_TOPIC,
+    arm_in_world,
+    topics_of,
+)
 from intent_recognition.demonstrations.inspect import (
     BagSummary,
     TopicSummary,
@@ -39,6 +44,7 @@ from intent_recognition.demonstrations.reading import (
 from intent_recognition.demonstrations.sessions import MARKER_TOPIC, MARKER_TYPE, clock_shift_ns
 
 __all__ = [
+    "HAND_LINK",
     "JOINTS_TOPIC",
     "MARKER_TOPIC",
     "MARKER_TYPE",
@@ -71,4 +77,5 @@ __all__ = [
     "reference_of",
     "settle_orientations",
     "stamp_of",
+    "topics_of",
 ]

@@ -13,6 +13,9 @@ from intent_recognition.kinematics import Arm, read_urdf
 from intent_recognition.signals import Demonstration, Signal
 
 JOINTS_TOPIC, DESCRIPTION_TOPIC = "joint_states", "robot_description"
+HAND_LINK = "hand_link"
+"""Key of a recording's metadata: the link that is the hand of the arm it was recorded with, where
+that has another name than the DOF file's."""
 WORLD_LINK = "world"
 """Link whose frame is that of all positions, where a URDF has it."""
 
@@ -34,7 +37,7 @@ def read_by_joints(reader: BagReader, dofs: DofSpec) -> tuple[DofSpec, dict[int,
     """
     recorded = {relative_topic(name) for name in reader.topics}
     arms = {
-        k: _arm(_description(reader, recorded, entry), entry.link)
+        k: _arm(*_described(reader, recorded, entry))
         for k, entry in enumerate(dofs.controlled)
         if entry.link and entry.topic not in recorded
     }
@@ -76,11 +79,18 @@ def _arm(description: str, link: str) -> Arm:
     return arm_in_world(description, link)
 
 
-def _description(reader: BagReader, recorded: set[str], entry: DofEntry) -> str:
+def topics_of(dofs: DofSpec) -> tuple[str, ...]:
+    """What has to be recorded for these DOFs: their topics, and what a hand is computed from."""
+    of_hands = (JOINTS_TOPIC, DESCRIPTION_TOPIC) if any(e.link for e in dofs.controlled) else ()
+    return tuple(dict.fromkeys((*(entry.topic for entry in dofs.recorded), *of_hands)))
+
+
+def _described(reader: BagReader, recorded: set[str], entry: DofEntry) -> tuple[str, str]:
+    """Text of the URDF of a hand, and the link that is the hand there."""
     if DESCRIPTION_TOPIC in recorded:
         for message in reader.messages([DESCRIPTION_TOPIC]):
-            return message.message.data
+            return message.message.data, reader.custom_data.get(HAND_LINK, entry.link)
     if not entry.robot:
         cure = "Write robot, the path of its URDF, beside link in the DOF file."
         raise DofError(describe(f"/{entry.topic}", "the robot of its link", "none named", cure))
-    return read_urdf(robot_path(entry.robot))
+    return read_urdf(robot_path(entry.robot)), entry.link

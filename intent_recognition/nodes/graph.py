@@ -131,7 +131,7 @@ NODES = {
     ),
     "task_teacher": NodeSpec(
         "intent_recognition.nodes.task_teacher",
-        _from("model", "library", "dofs"),
+        _from("model", "library", "dofs", "hand_link"),
         remappings=_ARM,
         when="dashboard",
     ),

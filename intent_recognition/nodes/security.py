@@ -93,7 +93,7 @@ INTERFACES = {
         ("~/pause", "~/resume"),
     ),
     "task_teacher": Interface(
-        (SAMPLED,),
+        (SAMPLED, "joint_states", "robot_description"),
         ("teach/status",),
         tuple(f"~/{name}" for name in LEARNING),
         ("intent_estimator/reload_model", "intent_estimator/set_parameters"),

@@ -14,7 +14,7 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from intent_recognition.demonstrations import DofSpec, load_dofs
+from intent_recognition.demonstrations import HAND_LINK, DofSpec, load_dofs, topics_of
 from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
 from intent_recognition.model import WAIT, Change, TaskFolder, load_model
 from intent_recognition.nodes import qos
@@ -72,7 +72,14 @@ class TaskTeacher(TopicRecorder):
         self._reload = self.create_client(Trigger, f"{ESTIMATOR}/reload_model")
         self._estimator_name = self.resolve_topic_name(ESTIMATOR).lstrip("/")
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_reports, 10)
-        self.listen([entry.topic.lstrip("/") for entry in self.folder.dofs.recorded])
+        self._hand_link = fixed_parameter(
+            self,
+            "hand_link",
+            "",
+            "Link that is the hand of the arm that is taught with, where the model predicts a hand;"
+            " empty: the DOF file's.",
+        )
+        self.listen(topics_of(self.folder.dofs))
         left = f"; {len(self.waiting)} recordings wait to be learned" if self.waiting else ""
         self._report(Level.OK, f"ready; library {self.folder.path}{left}")
 
@@ -85,7 +92,8 @@ class TaskTeacher(TopicRecorder):
         """
         task = self.get_parameter("task").value
         path = self.folder.new_bag(task)
-        self.open_bag(path, {"task": task})
+        hand = {HAND_LINK: self._hand_link} if self._hand_link else {}
+        self.open_bag(path, {"task": task} | hand)
         self._report(Level.OK, f"recording {path.name}")
         return str(path)
 

@@ -10,6 +10,7 @@ from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, write_bag
 
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
+from intent_recognition.demonstrations.hand_poses import HAND_LINK, topics_of
 from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.errors import ArgumentError, DofError
 from intent_recognition.kinematics.forward import hand_position
@@ -74,6 +75,27 @@ def test_a_recorded_description_goes_before_the_file(tmp_path):
                 writer.write_message("joint_states", JOINTS, joints(k, positions=still), at_ns)
     shift = read_one(tmp_path / "with").values - read_one(tmp_path / "without").values
     np.testing.assert_allclose(shift, np.tile([0.0, 0.0, 0.5], (50, 1)), atol=1e-12)
+
+
+def test_the_hand_of_another_arm_is_the_link_that_the_recording_names(tmp_path):
+    """Taught with an arm whose hand has another name than the DOF file's."""
+    text, still = lwr_urdf(world=True).replace('"lwr_hand"', '"my_tool"'), [0.1, 0.4] + [0.2] * 5
+    about = {"data": text}
+    with BagWriter(tmp_path / "bag", {"task": "plate", HAND_LINK: "my_tool"}) as writer:
+        writer.write_message("robot_description", "std_msgs/msg/String", about, START_NS)
+        for k in range(50):
+            at_ns = START_NS + k * STEP_NS
+            writer.write_message("mocap/wrist/pose", POSE, pose(k), at_ns)
+            writer.write_message("joint_states", JOINTS, joints(k, positions=still), at_ns)
+    expected = hand_position(np.array(still))
+    np.testing.assert_allclose(read_one(tmp_path / "bag").values, np.tile(expected, (50, 1)))
+
+
+def test_for_a_hand_joints_and_description_are_recorded_too():
+    joints_of = load_dofs()
+    assert topics_of(joints_of) == ("mocap/wrist/pose", "joint_states")
+    needed = ("mocap/wrist/pose", "hand/pose", "joint_states", "robot_description")
+    assert topics_of(HAND) == needed
 
 
 def test_the_file_is_written_back_and_found_beside_a_users_own(tmp_path):

@@ -19,7 +19,7 @@ LATER = {
     | {"joint_states", "joint_trajectory"},
     "bag_recorder": {*RECORDED},
     "bag_player": {topic for topic in RECORDED if not topic.startswith(OWN_TOPICS)},
-    "task_teacher": {"mocap/wrist/pose", "joint_states"},
+    "task_teacher": {"mocap/wrist/pose", "joint_states", "robot_description"},
     "dashboard": {"mocap/wrist/pose", "joint_trajectory", "robot_description", "joint_states"},
     "coworker_sim": set(),
 }

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm that is moved from the page: its joints, and where they have the hand."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.dashboard.cell import CellState
+from intent_recognition.demonstrations import arm_in_world
+from intent_recognition.errors import IntentError, one_line
+from intent_recognition.kinematics import JOINT_NAMES, hand_position, reach_position
+
+Vector = NDArray[np.float64]
+
+
+class MovedArm(NamedTuple):
+    """What is needed of an arm's kinematics.
+
+    Attributes:
+        joint_names: its joints, n of them.
+        hand: where its hand is (3,) [m], world, for joint angles (n,) [rad].
+        posture_at: joint angles (n,) near others (n,) that have the hand at a position (3,); raises
+            KinematicsError where there are none.
+    """
+
+    joint_names: tuple[str, ...]
+    hand: Callable[[Vector], Vector]
+    posture_at: Callable[[Vector, Vector], Vector]
+
+
+LWR = MovedArm(JOINT_NAMES, hand_position, reach_position)
+"""The LWR, which needs no description."""
+
+
+class ArmFinder:
+    """Finds the arm of a cell: an LWR by its joints, another by `robot_description`.
+
+    Args:
+        hand_link: link that is the hand; empty: the last one before the tree branches.
+
+    Attributes:
+        problem: why the arm on `robot_description` cannot be moved, empty if it can.
+    """
+
+    def __init__(self, hand_link: str = ""):
+        self._hand_link = hand_link
+        self._description = ""
+        self._described: MovedArm | None = None
+        self.problem = ""
+
+    def find(self, state: CellState) -> MovedArm | None:
+        """The arm whose joint states are there; None without one."""
+        if all(name in state.joints for name in JOINT_NAMES):
+            return LWR
+        if state.description != self._description:
+            self._description, self._described, self.problem = state.description, None, ""
+            try:
+                self._described = describe_arm(state.description, self._hand_link)
+            except IntentError as error:
+                self.problem = one_line(error)
+        arm = self._described
+        known = arm is not None and all(name in state.joints for name in arm.joint_names)
+        return arm if known else None
+
+
+def describe_arm(description: str, hand_link: str = "") -> MovedArm:
+    """An arm by its URDF; it is drawn to the posture that it has.
+
+    Raises:
+        ArgumentError: it cannot be used.
+    """
+    arm = arm_in_world(description, hand_link)
+    return MovedArm(
+        arm.joint_names,
+        lambda q: arm.forward_kinematics(q)[:3, 3],
+        lambda position, q: arm.inverse_kinematics(position, q, q),
+    )
