@@ -14,6 +14,7 @@ d^T C^-1 d counts standard deviations, and is bounded.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +32,9 @@ _N_ROWS = 4
 """Samples of one pair that become rows in one round, its nearest among them. Convention."""
 _WAYS: tuple[int | None, ...] = (None, *range(6))
 """Past a box: straight away from it, or beyond one of its faces."""
-_RIDGE = 1e-9
-"""Share of the rows' mean variance that is added to each. Convention: rounding."""
+_INFEASIBLE = 1e-6
+"""Residual below which inequalities contradict one another: weights a million deviations off would
+be needed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,12 @@ class Spread:
     basis: NormalizedRBFBasis
     covariance: NDArray[np.float64]
     arm: Arm | None = None
+
+    @cached_property
+    def root(self) -> NDArray[np.float64]:
+        """A root L of the covariance, L L^T (Q N, Q N); that has no full rank."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        return vectors * np.sqrt(np.maximum(values, 0.0))
 
     @classmethod
     def of(cls, primitive: InteractionProMP, arm: Arm | None = None) -> "Spread":
@@ -77,21 +85,27 @@ class Spread:
 
 
 def least_change(
-    covariance: NDArray[np.float64], rows: NDArray[np.float64], needs: NDArray[np.float64]
+    root: NDArray[np.float64], rows: NDArray[np.float64], needs: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], float]:
     """The most probable weights d ~ N(0, C) with G d >= b, and how many standard deviations off.
 
+    Least distance programming by nonnegative least squares (Lawson and Hanson 1974, Chapter 23).
+    Where no weights will do, zeros, infinitely far off.
+
     Args:
-        covariance: C (m, m).
+        root: L with C = L L^T (m, m).
         rows: G (k, m).
         needs: b (k,).
     """
-    half = covariance @ rows.T
-    products = rows @ half
-    products += np.eye(len(needs)) * (_RIDGE * np.trace(products) / len(needs) + 1e-300)
-    factor = np.linalg.cholesky(products)
-    multipliers, _ = nnls(factor.T, np.linalg.solve(factor, needs), maxiter=100 * len(needs))
-    return half @ multipliers, float(np.linalg.norm(factor.T @ multipliers))
+    system = np.vstack([(rows @ root).T, needs])
+    wanted = np.zeros(len(system))
+    wanted[-1] = 1.0
+    multipliers, distance = nnls(system, wanted, maxiter=100 * len(needs))
+    if distance < _INFEASIBLE:
+        return np.zeros(len(root)), np.inf
+    residual = system @ multipliers - wanted
+    whitened = -residual[:-1] / residual[-1]
+    return root @ whitened, float(np.linalg.norm(whitened))
 
 
 def bend(
@@ -137,7 +151,7 @@ def bend(
             more = _linearised(bodies, q, design, _thinned(found, _N_ROWS), sides)
             rows = np.vstack([rows, more[0]])
             needs = np.append(needs, more[1] + more[0] @ weights)
-            weights, deviations = least_change(spread.covariance, rows, needs)
+            weights, deviations = least_change(spread.root, rows, needs)
             if deviations > largest:
                 break
             q = positions + design @ weights
@@ -161,9 +175,7 @@ def _ways(
     """Ways past a box that its nearest contacts can be moved, the cheapest first."""
     box, nearest = bodies.box_of(contacts[0].pair), _thinned(contacts, 1)
     costs = {
-        side: least_change(
-            spread.covariance, *_linearised(bodies, q, design, nearest, {box: side})
-        )[1]
+        side: least_change(spread.root, *_linearised(bodies, q, design, nearest, {box: side}))[1]
         for side in _WAYS
     }
     return sorted((way for way in costs if costs[way] <= largest), key=costs.__getitem__)

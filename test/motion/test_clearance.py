@@ -39,7 +39,7 @@ def test_one_row_is_conditioning_on_a_via_point():
     half = rng.normal(size=(12, 12))
     prior = Gaussian(np.zeros(12), half @ half.T)
     row, need = rng.normal(size=(1, 12)), np.array([0.7])
-    weights, deviations = least_change(prior.covariance, row, need)
+    weights, deviations = least_change(half, row, need)
     posterior, _ = condition(prior, row, need, np.zeros((1, 1)))
     np.testing.assert_allclose(weights, posterior.mean, rtol=1e-6)
     mahalanobis = weights @ np.linalg.solve(prior.covariance, weights)
@@ -54,6 +54,12 @@ def test_rows_that_hold_already_change_nothing():
     assert deviations == 0.0
     weights, _ = least_change(np.eye(5), rows, np.array([0.5, -9.0, 0.2]))
     assert np.all(rows @ weights >= [0.5 - 1e-6, -9.0, 0.2 - 1e-6])
+
+
+def test_needs_that_contradict_one_another_are_infinitely_far_off():
+    row = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 0.0]])
+    assert least_change(np.eye(2), row[:2], np.array([1.0, 1.0]))[1] == np.inf
+    assert least_change(np.eye(2), row[2:], np.array([1.0]))[1] == np.inf
 
 
 def test_a_spread_keeps_both_ends_and_is_that_of_via_points():
