@@ -45,6 +45,7 @@ EXPERIMENTS = tuple(
             "no paper",
             "reaches whose goal changes, and movements without a pause",
         ),
+        ("context", "no paper", "handovers at a box that is moved, and where it stands is known"),
         ("constraints", f"{WP}, Fig. 3", "when a cup pours and where it spills, told of others"),
         ("pouring", f"{WP}, Fig. 4-5", "the arm pours with containers never demonstrated"),
     )

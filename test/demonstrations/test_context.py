@@ -28,6 +28,7 @@ from intent_recognition.evaluation.replaying import replay
 from intent_recognition.learning import add_demonstration
 from intent_recognition.model import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.recognition import IntentEstimator
+from intent_recognition.share import share_path
 from intent_recognition.signals import merge
 
 CUP = DofEntry("object/parameters", JOINTS, joints=("radius", "height"), unit="m", context=True)
@@ -41,6 +42,7 @@ def test_the_dof_file_has_it_among_the_observed(tmp_path):
     assert load_dofs(path) == dofs
     assert dofs.context_names == (*BOX.names, "radius", "height")
     assert set(dofs.topics) == {"mocap/wrist/pose", "joint_states", "box/pose", "object/parameters"}
+    assert load_dofs(share_path("config/examples/moved_box.dofs.yaml")).context == (BOX,)
     content = yaml.safe_load(path.read_text())
     assert [entry.get("context", False) for entry in content["observed"]] == [False, True, True]
 

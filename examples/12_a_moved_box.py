@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+A moved box
+===========
+
+Where a box stands is known before anybody moves, and the handover is beside it. Such a context
+conditions the prediction once it is known; it may come late, or never.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from simulated_handover import simulate
+
+import intent_recognition as ir
+
+rng = np.random.default_rng(1)
+
+
+def hand_over(box):
+    """Arrays of one handover: the wrist reaches to within a centimetre of the box."""
+    return simulate("plate", rng, goal=[*box, 0.25] + 0.01 * rng.normal(size=3))
+
+
+# %%
+# Twelve demonstrations, each with the place of the box, x and y, as its context.
+
+boxes = rng.uniform([0.4, -0.2], [0.7, 0.3], size=(12, 2))
+library = ir.learn(
+    [
+        ir.Demonstration.from_arrays(
+            *hand_over(box),
+            context=box,
+            context_names=("box_x", "box_y"),
+            task="plate",
+            controlled_unit="m",
+        )
+        for box in boxes
+    ]
+)
+
+# %%
+# One new handover, at a place that was never shown, followed by two estimators. One is told the
+# place before; told on the way, it would go on from there as if it had always known.
+
+box = np.array([0.45, 0.25])
+times_s, wrist, hand = hand_over(box)
+told, untold = ir.IntentEstimator(library), ir.IntentEstimator(library)
+told.observe_context(box)
+errors = {"box known": [], "box unknown": []}
+for stamp_s, position in zip(times_s, wrist, strict=True):
+    for estimator, found in zip((told, untold), errors.values(), strict=True):
+        estimator.observe(stamp_s, position)
+        prediction = estimator.predict_controlled(n_points=1)
+        if prediction is not None:
+            end_m = prediction.trajectory.positions[-1]
+            found.append((stamp_s, 100 * np.linalg.norm(end_m - hand[-1])))
+
+# %%
+# The error of the predicted end of the robot's hand, and what the library says before anything has
+# moved: where the hand will end, with two standard deviations.
+
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4))
+for colour, (name, found) in zip(("C0", "C1"), errors.items(), strict=True):
+    left.plot(*np.transpose(found), color=colour, label=name)
+left.set(xlabel="time [s]", ylabel="error of the predicted end [cm]", ylim=(0, None))
+left.legend()
+for colour, name, known in (("C0", "box known", library.given(box)), ("C1", "unknown", library)):
+    end = known.primitive(0).predict_controlled(2)
+    mean, std = end.positions[-1], end.std[-1]
+    right.errorbar(*mean[:2], 2 * std[1], 2 * std[0], "o", color=colour, label=name)
+right.plot(*hand[-1, :2], "x", color="black", label="where it was")
+right.set(xlabel="x [m]", ylabel="y [m]", title="the hand's end, before the movement")
+right.legend()
+figure.tight_layout()
+plt.show()
