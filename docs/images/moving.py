@@ -1,175 +1,229 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The README's moving picture, from a recording the library never saw.
+"""The README's moving picture: the page, while the arm helps the simulated coworker.
 
-`python docs/images/moving.py`: the recorded arm and wrist, what the estimator predicts of both at
-every moment with tubes of two standard deviations, and the probability of each task.
+`python docs/images/moving.py` runs a short `intent demo` and records it, feeds the recording into
+the page message by message, and takes a picture of the page at every moment. `--bag` and `--model`
+take a session that was recorded before.
 """
 
 import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import NamedTuple
+from tempfile import TemporaryDirectory
 
-import matplotlib
 import numpy as np
-from matplotlib import pyplot as plt
+import rclpy
 from PIL import Image
-from scene import HEIGHT, LEFT, WIDTH, Camera, learned
+from playwright.sync_api import sync_playwright
+from rclpy.node import Node
+from std_msgs.msg import String
 
+from benchmarks.browser import COUNT, FLAGS, chromium
 from intent_recognition.bags import BagReader
-from intent_recognition.demonstrations import iter_observations, load_dofs, read_demonstrations
-from intent_recognition.gaussian import tube_rings
-from intent_recognition.kinematics import hand_position
-from intent_recognition.promp import NONE, TaskLibrary
-from intent_recognition.recognition import DecisionSettings, DecisionState, IntentEstimator, decide
-from intent_recognition.report import INK, readable, task_colours
-from intent_recognition.share import share_path
-from sim_bridge.arm import SimulatedArm
-from sim_bridge.scenarios.toolbox import ToolboxObjects, teaching_times
+from intent_recognition.dashboard.cell import CellState
+from intent_recognition.dashboard.commands import Commands
+from intent_recognition.dashboard.page import DashboardPage
+from intent_recognition.dashboard.scene_file import load_scene
+from intent_recognition.dashboard.subscriptions import CellSubscriptions
+from intent_recognition.dashboard.teaching_session import TeachingSession
+from intent_recognition.dashboard.teleoperation import Teleoperation
+from intent_recognition.demonstrations import iter_observations
+from intent_recognition.model import load_model
+from intent_recognition.nodes.markers import MarkerBuilder
+from intent_recognition.promp import NONE
+from intent_recognition.recognition import IntentEstimator
+from sim_bridge.arm import find_robot
 
-FRAMES_PER_S = 12
-BEFORE_S, AFTER_S, HOLD_FRAMES = 0.25, 0.9, 14
-SIZE_IN, DPI, N_COLOURS = (9.2, 3.9), 84, 96
-
-
-class Moment(NamedTuple):
-    """One frame: what was seen until then, and what was thought."""
-
-    stamp_ns: int
-    probabilities: np.ndarray
-    active: str
-    wrist_m: np.ndarray
-    human: tuple[np.ndarray, np.ndarray] | None
-    hand_m: np.ndarray | None
+SIZE, PORT = (1120, 630), 8765
+FRAMES_PER_S, N_COLOURS = 10, 160
+FIRST_S, LAST_S, HOLD_FRAMES = 3.9, 9.0, 10
+SHOWN = "() => window.__viserMutable && window.__viserMutable.scene"
+DRAWN = "() => new Promise(f => requestAnimationFrame(() => requestAnimationFrame(() => f(true))))"
+WARNING = ".mantine-Notification-closeButton"
+SCENARIO = "plate_handover,screw_handover,hold_screwdriver"
 
 
-def moments(library: TaskLibrary, bag: Path, stamps_ns: np.ndarray) -> list[Moment]:
-    """Run the online estimator over a recording; keep what it knew at these stamps."""
-    estimator, state, dofs = IntentEstimator(library), DecisionState(), load_dofs()
-    labels, settings = (*library.labels, NONE), DecisionSettings()
-    found, wrist, due = [], [], list(stamps_ns)
-    for observation in iter_observations(BagReader(bag), dofs):
-        estimate = estimator.update(observation)
-        wrist.append(observation.values)
-        robot = estimator.predict_controlled() if estimate.moving else None
-        end_std = estimator.predicted_end_std()
-        state, active = decide(
-            settings, state, labels, estimate.probabilities, end_std, estimate.log_evidence
+class Replayed:
+    """The page, fed with a recorded session."""
+
+    def __init__(self, bag: Path, model: Path, arm: str, scene: str):
+        self.now_s = 0.0
+        self._node = Node("moving_picture")
+        self.state = CellState()
+        before = set(self._node.subscriptions)
+        CellSubscriptions(self._node, self.state, clock=lambda: self.now_s)
+        made = [s for s in self._node.subscriptions if s not in before]
+        self._take = {s.topic_name: s.callback for s in made}
+        robot = find_robot(arm)
+        self._take["/robot_description"](String(data=robot.description))
+        loaded = load_model(model)
+        self._estimator = IntentEstimator(loaded.library)
+        self._observations = iter_observations(BagReader(bag), loaded.dofs)
+        self._builder = MarkerBuilder((*loaded.library.labels, NONE))
+        self._messages = BagReader(bag).messages()
+        self._next = next(self._messages)
+        self.start_ns = self._next.log_time_ns
+        self.page = self._page(scene, robot.tip)
+
+    def _page(self, scene: str, hand_link: str) -> DashboardPage:
+        commands = Commands(self._node, lambda ok, text: None)
+        teleoperation = Teleoperation(self._node, self.state)
+        rng = np.random.default_rng(0)
+        session = TeachingSession(teleoperation, commands, lambda ok, text: None, rng)
+        return DashboardPage(
+            "127.0.0.1",
+            PORT,
+            self.state,
+            commands,
+            teleoperation,
+            session,
+            bags=(),
+            models=lambda: (),
+            play=None,
+            stop=None,
+            scene=load_scene(scene) if scene else None,
+            hand_link=hand_link,
+            clock=lambda: self.now_s,
         )
-        if not due or observation.stamp_ns < due[0]:
-            continue
-        due.pop(0)
-        human = estimator.predict_observed() if robot is not None else None
-        found.append(
-            Moment(
-                observation.stamp_ns,
-                estimate.probabilities,
-                active,
-                np.array(wrist),
-                None if human is None else (human.trajectory.positions, human.trajectory.std),
-                None if robot is None else hand_position(robot.trajectory.positions),
+
+    def go_to(self, now_s: float) -> None:
+        """Let everything be received that was recorded until then, and show it."""
+        end_ns = self.start_ns + round(now_s * 1e9)
+        while self._next is not None and self._next.log_time_ns <= end_ns:
+            self.now_s = (self._next.log_time_ns - self.start_ns) * 1e-9
+            name = "/" + self._next.topic.lstrip("/")
+            if name in self._take:
+                self._take[name](self._next.message)
+            if name == "/mocap/wrist/pose":
+                self._observe()
+            self._next = next(self._messages, None)
+        self.now_s = now_s
+        self.page.update()
+
+    def _observe(self) -> None:
+        """Predict as the estimator did: its markers are not recorded."""
+        observation = next(self._observations, None)
+        if observation is None or self._estimator.reason_to_reject(observation) is not None:
+            return
+        estimate = self._estimator.update(observation)
+        if not estimate.moving:
+            return
+        self._builder.observe(observation.stamp_ns, observation.values)
+        human = self._estimator.predict_observed()
+        if human is not None:
+            path = human.trajectory
+            markers = self._builder.build(
+                estimate.stamp_ns, "world", human.task, 1.0, path.positions, path.std
             )
-        )
-    return found
+            self._take["/intent/markers"](markers)
+
+    def close(self) -> None:
+        """Stop serving."""
+        self.page.close()
+        self._node.destroy_node()
 
 
-class Film:
-    """Draws frames of one recording."""
+@contextmanager
+def browser(address: str) -> Iterator:
+    """A page of playwright with the page open."""
+    with sync_playwright() as driver:
+        opened = driver.chromium.launch(executable_path=chromium(), args=list(FLAGS))
+        page = opened.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
+        page.set_default_timeout(120_000)
+        page.goto(address)
+        page.wait_for_function(SHOWN)
+        page.locator(WARNING).first.click()  # of a browser without a graphics card
+        yield page
+        opened.close()
 
-    def __init__(self, library: TaskLibrary, recorded, onset_ns: int):
-        self._labels = (*library.labels, NONE)
-        self._colours = task_colours(self._labels)
-        self._joints, self._task = recorded.controlled[0], recorded.task
-        self._onset_ns = onset_ns
-        arrival_s = (int(recorded.metadata["robot_arrival_ns"]) - onset_ns) * 1e-9
-        self._grasp_ns = onset_ns + teaching_times(recorded.task, 0.0, arrival_s).grasp_s * 1e9
-        self._camera = Camera()
 
-    def frame(self, moment: Moment) -> Image.Image:
-        """One frame."""
-        figure = plt.figure(figsize=SIZE_IN, facecolor="white")
-        self._draw_scene(figure.add_axes((0.0, 0.0, 0.66, 1.0)), moment)
-        self._draw_bars(figure.add_axes((0.80, 0.30, 0.17, 0.44)), moment)
-        stream = BytesIO()
-        figure.savefig(stream, format="png", dpi=DPI)
-        plt.close(figure)
-        return Image.open(stream).convert("RGB")
+def picture(page) -> Image.Image:
+    """The page once it has drawn what it was sent."""
+    page.wait_for_timeout(40)
+    while page.evaluate(COUNT)["waiting"]:
+        page.wait_for_timeout(20)
+    page.evaluate(DRAWN)
+    return Image.open(BytesIO(page.screenshot())).convert("RGB")
 
-    def _draw_scene(self, axes, moment: Moment) -> None:
-        axes.imshow(self._render(moment), zorder=1)
-        best = self._labels[int(np.argmax(moment.probabilities))]
-        colour = self._colours[best]
-        if moment.human is not None:
-            self._draw_tube(axes, *moment.human, colour)
-            self._line(axes, moment.hand_m, colour, ls=(0, (2, 1.2)), lw=2.2)
-        recent = moment.wrist_m[-120:]
-        self._line(axes, recent, INK, lw=2.4)
-        at = self._camera.pixels(recent[-1:])[0]
-        axes.plot(*at, "o", ms=8, color=INK, mec="white", mew=1.5, zorder=6)
-        axes.set(xlim=(LEFT, WIDTH), ylim=(HEIGHT, 0))
-        axes.axis("off")
 
-    def _render(self, moment: Moment) -> np.ndarray:
-        """The cell at this moment, (HEIGHT, WIDTH, 3)."""
-        k = np.searchsorted(self._joints.stamps_ns, moment.stamp_ns)
-        with SimulatedArm(self._joints.values[min(k, len(self._joints.values) - 1)]) as arm:
-            objects = ToolboxObjects(arm, furniture=True)
-            objects.move_worker(moment.wrist_m[-1])
-            if moment.stamp_ns >= self._grasp_ns:
-                objects.give_to_robot(self._task)
-            return self._camera.render(arm.client)
-
-    def _draw_tube(self, axes, path: np.ndarray, std: np.ndarray, colour: str) -> None:
-        for ring in tube_rings(path, std, n_sides=24):
-            axes.fill(*self._camera.pixels(ring).T, color=colour, alpha=0.07, lw=0, zorder=3)
-        self._line(axes, path, colour, ls=(0, (2, 1.2)), lw=2.2)
-
-    def _line(self, axes, path: np.ndarray, colour: str, **style) -> None:
-        axes.plot(*self._camera.pixels(path).T, color=colour, zorder=5, **style)
-
-    def _draw_bars(self, axes, moment: Moment) -> None:
-        labels = self._labels[::-1]
-        values = 100 * moment.probabilities[::-1]
-        axes.barh(range(len(labels)), values, color=[self._colours[n] for n in labels])
-        axes.set(xlim=(0, 100), xticks=[0, 50, 100])
-        axes.set_yticks(range(len(labels)), [readable(n) for n in labels])
-        axes.set_xlabel("probability [%]")
-        axes.tick_params(length=0)
-        axes.spines[["top", "right", "left"]].set_visible(False)
-        elapsed = max((moment.stamp_ns - self._onset_ns) * 1e-9, 0.0)
-        axes.set_title(f"{elapsed:.1f} s", loc="left", fontsize=13, pad=26)
-        helps = f"robot: {readable(moment.active)}" if moment.active else "robot: waits"
-        tint = self._colours.get(moment.active, "#5a6777")
-        axes.text(0.0, 1.06, helps, transform=axes.transAxes, color=tint, fontsize=11)
+def record(folder: Path, arm: str) -> tuple[Path, Path]:
+    """Run the demo; returns its recording and its model."""
+    command = [sys.executable, "-m", "intent_recognition.cli.main", "demo", "--headless"]
+    command += ["--task-list", SCENARIO, "--rate", "1", "--arm", arm]
+    command += ["--output", str(folder / "demo"), "--record", str(folder / "session")]
+    subprocess.run(command, check=True)
+    return folder / "session", folder / "demo" / "model.npz"
 
 
 def main() -> None:
-    """Make the moving picture."""
+    """Make the moving picture, or single ones."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--bag", default="bags/toolbox/test/plate_handover_02")
+    parser.add_argument("--arm", default="lwr")
+    parser.add_argument("--bag", type=Path)
+    parser.add_argument("--model", type=Path)
+    parser.add_argument("--scene", default="toolbox")
+    parser.add_argument("--first", type=float, default=FIRST_S, help="[s] of the recording")
+    parser.add_argument("--last", type=float, default=LAST_S)
+    parser.add_argument("--at", type=float, nargs="+", help="single pictures at these times [s]")
+    parser.add_argument("--width", type=int, default=900, help="of the moving picture")
     parser.add_argument("--output", type=Path, default=Path(__file__).with_name("moving.gif"))
     args = parser.parse_args()
-    matplotlib.rcParams.update({"font.family": "DejaVu Sans", "font.size": 10})
-    bag, library = share_path(args.bag), learned()
-    (recorded,), _ = read_demonstrations(bag, load_dofs())
-    onset, end = (int(recorded.metadata[key]) for key in ("human_onset_ns", "human_end_ns"))
-    first, last = onset - BEFORE_S * 1e9, end + AFTER_S * 1e9
-    stamps = np.arange(first, last, 1e9 / FRAMES_PER_S)
-    film = Film(library, recorded, onset)
-    frames = [film.frame(moment) for moment in moments(library, bag, stamps)]
-    palette = frames[len(frames) // 2].quantize(N_COLOURS)
-    indexed = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+    with TemporaryDirectory() as folder:
+        bag, model = (args.bag, args.model) if args.bag else record(Path(folder), args.arm)
+        times = args.at or np.arange(args.first, args.last, 1.0 / FRAMES_PER_S).tolist()
+        frames = take(bag, model, args.arm, args.scene, times, one_by_one=bool(args.at))
+    if args.at:
+        for at, frame in zip(args.at, frames, strict=True):
+            frame.save(args.output.with_name(f"{args.output.stem}_{at:05.2f}.png"))
+        return
+    write(frames, args.width, args.output)
+
+
+def take(bag, model, arm, scene, times, *, one_by_one) -> list[Image.Image]:
+    """Pictures of the page at these times [s]."""
+    rclpy.init()
+    replayed = Replayed(bag, model, arm, scene)
+    frames = []
+    with browser(replayed.page.address) as page:
+        step, now = 1.0 / 25.0, 0.0
+        for at in times:
+            while now + step < at:
+                now += step
+                replayed.go_to(now)
+            replayed.go_to(at)
+            frames.append(picture(page))
+            now = at
+    replayed.close()
+    rclpy.shutdown()
+    return frames
+
+
+def write(frames: list[Image.Image], width: int, output: Path) -> None:
+    """One file of all frames, in colours that all of them share."""
+    height = round(width * frames[0].height / frames[0].width)
+    small = [frame.resize((width, height), Image.Resampling.LANCZOS) for frame in frames]
+    some = small[:: max(1, len(small) // 8)]
+    sheet = Image.new("RGB", (width, height * len(some)))
+    for k, frame in enumerate(some):
+        sheet.paste(frame, (0, k * height))
+    palette = sheet.quantize(N_COLOURS)
+    indexed = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in small]
     indexed += [indexed[-1]] * HOLD_FRAMES
-    duration_ms = round(1000 / FRAMES_PER_S)
     indexed[0].save(
-        args.output,
+        output,
         save_all=True,
         append_images=indexed[1:],
-        duration=duration_ms,
+        duration=round(1000 / FRAMES_PER_S),
         loop=0,
         optimize=True,
     )
-    print(f"{len(indexed)} frames, {args.output.stat().st_size / 1e6:.1f} MB")
+    print(f"{len(indexed)} frames, {output.stat().st_size / 1e6:.1f} MB")
 
 
 if __name__ == "__main__":

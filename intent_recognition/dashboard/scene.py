@@ -15,6 +15,7 @@ from intent_recognition.dashboard.scene_file import CellScene
 from intent_recognition.dashboard.things_view import Colour, ThingsView, rgb
 from intent_recognition.errors import one_line
 from intent_recognition.kinematics import JOINT_NAMES, frame_poses
+from intent_recognition.promp import NONE
 from intent_recognition.report import INK, NONE_COLOUR, readable
 
 WRIST_RADIUS_M = 0.022
@@ -143,7 +144,8 @@ class Scene:
         shown = state.drawn if state.fresh(state.drawn_at_s, now_s, STALE_S) else None
         self._line("predicted", NOTHING if shown is None else shown.predicted, colour, PATH_WIDTH_M)
         self._draw_tube(NOTHING if shown is None else shown.tube, colour)
-        self._draw_label(NOTHING if shown is None else shown.predicted, readable(best))
+        path = NOTHING if shown is None or best == NONE else shown.predicted
+        self._draw_label(path, readable(best))
 
     def _draw_label(self, path: NDArray[np.float64], text: str) -> None:
         """Name the task above the predicted end; a new text fades in, so the same is not sent."""
