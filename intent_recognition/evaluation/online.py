@@ -72,7 +72,8 @@ def run_online(
         if observation.stamp_ns > recorded.end_ns:
             break
         if observation.group >= n_agents:
-            estimator.update_context(observation._replace(group=observation.group - n_agents))
+            group, stamp_ns = observation.group - n_agents, max(observation.stamp_ns, 1)
+            estimator.update_context(observation._replace(group=group, stamp_ns=stamp_ns))
             continue
         if phase_known and observation.stamp_ns < recorded.start_ns:
             continue

@@ -2,7 +2,7 @@
 """Node: recognises the human's task and predicts both agents from `human/<body>`."""
 
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Any
 
 import numpy as np
@@ -114,7 +114,7 @@ class IntentEstimatorNode(ManagedNode):
         self._watchdog = self.create_timer(
             CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
-        self._last_ns: dict[tuple[int, int], int] = {}
+        self._last_ns: dict[Hashable, int] = {}
         self._left_overs = LeftOvers({})
         when_clock_goes_back(self, self._start_over)
         self.start()
@@ -217,10 +217,16 @@ class IntentEstimatorNode(ManagedNode):
 
     def _use_context(self, observation: Observation, topic: str) -> bool:
         """Take a sample of the scene; False if it cannot be used."""
+        stream = ("context", observation.group)
+        if self._left_overs.include(stream, observation.stamp_ns):
+            self._diagnostics.count("left_over")
+            return False
         reason = self._estimator.update_context(observation)
         if reason is not None:
             self._diagnostics.reject(reason, f"{topic} at {observation.stamp_ns} ns")
-        return reason is None
+            return False
+        self._last_ns[stream] = observation.stamp_ns
+        return True
 
     def _publish(self, estimate: Estimate, observation: Observation) -> None:
         if estimate.moving:

@@ -324,7 +324,7 @@ class IntentEstimator:
         then, at most every `CONTEXT_PERIOD_S`. Groups count the context signals, in the order of
         the DOF file.
         """
-        return self._context.take(observation)
+        return "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
 
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """The controlled agent's whole interaction from onset, under the most probable task.

@@ -6,6 +6,8 @@ import json
 import numpy as np
 import pytest
 from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, write_bag, write_session
+from moved_box import DOFS as BOX_DOFS
+from moved_box import learned
 
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.cli.inspect_bag import moment
@@ -179,6 +181,15 @@ def test_a_model_as_json(run_command, model_file):
     assert content["controlled"]["lwr_a1_joint"] == "rad"
     stds = [content["noise_std"][n] for n in (*library.observed_names, *library.controlled_names)]
     np.testing.assert_allclose(np.square(stds), library.noise_variance)
+
+
+def test_a_model_s_context_is_shown(run_command, tmp_path):
+    save_model(tmp_path / "box.npz", Model(learned().library, BOX_DOFS))
+    _, output = run_command("inspect", tmp_path / "box.npz")
+    rows = [line.split()[1] for line in output.splitlines() if line.startswith("context ")]
+    assert rows == list(BOX_DOFS.context_names)
+    _, output = run_command("inspect", tmp_path / "box.npz", "--json")
+    assert json.loads(output)["context"] == dict.fromkeys(BOX_DOFS.context_names, "m")
 
 
 def test_moments_of_simulated_clocks_are_plain_seconds():

@@ -136,6 +136,7 @@ def test_noise_of_a_context_is_not_filtered_anew_and_a_carried_thing_seldom(libr
 
 def test_samples_that_are_no_context_are_refused_by_reason(library):
     estimator = IntentEstimator(library)
+    assert estimator.update_context(Observation(0, 0, BOX)) == "zero_stamp"
     assert estimator.update_context(Observation(5, 1, BOX)) == "no_context"
     assert estimator.update_context(Observation(5, 0, BOX[:1])) == "wrong_size"
     assert estimator.update_context(Observation(5, 0, np.array([0.0, np.inf]))) == "not_finite"
