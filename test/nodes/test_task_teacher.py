@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import ArgumentError
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.model.task_folder import TaskFolder
@@ -18,7 +19,9 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.task_teacher import TaskTeacher
+from intent_recognition.share import share_path
 from intent_recognition.signals.observation import merge
+from sim_bridge.arm.urdf import lwr_urdf
 
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)
@@ -181,3 +184,21 @@ def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
     ]
     with pytest.raises(ModelError, match="statistics"):
         TaskTeacher(parameter_overrides=overrides)
+
+
+def test_with_another_arm_its_description_and_the_name_of_its_hand_are_recorded(harness, tmp_path):
+    values = {"library": str(tmp_path / "tasks"), "task": "wave", "hand_link": "my_tool"}
+    values["dofs"] = str(share_path("config/dofs_hand.yaml"))
+    overrides = [Parameter(name, value=value) for name, value in values.items()]
+    teacher = harness.add(TaskTeacher(parameter_overrides=overrides))
+    description = harness.publisher(String, "robot_description", qos.LATCHED)
+    description.publish(String(data=lwr_urdf(world=True)))
+    harness.spin_until(lambda: teacher.listening)
+    bag = teacher.start()
+    harness.spin_until(lambda: teacher.message_count)
+    teacher.close_bag()
+    assert {"/joint_states", "/robot_description"} <= set(teacher.wanted)
+    reader = BagReader(bag)
+    assert reader.custom_data["hand_link"] == "my_tool"
+    (recorded,) = reader.messages(["/robot_description"])
+    assert recorded.message.data == lwr_urdf(world=True)
