@@ -18,12 +18,18 @@ from intent_recognition.motion import (
     JointReference,
     NominalTiming,
     Obstruction,
+    PredictedPerson,
     brake_plan,
     home_plan,
+    phase_times_ns,
     plan_interaction,
     stop_plan,
 )
 
+_N_SLOWED = 4
+"""Plans tried until one keeps the speeds permitted near the person. Convention."""
+_SLIGHTLY = 1.05
+"""Ratio by which a speed may exceed the one permitted: a grid and blending do. Convention."""
 _GOING_BACK = ("home", "retreat")
 """Kinds of plans."""
 
@@ -44,6 +50,9 @@ class Motions:
         arm: gets every command.
         reject: called with (reason, text) where no plan keeps the limits.
         counts: gets how often plans were made, slowed, clamped, bent and refused.
+
+    Attributes:
+        person: where the person is predicted to be; None where that is not known.
     """
 
     def __init__(
@@ -56,6 +65,7 @@ class Motions:
         self.settings, self._arm = settings, arm
         self._reject, self._counts = reject, counts
         self._followed: _Followed | None = None
+        self.person: PredictedPerson | None = None
 
     def interact(
         self,
@@ -74,20 +84,10 @@ class Motions:
             start: the reference then.
             progress: phase, phase rate [1/s] and its derivative [1/s^2] then.
         """
-        settings = self.settings
         followed = self._clear_of_things(prediction, progress[0])
         if followed is None:
             return None
-        onset_s = (prediction.onset_ns - start_ns) * 1e-9
-        plan = plan_interaction(
-            followed.path,
-            NominalTiming(onset_s, followed.path.duration_s),
-            start,
-            *progress[:2],
-            settings.limits,
-            settings.plan,
-            phase_acceleration=progress[2],
-        )
+        plan = self._interaction(prediction, followed.path, start_ns, start, progress)
         if plan is None:
             self._reject("infeasible", f"no plan for {prediction.label} keeps the limits")
             return None
@@ -99,6 +99,41 @@ class Motions:
         self._counts["clamped"] += bool(plan.clamped)
         self._counts["bent"] += followed.weights is not None
         return self._arm.send(now_ns, Command(start_ns, plan))
+
+    def _interaction(
+        self,
+        prediction: PredictedInteraction,
+        path: JointPath,
+        start_ns: int,
+        start: JointReference,
+        progress: tuple[float, float, float],
+    ) -> JointPlan | None:
+        """A plan along the path, slowed until it keeps the speeds permitted near the person.
+
+        Where the arm is at a time depends on how much it is slowed, and so does the distance: the
+        ceiling on the rate falls from round to round, by where the plan before was when.
+        """
+        onset_s = (prediction.onset_ns - start_ns) * 1e-9
+        separation, person, ceiling = self.settings.separation, self.person, None
+        for _ in range(_N_SLOWED):
+            plan = plan_interaction(
+                path,
+                NominalTiming(onset_s, path.duration_s),
+                start,
+                *progress[:2],
+                self.settings.limits,
+                self.settings.plan,
+                phase_acceleration=progress[2],
+                rate_ceiling=ceiling,
+            )
+            if plan is None or separation is None or person is None:
+                return plan
+            if separation.excess(plan, start_ns, person) <= _SLIGHTLY:
+                break
+            newer = separation.rate_ceiling(path, phase_times_ns(plan, start_ns), person)
+            ceiling = newer if ceiling is None else np.minimum(ceiling, newer)
+        self._counts["slowed by person"] += ceiling is not None
+        return plan
 
     def _clear_of_things(
         self, prediction: PredictedInteraction, phase: float

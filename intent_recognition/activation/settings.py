@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion import Clearance, JointPlan, JointReference, PlanSettings
+from intent_recognition.motion import Clearance, JointPlan, JointReference, PlanSettings, Separation
 from intent_recognition.recognition import DecisionSettings
 
 
@@ -40,6 +40,7 @@ class ActivationSettings:
             velocity.
         max_lateness_s: a prediction whose end is longer ago than this is outdated [s]. Convention.
         clearance: keeps plans clear of things; None: joint limits alone count.
+        separation: slows interactions near the predicted person; None: nothing does.
     """
 
     limits: JointLimits
@@ -57,6 +58,7 @@ class ActivationSettings:
     rest_speed_rad_s: float = 0.05
     max_lateness_s: float = 3.0
     clearance: Clearance | None = None
+    separation: Separation | None = None
 
 
 class Command(NamedTuple):

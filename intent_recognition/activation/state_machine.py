@@ -41,6 +41,7 @@ from intent_recognition.activation.states import (
     Stopped,
     interaction_of,
 )
+from intent_recognition.motion import PredictedPerson
 from intent_recognition.recognition import DecisionState
 
 _ARRIVED_PHASE = 1.0 - 1e-6
@@ -154,6 +155,10 @@ class Activation:
     def take_prediction(self, now_ns: int, prediction: PredictedInteraction) -> None:
         """Take the newest prediction; it is used if its task is the active one."""
         self._inbox.take_prediction(now_ns, prediction)
+
+    def take_person(self, person: PredictedPerson | None) -> None:
+        """Take where the person is predicted to be; None when that is not known any more."""
+        self._motions.person = person
 
     def take_joint_state(
         self,

@@ -89,6 +89,23 @@ class Arm:
         poses = np.array([self._pose(row) for row in flat]).reshape(-1, 4, 4)
         return poses.reshape(*q.shape[:-1], 4, 4)
 
+    def skeleton(self, q: ArrayLike) -> NDArray[np.float64]:
+        """Origins of the joints from the base on, and of the tip, (T, k, 3) [m], for q (T, n).
+
+        Raises:
+            ShapeError: q does not fit the arm.
+        """
+        points = []
+        for row in self._vector(q, "q").reshape(-1, self.n_joints):
+            tip = self._pose(row)[:3, 3]
+            placed = (
+                self._data.oMi
+                if self._from_base is None
+                else [self._from_base * pose for pose in self._data.oMi]
+            )
+            points.append([pose.translation.copy() for pose in list(placed)[1:]] + [tip])
+        return np.array(points)
+
     def jacobian(self, q: ArrayLike) -> NDArray[np.float64]:
         """Geometric Jacobian (6, n) of the tip in base axes at q (n,): linear rows, then angular.
 

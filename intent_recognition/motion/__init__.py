@@ -18,6 +18,13 @@ from intent_recognition.motion.plan import JointPlan, JointReference
 from intent_recognition.motion.planning import plan_interaction, stop_plan
 from intent_recognition.motion.point_to_point import brake_plan, home_plan
 from intent_recognition.motion.retiming import NominalTiming
+from intent_recognition.motion.separation import (
+    PredictedPerson,
+    Separation,
+    SeparationSettings,
+    permitted_speed,
+    phase_times_ns,
+)
 from intent_recognition.motion.settings import PlanSettings, scaled_limits
 
 __all__ = [
@@ -33,6 +40,9 @@ __all__ = [
     "Obstruction",
     "Offset",
     "PlanSettings",
+    "PredictedPerson",
+    "Separation",
+    "SeparationSettings",
     "Spread",
     "brake_plan",
     "feedback_policy",
@@ -42,6 +52,8 @@ __all__ = [
     "joints_along",
     "least_change",
     "make_path",
+    "permitted_speed",
+    "phase_times_ns",
     "plan_interaction",
     "propagate",
     "resting_gains",

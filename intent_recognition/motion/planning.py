@@ -64,6 +64,7 @@ def plan_interaction(
     limits: JointLimits,
     settings: PlanSettings = DEFAULT_SETTINGS,
     phase_acceleration: float = 0.0,
+    rate_ceiling: NDArray[np.float64] | None = None,
 ) -> JointPlan | None:
     """Follow a predicted interaction from where the arm's reference is.
 
@@ -77,13 +78,14 @@ def plan_interaction(
         settings: see `PlanSettings`.
         phase_acceleration: the rate's derivative [1/s^2] in the plan before; what it explains
             of the start's acceleration is not left to the offset.
+        rate_ceiling: largest phase rate at each point of the path's grid (G + 1,) [1/s].
 
     Returns:
         The plan, or None if none keeps the limits from this start: the plan before it ends at
         rest and is safe to go on with.
     """
     phase_state = _PhaseState(phase, phase_rate, phase_acceleration)
-    return _along(path, nominal, start, phase_state, limits, settings)
+    return _along(path, nominal, start, phase_state, limits, settings, rate_ceiling)
 
 
 def stop_plan(
@@ -151,6 +153,7 @@ def _along(
     phase: _PhaseState,
     limits: JointLimits,
     settings: PlanSettings,
+    rate_ceiling: NDArray[np.float64] | None = None,
 ) -> JointPlan | None:
     """A plan along the path, in time with the nominal timing or (None) to a stand.
 
@@ -159,7 +162,7 @@ def _along(
     """
     budget = _Budget() if nominal is None else _Budget(np.full(N_GRID, _FIRST_SHARE))
     for attempt in range(_N_ATTEMPTS):
-        tried = _attempt(path, nominal, start, phase, limits, settings, budget)
+        tried = _attempt(path, nominal, start, phase, limits, settings, budget, rate_ceiling)
         if tried is None:
             return None
         plan, offset = tried
@@ -178,11 +181,12 @@ def _attempt(
     limits: JointLimits,
     settings: PlanSettings,
     budget: _Budget,
+    rate_ceiling: NDArray[np.float64] | None,
 ) -> tuple[JointPlan, Offset] | None:
     """A plan within the budget, and its offset; None where the path takes too long."""
     step_s = plan_step(0.0 if nominal is None else nominal.duration_s, limits, settings)
     offset = _join(path, start, phase, limits, settings)
-    bounds = _path_bounds(path, offset, limits, settings, budget.share)
+    bounds = _path_bounds(path, offset, limits, settings, budget.share, rate_ceiling)
     rate = min(phase.rate, largest_rate(bounds, phase.phase))
     if rate < phase.rate:
         offset = _join(path, start, phase._replace(rate=rate), limits, settings)
@@ -220,6 +224,7 @@ def _path_bounds(
     limits: JointLimits,
     settings: PlanSettings,
     share: NDArray[np.float64],
+    rate_ceiling: NDArray[np.float64] | None,
 ) -> SpeedLimits:
     """Bounds along the path with what the offset leaves of the limits."""
     speed, acceleration = offset.largest()
@@ -229,6 +234,7 @@ def _path_bounds(
         np.maximum(limits.acceleration - acceleration, _LEAST_SHARE * limits.acceleration),
         share=share,
         max_rate_ratio=settings.max_rate_ratio,
+        rate_ceiling=rate_ceiling,
     )
 
 

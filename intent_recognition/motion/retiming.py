@@ -60,6 +60,7 @@ def speed_limits(
     share: NDArray[np.float64] | float = 1.0,
     max_rate_ratio: float = 6.0,
     rate_ratio_per_s: float = 15.0,
+    rate_ceiling: NDArray[np.float64] | None = None,
 ) -> SpeedLimits:
     """Bounds on the speed along a path.
 
@@ -72,6 +73,7 @@ def speed_limits(
             moves.
         rate_ratio_per_s: the ratio changes by at most this per second; bounds s'' where no joint
             moves.
+        rate_ceiling: largest rate at each point of the grid (G + 1,) [1/s].
     """
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
     first, second = path.derivative(grid), path.derivative(grid, 1)
@@ -84,6 +86,8 @@ def speed_limits(
     a = np.hstack([a[:-1], a[1:], own]) * share[:, None]
     b = np.hstack([b[:-1], b[1:], np.zeros_like(own)])
     fastest = np.minimum((max_velocity / slope).min(axis=1), max_rate_ratio / path.duration_s) ** 2
+    if rate_ceiling is not None:
+        fastest = np.minimum(fastest, rate_ceiling**2)
     fastest = np.minimum(fastest[:-1], fastest[1:]) * share**2
     ceiling = np.minimum(fastest, np.minimum(room[:-1], room[1:]) * share)
     return SpeedLimits(a, b, ceiling, tuple(_backward(a, b, ceiling).tolist()))

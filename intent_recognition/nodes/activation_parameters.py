@@ -21,7 +21,7 @@ from intent_recognition.kinematics import (
     Arm,
     JointLimits,
 )
-from intent_recognition.motion import Clearance, is_hand, scaled_limits
+from intent_recognition.motion import Clearance, Separation, is_hand, scaled_limits
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, parameter
 from intent_recognition.promp import TaskLibrary, end_std_limits, least_end_std
@@ -214,6 +214,7 @@ class ActivationParameters:
         names: tuple[str, ...],
         starts: dict[str, NDArray[np.float64]],
         clearance: Clearance | None = None,
+        separation: Separation | None = None,
     ) -> ActivationSettings:
         """How to act, for these joints.
 
@@ -221,6 +222,7 @@ class ActivationParameters:
             names: of the joints.
             starts: where each task begins, label to (n,) [rad].
             clearance: keeps plans clear of things.
+            separation: slows them near the person.
 
         Raises:
             RejectionError: the limits of a joint are not known.
@@ -250,6 +252,7 @@ class ActivationParameters:
             max_tracking_error_rad=value["max_tracking_error"],
             max_lateness_s=value["max_lateness"],
             clearance=clearance,
+            separation=separation,
         )
 
     def _decision(self) -> DecisionSettings:

@@ -107,6 +107,9 @@ class IntentEstimatorNode(ManagedNode):
             JointTrajectory, "intent/robot_trajectory", qos.COMMAND
         )
         self._path = self.create_publisher(Path, "intent/human_path", qos.COMMAND)
+        self._human_trajectory = self.create_publisher(
+            JointTrajectory, "intent/human_trajectory", qos.COMMAND
+        )
         self._markers = self.create_publisher(MarkerArray, "intent/markers", qos.COMMAND)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/reload_model", self._on_reload)
@@ -149,6 +152,7 @@ class IntentEstimatorNode(ManagedNode):
             switching=self._switching,
         )
         self._trajectory_template = SerializedTrajectory(self._model.dofs.controlled_message_names)
+        self._human_template = SerializedTrajectory(self._model.library.observed_names)
         self._tasks_template = SerializedNamedVector((*self._model.labels, NONE))
         self._marker_builder = MarkerBuilder(self._model.labels)
         columns = map(position_columns, self._model.dofs.observed)
@@ -259,6 +263,8 @@ class IntentEstimatorNode(ManagedNode):
             self._diagnostics.tick("intent/robot_trajectory")
         if self._path.get_subscription_count() or self._markers.get_subscription_count():
             self._publish_human(estimate)
+        if self._human_trajectory.get_subscription_count():
+            self._publish_human_trajectory()
 
     def _publish_trajectory(self, robot: Prediction) -> None:
         """Publish a prediction; an unchanged one is not serialized again."""
@@ -270,6 +276,22 @@ class IntentEstimatorNode(ManagedNode):
             )
             self._last_robot = robot, data
         self._trajectory.publish(self._last_robot[1])
+
+    def _publish_human_trajectory(self) -> None:
+        human = self._estimator.predict_observed()
+        if human is None:
+            return
+        told = human.trajectory
+        self._human_trajectory.publish(
+            self._human_template.build(
+                human.onset_ns,
+                told.times_s,
+                told.positions,
+                told.velocities,
+                told.std,
+                frame_id=human.task,
+            )
+        )
 
     def _publish_human(self, estimate: Estimate) -> None:
         human = self._estimator.predict_observed()

@@ -39,6 +39,7 @@ from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.parameter_sources import parameter_sources
 from intent_recognition.nodes.parameters import Changes, keep_live
+from intent_recognition.nodes.person_input import PersonInput
 from intent_recognition.nodes.runtime import run
 
 _OK, _WARN = 0, 1
@@ -68,6 +69,7 @@ class PrimitiveActivation(ManagedNode):
         self._settings = ActivationParameters(self)
         self._hand = HandInput(self, self.diagnostics)
         self._things = ClearanceInput(self)
+        self._person = PersonInput(self, self._hand, self.diagnostics)
         self.activation: Activation | None = None
         self.joint_names: tuple[str, ...] = ()
         self._builder: TrajectoryBuilder | None = None
@@ -152,6 +154,7 @@ class PrimitiveActivation(ManagedNode):
         prediction, activation = self._read_prediction(message), self.activation
         if prediction is None or activation is None:
             return
+        activation.take_person(self._person.person)
         activation.take_prediction(self._now_ns(), prediction)
         if self._step(activation):
             self.diagnostics.latency(time.perf_counter() - start_s)
@@ -206,7 +209,7 @@ class PrimitiveActivation(ManagedNode):
                 for label, start in self._taught_starts.items()
             }
             if self.activation is not None and self.joint_names == arm.joint_names:
-                self.activation.change(self._settings.settings(self.joint_names, self._starts))
+                self._set_joints(self.joint_names)
         return arm
 
     def _keep_clear(self, names: tuple[str, ...]) -> None:
@@ -218,6 +221,7 @@ class PrimitiveActivation(ManagedNode):
         settings = self._settings
         arm = settings.described if settings.of_hand else None
         new = self._things.update(self._hand.description, names, settings.library, arm)
+        new |= self._person.update(names)
         if new and self.activation is not None:
             self._set_joints(self.joint_names)
 
@@ -396,7 +400,9 @@ class PrimitiveActivation(ManagedNode):
         Raises:
             IntentError: their limits are not known.
         """
-        settings = self._settings.settings(names, self._starts, self._things.clearance)
+        settings = self._settings.settings(
+            names, self._starts, self._things.clearance, self._person.separation
+        )
         self._limits = settings.limits
         if self.activation is None or names != self.joint_names:
             self.activation = Activation(settings, self.diagnostics.reject)

@@ -68,7 +68,7 @@ INTERFACES = {
     "mocap_ingest": Interface((f"mocap/{BODY}/pose",), (f"human/{BODY}",)),
     "intent_estimator": Interface(
         (HEARD, "joint_states", "robot_description"),
-        ("intent/human_path", "intent/markers", "intent/next_task")
+        ("intent/human_path", "intent/human_trajectory", "intent/markers", "intent/next_task")
         + ("intent/robot_trajectory", "intent/tasks"),
         ("~/reload_model", "~/reset"),
         managed=True,

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from .arm import STEPS_PER_SAMPLE, TIME_STEP_S, SensorNoise, SimulatedArm
+from .clearances import BulletCell
 from .controllers import ControllerGains
 from .feedback_runs import Push, execute
 from .pacing import Pacer
@@ -13,6 +14,7 @@ __all__ = [
     "NAMES",
     "STEPS_PER_SAMPLE",
     "TIME_STEP_S",
+    "BulletCell",
     "ControllerGains",
     "Pacer",
     "Push",

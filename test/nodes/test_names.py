@@ -48,6 +48,7 @@ OFFERED = {
         "intent/tasks": STATE,
         "intent/robot_trajectory": COMMAND,
         "intent/human_path": COMMAND,
+        "intent/human_trajectory": COMMAND,
         "intent/markers": COMMAND,
         "intent/next_task": LATCHED,
     },

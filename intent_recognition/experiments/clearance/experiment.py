@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boxes in the arm's way: none is touched, and what keeping clear costs."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from intent_recognition.experiments.clearance.figures import courses_figure, nearest_figure
+from intent_recognition.experiments.clearance.study import (
+    CLEARANCE_M,
+    ClearanceStudy,
+    Run,
+    investigate,
+)
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.report import (
+    Block,
+    Column,
+    ExperimentResult,
+    Figure,
+    Finding,
+    Table,
+    to_svg,
+)
+
+LEAST_TOUCHING, LARGEST_LOSS_S = 20, 0.3
+"""What is wanted: runs in which the unguarded arm touches, and time lost in the median [s]."""
+OUTCOMES = ("as before", "bent", "partly", "refused")
+N_SHOWN = 3
+CONDITIONS = (
+    "No paper gives figures of this; what stands in the column of the paper is what is wanted.",
+    "Reaches are the simulated coworker's, recognised and predicted on line; one or two boxes of 5"
+    " to 20 cm stand at random beside or in the hand's way, none where it begins or ends.",
+    f"The guard keeps {100 * CLEARANCE_M:g} cm, and bends by 3 standard deviations at most. The arm"
+    " follows its commands exactly.",
+    "Whether a box is touched is PyBullet's answer, every 10 ms; the guard asks coal.",
+)
+
+
+def run(settings: Settings) -> ExperimentResult:
+    """Run every reach without and with the guard."""
+    study = investigate(settings)
+    settings.progress(0.97, "figures")
+    return ExperimentResult(
+        title="Clear of boxes",
+        source="no paper; beside what is wanted",
+        question="Boxes stand in the arm's way. Does it touch one, and how much later is it there?",
+        findings=_findings(study),
+        blocks=_blocks(study.runs),
+        conditions=CONDITIONS,
+        numbers=_numbers(study),
+    )
+
+
+def _findings(study: ClearanceStudy) -> tuple[Finding, ...]:
+    runs = study.runs
+    touching = [one for one in runs if one.free_m <= 0.0]
+    touched = sum(one.guarded_m <= 0.0 for one in runs)
+    counts = Counter(one.outcome for one in touching)
+    loss = _median([one.lost_s for one in runs])
+    moved = [one.lost_s for one in runs if one.outcome == "bent"]
+    return (
+        Finding(
+            f"runs of {len(runs)} in which the unguarded arm touches",
+            f">= {LEAST_TOUCHING}",
+            str(len(touching)),
+            len(touching) >= LEAST_TOUCHING,
+            "Fewer in a quick run.",
+        ),
+        Finding(
+            "runs in which the guarded arm touches a box, or itself",
+            "0",
+            f"{touched}, {study.self_contacts}",
+            touched == study.self_contacts == 0,
+            "Each is a failure of the guard.",
+        ),
+        Finding(
+            "arrival lost, median of all runs [s]",
+            f"<= {LARGEST_LOSS_S}",
+            f"{loss:.2f}",
+            loss <= LARGEST_LOSS_S,
+            "Runs that were refused count as infinite.",
+        ),
+        Finding(
+            "arrival lost where the path was bent, median (worst) [s]",
+            "",
+            f"{_median(moved):.2f} ({max(moved, default=math.nan):.2f})",
+            None,
+            f"{len(moved)} runs.",
+        ),
+        Finding(
+            "of those that would touch: bent / refused, wholly or on the way",
+            "",
+            f"{counts['bent'] + counts['as before']} / {counts['refused'] + counts['partly']}",
+            None,
+            "What lies beyond the spread of what was taught is refused, not planned around.",
+        ),
+    )
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else math.nan
+
+
+def _blocks(runs: Sequence[Run]) -> tuple[Block, ...]:
+    rows = []
+    for outcome in OUTCOMES:
+        own = [one for one in runs if one.outcome == outcome]
+        rows.append(
+            (
+                outcome,
+                str(len(own)),
+                str(sum(one.free_m <= 0.0 for one in own)),
+                str(sum(one.guarded_m <= 0.0 for one in own)),
+                f"{100 * min((one.guarded_m for one in own), default=math.nan):.1f}",
+                f"{_median([one.lost_s for one in own]):.2f}",
+            )
+        )
+    columns = (
+        Column("outcome", align="left"),
+        Column("runs"),
+        Column("would touch"),
+        Column("touch"),
+        Column("nearest", "cm"),
+        Column("lost, median", "s"),
+    )
+    nearest = Figure(
+        to_svg(nearest_figure(runs, CLEARANCE_M)),
+        "Least distance between the arm and a box in each run, by PyBullet. Left of the line the"
+        " unguarded arm touches; no guarded one is below it.",
+    )
+    bent = sorted((one for one in runs if one.outcome == "bent"), key=lambda one: one.free_m)
+    table = Table(columns, tuple(rows), caption="What became of the runs.")
+    if not bent:
+        return nearest, table
+    courses = Figure(
+        to_svg(courses_figure(bent[:N_SHOWN])),
+        "The hand's way to the handover in the runs that were bent although the unguarded arm"
+        " went deepest; the boxes are seen through the arm, whose links have a width of their own.",
+    )
+    return nearest, table, courses
+
+
+def _numbers(study: ClearanceStudy) -> Mapping[str, object]:
+    """All numbers of the experiment, ready for JSON."""
+    return {
+        "self_contacts": study.self_contacts,
+        "runs": [
+            {
+                "task": one.task,
+                "outcome": one.outcome,
+                "unguarded_nearest_m": one.free_m,
+                "guarded_nearest_m": one.guarded_m,
+                "lost_s": one.lost_s if math.isfinite(one.lost_s) else None,
+                "boxes": [box._asdict() for box in one.boxes],
+                "refusals": list(one.guarded.refusals),
+            }
+            for one in study.runs
+        ],
+    }

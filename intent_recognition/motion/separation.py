@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Speed along a path by the distance that is predicted between the person and the arm.
+
+The formula is that of speed and separation monitoring (ISO/TS 15066:2016, 5.5.4; Marvel and
+Norcross 2017, "Implementing speed and separation monitoring in collaborative robot workcells"):
+
+    S >= v_h (T_r + T_s) + v_r T_r + S_s + C + Z,    T_s = v_r / a,    S_s = v_r^2 / 2a,
+
+with the person coming nearer at v_h, the arm's reaction time T_r and deceleration a, C for what of
+both lies beyond the points measured, and Z for the uncertainty of where they are. It is solved for
+the arm's speed v_r. S and Z are those of the predicted tube, at the time at which the arm will be
+there. This is not a safety function: nothing here is monitored, and predictions can be wrong.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics import Arm
+from intent_recognition.motion.path import JointPath
+from intent_recognition.motion.plan import JointPlan
+from intent_recognition.motion.retiming import N_GRID
+
+
+@dataclass(frozen=True)
+class SeparationSettings:
+    """What the formula needs.
+
+    Attributes:
+        human_speed_m_s: v_h, at which the person may come nearer. ISO 13855: 1.6 m/s walking.
+        reaction_s: T_r, until the arm begins to brake. Convention: an update and its lead.
+        deceleration_m_s2: a, of the arm's points while it brakes. Convention.
+        intrusion_m: C, of arm and person beyond the lines and the point that are measured.
+            Convention: half a forearm's thickness and a link's.
+        deviations: standard deviations of the tube that count as Z. Convention.
+        least_speed_m_s: speed that is kept at any distance, for a handover ends near the person.
+            Convention.
+    """
+
+    human_speed_m_s: float = 1.6
+    reaction_s: float = 0.1
+    deceleration_m_s2: float = 3.0
+    intrusion_m: float = 0.1
+    deviations: float = 2.0
+    least_speed_m_s: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for name in ("deceleration_m_s2", "least_speed_m_s"):
+            if not getattr(self, name) > 0.0:
+                raise ArgumentError(describe(name, "above 0", getattr(self, name), "Raise it."))
+
+
+class PredictedPerson(NamedTuple):
+    """The tube of a point of the person, in the frame of the arm's base.
+
+    Attributes:
+        times_ns: when (T,), increasing; the person rests before and after.
+        positions: mean (T, 3) [m].
+        std: standard deviation in the least certain direction (T,) [m].
+    """
+
+    times_ns: NDArray[np.int64]
+    positions: NDArray[np.float64]
+    std: NDArray[np.float64]
+
+    def at(self, times_ns: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Mean (S, 3) and standard deviation (S,) at some times (S,)."""
+        since = (np.asarray(times_ns) - self.times_ns[0]) * 1e-9
+        own = (self.times_ns - self.times_ns[0]) * 1e-9
+        mean = np.column_stack([np.interp(since, own, column) for column in self.positions.T])
+        return mean, np.interp(since, own, self.std)
+
+
+def permitted_speed(
+    distance_m: NDArray[np.float64], settings: SeparationSettings
+) -> NDArray[np.float64]:
+    """The largest speed of the arm [m/s] at distances from the person, uncertainty taken off them.
+
+    Args:
+        distance_m: S - Z, any shape.
+        settings: the other terms.
+    """
+    s, a = settings, settings.deceleration_m_s2
+    left = np.asarray(distance_m) - s.intrusion_m - s.human_speed_m_s * s.reaction_s
+    linear = s.reaction_s + s.human_speed_m_s / a
+    speed = a * (np.sqrt(linear**2 + 2.0 * np.maximum(left, 0.0) / a) - linear)
+    return np.maximum(speed, s.least_speed_m_s)
+
+
+class Separation:
+    """Bounds the speed of an arm's points by where a person is predicted to be.
+
+    Args:
+        arm: its points are the lines through its joints to the tip.
+        settings: of the formula.
+
+    Attributes:
+        arm: likewise.
+        settings: likewise.
+    """
+
+    def __init__(self, arm: Arm, settings: SeparationSettings | None = None) -> None:
+        self.arm = arm
+        self.settings = SeparationSettings() if settings is None else settings
+
+    def rate_ceiling(
+        self, path: JointPath, times_ns: NDArray, person: PredictedPerson
+    ) -> NDArray[np.float64]:
+        """Largest phase rate (G + 1,) [1/s] on the grid of a path.
+
+        Args:
+            path: of the arm.
+            times_ns: when it will be at each point of the grid (G + 1,).
+            person: predicted.
+        """
+        phase = np.linspace(0.0, 1.0, N_GRID + 1)
+        points = self.arm.skeleton(path.spline(phase))
+        speed = np.linalg.norm(np.gradient(points, phase, axis=0), axis=2).max(axis=1)
+        allowed = permitted_speed(self.distance_m(points, times_ns, person), self.settings)
+        return np.asarray(allowed / np.maximum(speed, 1e-6), dtype=np.float64)
+
+    def distance_m(
+        self, points: NDArray[np.float64], times_ns: NDArray, person: PredictedPerson
+    ) -> NDArray[np.float64]:
+        """Distance of the arm from the near side of the tube (S,) [m].
+
+        Args:
+            points: of the arm's joints, from the base on (S, k, 3).
+            times_ns: when it is there (S,).
+            person: predicted.
+        """
+        mean, std = person.at(times_ns)
+        begin, way = points[:, :-1], np.diff(points, axis=1)
+        off = mean[:, None] - begin
+        length = np.maximum(np.einsum("skd,skd->sk", way, way), 1e-12)
+        share = np.clip(np.einsum("skd,skd->sk", off, way) / length, 0.0, 1.0)
+        gap = np.linalg.norm(off - share[..., None] * way, axis=2).min(axis=1)
+        return np.asarray(gap - self.settings.deviations * std, dtype=np.float64)
+
+    def excess(self, plan: JointPlan, start_ns: int, person: PredictedPerson) -> float:
+        """The largest ratio of the arm's speed on a plan to the one permitted there and then."""
+        points = self.arm.skeleton(plan.positions)
+        steps = np.linalg.norm(np.diff(points, axis=0), axis=2).max(axis=1)
+        speed = steps / np.diff(plan.times_s)
+        times_ns = start_ns + np.round(plan.times_s * 1e9)
+        allowed = permitted_speed(self.distance_m(points, times_ns, person), self.settings)
+        return float((speed / np.maximum(allowed[:-1], allowed[1:])).max())
+
+
+def phase_times_ns(plan: JointPlan, start_ns: int) -> NDArray[np.float64]:
+    """When a plan is at each point of its path's grid (G + 1,); those passed count as its start."""
+    grid = np.linspace(0.0, 1.0, N_GRID + 1)
+    first = np.searchsorted(plan.phase, grid - 1e-12)
+    return start_ns + 1e9 * plan.times_s[np.minimum(first, len(plan.times_s) - 1)]

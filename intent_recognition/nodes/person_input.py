@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the person is predicted to be, for the speed of the arm: from `intent/human_trajectory`."""
+
+import numpy as np
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.motion import PredictedPerson, Separation, SeparationSettings
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.activation_parameters import RejectionError
+from intent_recognition.nodes.conversions import stamp_ns, trajectory_arrays
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.hand_input import HandInput
+from intent_recognition.nodes.parameters import fixed_parameter
+
+TOPIC = "intent/human_trajectory"
+_DEFAULTS = SeparationSettings()
+
+
+class PersonInput:
+    """Keeps the newest tube of the person's tracked point.
+
+    Args:
+        node: has the parameters, and subscribes where they ask for it.
+        hand: the arm.
+        diagnostics: counts what cannot be used under `bad_human_trajectory`.
+
+    Attributes:
+        person: in the frame of the URDF's root link; None where nothing is predicted.
+        separation: slows plans; None where nothing does, or as long as the arm is not known.
+
+    Raises:
+        ArgumentError: the parameters do not fit one another.
+    """
+
+    def __init__(self, node: Node, hand: HandInput, diagnostics: Diagnostics) -> None:
+        self._hand, self._diagnostics = hand, diagnostics
+        no_dofs: list[str] = []
+        self._dofs = fixed_parameter(
+            node,
+            "person_dofs",
+            no_dofs,
+            "Observed DOFs that are x, y and z of a point of the person, as in the model; the arm"
+            " slows by their predicted distance. Empty: it does not.",
+        )
+        self._dofs = [name for name in self._dofs if name]
+        self._offset = fixed_parameter(
+            node,
+            "person_offset",
+            [0.0, 0.0, 0.0],
+            "What to add to them, to come into the frame of the URDF's root link [m].",
+        )
+        self._settings = SeparationSettings(
+            human_speed_m_s=fixed_parameter(
+                node,
+                "human_speed",
+                _DEFAULTS.human_speed_m_s,
+                "Speed at which the person may come nearer [m/s].",
+                0.0,
+                10.0,
+            ),
+            intrusion_m=fixed_parameter(
+                node,
+                "intrusion",
+                _DEFAULTS.intrusion_m,
+                "Of person and arm beyond the tracked point and the line through the joints [m].",
+                0.0,
+                2.0,
+            ),
+            least_speed_m_s=fixed_parameter(
+                node,
+                "least_speed",
+                _DEFAULTS.least_speed_m_s,
+                "Speed of the arm that is kept at any distance from the person [m/s].",
+                0.01,
+                1.0,
+            ),
+        )
+        if len(self._dofs) not in (0, 3) or len(self._offset) != 3:
+            got = f"{len(self._dofs)}, and {len(self._offset)} in person_offset"
+            cure = "Name x, y and z: `intent inspect MODEL` lists them."
+            raise ArgumentError(describe("person_dofs", "3 names, or none", got, cure))
+        self.person: PredictedPerson | None = None
+        self.separation: Separation | None = None
+        if self._dofs:
+            node.create_subscription(JointTrajectory, TOPIC, self._take, qos.COMMAND)
+
+    def update(self, names: tuple[str, ...]) -> bool:
+        """Whether there is another `separation` than before.
+
+        Args:
+            names: of the joints that are commanded.
+
+        Raises:
+            RejectionError: the arm is to slow near the person, and is not known.
+        """
+        if not self._dofs:
+            return False
+        arm = self._hand.arm
+        if arm is None:
+            raise RejectionError("no_robot_description", "person_dofs is set, but for which arm?")
+        if arm.joint_names != names:
+            text = f"robot_description moves {list(arm.joint_names)}, not {list(names)}"
+            raise RejectionError("wrong_joint_names", text)
+        new = self.separation is None or self.separation.arm is not arm
+        if new:
+            self.separation = Separation(arm, self._settings)
+        return new
+
+    def _take(self, message: JointTrajectory) -> None:
+        self._diagnostics.tick(TOPIC)
+        try:
+            times_s, positions, rest = trajectory_arrays(message)
+            names = list(message.joint_names)
+            columns = [names.index(name) for name in self._dofs]
+            mean, std = positions[:, columns], rest["effort"][:, columns]
+            if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
+                raise ArgumentError(describe(TOPIC, "finite numbers", "NaN", "Check the sender."))
+        except (IntentError, KeyError, ValueError) as error:
+            self.person = None
+            self._diagnostics.reject("bad_human_trajectory", f"{TOPIC}: {error}")
+            return
+        times_ns = stamp_ns(message) + np.rint(times_s * 1e9).astype(np.int64)
+        # The root of the trace: at least what the least certain direction has.
+        self.person = PredictedPerson(
+            times_ns, mean + np.array(self._offset), np.linalg.norm(std, axis=1)
+        )

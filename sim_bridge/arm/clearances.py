@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How near an arm comes to boxes by PyBullet's own collision queries, without physics."""
+
+from collections.abc import Sequence
+
+import pybullet
+from numpy.typing import NDArray
+from pybullet_utils.bullet_client import BulletClient
+
+from intent_recognition.kinematics import Box
+from sim_bridge.arm.robots import Robot
+from sim_bridge.arm.urdf_loading import load_urdf
+
+_FAR_M = 10.0
+"""Nothing in a cell is farther than this [m]."""
+
+
+class BulletCell:
+    """An arm and boxes in a world of their own.
+
+    Args:
+        robot: the arm.
+        boxes: about it, in the frame of the world.
+    """
+
+    def __init__(self, robot: Robot, boxes: Sequence[Box]) -> None:
+        self._client = client = BulletClient(pybullet.DIRECT)
+        self._arm = load_urdf(client, robot.urdf, robot.base_position_m)
+        joints = range(client.getNumJoints(self._arm))
+        infos = [client.getJointInfo(self._arm, k) for k in joints]
+        numbers = {info[1].decode(): info[0] for info in infos}
+        self._joints = [numbers[name] for name in robot.joint_names]
+        self._links = {info[12].decode(): info[0] for info in infos}
+        self._boxes = [self._add(box) for box in boxes]
+
+    def _add(self, box: Box) -> int:
+        half = [edge / 2.0 for edge in box.size]
+        shape = self._client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
+        return int(self._client.createMultiBody(0.0, shape, -1, box.center, box.quaternion))
+
+    def close(self) -> None:
+        """End the world."""
+        self._client.disconnect()
+
+    def distances_m(self, q: NDArray) -> dict[str, float]:
+        """Of each link with a shape from the nearest box, negative inside, at a posture (n,)."""
+        for joint, value in zip(self._joints, q, strict=True):
+            self._client.resetJointState(self._arm, joint, value)
+        found: dict[str, float] = {}
+        for name, link in self._links.items():
+            near = [
+                point[8]
+                for box in self._boxes
+                for point in self._client.getClosestPoints(self._arm, box, _FAR_M, linkIndexA=link)
+            ]
+            if near:
+                found[name] = min(near)
+        return found

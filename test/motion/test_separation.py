@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Speed by the predicted distance: the formula's own equation, and plans that keep it."""
+
+import numpy as np
+import pytest
+from activation_world import LIMITS, World
+from clearance_world import PATH, ROBOT
+
+from intent_recognition.activation.states import Mode
+from intent_recognition.errors import ArgumentError
+from intent_recognition.kinematics import Arm
+from intent_recognition.motion import (
+    JointReference,
+    NominalTiming,
+    PredictedPerson,
+    Separation,
+    SeparationSettings,
+    permitted_speed,
+    phase_times_ns,
+    plan_interaction,
+)
+
+ARM = Arm.from_urdf(ROBOT.description)
+SETTINGS = SeparationSettings()
+FAR = np.array([5.0, 0.0, 0.5])
+
+
+def person(position, start_ns=0, std=0.0):
+    times_ns = start_ns + np.array([0, 10_000_000_000])
+    return PredictedPerson(times_ns, np.tile(position, (2, 1)), np.full(2, std))
+
+
+def plan_with(ceiling=None):
+    start = JointReference.at_rest(PATH.spline(0.0))
+    timing = NominalTiming(0.0, PATH.duration_s)
+    return plan_interaction(PATH, timing, start, 0.0, 0.0, LIMITS, rate_ceiling=ceiling)
+
+
+def test_the_permitted_speed_solves_the_formula():
+    s = SETTINGS
+    distance = np.linspace(0.5, 3.0, 20)
+    v = permitted_speed(distance, s)
+    stop_s = v / s.deceleration_m_s2
+    needed = (
+        s.human_speed_m_s * (s.reaction_s + stop_s)
+        + v * s.reaction_s
+        + v**2 / (2.0 * s.deceleration_m_s2)
+        + s.intrusion_m
+    )
+    above = v > s.least_speed_m_s
+    assert above.sum() > 15
+    np.testing.assert_allclose(needed[above], distance[above])
+    assert np.all(np.diff(v) >= 0.0)
+    np.testing.assert_array_equal(permitted_speed([-1.0, 0.0, 0.26], s), s.least_speed_m_s)
+
+
+def test_a_speed_that_is_kept_must_be_one():
+    with pytest.raises(ArgumentError, match="least_speed_m_s: expected above 0"):
+        SeparationSettings(least_speed_m_s=0.0)
+
+
+def test_distance_is_from_the_lines_through_the_joints_less_the_tube():
+    separation = Separation(ARM, SETTINGS)
+    q = np.zeros((1, 7))
+    points = ARM.skeleton(q)
+    np.testing.assert_allclose(points[0, -1], ARM.forward_kinematics(q[0])[:3, 3], atol=1e-12)
+    assert np.all(np.abs(points[0, :, :2]) < 1e-9)  # it points straight up
+    aside = np.array([0.7, 0.0, 0.5 * points[0, -1, 2]])
+    found = separation.distance_m(points, np.zeros(1), person(aside, std=0.05))
+    np.testing.assert_allclose(found, 0.7 - 2.0 * 0.05)
+
+
+def test_a_person_who_is_far_away_changes_nothing():
+    separation = Separation(ARM, SETTINGS)
+    plan = plan_with()
+    assert separation.excess(plan, 0, person(FAR)) < 1.0
+    slow = plan_with(separation.rate_ceiling(PATH, phase_times_ns(plan, 0), person(FAR)))
+    np.testing.assert_allclose(slow.positions, plan.positions, atol=1e-9)
+
+
+def test_the_predicted_tube_counts_and_not_where_the_person_is():
+    """Far away now, near when the arm will be there; a wider tube is nearer."""
+    separation = Separation(ARM, SETTINGS)
+    plan, goal = plan_with(), ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
+    coming = PredictedPerson(
+        np.array([0, 1_500_000_000]), np.array([FAR, goal]), np.array([0.0, 0.0])
+    )
+    assert separation.excess(plan, 0, coming) > 1.5
+    times = phase_times_ns(plan, 0)
+    ceiling = separation.rate_ceiling(PATH, times, coming)
+    wider = separation.rate_ceiling(PATH, times, coming._replace(std=np.array([0.0, 0.2])))
+    assert np.all(wider <= ceiling) and np.any(wider < 0.9 * ceiling)
+    slow = plan_with(ceiling)
+    assert slow.duration_s > plan.duration_s
+    np.testing.assert_allclose(slow.end, plan.end, atol=1e-9)
+
+
+def interact(who, **settings):
+    world = World(**settings)
+    world.run(0.3)
+    world.begin("plate")
+    if who is not None:
+        world.activation.take_person(person(who, world.now_ns))
+    world.run_until(Mode.EXECUTING)
+    world.run(6.0)
+    return world
+
+
+def test_an_interaction_slows_near_the_person_smoothly_and_arrives():
+    near = ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
+    separation = Separation(ARM, SETTINGS)
+    free, slowed = interact(None), interact(near, separation=separation)
+    slowed.check_continuous()
+    assert slowed.activation.counts["slowed by person"] > 0
+    np.testing.assert_allclose(slowed.commands[-1].plan.end, free.commands[-1].plan.end, atol=0.05)
+    who = person(near)
+    excess = [separation.excess(c.plan, 0, who) for c in slowed.commands if c.plan.kind[0] == "i"]
+    unslowed = [separation.excess(c.plan, 0, who) for c in free.commands if c.plan.kind[0] == "i"]
+    assert np.median(excess) < 1.1 < 0.5 * max(unslowed)
+
+
+def test_far_from_the_person_commands_are_those_without():
+    free, far = interact(None), interact(FAR, separation=Separation(ARM, SETTINGS))
+    assert len(free.commands) == len(far.commands)
+    for a, b in zip(free.commands, far.commands, strict=True):
+        np.testing.assert_array_equal(a.plan.positions, b.plan.positions)
