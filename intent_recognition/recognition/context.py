@@ -8,8 +8,10 @@ from intent_recognition.signals import Observation
 
 CONTEXT_PERIOD_S = 0.2
 """Least time between two changes of context in one movement, which is filtered anew at each [s].
-Convention: a prediction is not acted on faster, and the work is bounded where a thing is carried.
-"""
+Convention: a prediction is not acted on faster."""
+CONTEXT_SHARE = 0.25
+"""The same as a share of the movement so far, so that the work is bounded where a thing is carried:
+filtering 100 observations anew takes some 0.1 to 0.2 s. Measured."""
 
 
 class KnownContext:
@@ -68,10 +70,11 @@ class KnownContext:
         same = np.abs(self.values - self._used) <= model.tolerance
         return bool(np.any(~same & ~(np.isnan(self.values) & np.isnan(self._used))))
 
-    def due(self, stamp_ns: int) -> bool:
-        """Whether a movement under way is to be filtered anew, in another context."""
-        waited_s = abs(stamp_ns - self._used_at_ns) * 1e-9
-        return waited_s >= CONTEXT_PERIOD_S and self.changed()
+    def due(self, stamp_ns: int, onset_ns: int) -> bool:
+        """Whether a movement under way since an onset is to be filtered anew."""
+        waited_ns = abs(stamp_ns - self._used_at_ns)
+        least_ns = max(CONTEXT_PERIOD_S * 1e9, CONTEXT_SHARE * (stamp_ns - onset_ns))
+        return waited_ns >= least_ns and self.changed()
 
     def library(self, stamp_ns: int = 0) -> TaskLibrary:
         """The library in this context, as used from a stamp on."""

@@ -227,7 +227,7 @@ class IntentEstimator:
                     self._use(self._context.library(observation.stamp_ns))
                 self._begin(onset_ns, self._detector.since(onset_ns))
         elif observation.stamp_ns >= self._movement.onset_ns:
-            if self._context.due(observation.stamp_ns):
+            if self._context.due(observation.stamp_ns, self._movement.onset_ns):
                 self._use(self._context.library(observation.stamp_ns))
             self._movement.observe(observation)
         if self._movement is None:
@@ -321,8 +321,8 @@ class IntentEstimator:
 
         The next observation of the human is filtered with it, where it differs by more than noise
         from what was known (`ContextModel.tolerance`); the movement under way is filtered anew
-        then, at most every `CONTEXT_PERIOD_S`. Groups count the context signals, in the order of
-        the DOF file.
+        then, at most every `CONTEXT_PERIOD_S` and `CONTEXT_SHARE` of its time so far. Groups count
+        the context signals, in the order of the DOF file.
         """
         return "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
 

@@ -10,7 +10,7 @@ from moved_box import SETTINGS, demonstrations, hand_over, learned
 from intent_recognition.errors import DofError, ShapeError
 from intent_recognition.learning import learn
 from intent_recognition.recognition import IntentEstimator
-from intent_recognition.recognition.context import CONTEXT_PERIOD_S
+from intent_recognition.recognition.context import CONTEXT_PERIOD_S, CONTEXT_SHARE
 from intent_recognition.signals import Observation, merge
 
 BOX, ELSEWHERE = np.array([0.2, -0.15]), np.array([-0.1, 0.25])
@@ -129,8 +129,11 @@ def test_noise_of_a_context_is_not_filtered_anew_and_a_carried_thing_seldom(libr
         moving = estimator.update(observation).moving
         if moving and (not used or estimator.library is not used[-1][1]):
             used.append((observation.stamp_ns, estimator.library))
-    gaps_ns = np.diff([stamp_ns for stamp_ns, _ in used])
-    assert len(used) > 2 and np.all(gaps_ns >= CONTEXT_PERIOD_S * 1e9)
+    stamps_ns = np.array([stamp_ns for stamp_ns, _ in used])
+    so_far_ns = stamps_ns[1:] - feed(IntentEstimator(library), recorded)[100].onset_ns
+    least_ns = np.maximum(CONTEXT_PERIOD_S * 1e9, CONTEXT_SHARE * so_far_ns)
+    assert len(used) > 2 and np.all(np.diff(stamps_ns) >= least_ns)
+    assert np.all(np.diff(stamps_ns)[1:] < least_ns[1:] + 3e7)  # while it moves: no later
     assert sum(stamp_ns < recorded.start_ns + 1.6e9 for stamp_ns, _ in used) == 1
 
 
