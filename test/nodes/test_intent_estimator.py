@@ -256,6 +256,22 @@ def test_the_predicted_path_of_the_human(harness, wrist):
     np.testing.assert_allclose((half.x, half.y, half.z), end, atol=0.08)
 
 
+def test_the_human_s_tube_is_told_to_who_listens(harness, wrist):
+    graph = Graph(harness, wrist, listen=False)
+    told = harness.collect(JointTrajectory, "intent/human_trajectory", qos.COMMAND)
+    harness.connect(graph.node._human_trajectory)
+    observations = wrist.observations()
+    graph.feed(observations[: len(observations) // 2])
+    harness.spin_until(lambda: told)
+    message = told[-1]
+    assert tuple(message.joint_names) == wrist.model.library.observed_names
+    times_s, positions, rest = trajectory_arrays(message)
+    assert np.all(np.diff(times_s) > 0.0) and np.all(rest["effort"] > 0.0)
+    assert message.header.frame_id == wrist.model.labels[0]
+    last = observations[-1].values
+    np.testing.assert_allclose(positions[-1], last, atol=4.0 * rest["effort"][-1].max())
+
+
 def test_markers_show_observed_and_predicted_path_tube_and_label(harness, wrist):
     graph = Graph(harness, wrist)
     observations = wrist.observations(0)
