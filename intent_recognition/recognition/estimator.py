@@ -11,54 +11,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
-from intent_recognition.filtering import (
-    N_SCALES,
-    MovementFilter,
-    SwitchedHypotheses,
-    make_hypotheses,
-    make_memory,
-)
+from intent_recognition.filtering import N_SCALES, make_hypotheses
 from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, as_context, largest_by_unit
+from intent_recognition.recognition.after_stop import MovementAfterStop
 from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.motion_detection import MotionDetector
-from intent_recognition.recognition.posterior import TaskPosterior, task_posterior
+from intent_recognition.recognition.movement import Movement, MovementMemory
+from intent_recognition.recognition.posterior import TaskPosterior
 from intent_recognition.recognition.start_posture import POSTURE_UNKNOWN, OnsetPosture
 from intent_recognition.recognition.transitions import FORGET_AFTER_S, Expectation
-from intent_recognition.signals import Observation, every_second
+from intent_recognition.signals import Observation
 
 CLOCK_RESET_AFTER = 50
 """Consecutive late observations of a signal, in order, after which its clock was set back.
 
 Convention: half a second of a motion capture system at 100 Hz.
 """
-MAX_OBSERVATIONS = 2**14
-"""Observations of a movement kept for a change of library; beyond, every second one is dropped.
-
-Convention: it bounds the memory.
-"""
-
-
-class _Movement:
-    """The movement under way: its filter, and what was observed of it."""
-
-    def __init__(self, movement_filter: MovementFilter):
-        self.filter, self.observations = movement_filter, list[Observation]()
-
-    @property
-    def onset_ns(self) -> int:
-        return self.filter.onset_ns
-
-    def observe(self, observation: Observation) -> None:
-        self.filter.observe(observation)
-        self.observations.append(observation)
-        if len(self.observations) > MAX_OBSERVATIONS:
-            self.observations = every_second(self.observations)
-
-    def posterior(self, stamp_ns: int) -> TaskPosterior:
-        elapsed_s = (stamp_ns - self.onset_ns) * 1e-9
-        run = self.filter
-        return task_posterior(run.log_evidence, run.hypotheses, elapsed_s, run.switched(elapsed_s))
 
 
 class IntentEstimator:
@@ -73,8 +42,8 @@ class IntentEstimator:
         forget_after_s: time after a movement from which the task before tells nothing any more.
         start_posture: condition trajectories on the controlled agent's posture at onset, where
             `observe_controlled` has shown it.
-        switching: follow a person who turns to another task on the way; if not, a movement is of
-            one task from its onset to its end.
+        switching: follow a person who turns to another task on the way, or begins the next one
+            without a rest; if not, a movement is of one task, from rest to rest.
     """
 
     def __init__(
@@ -97,10 +66,11 @@ class IntentEstimator:
         self.expectation = Expectation(library, task_prior, transitions, forget_after_s)
         self._hypotheses = make_hypotheses(library, task_prior, n_scales)
         self._detector = MotionDetector(library.observed_groups, library.onset)
-        self._memory = make_memory(library, self._hypotheses)
-        self._switched = SwitchedHypotheses(library, n_scales) if switching else None
-        self._movement: _Movement | None = None
+        self._switching = switching
+        self._memory = self._make_memory()
+        self._movement: Movement | None = None
         self._posterior: TaskPosterior | None = None
+        self._after_stop = MovementAfterStop(library, self._make_memory)
 
     def observe(
         self,
@@ -238,6 +208,10 @@ class IntentEstimator:
         if self._detector.is_over(elapsed_s, self._posterior):
             self.expectation.remember(observation.stamp_ns, self._posterior)
             self._movement = self._posterior = None
+            if self._after_stop.has_begun and self._detector.waits_for_rest:
+                self._go_over(observation.stamp_ns)
+        elif self._switching:
+            self._follow_stops(observation)
         return self._estimate(observation.stamp_ns)
 
     def _estimate(self, stamp_ns: int) -> Estimate:
@@ -398,11 +372,11 @@ class IntentEstimator:
         self.library = library
         self._labels = (*library.labels, NONE)
         self._grids = {}
-        self._detector.settings = library.onset
+        self._detector.use(library.onset)
         self.expectation.swap(library, self._task_prior)
         self._hypotheses = make_hypotheses(library, self._task_prior, self._n_scales)
-        if self._switched is not None:
-            self._switched = SwitchedHypotheses(library, self._n_scales)
+        self._memory = self._make_memory()
+        self._after_stop = MovementAfterStop(library, self._make_memory)
         if self._posture is not None:
             self._posture.library_changed()
         if self._movement is not None:
@@ -411,21 +385,32 @@ class IntentEstimator:
             last_ns = before.observations[-1].stamp_ns
             self._posterior = self.expectation.weigh(self._movement.posterior(last_ns))
 
+    def _make_memory(self) -> MovementMemory:
+        switching = self._switching
+        return MovementMemory(self.library, self._hypotheses, self._grids, switching=switching)
+
     def _begin(self, onset_ns: int, past: list[Observation]) -> None:
         """Filter a movement from its onset, in the memory of the one before."""
-        movement_filter = MovementFilter(
-            self.library,
-            self._hypotheses,
-            onset_ns,
-            memory=self._memory,
-            grids=self._grids,
-            prune=True,
-            task_weight=self.expectation.ratio,
-            switched=self._switched,
-        )
-        self._memory, self._movement = movement_filter.memory, _Movement(movement_filter)
-        for observation in past:
-            self._movement.observe(observation)
+        self._movement = self._memory.begin(onset_ns, past, self.expectation.ratio)
+        self._after_stop.forget()
+        self._detector.forget_stops()
+
+    def _follow_stops(self, observation: Observation) -> None:
+        """Go over to the movement that began where the hand stopped, once it is recognised."""
+        assert self._posterior is not None
+        stopped_ns = self._detector.stopped_ns()
+        if stopped_ns is not None:
+            self._after_stop.begin(stopped_ns, self.expectation.ratio, self._posterior)
+        self._after_stop.observe(observation)
+        if self._after_stop.takes_over(observation.stamp_ns, self._posterior):
+            self.expectation.remember(observation.stamp_ns, self._posterior)
+            self._go_over(observation.stamp_ns)
+
+    def _go_over(self, stamp_ns: int) -> None:
+        """Go over to the movement that began where the hand stopped."""
+        self._detector.waits_for_rest = False
+        self._movement, self._memory = self._after_stop.hand_over(self._memory)
+        self._posterior = self.expectation.weigh(self._movement.posterior(stamp_ns))
 
     def _idle(self, stamp_ns: int) -> Estimate:
         size = self.library.n_tasks + 1

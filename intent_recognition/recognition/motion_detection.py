@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from intent_recognition.recognition.posterior import TaskPosterior
+from intent_recognition.recognition.stops import Stops
 from intent_recognition.signals import (
     Observation,
     OnsetSettings,
@@ -38,20 +39,33 @@ class MotionDetector:
         settings: how the onset of each is detected.
 
     Attributes:
-        settings: the same; another library may bring others.
+        settings: the same; see `use`.
         pasts: the last seconds of each signal.
+        waits_for_rest: whether no movement can begin before all signals have rested.
     """
 
     def __init__(self, groups: Sequence[int], settings: Sequence[OnsetSettings]):
         self.settings = settings
         self.pasts = [SignalPast(size, HISTORY_S) for size in groups]
-        self._needs_rest = False
+        self._stops = [Stops(own) for own in settings]
+        self.waits_for_rest = False
 
     def clear(self) -> None:
         """Forget everything."""
-        self._needs_rest = False
+        self.waits_for_rest = False
         for past in self.pasts:
             past.clear()
+        self.forget_stops()
+
+    def use(self, settings: Sequence[OnsetSettings]) -> None:
+        """Go on with the settings of another library."""
+        self.settings = settings
+        self._stops = [Stops(own) for own in settings]
+
+    def forget_stops(self) -> None:
+        """Forget when the signals moved: a movement begins."""
+        for stops in self._stops:
+            stops.clear()
 
     def add(self, observation: Observation) -> None:
         """Take an observation that is not late."""
@@ -64,8 +78,8 @@ class MotionDetector:
 
         After a movement that was overdue, all signals must have rested first.
         """
-        if self._needs_rest:
-            self._needs_rest = not self._at_rest()
+        if self.waits_for_rest:
+            self.waits_for_rest = not self._at_rest()
             return None
         onsets = []
         for settings, past in zip(self.settings, self.pasts, strict=True):
@@ -74,6 +88,18 @@ class MotionDetector:
                 if onset is not None:
                     onsets.append(samples.first_ns + round(onset * 1e9))
         return min(onsets, default=None)
+
+    def stopped_ns(self) -> int | None:
+        """Stamp at which a signal stopped for a moment, when it surely moves again; else None.
+
+        To be asked after every observation of a movement.
+        """
+        found = [
+            stops.stopped_ns(samples[0])
+            for settings, stops, past in zip(self.settings, self._stops, self.pasts, strict=True)
+            if (samples := past.active_samples(settings.rest_s, settings.window_s))
+        ]
+        return min((stop_ns for stop_ns in found if stop_ns is not None), default=None)
 
     def since(self, stamp_ns: int) -> list[Observation]:
         """All observations from a stamp on, in order."""
@@ -85,7 +111,7 @@ class MotionDetector:
         best = int(np.argmax(posterior.probabilities))
         duration_s, phase = float(posterior.duration_s[best]), float(posterior.phase[best])
         if elapsed_s > duration_s + OVERTIME_S and phase >= FINISHED_PHASE:
-            self._needs_rest = not self._at_rest()
+            self.waits_for_rest = not self._at_rest()
             return True
         if phase >= FINISHED_PHASE or best == len(posterior.probabilities) - 1:
             return self._at_rest()

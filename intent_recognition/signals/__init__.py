@@ -9,7 +9,13 @@ from intent_recognition.signals.lags import (
     stream_doubts,
 )
 from intent_recognition.signals.observation import Observation, every_second, merge
-from intent_recognition.signals.onset import OnsetSettings, at_rest, detect_onset, is_slow
+from intent_recognition.signals.onset import (
+    OnsetSettings,
+    at_rest,
+    detect_onset,
+    end_velocity,
+    is_slow,
+)
 from intent_recognition.signals.orientation import (
     LARGEST_ANGLE_RAD,
     from_tangent,
@@ -19,7 +25,7 @@ from intent_recognition.signals.orientation import (
     to_tangent,
     to_tangent_covariance,
 )
-from intent_recognition.signals.past import SignalPast
+from intent_recognition.signals.past import Samples, SignalPast
 from intent_recognition.signals.proposals import Span, propose_spans
 from intent_recognition.signals.segmentation import movement_span, onset_settings
 from intent_recognition.signals.signal import Signal
@@ -32,6 +38,7 @@ __all__ = [
     "Observation",
     "OnsetSettings",
     "Rejection",
+    "Samples",
     "Signal",
     "SignalPast",
     "Span",
@@ -41,6 +48,7 @@ __all__ = [
     "common_span",
     "correlate_speeds",
     "detect_onset",
+    "end_velocity",
     "every_second",
     "from_tangent",
     "is_slow",

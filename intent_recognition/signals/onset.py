@@ -146,11 +146,22 @@ def is_slow(
         times_s: of the samples of the last `window_s`, (T,).
         values: (T, P).
     """
+    velocity = end_velocity(settings, times_s, values)
+    limit = settings.rest_share * settings.reference_speed
+    return velocity is not None and bool(np.linalg.norm(velocity) < limit)
+
+
+def end_velocity(
+    settings: OnsetSettings, times_s: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """The last row of `windowed_velocity`, (P,); None where it is not known.
+
+    Arguments as of `is_slow`.
+    """
     if len(times_s) < 3 or times_s[-1] - times_s[0] < 0.5 * settings.window_s:
-        return False
+        return None
     time = times_s - times_s.mean()
-    speed = np.linalg.norm(time @ values) / (time @ time)
-    return bool(speed < settings.rest_share * settings.reference_speed)
+    return np.asarray((time @ values) / (time @ time), dtype=np.float64)
 
 
 def first_onset(

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The movement that may have begun where the hand last stopped, beside the one under way.
+
+Work flows: on the way back from one goal the worker reaches for the next, and never rests. At each
+momentary stop a filter starts anew. It takes over once it recognises a task, where the movement
+under way was done at the stop, or of no task, and is so now. Where nothing is recognised after a
+stop, as in a wave of the hand or a hesitation, the movement under way goes on as if there had been
+none.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.recognition.movement import Movement, MovementMemory
+from intent_recognition.recognition.posterior import TaskPosterior
+from intent_recognition.signals import Observation
+
+STOP_LEAD = 0.08
+"""A reach after a stop began so much earlier than the stop, per usual duration of the tasks: it
+first had to halt the hand (docs/decisions/change_of_mind.md)."""
+STOP_SETTLED = 0.12
+"""What is observed so much later than the stop is filtered, likewise: by then little is left of the
+velocity that the hand still had."""
+RECOGNISED = 0.9
+"""Probability of a task after a stop from which it takes over. Convention: the usual threshold of
+the decision."""
+DONE_PHASE = 0.85
+"""Expected phase of the movement under way from which another may have begun. Convention."""
+
+
+class MovementAfterStop:
+    """At most one movement, which began at a stop.
+
+    Args:
+        library: the learned tasks.
+        make_memory: makes memory for it; called at the first stop.
+    """
+
+    def __init__(self, library: TaskLibrary, make_memory: Callable[[], MovementMemory]):
+        self._usual_ns = float(np.exp(np.mean(library.log_duration_mean))) * 1e9
+        self._make_memory = make_memory
+        self._memory: MovementMemory | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """There has been no stop."""
+        self._movement: Movement | None = None
+        self._from_ns, self._done = 0, False
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there is one."""
+        return self._movement is not None
+
+    def begin(
+        self, stopped_ns: int, task_weight: NDArray[np.float64] | None, under_way: TaskPosterior
+    ) -> None:
+        """Begin with a stop.
+
+        Args:
+            stopped_ns: its stamp.
+            task_weight: see `MovementFilter`.
+            under_way: what is believed of the movement so far.
+        """
+        if self._memory is None:
+            self._memory = self._make_memory()
+        self._from_ns = stopped_ns + round(STOP_SETTLED * self._usual_ns)
+        onset_ns = stopped_ns - round(STOP_LEAD * self._usual_ns)
+        self._movement = self._memory.begin(onset_ns, (), task_weight)
+        self._done = is_done(under_way)
+
+    def observe(self, observation: Observation) -> None:
+        """Take an observation, if there was a stop before it."""
+        if self._movement is not None and observation.stamp_ns >= self._from_ns:
+            self._movement.observe(observation)
+
+    def takes_over(self, stamp_ns: int, under_way: TaskPosterior) -> bool:
+        """Whether this is the movement under way from now on.
+
+        Args:
+            stamp_ns: now.
+            under_way: what is believed of the movement so far.
+        """
+        if self._movement is None or not self._movement.observations:
+            return False
+        if not (self._done and is_done(under_way)):
+            return False
+        probabilities = self._movement.posterior(stamp_ns).probabilities
+        return bool(np.max(probabilities[:-1]) >= RECOGNISED)
+
+    def hand_over(self, memory: MovementMemory) -> tuple[Movement, MovementMemory]:
+        """The movement and its memory, in exchange for that of the one so far."""
+        assert self._movement is not None
+        assert self._memory is not None
+        movement, own, self._memory = self._movement, self._memory, memory
+        self.forget()
+        return movement, own
+
+
+def is_done(posterior: TaskPosterior) -> bool:
+    """Whether another movement may have begun: this one is done, or of no task."""
+    best = int(np.argmax(posterior.probabilities))
+    return best == len(posterior.probabilities) - 1 or bool(posterior.phase[best] >= DONE_PHASE)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Momentary stops of the hand, and movements that begin at one without a rest."""
+
+import numpy as np
+import pytest
+from simulation import draw_weights, make_library
+
+from intent_recognition.promp import NONE
+from intent_recognition.recognition import IntentEstimator
+from intent_recognition.recognition.stops import Stops
+from intent_recognition.signals import OnsetSettings, Samples
+
+SETTINGS = OnsetSettings(reference_speed=1.0)
+STEP_S = 0.01
+
+
+def stops(position, until_s):
+    """Times at which a signal is found to stop, sample by sample."""
+    times_s = np.arange(0.0, until_s, STEP_S)
+    stamps_ns = np.round(times_s * 1e9).astype(np.int64) + 1
+    values = np.array([position(t) for t in times_s])
+    seen, found = Stops(SETTINGS), []
+    for last in range(1, len(times_s) + 1):
+        stopped_ns = seen.stopped_ns(Samples(stamps_ns[:last], values[:last]))
+        if stopped_ns is not None:
+            found.append(stopped_ns * 1e-9)
+    return np.array(found)
+
+
+def test_a_wave_stops_at_its_extrema():
+    found = stops(lambda t: (0.3 * np.sin(np.pi * t), 0.0), 4.0)
+    np.testing.assert_allclose(found, [0.5, 1.5, 2.5, 3.5], atol=0.02)
+
+
+@pytest.mark.parametrize(
+    "position",
+    [
+        lambda t: (t, -t),
+        lambda t: (np.sin(t), np.cos(t)),
+        lambda t: (0.005 * np.sin(9.0 * t), 0.0),
+    ],
+    ids=["straight", "circle", "tremor"],
+)
+def test_what_never_slows_down_or_never_moves_has_no_stop(position):
+    assert stops(position, 5.0).size == 0
+
+
+def test_a_long_stop_is_near_where_the_hand_moves_again():
+    (found,) = stops(lambda t: (min(t, 1.0) + max(t - 3.0, 0.0), 0.0), 4.0)
+    assert 3.0 - 0.5 * SETTINGS.max_backdate_s - 0.1 < found < 3.1
+
+
+def blended(first, second, share):
+    done = np.clip(share, 0.0, 1.0)[:, None]
+    return first + done**3 * (10.0 - 15.0 * done + 6.0 * done**2) * (second - first)
+
+
+def flowing(library, rng, tasks):
+    """Positions at 100 Hz of reaches with the ways back between them, and no rest at all."""
+    weights = [draw_weights(library, task, rng)[:3] for task in tasks]
+    reaching = library.basis.design_matrix(np.arange(0.0, 1.0, 0.005))
+    courses = [reaching @ own.T for own in weights]
+    parts = [np.repeat(courses[0][:1], 100, axis=0)]
+    for course, following in zip(courses, [*courses[1:], courses[0]], strict=True):
+        parts.append(course[:-15])
+        back = np.linspace(0.0, 0.9, 90)
+        parts.append(blended(course[-15:-14], following[:1], back))
+    values = np.concatenate([*parts, np.repeat(parts[-1][-1:], 200, axis=0)])
+    return values + rng.normal(size=values.shape) * np.sqrt(library.noise_variance[:3])
+
+
+def recognised(estimator, values):
+    """Tasks in the order in which they became probable, none of them twice in a row."""
+    found = []
+    for k, row in enumerate(values):
+        estimate = estimator.observe(10.0 + k * STEP_S, row)
+        task = estimate.labels[int(np.argmax(estimate.probabilities))]
+        if task != NONE and estimate.probabilities.max() > 0.95 and found[-1:] != [task]:
+            found.append(task)
+    return found
+
+
+def test_reaches_without_a_rest_are_recognised_one_after_the_other(rng):
+    library = make_library(rng, n_basis=8, spread=0.02, correlation_time_s=0.05)
+    tasks = (0, 2, 1, 2, 0)
+    labels = [library.labels[task] for task in tasks]
+    values = flowing(library, rng, tasks)
+    assert recognised(IntentEstimator(library), values) == labels
+    assert recognised(IntentEstimator(library, switching=False), values) != labels
