@@ -14,6 +14,7 @@ from intent_recognition.errors import ArgumentError, DofError, ShapeError, descr
 from intent_recognition.filtering import N_SCALES, make_hypotheses
 from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, as_context, largest_by_unit
 from intent_recognition.recognition.after_stop import MovementAfterStop
+from intent_recognition.recognition.arguments import as_observation, observation_error
 from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.motion_detection import MotionDetector
@@ -101,8 +102,9 @@ class IntentEstimator:
                 signal, or the stamp is not later than the last. After CLOCK_RESET_AFTER such
                 stamps the clock is taken to have been set back, and the estimator starts anew.
         """
-        observation = self._as_observation(stamp_s, values, signal, dofs, covariance)
-        n_dofs = self._detector.pasts[signal].n_dofs
+        sizes = [past.n_dofs for past in self._detector.pasts]
+        observation = as_observation(sizes, stamp_s, values, signal, dofs, covariance)
+        n_dofs = sizes[signal]
         m = n_dofs if observation.dofs is None else len(observation.dofs)
         if np.shape(values) == (m,) and (covariance is None or np.shape(covariance) == (m, m)):
             measured = observation.measured()
@@ -112,50 +114,8 @@ class IntentEstimator:
             observation = measured
         reason = self._defect(observation)
         if reason is not None:
-            raise _error(reason, observation, n_dofs)
+            raise observation_error(reason, observation, n_dofs)
         return self.update(observation)
-
-    def _as_observation(
-        self,
-        stamp_s: float,
-        values: ArrayLike,
-        signal: int,
-        dofs: Sequence[int] | None,
-        covariance: ArrayLike | None,
-    ) -> Observation:
-        """The observation of some arrays, as far as `_defect` does not look at them."""
-        if not 0 <= signal < len(self._detector.pasts):
-            raise ArgumentError(
-                describe(
-                    "signal",
-                    f"0 to {len(self._detector.pasts) - 1}",
-                    signal,
-                    "The library's observed_groups lists its signals.",
-                )
-            )
-        n_dofs = self._detector.pasts[signal].n_dofs
-        if dofs is not None and not (
-            dofs and len(set(dofs)) == len(dofs) and all(0 <= k < n_dofs for k in dofs)
-        ):
-            raise ArgumentError(
-                describe(
-                    "dofs",
-                    f"different numbers from 0 to {n_dofs - 1}",
-                    list(dofs),
-                    "Leave out the DOFs that were not measured.",
-                )
-            )
-        if not np.isfinite(stamp_s):
-            raise ArgumentError(
-                describe("stamp_s", "a finite number", stamp_s, "Pass the time of measurement.")
-            )
-        return Observation(
-            round(stamp_s * 1e9),
-            signal,
-            np.array(values, dtype=np.float64),
-            None if covariance is None else np.array(covariance, dtype=np.float64),
-            None if dofs is None else tuple(dofs),
-        )
 
     def reason_to_reject(self, observation: Observation) -> str | None:
         """Why `update` cannot take an observation, as a diagnostics key, or None when it can.
@@ -254,7 +214,7 @@ class IntentEstimator:
         observation = Observation(round(stamp_s * 1e9), signal, position)
         reason = self._take_posture(observation)
         if reason is not None:
-            raise _error(reason, observation, len(position))
+            raise observation_error(reason, observation, len(position))
 
     def update_controlled(self, observation: Observation) -> str | None:
         """Take the robot's position; returns why it was not taken, as a diagnostics key, or None.
@@ -418,22 +378,3 @@ class IntentEstimator:
         certain[-1] = 1.0
         zero = np.zeros(size)
         return Estimate(stamp_ns, False, 0, certain, zero, zero.copy(), None, self._labels)
-
-
-def _error(reason: str, observation: Observation, n_dofs: int) -> ArgumentError:
-    """The error for a defect of an observation of a signal of so many DOFs."""
-    m = n_dofs if observation.dofs is None else len(observation.dofs)
-    if reason == "wrong_size":
-        cure = "Pass every DOF of the signal, or name those that were measured as `dofs`."
-        shape = np.shape(observation.values)
-        return ShapeError(describe("values", f"shape ({m},)", shape, cure))
-    if reason == "not_finite":
-        cure = "Set what was not measured to NaN, or leave the sample out."
-        return ArgumentError(describe("values", "finite numbers or NaN", observation.values, cure))
-    if reason == "stamp_not_increasing":
-        cure = "Pass measurements in the order of their stamps; `reset` to start anew."
-        got = f"{observation.stamp_ns * 1e-9:.9g}"
-        return ArgumentError(describe("stamp_s", "a stamp later than the last", got, cure))
-    cure = "Pass one row and one column per value."
-    expected = f"a positive semidefinite matrix of shape ({m}, {m})"
-    return ArgumentError(describe("covariance", expected, observation.covariance, cure))

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arguments of `IntentEstimator.observe`: what becomes of them, and what is wrong with them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.signals import Observation
+
+
+def as_observation(
+    sizes: Sequence[int],
+    stamp_s: float,
+    values: ArrayLike,
+    signal: int,
+    dofs: Sequence[int] | None,
+    covariance: ArrayLike | None,
+) -> Observation:
+    """The observation of some arrays, as far as `observation_error` does not look at them.
+
+    Args:
+        sizes: number of DOFs of each signal.
+        stamp_s: see `IntentEstimator.observe`, also for what follows.
+        values: (m,).
+        signal: its number.
+        dofs: numbers of its DOFs.
+        covariance: (m, m).
+
+    Raises:
+        ArgumentError: there is no such signal, no such DOF, or the stamp is not finite.
+    """
+    if not 0 <= signal < len(sizes):
+        raise ArgumentError(
+            describe(
+                "signal",
+                f"0 to {len(sizes) - 1}",
+                signal,
+                "The library's observed_groups lists its signals.",
+            )
+        )
+    n_dofs = sizes[signal]
+    if dofs is not None and not (
+        dofs and len(set(dofs)) == len(dofs) and all(0 <= k < n_dofs for k in dofs)
+    ):
+        raise ArgumentError(
+            describe(
+                "dofs",
+                f"different numbers from 0 to {n_dofs - 1}",
+                list(dofs),
+                "Leave out the DOFs that were not measured.",
+            )
+        )
+    if not np.isfinite(stamp_s):
+        raise ArgumentError(
+            describe("stamp_s", "a finite number", stamp_s, "Pass the time of measurement.")
+        )
+    return Observation(
+        round(stamp_s * 1e9),
+        signal,
+        np.array(values, dtype=np.float64),
+        None if covariance is None else np.array(covariance, dtype=np.float64),
+        None if dofs is None else tuple(dofs),
+    )
+
+
+def observation_error(reason: str, observation: Observation, n_dofs: int) -> ArgumentError:
+    """The error for a defect of an observation of a signal of so many DOFs."""
+    m = n_dofs if observation.dofs is None else len(observation.dofs)
+    if reason == "wrong_size":
+        cure = "Pass every DOF of the signal, or name those that were measured as `dofs`."
+        shape = np.shape(observation.values)
+        return ShapeError(describe("values", f"shape ({m},)", shape, cure))
+    if reason == "not_finite":
+        cure = "Set what was not measured to NaN, or leave the sample out."
+        return ArgumentError(describe("values", "finite numbers or NaN", observation.values, cure))
+    if reason == "stamp_not_increasing":
+        cure = "Pass measurements in the order of their stamps; `reset` to start anew."
+        got = f"{observation.stamp_ns * 1e-9:.9g}"
+        return ArgumentError(describe("stamp_s", "a stamp later than the last", got, cure))
+    cure = "Pass one row and one column per value."
+    expected = f"a positive semidefinite matrix of shape ({m}, {m})"
+    return ArgumentError(describe("covariance", expected, observation.covariance, cure))
