@@ -14,7 +14,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.filtering import MovementFilter, SwitchedHypotheses, make_hypotheses
+from intent_recognition.filtering import (
+    NEGLIGIBLE,
+    MovementFilter,
+    SwitchedHypotheses,
+    make_hypotheses,
+)
 from intent_recognition.learning.examples import TrainingExample, sample_phases
 from intent_recognition.learning.held_out import conformal_bound, paired_examples
 from intent_recognition.learning.left_out import LeavingOut
@@ -59,6 +64,8 @@ def learn_switch_margin(
 def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> float:
     """Highest log odds along a movement of other tasks that were born on the way.
 
+    At least `-NEGLIGIBLE`: less probable hypotheses are given up.
+
     Args:
         library: one that does not know the movement.
         task: number of the true one.
@@ -68,7 +75,7 @@ def largest_odds(library: TaskLibrary, task: int, recorded: TrainingExample) -> 
     hypotheses = make_hypotheses(library, n_scales=N_FOLLOWED_SCALES)
     switched = SwitchedHypotheses(library, N_FOLLOWED_SCALES)
     run = MovementFilter(library, hypotheses, 0, switched=switched)
-    largest = -np.inf
+    largest = -NEGLIGIBLE
     for observation in _observations(library, recorded):
         run.observe(observation)
         born, left = switched.log_joint[:-1], switched.left(run.log_evidence)[:-1]

@@ -30,6 +30,7 @@ def bench(tmp_path_factory) -> Path:
     (folder / "config").symlink_to(ROOT / "config")
     shutil.copy(ROOT / "config" / "dofs.yaml", folder / "my_dofs.yaml")
     shutil.copy(ROOT / "config" / "real_arm.yaml", folder / "my_params.yaml")
+    shutil.copy(ROOT / "config" / "scenes" / "toolbox.yaml", folder / "my_cell.yaml")
     model = folder / "learned_first.npz"
     assert cli.main(["train", *map(str, bags), "--output", str(model)]) == 0
     tables = (
@@ -60,7 +61,8 @@ def _recordings(folder: Path, words: set[str]) -> list[Path]:
     (folder / "sessions" / "monday").symlink_to(ROOT / "bags" / "sessions" / "session_00")
     (folder / "src").mkdir()
     (folder / "src" / "intent_recognition").symlink_to(folder)
-    (folder / "bags" / "pouring").symlink_to(ROOT / "bags" / "pouring")
+    for name in ("assembly", "pouring"):
+        (folder / "bags" / name).symlink_to(ROOT / "bags" / name)
     for name in words:
         if ("give_bracket_" in name or name == "new_bag") and not name.endswith("_saved"):
             (folder / name).parent.mkdir(exist_ok=True)

@@ -11,7 +11,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.kinematics import JOINT_NAMES, hand_position
+from intent_recognition.kinematics import JOINT_NAMES, hand_position, parse_boxes
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     build_joint_trajectory,
@@ -20,6 +20,7 @@ from intent_recognition.nodes.conversions import (
     trajectory_arrays,
 )
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
+from intent_recognition.share import share_path
 
 HOME = np.array([-0.07, -0.58, -0.47, 1.5, -0.39, 0.94, 0.5])
 GOAL = HOME + 0.4
@@ -69,6 +70,14 @@ class Graph:
         self.send(self.prediction, message, "intent/robot_trajectory")
         p = to_joint_state(("plate", "none"), [0.99, 0.01], time_ns=self.now_ns)
         self.send(self.tasks, p, "intent/tasks")
+
+
+def test_the_example_names_its_boxes(harness):
+    example = share_path("config/examples/boxes.params.yaml")
+    node = harness.add(PrimitiveActivation(cli_args=["--ros-args", "--params-file", str(example)]))
+    boxes = parse_boxes(node.get_parameter("boxes").value)
+    assert [box.name for box in boxes] == ["table", "crate"]
+    assert node.get_parameter("clearance").value == 0.02
 
 
 def test_a_path_into_a_box_is_refused_and_both_bodies_are_named(harness):

@@ -143,10 +143,19 @@ def test_nodes_recognise_and_predict_with_the_example(harness, trained):
     assert rejected <= {"start_posture_unknown", "start_posture_outside"}
 
 
-def test_every_example_is_tested():
+ELSEWHERE = {
+    "boxes.params.yaml": "test/nodes/test_clear_of_things.py",
+    "moved_box.dofs.yaml": "test/demonstrations/test_context.py",
+}
+"""Examples that other tests use."""
+
+
+def test_every_example_is_tested(repository):
     found = {p.name for p in share_path("config/examples").iterdir()}
     used = [path for e in EXAMPLES.values() for path in (e.dofs, e.params)]
-    assert found <= {path.rpartition("/")[2] for path in used}
+    assert found == {path.rpartition("/")[2] for path in used if "examples" in path} | {*ELSEWHERE}
+    for name, test in ELSEWHERE.items():
+        assert name in (repository / test).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("path", [e.params for e in EXAMPLES.values() if e.params])
