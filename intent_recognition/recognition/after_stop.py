@@ -50,20 +50,18 @@ class MovementAfterStop:
         self._movement: Movement | None = None
         self._from_ns, self._done = 0, False
 
-    @property
-    def has_begun(self) -> bool:
-        """Whether there is one."""
-        return self._movement is not None
-
     def begin(
-        self, stopped_ns: int, task_weight: NDArray[np.float64] | None, under_way: TaskPosterior
+        self,
+        stopped_ns: int,
+        task_weight: NDArray[np.float64] | None,
+        under_way: TaskPosterior | None,
     ) -> None:
         """Begin with a stop.
 
         Args:
             stopped_ns: its stamp.
             task_weight: see `MovementFilter`.
-            under_way: what is believed of the movement so far.
+            under_way: what is believed of the movement so far; None after one that was overdue.
         """
         if self._memory is None:
             self._memory = self._make_memory()
@@ -77,12 +75,12 @@ class MovementAfterStop:
         if self._movement is not None and observation.stamp_ns >= self._from_ns:
             self._movement.observe(observation)
 
-    def takes_over(self, stamp_ns: int, under_way: TaskPosterior) -> bool:
+    def takes_over(self, stamp_ns: int, under_way: TaskPosterior | None) -> bool:
         """Whether this is the movement under way from now on.
 
         Args:
             stamp_ns: now.
-            under_way: what is believed of the movement so far.
+            under_way: what is believed of the movement so far; None after one that was overdue.
         """
         if self._movement is None or not self._movement.observations:
             return False
@@ -100,7 +98,9 @@ class MovementAfterStop:
         return movement, own
 
 
-def is_done(posterior: TaskPosterior) -> bool:
+def is_done(posterior: TaskPosterior | None) -> bool:
     """Whether another movement may have begun: this one is done, or of no task."""
+    if posterior is None:
+        return True
     best = int(np.argmax(posterior.probabilities))
     return best == len(posterior.probabilities) - 1 or bool(posterior.phase[best] >= DONE_PHASE)

@@ -156,6 +156,9 @@ class IntentEstimator:
                 if self._context.changed():
                     self._use(self._context.library(observation.stamp_ns))
                 self._begin(onset_ns, self._detector.since(onset_ns))
+            elif self._switching and self._detector.waits_for_rest:
+                self._follow_stops(observation)
+                return self._estimate(observation.stamp_ns)
         elif observation.stamp_ns >= self._movement.onset_ns:
             if self._context.due(observation.stamp_ns, self._movement.onset_ns):
                 self._use(self._context.library(observation.stamp_ns))
@@ -168,8 +171,6 @@ class IntentEstimator:
         if self._detector.is_over(elapsed_s, self._posterior):
             self.expectation.remember(observation.stamp_ns, self._posterior)
             self._movement = self._posterior = None
-            if self._after_stop.has_begun and self._detector.waits_for_rest:
-                self._go_over(observation.stamp_ns)
         elif self._switching:
             self._follow_stops(observation)
         return self._estimate(observation.stamp_ns)
@@ -357,20 +358,17 @@ class IntentEstimator:
 
     def _follow_stops(self, observation: Observation) -> None:
         """Go over to the movement that began where the hand stopped, once it is recognised."""
-        assert self._posterior is not None
+        after, stamp_ns = self._after_stop, observation.stamp_ns
         stopped_ns = self._detector.stopped_ns()
         if stopped_ns is not None:
-            self._after_stop.begin(stopped_ns, self.expectation.ratio, self._posterior)
-        self._after_stop.observe(observation)
-        if self._after_stop.takes_over(observation.stamp_ns, self._posterior):
-            self.expectation.remember(observation.stamp_ns, self._posterior)
-            self._go_over(observation.stamp_ns)
-
-    def _go_over(self, stamp_ns: int) -> None:
-        """Go over to the movement that began where the hand stopped."""
-        self._detector.waits_for_rest = False
-        self._movement, self._memory = self._after_stop.hand_over(self._memory)
-        self._posterior = self.expectation.weigh(self._movement.posterior(stamp_ns))
+            after.begin(stopped_ns, self.expectation.ratio, self._posterior)
+        after.observe(observation)
+        if after.takes_over(stamp_ns, self._posterior):
+            if self._posterior is not None:
+                self.expectation.remember(stamp_ns, self._posterior)
+            self._detector.waits_for_rest = False
+            self._movement, self._memory = after.hand_over(self._memory)
+            self._posterior = self.expectation.weigh(self._movement.posterior(stamp_ns))
 
     def _idle(self, stamp_ns: int) -> Estimate:
         size = self.library.n_tasks + 1
