@@ -100,12 +100,12 @@ class ClearanceInput:
         arm: Arm | None,
     ) -> None:
         bodies = Bodies(description, names, self._boxes, clearance_m=self._distance_m)
-        labels = () if library is None else library.labels
-        spreads = {
-            label: Spread.of(library.primitive(k), arm)
-            for k, label in enumerate(labels)
-            if library is not None
-        }
+        spreads = {}
+        if library is not None:
+            spreads = {
+                label: Spread.of(library.primitive(k), arm)
+                for k, label in enumerate(library.labels)
+            }
         self.clearance = Clearance(bodies, spreads, self._largest_bend)
         things = ", ".join([*(box.name for box in self._boxes), "itself"])
         self._node.get_logger().info(
