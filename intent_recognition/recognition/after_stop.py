@@ -48,7 +48,7 @@ class MovementAfterStop:
     def forget(self) -> None:
         """There has been no stop."""
         self._movement: Movement | None = None
-        self._from_ns, self._done = 0, False
+        self._from_ns = 0
 
     def begin(
         self,
@@ -56,19 +56,21 @@ class MovementAfterStop:
         task_weight: NDArray[np.float64] | None,
         under_way: TaskPosterior | None,
     ) -> None:
-        """Begin with a stop.
+        """Begin with a stop, unless the movement under way is of a task and not done then.
 
         Args:
             stopped_ns: its stamp.
             task_weight: see `MovementFilter`.
             under_way: what is believed of the movement so far; None after one that was overdue.
         """
+        self.forget()
+        if not is_done(under_way):
+            return
         if self._memory is None:
             self._memory = self._make_memory()
         self._from_ns = stopped_ns + round(STOP_SETTLED * self._usual_ns)
         onset_ns = stopped_ns - round(STOP_LEAD * self._usual_ns)
         self._movement = self._memory.begin(onset_ns, (), task_weight)
-        self._done = is_done(under_way)
 
     def observe(self, observation: Observation) -> None:
         """Take an observation, if there was a stop before it."""
@@ -82,9 +84,7 @@ class MovementAfterStop:
             stamp_ns: now.
             under_way: what is believed of the movement so far; None after one that was overdue.
         """
-        if self._movement is None or not self._movement.observations:
-            return False
-        if not (self._done and is_done(under_way)):
+        if self._movement is None or not self._movement.observations or not is_done(under_way):
             return False
         probabilities = self._movement.posterior(stamp_ns).probabilities
         return bool(np.max(probabilities[:-1]) >= RECOGNISED)
