@@ -2,7 +2,7 @@
 """Node: recognises the human's task and predicts both agents from `human/<body>`."""
 
 import pathlib
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 import numpy as np
@@ -82,7 +82,7 @@ class IntentEstimatorNode(ManagedNode):
             self,
             "switching",
             True,
-            "Follow a person who turns to another task on the way.",
+            "Follow a person who turns to another task, or begins the next one without a rest.",
         )
         self._transitions = parameter(
             self,
@@ -207,14 +207,8 @@ class IntentEstimatorNode(ManagedNode):
     def _use(self, observation: Observation, topic: str) -> bool:
         """Take an observation; False if it cannot be used."""
         stream = (observation.group, observation.derivative)
-        if self._left_overs.include(stream, observation.stamp_ns):
-            self._diagnostics.count("left_over")
+        if not self._accepts(stream, observation, topic, self._estimator.reason_to_reject):
             return False
-        reason = self._estimator.reason_to_reject(observation)
-        if reason is not None:
-            self._diagnostics.reject(reason, f"{topic} at {observation.stamp_ns} ns")
-            return False
-        self._last_ns[stream] = observation.stamp_ns
         self._last_arrival_s = elapsed_s(self)
         self._publish(self._estimator.update(observation), observation)
         return True
@@ -222,10 +216,20 @@ class IntentEstimatorNode(ManagedNode):
     def _use_context(self, observation: Observation, topic: str) -> bool:
         """Take a sample of the scene; False if it cannot be used."""
         stream = ("context", observation.group)
+        return self._accepts(stream, observation, topic, self._estimator.update_context)
+
+    def _accepts(
+        self,
+        stream: Hashable,
+        observation: Observation,
+        topic: str,
+        reason_not_to: Callable[[Observation], str | None],
+    ) -> bool:
+        """Whether an observation can be used; if not, it is counted."""
         if self._left_overs.include(stream, observation.stamp_ns):
             self._diagnostics.count("left_over")
             return False
-        reason = self._estimator.update_context(observation)
+        reason = reason_not_to(observation)
         if reason is not None:
             self._diagnostics.reject(reason, f"{topic} at {observation.stamp_ns} ns")
             return False
@@ -261,10 +265,13 @@ class IntentEstimatorNode(ManagedNode):
             self._postures.note(robot)
             self._publish_trajectory(robot)
             self._diagnostics.tick("intent/robot_trajectory")
-        if self._path.get_subscription_count() or self._markers.get_subscription_count():
-            self._publish_human(estimate)
-        if self._human_trajectory.get_subscription_count():
-            self._publish_human_trajectory()
+        shown = self._path.get_subscription_count() or self._markers.get_subscription_count()
+        told = self._human_trajectory.get_subscription_count()
+        human = self._estimator.predict_observed() if shown or told else None
+        if human is not None and shown:
+            self._publish_human(estimate, human)
+        if human is not None and told:
+            self._publish_human_trajectory(human)
 
     def _publish_trajectory(self, robot: Prediction) -> None:
         """Publish a prediction; an unchanged one is not serialized again."""
@@ -277,25 +284,21 @@ class IntentEstimatorNode(ManagedNode):
             self._last_robot = robot, data
         self._trajectory.publish(self._last_robot[1])
 
-    def _publish_human_trajectory(self) -> None:
-        human = self._estimator.predict_observed()
-        if human is None:
-            return
-        told = human.trajectory
+    def _publish_human_trajectory(self, human: Prediction) -> None:
+        trajectory = human.trajectory
         self._human_trajectory.publish(
             self._human_template.build(
                 human.onset_ns,
-                told.times_s,
-                told.positions,
-                told.velocities,
-                told.std,
+                trajectory.times_s,
+                trajectory.positions,
+                trajectory.velocities,
+                trajectory.std,
                 frame_id=human.task,
             )
         )
 
-    def _publish_human(self, estimate: Estimate) -> None:
-        human = self._estimator.predict_observed()
-        if self._shown is None or human is None:
+    def _publish_human(self, estimate: Estimate, human: Prediction) -> None:
+        if self._shown is None:
             return
         group, of_signal = self._shown
         columns = self._model.library.observed_dofs(group)[of_signal]
