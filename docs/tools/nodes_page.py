@@ -101,7 +101,7 @@ def _running() -> Iterator[None]:
 
 
 def _overrides(folder: Path) -> dict[str, dict]:
-    """What some nodes cannot start without."""
+    """What some nodes cannot start without, or need to use all their topics."""
     dofs = load_dofs()
     found, _ = read_demonstrations(sorted(share_path("bags/toolbox/train").iterdir())[::6], dofs)
     library = learn(found)
@@ -112,13 +112,12 @@ def _overrides(folder: Path) -> dict[str, dict]:
         port = probe.getsockname()[1]
     return {
         "intent_estimator": {"model": str(model)},
-        "primitive_activation": {"model": str(model)},
+        "primitive_activation": {"model": str(model), "person_dofs": ["x", "y", "z"]},
         "task_teacher": {"library": str(folder / "tasks")},
         "dashboard": {"port": port, "models": str(folder)},
         "bag_player": {"bag": str(share_path(BAG)), "start_paused": True},
         "bag_recorder": {"topics": ["mocap/wrist/pose", "joint_states"]},
-        "arm_sim": {"headless": True},
-        "lwr_sim": {"headless": True},
+        **dict.fromkeys(("arm_sim", "lwr_sim"), {"controller": "stochastic_feedback"}),
     }
 
 

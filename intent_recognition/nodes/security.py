@@ -43,6 +43,8 @@ LEARNING = ("start", "stop", "learn", "discard", "undo")
 class Interface(NamedTuple):
     """Names that a node uses beside those of every node; relative, `~/` is its own.
 
+    Those that only some of its parameters make it use are among them.
+
     Attributes:
         subscribes: topics.
         publishes: topics.
@@ -59,7 +61,7 @@ class Interface(NamedTuple):
 
 
 _ARM = Interface(
-    ("intent/active_task", "joint_trajectory", "~/push"),
+    ("intent/active_task", "intent/robot_trajectory", "joint_trajectory", "~/push"),
     ("joint_states", "robot_description"),
     ("~/gravity_compensation",),
 )
@@ -74,13 +76,8 @@ INTERFACES = {
         managed=True,
     ),
     "primitive_activation": Interface(
-        (
-            "intent/next_task",
-            "intent/robot_trajectory",
-            "intent/tasks",
-            "joint_states",
-            "robot_description",
-        ),
+        ("intent/human_trajectory", "intent/next_task", "intent/robot_trajectory")
+        + ("intent/tasks", "joint_states", "robot_description"),
         ("intent/active_task", "joint_trajectory"),
         ("~/reset",),
         managed=True,

@@ -84,9 +84,10 @@ def needed(name, bag):
     return {**values, "bag": bag} if name == "bag_player" else values
 
 
-def make(harness, name, bag):
+def make(harness, name, bag, **more):
     kind = NODES[name][0]
-    overrides = [Parameter(key, value=value) for key, value in needed(name, bag).items()]
+    values = needed(name, bag) | more
+    overrides = [Parameter(key, value=value) for key, value in values.items()]
     return harness.add(kind(namespace="/cell1", parameter_overrides=overrides))
 
 

@@ -24,6 +24,11 @@ LATER = {
     "coworker_sim": set(),
 }
 """Topics that a node takes up after its start."""
+TURNED_ON = {
+    "primitive_activation": {"person_dofs": ["x", "y", "z"]},
+    "lwr_sim": {"controller": "stochastic_feedback"},
+}
+"""Parameters that make a node use more topics than it does by default."""
 
 
 @pytest.fixture
@@ -63,7 +68,7 @@ def model(toolbox_model):
 def test_a_node_may_do_what_it_does_and_hardly_more(harness, bag, model, name):
     graph = "replay" if name == "bag_player" else "demo"
     rules = allowed(policy(graph, given(graph, bag, model=model)))[name]
-    node = make(harness, name, bag)
+    node = make(harness, name, bag, **TURNED_ON.get(name, {}))
     publishes = {p.topic_name for p in node.publishers}
     subscribes = {s.topic_name for s in node.subscriptions}
     offers = {s.service_name for s in node.services}
