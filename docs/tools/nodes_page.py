@@ -117,7 +117,8 @@ def _overrides(folder: Path) -> dict[str, dict]:
         "dashboard": {"port": port, "models": str(folder)},
         "bag_player": {"bag": str(share_path(BAG)), "start_paused": True},
         "bag_recorder": {"topics": ["mocap/wrist/pose", "joint_states"]},
-        **dict.fromkeys(("arm_sim", "lwr_sim"), {"controller": "stochastic_feedback"}),
+        "arm_sim": {"controller": "stochastic_feedback"},
+        "lwr_sim": {"controller": "stochastic_feedback"},
     }
 
 

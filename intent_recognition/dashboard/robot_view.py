@@ -77,7 +77,7 @@ class RobotView:
         """Positions of the hand (T', 3) [m] along a trajectory (T, d) of joints [rad] or of it."""
         chosen = np.unique(np.linspace(0, len(positions) - 1, LARGEST_PATH).round().astype(int))
         if is_hand(joints):
-            return positions[chosen]
+            return positions[chosen, :3]
         values = joint_values(self._chain, joints, positions[chosen])
         return tip_positions(self._poses, values)
 

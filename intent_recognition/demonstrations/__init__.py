@@ -6,6 +6,7 @@ from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
     POSITION_FIELDS,
+    dofs_of,
     extract,
     numbers_of,
     orientation_beside,
@@ -17,6 +18,7 @@ from intent_recognition.demonstrations.hand_poses import (
     HAND_LINK,
     JOINTS_TOPIC,
     arm_in_world,
+    hand_numbers,
     topics_of,
 )
 from intent_recognition.demonstrations.inspect import (
@@ -58,8 +60,10 @@ __all__ = [
     "arm_in_world",
     "check_label",
     "clock_shift_ns",
+    "dofs_of",
     "extract",
     "find_bags",
+    "hand_numbers",
     "inspect_bag",
     "inspect_streams",
     "is_raw_pose",

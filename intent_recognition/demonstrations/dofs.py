@@ -14,7 +14,7 @@ from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.paths import FIELD_PATH
 from intent_recognition.errors import DofError, describe
-from intent_recognition.motion import HAND_FIELDS
+from intent_recognition.motion import HAND_FIELDS, TURNED_FIELDS
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
 
 QUANTITIES = ("position", "velocity", "effort")
@@ -123,6 +123,7 @@ class DofSpec:
             raise _error(f"{source}: observed", "an entry of the human", "context alone")
         _check_consistent(spec, source)
         _check_velocities(spec, source)
+        _check_hands(spec, source)
         return spec
 
 
@@ -210,9 +211,11 @@ def _entry(item: object, place: str, keys: Sequence[str]) -> DofEntry:
         raise _error(f"{place}: quantity", f"{', '.join(QUANTITIES)}, with joints", quantity)
     is_velocity = "of" in keys
     link, robot = (_text(item, key, place) if key in item else "" for key in ("link", "robot"))
-    if link and (texts["type"], texts["unit"], item.get("fields")) != (POSE, "m", [*HAND_FIELDS]):
+    fields = {"m": [*HAND_FIELDS], "rad": [*TURNED_FIELDS[len(HAND_FIELDS) :]]}
+    if link and (texts["type"], item.get("fields")) != (POSE, fields.get(texts["unit"])):
         expected = f"type {POSE}, unit m and the fields {', '.join(HAND_FIELDS)}"
-        raise _error(f"{place}: link", expected, f"{texts['type']}, {item.get('fields')}")
+        got = f"{texts['type']}, {item.get('fields')} in {texts['unit']}"
+        raise _error(f"{place}: link", f"{expected}; or its quaternion in rad", got)
     if robot and not link:
         raise _error(f"{place}: robot", "a link of it", "no link")
     found = DofEntry(
@@ -326,6 +329,17 @@ def _check_velocities(spec: DofSpec, source: str) -> None:
         if kind == "human" and "/".join([*before[1:], "mocap", body, "pose"]) in tracked:
             got = f"{entry.topic}, differentiated from the same poses"
             raise _error(f"{place}: topic", "velocities measured independently", got, cure)
+
+
+def _check_hands(spec: DofSpec, source: str) -> None:
+    """The orientation of a hand comes right after its position."""
+    before: tuple[str, ...] = ()
+    for k, entry in enumerate(spec.controlled):
+        same = (entry.topic, entry.link, entry.robot)
+        if entry.link and entry.orientation and same != before:
+            expected = "the position before it, of the same topic, link and robot"
+            raise _error(f"{source}: controlled[{k}]", expected, ", ".join(before) or "none")
+        before = same if entry.link and not entry.orientation else ()
 
 
 def _error(argument: str, expected: str, got: object, cure: str = "") -> DofError:

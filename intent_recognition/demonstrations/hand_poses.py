@@ -5,9 +5,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
 from intent_recognition.bags import JOINT_STATE, BagReader
 from intent_recognition.demonstrations.dofs import DofSpec, relative_topic, robot_path
 from intent_recognition.demonstrations.entry import DofEntry
+from intent_recognition.demonstrations.fields import dofs_of
 from intent_recognition.errors import DofError, describe
 from intent_recognition.kinematics import Arm, read_urdf
 from intent_recognition.signals import Demonstration, Signal
@@ -55,23 +60,31 @@ def as_hands(found: Demonstration, dofs: DofSpec, arms: Mapping[int, Arm]) -> De
     controlled = list(found.controlled)
     for k, arm in arms.items():
         entry, joints = dofs.controlled[k], controlled[k]
-        positions = arm.forward_kinematics(joints.values)[:, :3, 3]
-        controlled[k] = Signal(entry.names, joints.stamps_ns, positions, entry.unit)
+        values = dofs_of(entry, hand_numbers(entry, arm.forward_kinematics(joints.values)))
+        controlled[k] = Signal(entry.names, joints.stamps_ns, values, entry.unit)
     return replace(found, controlled=tuple(controlled))
 
 
+def hand_numbers(entry: DofEntry, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What a message of this entry would hold, (..., 3) or (..., 4), for poses (..., 4, 4)."""
+    if not entry.orientation:
+        return poses[..., :3, 3]
+    turns = Rotation.from_matrix(poses[..., :3, :3].reshape(-1, 3, 3)).as_quat()
+    return np.asarray(turns.reshape(*poses.shape[:-2], 4), dtype=np.float64)
+
+
 def arm_in_world(description: str, link: str = "") -> Arm:
-    """The arm of a URDF, its poses in the frame `world` where there is one.
+    """The whole arm of a URDF, its poses in the frame `world` where there is one.
 
     Args:
         description: text of the URDF.
-        link: that is the hand; empty: the last one before the tree branches.
+        link: that is the hand, wherever on the arm; empty: the last one before the tree branches.
 
     Raises:
         ArgumentError: it cannot be used.
     """
     base = WORLD_LINK if f'name="{WORLD_LINK}"' in description else None
-    return Arm.from_urdf(description, base=base, tip=link or None)
+    return Arm.from_urdf(description, base=base, tip=link or None, beyond=True)
 
 
 @lru_cache(maxsize=8)

@@ -27,7 +27,7 @@ from intent_recognition.demonstrations.fields import (
     reference_of,
     stamp_of,
 )
-from intent_recognition.demonstrations.hand_poses import as_hands, read_by_joints
+from intent_recognition.demonstrations.hand_poses import as_hands, hand_numbers, read_by_joints
 from intent_recognition.demonstrations.labels import label_problem
 from intent_recognition.demonstrations.paths import element_names
 from intent_recognition.demonstrations.sessions import (
@@ -158,11 +158,18 @@ def _sound_reader(path: Path) -> BagReader | None:
 
 def _mean_in(reader: BagReader | None, entry: DofEntry) -> NDArray[np.float64] | None:
     """Mean orientation (4,) in a recording; None where there is none."""
-    numbers, whole = [], replace(entry, orientation="")
+    if reader is None:
+        return None
+    dofs, arms = read_by_joints(reader, DofSpec((), (entry,)))
+    source = replace(dofs.controlled[0], orientation="")
     try:
-        for message in reader.messages([entry.topic]) if reader is not None else ():
-            if stamp_of(entry, message.message, message.log_time_ns) is not None:
-                numbers.append(extract_present(whole, message.message))
+        numbers = [
+            extract_present(source, message.message)
+            for message in reader.messages([source.topic])
+            if stamp_of(source, message.message, message.log_time_ns) is not None
+        ]
+        if arms and numbers:
+            return mean_orientation(hand_numbers(entry, arms[0].forward_kinematics(numbers)))
         return mean_orientation(numbers)
     except (ArgumentError, BagError):
         return None

@@ -56,6 +56,7 @@ class Arm:
         tip: str | None = None,
         rest: ArrayLike | None = None,
         acceleration_rad_s2: float = DEFAULT_ACCELERATION_RAD_S2,
+        beyond: bool = False,
     ) -> "Arm":
         """Read an arm; meshes are not needed. Joints beside the chain stay at zero.
 
@@ -67,11 +68,13 @@ class Arm:
             rest: posture that redundant joints are drawn to (n,); by default the middle of the
                 limits.
             acceleration_rad_s2: acceleration limit of every joint, which a URDF does not hold.
+            beyond: whether joints after the tip belong to the arm, up to where the tree branches;
+                they do not move it, and keep near `rest`.
 
         Raises:
             ArgumentError: no URDF, no such link, no chain between them, or a joint without limits.
         """
-        return cls(read_chain(source, base, tip, acceleration_rad_s2), rest)
+        return cls(read_chain(source, base, tip, acceleration_rad_s2, beyond), rest)
 
     @property
     def n_joints(self) -> int:

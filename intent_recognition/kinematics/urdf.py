@@ -39,7 +39,7 @@ class UrdfChain(NamedTuple):
         xml: the URDF without shapes, continuous joints with limits that are never met.
         base: link at which the chain begins.
         tip: link at which it ends.
-        names: independent joints that move the tip, from the base on.
+        names: independent joints that move the tip, from the base on, and those beyond it.
         continuous: which of them have no position limits.
         limits: theirs.
         mimics: joints of the whole URDF that copy another.
@@ -79,9 +79,13 @@ def read_mimics(source: str | Path) -> tuple[Mimic, ...]:
 
 
 def read_chain(
-    source: str | Path, base: str | None, tip: str | None, acceleration_rad_s2: float
+    source: str | Path,
+    base: str | None,
+    tip: str | None,
+    acceleration_rad_s2: float,
+    beyond: bool = False,
 ) -> UrdfChain:
-    """The chain between two links; see `Arm.from_urdf`.
+    """The chain between two links, and beyond its tip if that is asked for; see `Arm.from_urdf`.
 
     Raises:
         ArgumentError: no URDF, no such link, no chain, or a joint without limits.
@@ -94,8 +98,11 @@ def read_chain(
         if name is not None and name not in links:
             raise ArgumentError(describe(argument, f"a link of {_few(links)}", name, "Name one."))
     base = base if base is not None else _root_link(links, above)
-    tip = tip if tip is not None else _last_link(base, joints)
+    last = _last_link(base, joints)
+    tip = tip if tip is not None else last
     way = _way(base, tip, above)
+    longer = _way(base, last, above) if beyond else []
+    way = longer if longer[: len(way)] == way else way
     mimics = {mimic.joint: mimic for mimic in _mimics(joints)}
     by_name = {joint.get("name", ""): joint for joint in joints}
     names = []

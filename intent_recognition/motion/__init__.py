@@ -12,7 +12,13 @@ from intent_recognition.motion.feedback_controller import (
     propagate,
     resting_gains,
 )
-from intent_recognition.motion.hand_path import HAND_FIELDS, is_hand, joints_along
+from intent_recognition.motion.hand_path import (
+    HAND_FIELDS,
+    TURNED_FIELDS,
+    hand_targets,
+    is_hand,
+    joints_along,
+)
 from intent_recognition.motion.path import JointPath, make_path
 from intent_recognition.motion.plan import JointPlan, JointReference
 from intent_recognition.motion.planning import plan_interaction, stop_plan
@@ -30,6 +36,7 @@ from intent_recognition.motion.settings import PlanSettings, scaled_limits
 __all__ = [
     "HAND_FIELDS",
     "LARGEST_BEND",
+    "TURNED_FIELDS",
     "Clearance",
     "FeedbackPolicy",
     "FeedbackSettings",
@@ -46,6 +53,7 @@ __all__ = [
     "Spread",
     "brake_plan",
     "feedback_policy",
+    "hand_targets",
     "home_plan",
     "initial_state",
     "is_hand",

@@ -19,9 +19,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.kinematics import Arm, Bodies, Contact
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, via_point
+from intent_recognition.signals import right_jacobian, to_tangent
 
 _BEYOND_M = 0.004
 """Paths are bent so much farther than the clearance [m]. Convention: more than splines and
@@ -45,11 +47,14 @@ class Spread:
         basis: the N basis functions of each controlled DOF.
         covariance: of the controlled weights, both end positions fixed, (Q N, Q N).
         arm: whose hand the controlled DOFs are; None where they are the joints.
+        reference: quaternion xyzw from which the hand's rotation vectors start; empty where its
+            orientation is free.
     """
 
     basis: NormalizedRBFBasis
     covariance: NDArray[np.float64]
     arm: Arm | None = None
+    reference: tuple[float, ...] = ()
 
     @cached_property
     def root(self) -> NDArray[np.float64]:
@@ -58,14 +63,19 @@ class Spread:
         return vectors * np.sqrt(np.maximum(values, 0.0))
 
     @classmethod
-    def of(cls, primitive: InteractionProMP, arm: Arm | None = None) -> "Spread":
+    def of(
+        cls,
+        primitive: InteractionProMP,
+        arm: Arm | None = None,
+        reference: tuple[float, ...] = (),
+    ) -> "Spread":
         """Of an interaction primitive: whatever the person does, between the ends."""
         n_observed, n_basis = primitive.n_observed, primitive.basis.n_basis
         still = np.zeros(primitive.n_dofs - n_observed)
         for time_s in (0.0, primitive.duration_s):
             primitive = via_point(primitive, time_s, still, keep_observed=False)
         own = slice(n_observed * n_basis, None)
-        return cls(primitive.basis, primitive.weights.covariance[own, own], arm)
+        return cls(primitive.basis, primitive.weights.covariance[own, own], arm, reference)
 
     def design(
         self, phase: NDArray[np.float64], positions: NDArray[np.float64]
@@ -79,9 +89,20 @@ class Spread:
             n = positions.shape[1]
             rows = np.einsum("jd,tk->tjdk", np.eye(n), table)
         else:
-            inverse = np.linalg.pinv(np.array([self.arm.jacobian(q)[:3] for q in positions]))
-            rows = np.einsum("tjd,tk->tjdk", inverse, table)
+            rows = np.einsum("tjd,tk->tjdk", self._inverse(self.arm, positions), table)
         return rows.reshape(*rows.shape[:2], -1)
+
+    def _inverse(self, arm: Arm, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Joints by DOFs of the hand, (T, n, 3) or (T, n, 6)."""
+        jacobians = np.array([arm.jacobian(q) for q in positions])
+        if not self.reference:
+            return np.asarray(np.linalg.pinv(jacobians[:, :3]))
+        turns = arm.forward_kinematics(positions)[:, :3, :3]
+        quaternions = Rotation.from_matrix(turns).as_quat()
+        change = turns @ right_jacobian(to_tangent(quaternions, self.reference))
+        inverse = np.linalg.pinv(jacobians)
+        inverse[:, :, 3:] = inverse[:, :, 3:] @ change
+        return np.asarray(inverse)
 
 
 def least_change(

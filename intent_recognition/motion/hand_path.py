@@ -4,7 +4,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import TrajectoryError, describe
 from intent_recognition.kinematics import Arm
@@ -15,29 +16,60 @@ a metre it stays within 0.1 mm of them, and takes 5 to 10 ms."""
 LARGEST_SHORTFALL_M = 0.005
 """A path that ends so short of a prediction is still executed [m]. Convention: a fifth of what the
 hand may be off."""
+LARGEST_TURN_RAD = 0.05
+"""A path that ends so far turned from a prediction is still executed [rad]. Convention: a few times
+what a person's hand can tell."""
 LARGEST_JUMP_RAD = 0.8
 """A joint that turns further from one of the poses to the next has changed its branch [rad].
 Convention: a hand path of half a metre turns none by more than a tenth of a radian."""
 HAND_FIELDS = tuple(f"pose.position.{axis}" for axis in "xyz")
+TURNED_FIELDS = (*HAND_FIELDS, *(f"pose.orientation.{axis}" for axis in "xyzw"))
+"""Fields of a hand's position, and of its whole pose."""
 
 
 def is_hand(names: Sequence[str]) -> bool:
-    """Whether controlled DOFs of these names are the position of a hand."""
-    return len(names) == 3 and all(map(str.endswith, names, HAND_FIELDS))
+    """Whether numbers of these names are the position of a hand, or its whole pose."""
+    fields = TURNED_FIELDS if len(names) > len(HAND_FIELDS) else HAND_FIELDS
+    return len(names) == len(fields) and all(map(str.endswith, names, fields))
+
+
+def hand_targets(numbers: ArrayLike) -> NDArray[np.float64]:
+    """Positions (..., 3) [m] as they are, whole poses (..., 7) as transforms (..., 4, 4).
+
+    Args:
+        numbers: positions, or positions and quaternions xyzw of any norm.
+
+    Raises:
+        TrajectoryError: a quaternion is zero.
+    """
+    values = np.asarray(numbers, dtype=np.float64)
+    if values.shape[-1] == len(HAND_FIELDS):
+        return values
+    flat = values.reshape(-1, len(TURNED_FIELDS))
+    poses = np.tile(np.eye(4), (len(flat), 1, 1))
+    try:
+        poses[:, :3, :3] = Rotation.from_quat(flat[:, 3:]).as_matrix()
+    except ValueError as error:
+        cure = "Check the sender."
+        raise TrajectoryError(
+            describe("prediction", "unit quaternions", str(error), cure)
+        ) from error
+    poses[:, :3, 3] = flat[:, :3]
+    return poses.reshape(*values.shape[:-1], 4, 4)
 
 
 def joints_along(
     arm: Arm,
     times_s: NDArray[np.float64],
-    positions_m: NDArray[np.float64],
+    hand: NDArray[np.float64],
     rest: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times and joint positions that take the hand along a predicted path.
 
     Args:
-        arm: its inverse kinematics; positions are in the frame of its base.
+        arm: its inverse kinematics; the hand is in the frame of its base.
         times_s: of the prediction (T,), increasing.
-        positions_m: of the hand (T, 3).
+        hand: its positions (T, 3) [m], or positions and quaternions xyzw (T, 7).
         rest: posture the arm begins near, and that redundant joints are drawn to (n,) [rad].
 
     Returns:
@@ -49,15 +81,16 @@ def joints_along(
             where.
     """
     chosen = np.unique(np.linspace(0, len(times_s) - 1, N_POSES).round().astype(int))
-    times_s, positions_m = times_s[chosen], positions_m[chosen]
-    path = arm.follow(positions_m, rest, rest)
-    missed = path.distance_m > LARGEST_SHORTFALL_M
+    times_s, hand = times_s[chosen], hand[chosen]
+    path = arm.follow(hand_targets(hand), rest, rest)
+    missed = (path.distance_m > LARGEST_SHORTFALL_M) | (path.angle_rad > LARGEST_TURN_RAD)
     if missed.any():
-        worst = int(np.argmax(path.distance_m))
+        worst = int(np.argmax(path.distance_m + path.angle_rad))
+        turned = f" and {path.angle_rad[worst]:.2f} rad" if path.angle_rad[worst] > 0.0 else ""
         expected = f"a path that {arm.tip} can reach"
         got = (
-            f"{path.distance_m[worst]:.3f} m too far at {positions_m[worst].round(3).tolist()} m,"
-            f" {times_s[missed][0]:.2f} to {times_s[missed][-1]:.2f} s"
+            f"{path.distance_m[worst]:.3f} m{turned} too far at {hand[worst, :3].round(3).tolist()}"
+            f" m, {times_s[missed][0]:.2f} to {times_s[missed][-1]:.2f} s"
         )
         raise TrajectoryError(describe("prediction", expected, got, "Move the base nearer."))
     if path.largest_jump_rad > LARGEST_JUMP_RAD:

@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from intent_recognition.activation import ActivationSettings, PretriggerSettings
+from intent_recognition.demonstrations import numbers_of
 from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.kinematics import (
     DEFAULT_ACCELERATION_RAD_S2,
@@ -21,10 +22,16 @@ from intent_recognition.kinematics import (
     Arm,
     JointLimits,
 )
-from intent_recognition.motion import Clearance, Separation, is_hand, scaled_limits
+from intent_recognition.motion import (
+    HAND_FIELDS,
+    Clearance,
+    Separation,
+    is_hand,
+    scaled_limits,
+)
 from intent_recognition.nodes.parameter_sources import DEFAULT
 from intent_recognition.nodes.parameters import Changes, parameter
-from intent_recognition.promp import TaskLibrary, end_std_limits, least_end_std
+from intent_recognition.promp import TaskLibrary, Trajectory, end_std_limits, least_end_std
 from intent_recognition.recognition import DecisionSettings, start_mean
 
 if TYPE_CHECKING:
@@ -54,6 +61,13 @@ def check_trajectory(
         raise RejectionError("not_finite", "intent/robot_trajectory holds NaN or infinity")
     if times_s[0] < 0.0 or np.min(np.diff(times_s)) <= 0.0:
         raise RejectionError("non_monotone_times", "time_from_start of intent/robot_trajectory")
+
+
+def std_by_unit(std: NDArray[np.float64], of_hand: bool) -> dict[str, float]:
+    """The largest standard deviation of each unit, of joints or of the numbers of a hand (d,)."""
+    n_metres = len(HAND_FIELDS) if of_hand else 0
+    parts = {"m": std[:n_metres], "rad": std[n_metres:]}
+    return {unit: float(part.max()) for unit, part in parts.items() if part.size}
 
 
 @dataclass(frozen=True)
@@ -129,6 +143,8 @@ class ActivationParameters:
     Attributes:
         rate_hz: updates of a running motion a second.
         of_hand: whether the model predicts a hand instead of joints.
+        taught_link: link of the arm that it was taught with; empty where that is not known.
+        reference: quaternion that its orientations start from (4,); empty without orientations.
         described: the arm of `robot_description`, whose limits hold where none are given.
         library: of the model; None without one.
     """
@@ -140,7 +156,8 @@ class ActivationParameters:
         }
         self.rate_hz: float = self._values["command_rate"]
         self.described: Arm | None = None
-        self.of_hand = False
+        self.of_hand, self.taught_link = False, ""
+        self.reference: tuple[float, ...] = ()
         self.library: TaskLibrary | None = None
         self._least_end_std: dict[str, float] = {}
         self._learned_end_std: dict[str, dict[str, float]] = {}
@@ -160,7 +177,8 @@ class ActivationParameters:
     def joints(self) -> tuple[tuple[str, ...], dict[str, NDArray[np.float64]]]:
         """Joint names, empty where they are not known yet, and where each task begins.
 
-        Those of a model of the hand are known with the arm; its tasks begin at positions (3,) [m].
+        Those of a model of the hand are known with the arm; its tasks begin at positions (3,) [m]
+        or whole poses (7,), with a quaternion xyzw.
 
         Raises:
             ArgumentError: names and model differ, or a model is missing.
@@ -174,9 +192,15 @@ class ActivationParameters:
                 label: least_end_std(model.library, k).get("rad", 0.0)
                 for k, label in enumerate(model.labels)
             }
-            starts = {label: start_mean(model.library, k) for k, label in enumerate(model.labels)}
-            of_model = tuple(model.controlled_names)
+            entries, of_model = model.dofs.controlled, model.dofs.controlled_message_names
             self.of_hand = is_hand(of_model)
+            if self.of_hand:
+                self.taught_link, self.reference = entries[0].link, entries[-1].reference
+            starts = {}
+            for k, label in enumerate(model.labels):
+                mean = start_mean(model.library, k)[None]
+                still = Trajectory(np.zeros(1), mean, np.zeros_like(mean), np.zeros_like(mean))
+                starts[label] = numbers_of(entries, still).positions[0]
             return () if self.of_hand else of_model, starts
         self._check_pretrigger()
         return names, {}
@@ -308,7 +332,7 @@ def _read_model(path: str, names: tuple[str, ...]) -> "Model":
     from intent_recognition.model import load_model
 
     model = load_model(path)
-    of_model = tuple(model.controlled_names)
+    of_model = model.dofs.controlled_message_names
     if names and names != of_model and not is_hand(of_model):
         raise ArgumentError(
             describe(

@@ -15,7 +15,9 @@ from sensor_msgs.msg import JointState
 from intent_recognition.demonstrations import (
     JOINTS_TOPIC,
     DofEntry,
+    dofs_of,
     extract,
+    hand_numbers,
     is_raw_pose,
     stamp_of,
 )
@@ -85,10 +87,13 @@ class PostureInput:
         """
         self._estimator = estimator
         self._last_ns.clear()
+        self._hand.taught = next((entry.link for entry in entries if entry.link), "")
+        numbers = [name for entry in entries for name in entry.message_names]
+        in_place = bool(self._hand.link) and is_hand(numbers)
         for group, entry in enumerate(entries):
             raw = is_raw_pose(entry.topic, entry.type)
-            if entry.link or (self._hand.link and is_hand(entry.names)):
-                take = partial(self._take_joints, group)
+            if entry.link or in_place:
+                take = partial(self._take_joints, group, entry)
                 self._subscriptions.append(
                     self._node.create_subscription(JointState, JOINTS_TOPIC, take, POSTURES)
                 )
@@ -120,13 +125,14 @@ class PostureInput:
             group, entry.topic, stamp, partial(extract, entry, message.pose if raw else message)
         )
 
-    def _take_joints(self, group: int, message: JointState) -> None:
+    def _take_joints(self, group: int, entry: DofEntry, message: JointState) -> None:
         """The hand of the arm that is there, from its joints."""
         if (arm := self._hand.arm) is None:
             return
 
         def hand() -> NDArray[np.float64]:
-            return arm.forward_kinematics(joint_values(message, arm.joint_names))[:3, 3]
+            pose = arm.forward_kinematics(joint_values(message, arm.joint_names))
+            return dofs_of(entry, hand_numbers(entry, pose))
 
         self._use(group, JOINTS_TOPIC, stamp_ns(message), hand)
 

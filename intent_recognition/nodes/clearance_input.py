@@ -65,6 +65,7 @@ class ClearanceInput:
         names: tuple[str, ...],
         library: TaskLibrary | None,
         arm: Arm | None,
+        reference: tuple[float, ...] = (),
     ) -> bool:
         """Whether there is another clearance than before.
 
@@ -73,6 +74,7 @@ class ClearanceInput:
             names: of its joints.
             library: of the tasks whose motions may be bent.
             arm: whose hand the tasks are of; None where they are of joints.
+            reference: quaternion that orientations of that hand start from; empty without them.
 
         Raises:
             RejectionError: things are to be kept clear of, and there is no description for it.
@@ -85,7 +87,7 @@ class ClearanceInput:
         if changed:
             self._description, self._rejection = description, None
             try:
-                self._make(description, names, library, arm)
+                self._make(description, names, library, arm, reference)
             except IntentError as error:
                 self._rejection = RejectionError("bad_robot_description", str(error))
         if self._rejection is not None:
@@ -98,12 +100,13 @@ class ClearanceInput:
         names: tuple[str, ...],
         library: TaskLibrary | None,
         arm: Arm | None,
+        reference: tuple[float, ...],
     ) -> None:
         bodies = Bodies(description, names, self._boxes, clearance_m=self._distance_m)
         spreads = {}
         if library is not None:
             spreads = {
-                label: Spread.of(library.primitive(k), arm)
+                label: Spread.of(library.primitive(k), arm, reference)
                 for k, label in enumerate(library.labels)
             }
         self.clearance = Clearance(bodies, spreads, self._largest_bend)

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm on `robot_description`, for nodes whose model predicts its hand instead of its joints."""
 
+from contextlib import suppress
+
 from rclpy.node import Node
 from std_msgs.msg import String
 
 from intent_recognition.demonstrations import arm_in_world
-from intent_recognition.errors import IntentError
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.kinematics import Arm
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
@@ -21,17 +23,18 @@ class HandInput:
 
     Attributes:
         link: that is the hand; empty where it was not named.
+        taught: link that the model names; the hand where `link` is empty and the arm has it.
     """
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
-        self._diagnostics = diagnostics
+        self._node, self._diagnostics, self.taught = node, diagnostics, ""
         self.link = fixed_parameter(
             node,
             "hand_link",
             "",
             "Link that is the hand, of the arm on robot_description, where the model predicts a"
-            " hand, or a person's wrist in whose place the arm is; empty: the last one before the"
-            " fingers.",
+            " hand, or a person's wrist in whose place the arm is; empty: that of the model where"
+            " the arm has it, else the last one before the fingers.",
         )
         self._description = ""
         self._arm: Arm | None = None
@@ -50,11 +53,18 @@ class HandInput:
         """The arm; None before its description has come, or if that cannot be used."""
         if self._arm is None and self._description:
             try:
-                self._arm = arm_in_world(self._description, self.link)
+                self._arm = self._read()
+                self._node.get_logger().info(f"the hand is {self._arm.tip}")
             except IntentError as error:
                 self._diagnostics.reject("bad_robot_description", str(error))
                 self._description = ""
         return self._arm
+
+    def _read(self) -> Arm:
+        if self.taught and not self.link:
+            with suppress(ArgumentError):  # of another arm than the model's
+                return arm_in_world(self._description, self.taught)
+        return arm_in_world(self._description, self.link)
 
     def _take(self, message: String) -> None:
         if message.data != self._description:

@@ -18,7 +18,12 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.activation import Activation, Command, Mode, PredictedInteraction
 from intent_recognition.errors import ArgumentError, IntentError, TrajectoryError, describe
 from intent_recognition.kinematics import Arm
-from intent_recognition.motion import is_hand, joints_along, make_path
+from intent_recognition.motion import (
+    hand_targets,
+    is_hand,
+    joints_along,
+    make_path,
+)
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.activation_parameters import (
     ANY_TIME,
@@ -26,6 +31,7 @@ from intent_recognition.nodes.activation_parameters import (
     ActivationParameters,
     RejectionError,
     check_trajectory,
+    std_by_unit,
 )
 from intent_recognition.nodes.clearance_input import ClearanceInput
 from intent_recognition.nodes.conversions import (
@@ -103,6 +109,7 @@ class PrimitiveActivation(ManagedNode):
     def configure(self) -> None:
         """Read the model, if one is named, and fix the joints where they are known."""
         names, self._taught_starts = self._settings.joints()
+        self._hand.taught = self._settings.taught_link
         self._starts = self._taught_starts
         if names:
             self._set_joints(names)
@@ -187,8 +194,7 @@ class PrimitiveActivation(ManagedNode):
         except IntentError as error:
             self.diagnostics.reject("wrong_size", str(error))
             return None
-        unit = "m" if of_hand else "rad"
-        end_std = {unit: float(np.max(rest["effort"][-1]))} if "effort" in rest else None
+        end_std = std_by_unit(rest["effort"][-1], of_hand) if "effort" in rest else None
         onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(onset_s) * 1e9)
         return PredictedInteraction(label, onset_ns, path, end_std)
 
@@ -205,7 +211,7 @@ class PrimitiveActivation(ManagedNode):
         if arm is not self._settings.described or not np.array_equal(rest, self._starts_near):
             self._settings.described, self._starts_near = arm, rest
             self._starts = {
-                label: arm.nearest(start, rest, rest).q
+                label: arm.nearest(hand_targets(start), rest, rest).q
                 for label, start in self._taught_starts.items()
             }
             if self.activation is not None and self.joint_names == arm.joint_names:
@@ -220,7 +226,9 @@ class PrimitiveActivation(ManagedNode):
         """
         settings = self._settings
         arm = settings.described if settings.of_hand else None
-        new = self._things.update(self._hand.description, names, settings.library, arm)
+        new = self._things.update(
+            self._hand.description, names, settings.library, arm, settings.reference
+        )
         new |= self._person.update(names)
         if new and self.activation is not None:
             self._set_joints(self.joint_names)

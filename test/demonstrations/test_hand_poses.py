@@ -7,17 +7,21 @@ import numpy as np
 import pytest
 import yaml
 from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, write_bag
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.bags.writer import BagWriter
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.demonstrations.hand_poses import HAND_LINK, topics_of
-from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.demonstrations.reading import read_demonstrations, settle_orientations
 from intent_recognition.errors import ArgumentError, DofError
-from intent_recognition.kinematics.forward import hand_position
+from intent_recognition.kinematics.forward import frame_poses, hand_position
+from intent_recognition.kinematics.lwr import DH
 from intent_recognition.share import share_path
+from intent_recognition.signals import from_tangent, mean_orientation
 from sim_bridge.arm.urdf import lwr_urdf
 
 HAND = load_dofs(share_path("config/dofs_hand.yaml"))
+POSE_OF_A_LINK = load_dofs(share_path("config/examples/link_pose.dofs.yaml"))
 ENTRY = HAND.controlled[0]
 
 
@@ -45,6 +49,31 @@ def test_the_hand_is_the_forward_kinematics_of_the_recorded_joints(repository):
     assert hand.unit == "m"
     np.testing.assert_array_equal(hand.stamps_ns, recorded.stamps_ns)
     np.testing.assert_allclose(hand.values, hand_position(recorded.values), atol=1e-9)
+
+
+@pytest.mark.parametrize("link", ["lwr_a7_link", "lwr_a6_link"])
+def test_the_whole_pose_of_a_named_link_is_computed_from_joints(repository, link):
+    """Against the Denavit-Hartenberg chain, whose frames stand where the next joint does."""
+    path = repository / "bags/toolbox/test/plate_handover_00"
+    asked = [replace(entry, link=link) for entry in POSE_OF_A_LINK.controlled]
+    dofs = settle_orientations(replace(POSE_OF_A_LINK, controlled=tuple(asked)), path)
+    (found,), rejections = read_demonstrations(path, dofs)
+    assert rejections == []
+    place, turn = found.controlled
+    assert (place.unit, turn.unit) == ("m", "rad")
+    assert turn.names == tuple(f"hand/pose.pose.orientation.r{axis}" for axis in "xyz")
+    (recorded,) = read_demonstrations(path, load_dofs())[0][0].controlled
+    k = int(link[5]) - 1
+    to_link = np.eye(4)
+    to_link[:3, :3] = Rotation.from_rotvec([-DH.alpha_rad[k], 0.0, 0.0]).as_matrix()
+    to_link[2, 3] = -DH.d_m[k]
+    poses = frame_poses(recorded.values)[:, k + 1] @ to_link
+    np.testing.assert_allclose(place.values, poses[:, :3, 3], atol=1e-9)
+    reference = dofs.controlled[1].reference
+    turned = Rotation.from_quat(from_tangent(turn.values, reference)).as_matrix()
+    np.testing.assert_allclose(turned, poses[:, :3, :3], atol=1e-9)
+    mean = mean_orientation(Rotation.from_matrix(poses[:, :3, :3]).as_quat())
+    np.testing.assert_allclose(reference, mean, atol=1e-9)
 
 
 def test_poses_that_were_recorded_are_read_as_they_are(tmp_path):
@@ -119,6 +148,16 @@ def test_the_file_is_written_back_and_found_beside_a_users_own(tmp_path):
 def test_a_wrong_entry_is_named(changes, message):
     with pytest.raises(DofError, match=message):
         DofSpec.from_dict(entry(**changes))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"link": "lwr_hand"}, {"topic": "/other"}, {"robot": "x.urdf"}]
+)
+def test_an_orientation_is_of_the_link_whose_position_is_before_it(changes):
+    content = POSE_OF_A_LINK.to_dict()
+    content["controlled"][1] |= changes
+    with pytest.raises(DofError, match=r"controlled\[1\]: expected the position before it"):
+        DofSpec.from_dict(content)
 
 
 def test_a_link_is_of_the_controlled_agent():

@@ -14,6 +14,7 @@ from clearance_world import (
     clearance,
     primitive,
 )
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.gaussian import Gaussian, condition
 from intent_recognition.kinematics import Arm, Box, hand_position
@@ -27,6 +28,7 @@ from intent_recognition.motion import (
     plan_interaction,
 )
 from intent_recognition.promp import via_point
+from intent_recognition.signals import to_tangent
 
 
 def plan_along(path):
@@ -129,6 +131,26 @@ def test_a_hands_spread_bends_the_joints():
     moved = hand_position(path.spline(phase)) - hand_position(PATH.spline(phase))
     wanted = BASIS.design_matrix(phase) @ weights.reshape(3, -1).T
     np.testing.assert_allclose(moved, wanted, atol=4e-3)
+
+
+def test_weights_of_a_whole_pose_move_the_hand_as_they_say():
+    """Against the forward kinematics a small step farther: metres, and rotation vectors."""
+    arm, rng = Arm.from_urdf(ROBOT.description, tip=ROBOT.tip), np.random.default_rng(3)
+    q, step = POSITIONS[::10], 1e-6
+    turns = arm.forward_kinematics(q)[:, :3, :3]
+    reference = (Rotation.from_matrix(turns[0]) * Rotation.from_rotvec([0.3, -0.5, 0.9])).as_quat()
+    n = BASIS.n_basis
+    spread = Spread(BASIS, np.eye(6 * n), arm, tuple(reference))
+    weights, phase = rng.normal(size=6 * n), np.linspace(0.0, 1.0, len(q))
+
+    def hand(joints):
+        poses = arm.forward_kinematics(joints)
+        quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+        return np.hstack([poses[:, :3, 3], to_tangent(quaternions, reference)])
+
+    moved = (hand(q + step * (spread.design(phase, q) @ weights)) - hand(q)) / step
+    expected = BASIS.design_matrix(phase) @ weights.reshape(6, n).T
+    np.testing.assert_allclose(moved, expected, atol=1e-3)
 
 
 def test_a_plan_subdivided_is_the_plan_and_joints_turn_no_farther_than_said():

@@ -6,10 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import TrajectoryError
+from intent_recognition.kinematics.arm import Arm
 from intent_recognition.kinematics.limits import within_position_limits
-from intent_recognition.motion.hand_path import N_POSES, is_hand, joints_along
+from intent_recognition.motion.hand_path import N_POSES, TURNED_FIELDS, is_hand, joints_along
 from sim_bridge.arm.robots import NAMES, find_robot
 from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
 from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M, SCREW_HANDOVER_M, STANDS_M
@@ -43,6 +45,59 @@ def test_the_hand_of_every_arm_follows_the_path(name):
     np.testing.assert_allclose(hand, path, atol=5e-4)
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_whole_pose_is_followed_with_its_orientation(name):
+    """The hand turns by half a radian about an axis of its own; positions alone would not."""
+    made = toolbox_arm(name)
+    begin = Rotation.from_matrix(made._arm.forward_kinematics(made.home)[:3, :3])
+    share = (TIMES_S / TIMES_S[-1])[:, None]
+    turns = begin * Rotation.from_rotvec(share * [0.1, -0.2, 0.45])
+    place = HOME_HAND_M + share * [0.03, 0.1, -0.1]
+    quaternions = 2.0 * turns.as_quat()  # of any norm
+    times_s, joints = joints_along(made._arm, TIMES_S, np.hstack([place, quaternions]), made.home)
+    assert np.all(within_position_limits(joints, made.robot.limits))
+    hand = made._arm.forward_kinematics(CubicSpline(times_s, joints)(TIMES_S))
+    np.testing.assert_allclose(hand[:, :3, 3], place, atol=5e-4)
+    left = Rotation.from_matrix(hand[:, :3, :3]).inv() * turns
+    assert left.magnitude().max() < 2e-3
+    _, free = joints_along(made._arm, TIMES_S, place, made.home)
+    turned = Rotation.from_matrix(made._arm.forward_kinematics(free[-1])[:3, :3])
+    assert (turned.inv() * turns[-1]).magnitude() > 0.1
+
+
+def test_a_place_out_of_reach_as_the_hand_is_turned_is_refused():
+    """Within the LWR's reach of 0.868 m, but not with the fingers down: the wrist's is 0.79 m."""
+    made = toolbox_arm("lwr")
+    begin = made._arm.forward_kinematics(made.robot.ready)
+    goal = np.array([0.81, 0.0, 0.3105])
+    place = begin[:3, 3] + (TIMES_S / TIMES_S[-1])[:, None] * (goal - begin[:3, 3])
+    _, free = joints_along(made._arm, TIMES_S, place, made.robot.ready)
+    np.testing.assert_allclose(made.hand(free[-1]), goal, atol=1e-6)
+    turn = np.tile(Rotation.from_matrix(begin[:3, :3]).as_quat(), (50, 1))
+    with pytest.raises(TrajectoryError, match=r"m and \d\.\d\d rad too far at .* to 3\.00 s"):
+        joints_along(made._arm, TIMES_S, np.hstack([place, turn]), made.robot.ready)
+
+
+def test_a_quaternion_of_zeros_is_refused():
+    made = toolbox_arm("lwr")
+    with pytest.raises(TrajectoryError, match="unit quaternions"):
+        joints_along(made._arm, TIMES_S, np.zeros((50, 7)), made.home)
+
+
+def test_joints_beyond_the_link_stay_and_are_commanded():
+    made = toolbox_arm("lwr")
+    arm = Arm.from_urdf(made.robot.description, base="world", tip="lwr_a6_link", beyond=True)
+    assert arm.joint_names == made.robot.joint_names
+    begin = arm.forward_kinematics(made.home)
+    place = begin[:3, 3] + (TIMES_S / TIMES_S[-1])[:, None] * [0.05, 0.1, -0.1]
+    turn = np.tile(Rotation.from_matrix(begin[:3, :3]).as_quat(), (50, 1))
+    _, joints = joints_along(arm, TIMES_S, np.hstack([place, turn]), made.home)
+    np.testing.assert_allclose(joints[:, 6], made.home[6], atol=1e-9)
+    end = begin.copy()
+    end[:3, 3] = place[-1]
+    np.testing.assert_allclose(arm.forward_kinematics(joints[-1]), end, atol=1e-6)
+
+
 def test_fingers_come_last_in_the_measured_joints():
     made = toolbox_arm("panda")
     with_fingers = np.concatenate([made.home, [0.04, 0.04]])
@@ -73,6 +128,8 @@ def test_a_hair_out_of_reach_is_executed():
         ([f"hand/pose.pose.position.{axis}" for axis in "xzy"], False),
         (["a", "b", "c"], False),
         ([f"hand/pose.pose.position.{axis}" for axis in "xyzx"], False),
+        ([f"hand/pose.pose.{field}" for field in TURNED_FIELDS], True),
+        ([f"hand/pose.pose.{field}" for field in reversed(TURNED_FIELDS)], False),
     ],
 )
 def test_a_hand_is_known_by_its_names(names, expected):

@@ -10,6 +10,7 @@ from model_builder import true_library
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
+from scipy.spatial.transform import Rotation, Slerp
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -34,6 +35,7 @@ from sim_bridge.scenarios.toolbox.other_arms import ToolboxArm
 from sim_bridge.scenarios.toolbox.scene import HOME_HAND_M
 
 NAMES = [f"hand/pose.pose.position.{axis}" for axis in "xyz"]
+TURNED_NAMES = NAMES + [f"hand/pose.pose.orientation.{axis}" for axis in "xyzw"]
 GOAL_M = np.array([0.62, -0.03, 0.38])
 TIP = "panda_grasptarget"
 START_NS, STEP_NS = 50_000_000_000, 20_000_000
@@ -68,17 +70,27 @@ class HandGraph:
             self.description.publish(String(data=arm.robot.description))
             harness.spin_until(lambda: self.node._hand.arm is not None)
 
+    @property
+    def turn_at_home(self):
+        pose = self.arm._arm.forward_kinematics(self.arm.home)
+        return Rotation.from_matrix(pose[:3, :3]).as_quat()
+
     def send(self, publisher, message, stream):
         before = self.node.diagnostics._totals[stream]
         publisher.publish(message)
         self.harness.spin_until(lambda: self.node.diagnostics._totals[stream] > before, what=stream)
 
     def predict(self, goal):
+        """The hand goes to a position (3,), or to one turned as the quaternion says (7,)."""
         s = np.linspace(0.0, 1.0, 50)
         way = (s**3 * (10 - 15 * s + 6 * s**2))[:, None]
-        path = HOME_HAND_M + way * (goal - HOME_HAND_M)
+        path = HOME_HAND_M + way * (goal[:3] - HOME_HAND_M)
+        names = TURNED_NAMES[: len(goal)]
+        if len(goal) == 7:
+            ends = Rotation.from_quat([self.turn_at_home, goal[3:]])
+            path = np.hstack([path, Slerp([0.0, 1.0], ends)(way[:, 0]).as_quat()])
         message = build_joint_trajectory(
-            NAMES, 2.0 * s, path, None, np.full((50, 3), 0.01), time_ns=START_NS - 600_000_000
+            names, 2.0 * s, path, None, np.full(path.shape, 0.01), time_ns=START_NS - 600_000_000
         )
         message.header.frame_id = "plate"
         self.send(self.prediction, message, "intent/robot_trajectory")
@@ -111,6 +123,19 @@ def test_the_hand_of_another_arm_goes_where_it_was_predicted(harness, panda):
     limits = panda.robot.limits
     assert np.all((q > limits.lower) & (q < limits.upper))
     assert np.all(np.abs(rest["velocities"]) <= 0.9 * limits.velocity * (1 + 1e-6))
+
+
+def test_the_whole_pose_of_the_hand_is_reached_as_predicted(harness, panda):
+    graph = HandGraph(harness, panda)
+    turn = Rotation.from_quat(graph.turn_at_home) * Rotation.from_rotvec([0.2, -0.3, 0.4])
+    for _ in range(6):
+        graph.step(np.concatenate([GOAL_M, turn.as_quat()]))
+    graph.harness.spin_until(lambda: graph.commands)
+    _, q, _ = trajectory_arrays(graph.commands[0])
+    pose = panda._arm.forward_kinematics(q[-1])
+    np.testing.assert_allclose(pose[:3, 3], GOAL_M, atol=1e-3)
+    np.testing.assert_allclose(pose[:3, :3], turn.as_matrix(), atol=2e-3)
+    assert graph.node.activation.decision.active == "plate"
 
 
 @pytest.mark.parametrize("home_is", ["given", "the first seen"])
