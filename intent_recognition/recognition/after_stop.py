@@ -18,12 +18,9 @@ from intent_recognition.recognition.movement import Movement, MovementMemory
 from intent_recognition.recognition.posterior import TaskPosterior
 from intent_recognition.signals import Observation
 
-STOP_LEAD = 0.08
+STOP_LEAD = 0.06
 """A reach after a stop began so much earlier than the stop, per usual duration of the tasks: it
 first had to halt the hand (docs/decisions/change_of_mind.md)."""
-STOP_SETTLED = 0.12
-"""What is observed so much later than the stop is filtered, likewise: by then little is left of the
-velocity that the hand still had."""
 RECOGNISED = 0.9
 """Probability of a task after a stop from which it takes over. Convention: the usual threshold of
 the decision."""
@@ -48,11 +45,11 @@ class MovementAfterStop:
     def forget(self) -> None:
         """There has been no stop."""
         self._movement: Movement | None = None
-        self._from_ns = 0
 
     def begin(
         self,
         stopped_ns: int,
+        since: Callable[[int], list[Observation]],
         task_weight: NDArray[np.float64] | None,
         under_way: TaskPosterior | None,
     ) -> None:
@@ -60,6 +57,7 @@ class MovementAfterStop:
 
         Args:
             stopped_ns: its stamp.
+            since: all observations from a stamp on, in order.
             task_weight: see `MovementFilter`.
             under_way: what is believed of the movement so far; None after one that was overdue.
         """
@@ -68,13 +66,12 @@ class MovementAfterStop:
             return
         if self._memory is None:
             self._memory = self._make_memory()
-        self._from_ns = stopped_ns + round(STOP_SETTLED * self._usual_ns)
         onset_ns = stopped_ns - round(STOP_LEAD * self._usual_ns)
-        self._movement = self._memory.begin(onset_ns, (), task_weight)
+        self._movement = self._memory.begin(onset_ns, since(onset_ns), task_weight)
 
     def observe(self, observation: Observation) -> None:
         """Take an observation, if there was a stop before it."""
-        if self._movement is not None and observation.stamp_ns >= self._from_ns:
+        if self._movement is not None:
             self._movement.observe(observation)
 
     def takes_over(self, stamp_ns: int, under_way: TaskPosterior | None) -> bool:
@@ -84,7 +81,7 @@ class MovementAfterStop:
             stamp_ns: now.
             under_way: what is believed of the movement so far; None after one that was overdue.
         """
-        if self._movement is None or not self._movement.observations or not is_done(under_way):
+        if self._movement is None or not is_done(under_way):
             return False
         probabilities = self._movement.posterior(stamp_ns).probabilities
         return bool(np.max(probabilities[:-1]) >= RECOGNISED)

@@ -360,9 +360,11 @@ class IntentEstimator:
         """Go over to the movement that began where the hand stopped, once it is recognised."""
         after, stamp_ns = self._after_stop, observation.stamp_ns
         stopped_ns = self._detector.stopped_ns()
-        if stopped_ns is not None:
-            after.begin(stopped_ns, self.expectation.ratio, self._posterior)
-        after.observe(observation)
+        if stopped_ns is None:
+            after.observe(observation)
+        else:
+            since = self._detector.since
+            after.begin(stopped_ns, since, self.expectation.ratio, self._posterior)
         if after.takes_over(stamp_ns, self._posterior):
             if self._posterior is not None:
                 self.expectation.remember(stamp_ns, self._posterior)

@@ -13,16 +13,9 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.coworker.change import USUAL_BLEND, change_of_mind
-from sim_bridge.coworker.reach import (
-    Movement,
-    WristState,
-    depart,
-    draw_reach,
-    draw_rest,
-    draw_retract,
-    state_at,
-)
+from sim_bridge.coworker.reach import Movement, draw_reach, draw_rest, draw_retract
 from sim_bridge.coworker.styles import STYLES
+from sim_bridge.coworker.superposition import SuperposedMovement
 from sim_bridge.coworker.task_list import Intention, read_intention
 from sim_bridge.coworker.timeline import WristSamples, sample_wrist
 
@@ -37,8 +30,8 @@ class SessionTiming:
         hold_s: shortest and longest wait for the robot at the end of a reach.
         last_idle_s: rest at the end of the session.
         gaps_per_s: occlusions per second.
-        cut_share: share of each movement's time that is left when the next one begins, from the
-            state the hand has then; 0 where each ends at rest.
+        overlap_share: share of each movement's time that is left when the next one begins; 0 where
+            each ends at rest.
     """
 
     first_idle_s: float = 2.0
@@ -46,10 +39,10 @@ class SessionTiming:
     hold_s: tuple[float, float] = (1.25, 1.4)
     last_idle_s: float = 2.0
     gaps_per_s: float = 0.08
-    cut_share: float = 0.0
+    overlap_share: float = 0.0
 
 
-WITHOUT_PAUSE = SessionTiming(idle_s=(0.0, 0.0), hold_s=(0.0, 0.0), cut_share=0.1)
+WITHOUT_PAUSE = SessionTiming(idle_s=(0.0, 0.0), hold_s=(0.0, 0.0), overlap_share=0.1)
 """One movement flows into the next: there is no rest but before the first and after the last.
 
 Convention: after 90 % of a movement's time 99 % of its way is done.
@@ -113,32 +106,44 @@ def plan_session(
         )
     timing = timing or SessionTiming()
     rng = np.random.default_rng([seed, 2])
-    state, now = WristState(draw_rest(rng)), timing.first_idle_s
+    place, now = draw_rest(rng), timing.first_idle_s
     movements: list[tuple[float, Movement]] = []
     interactions = []
+    retract: Movement | None = None
     for intention in map(read_intention, tasks):
-        reach = _intended(rng, intention, state)
-        end = now + (1.0 - timing.cut_share) * reach.duration_s
+        reach = _intended(rng, intention, place)
+        movements.append((now, _following(reach, retract, timing)))
+        end = now + (1.0 - timing.overlap_share) * reach.duration_s
         interactions.append(_interaction(intention, now, end, reach))
-        state = _left(reach, timing)
-        retract = depart(draw_retract(rng, state.position_m), state)
+        retract = draw_retract(rng, reach.goal_m)
         back = end + rng.uniform(*timing.hold_s)
-        movements += [(now, reach), (back, retract)]
-        state = _left(retract, timing)
-        now = back + (1.0 - timing.cut_share) * retract.duration_s + rng.uniform(*timing.idle_s)
+        movements.append((back, _following(retract, reach, timing)))
+        place = retract.goal_m
+        now = back + (1.0 - timing.overlap_share) * retract.duration_s
+        now += rng.uniform(*timing.idle_s)
     last = movements[-1]
     length = last[0] + last[1].duration_s + timing.last_idle_s
     samples = sample_wrist(rng, movements, length, gaps_per_s=timing.gaps_per_s)
     return SessionPlan(samples, tuple(interactions))
 
 
-def _intended(rng: np.random.Generator, intention: Intention, state: WristState) -> Movement:
+def _intended(
+    rng: np.random.Generator, intention: Intention, start_m: NDArray[np.float64]
+) -> Movement:
     """Draw a reach, and what it is changed to."""
-    reach = depart(draw_reach(rng, intention.task, state.position_m), state)
+    reach = draw_reach(rng, intention.task, start_m)
     if not intention.then:
         return reach
     blend = min(USUAL_BLEND, 1.0 - intention.share)
     return change_of_mind(rng, reach, intention.then, intention.share, blend)
+
+
+def _following(movement: Movement, before: Movement | None, timing: SessionTiming) -> Movement:
+    """A movement as it follows the one before, if there is one."""
+    if before is None or not timing.overlap_share:
+        return movement
+    into_s = (1.0 - timing.overlap_share) * before.duration_s
+    return SuperposedMovement(movement, before, into_s)
 
 
 def _interaction(
@@ -150,10 +155,3 @@ def _interaction(
     return Interaction(
         intention.then, onset_s, end_s, reach.goal_m, reach, intention.task, change_s
     )
-
-
-def _left(movement: Movement, timing: SessionTiming) -> WristState:
-    """The wrist's state when the next movement begins."""
-    if not timing.cut_share:
-        return WristState(movement.goal_m)
-    return state_at(movement, (1.0 - timing.cut_share) * movement.duration_s)
