@@ -21,17 +21,21 @@ from intent_recognition.motion import (
     PredictedPerson,
     brake_plan,
     home_plan,
+    make_path,
     phase_times_ns,
     plan_interaction,
     stop_plan,
 )
 
-_N_SLOWED = 4
-"""Plans tried until one keeps the speeds permitted near the person. Convention."""
+_N_SLOWED = 3
+"""Further plans tried until one keeps the speeds permitted near the person. Convention."""
 _SLIGHTLY = 1.05
 """Ratio by which a speed may exceed the one permitted: a grid and blending do. Convention."""
 _GOING_BACK = ("home", "retreat")
 """Kinds of plans."""
+
+_Planner = Callable[[NDArray[np.float64] | None], JointPlan | None]
+"""From ceilings of the phase rate (G + 1,) [1/s], or none, to a plan; None where there is none."""
 
 
 class _Followed(NamedTuple):
@@ -40,6 +44,24 @@ class _Followed(NamedTuple):
     label: str
     path: JointPath
     weights: NDArray[np.float64] | None = None
+
+
+class _Way(NamedTuple):
+    """A way home, back or ahead.
+
+    Attributes:
+        kind: of its plan as it is sent.
+        plan: with the phases on the path.
+        path: that it keeps to at any speed; None where it has but one.
+        slowed: whether it is slower than it would be without the person.
+        command: that was sent.
+    """
+
+    kind: str
+    plan: JointPlan
+    path: JointPath | None = None
+    slowed: bool = False
+    command: Command | None = None
 
 
 class Motions:
@@ -65,6 +87,8 @@ class Motions:
         self.settings, self._arm = settings, arm
         self._reject, self._counts = reject, counts
         self._followed: _Followed | None = None
+        self._way: _Way | None = None
+        self._paced_by: PredictedPerson | None = None
         self.person: PredictedPerson | None = None
 
     def interact(
@@ -108,30 +132,61 @@ class Motions:
         start: JointReference,
         progress: tuple[float, float, float],
     ) -> JointPlan | None:
-        """A plan along the path, slowed until it keeps the speeds permitted near the person.
+        """A plan along the predicted path, in time with the human and slowed near the person."""
+        onset_s = (prediction.onset_ns - start_ns) * 1e-9
+        again = self._planner(path, NominalTiming(onset_s, path.duration_s), start, progress)
+        return self._slowed(again(None), path, start_ns, again)
+
+    def _planner(
+        self,
+        path: JointPath,
+        timing: NominalTiming,
+        start: JointReference,
+        progress: tuple[float, float, float],
+    ) -> "_Planner":
+        """Plans along a path from a reference on, under ceilings of the phase rate.
+
+        Where the arm is faster than that already, it brakes along the path.
+        """
+        limits, settings = self.settings.limits, self.settings.plan
+
+        def plan(rate_ceiling: NDArray[np.float64] | None) -> JointPlan | None:
+            if rate_ceiling is not None and progress[1] > 0.0:
+                phase, rate, acceleration = progress
+                brake = stop_plan(path, start, phase, rate, limits, settings, acceleration)
+                grid = np.linspace(0.0, 1.0, len(rate_ceiling))
+                braking = np.interp(grid, brake.phase, brake.phase_rate, left=rate)
+                rate_ceiling = np.maximum(rate_ceiling, braking)
+            return plan_interaction(
+                path,
+                timing,
+                start,
+                *progress[:2],
+                limits,
+                settings,
+                phase_acceleration=progress[2],
+                rate_ceiling=rate_ceiling,
+            )
+
+        return plan
+
+    def _slowed(
+        self, plan: JointPlan | None, path: JointPath, start_ns: int, again: "_Planner"
+    ) -> JointPlan | None:
+        """A plan along a path, planned again until it keeps the speeds permitted near the person.
 
         Where the arm is at a time depends on how much it is slowed, and so does the distance: the
         ceiling on the rate falls from round to round, by where the plan before was when.
         """
-        onset_s = (prediction.onset_ns - start_ns) * 1e-9
         separation, person, ceiling = self.settings.separation, self.person, None
+        if separation is None or person is None:
+            return plan
         for _ in range(_N_SLOWED):
-            plan = plan_interaction(
-                path,
-                NominalTiming(onset_s, path.duration_s),
-                start,
-                *progress[:2],
-                self.settings.limits,
-                self.settings.plan,
-                phase_acceleration=progress[2],
-                rate_ceiling=ceiling,
-            )
-            if plan is None or separation is None or person is None:
-                return plan
-            if separation.excess(plan, start_ns, person) <= _SLIGHTLY:
+            if plan is None or separation.excess(plan, start_ns, person) <= _SLIGHTLY:
                 break
             newer = separation.rate_ceiling(path, phase_times_ns(plan, start_ns), person)
             ceiling = newer if ceiling is None else np.minimum(ceiling, newer)
+            plan = again(ceiling)
         self._counts["slowed by person"] += ceiling is not None
         return plan
 
@@ -182,39 +237,99 @@ class Motions:
         command under way goes home already, braking would leave the limits, or that way is not
         clear either.
         """
-        current, settings = self._arm.in_force(), self.settings
+        current = self._arm.in_force()
         if current.plan.kind in _GOING_BACK and self._arm.under_way(now_ns):
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = current.at(start_ns)
-        plan = home_plan(start, target, settings.limits, settings.plan)
-        if plan is None:
-            plan = self._stop_plan(start_ns, executed)
-            return self._send_unless_outside(now_ns, start_ns, plan)
-        if self._touches(plan, "the way home"):
-            plan = self._retreat(current, start_ns, start)
-            if plan is None:
-                return None
-        return self._arm.send(now_ns, Command(start_ns, plan))
+        way = self._way_to(start_ns, start, target)
+        if way is None:
+            brake = self._stop_plan(start_ns, executed)
+            return self._send_unless_outside(now_ns, start_ns, brake)
+        if self._touches(way.plan, "the way home"):
+            way = self._retreat(current, start_ns, start)
+        return None if way is None else self._send_way(now_ns, start_ns, way)
 
-    def _retreat(self, current: Command, start_ns: int, start: JointReference) -> JointPlan | None:
+    def _way_to(
+        self, start_ns: int, start: JointReference, target: NDArray[np.float64], kind: str = "home"
+    ) -> "_Way | None":
+        """To a posture, slowed near the person; None where no plan keeps the limits."""
+        settings = self.settings
+        plan = home_plan(start, target, settings.limits, settings.plan)
+        if plan is None or settings.separation is None:
+            return None if plan is None else _Way(kind, plan)
+        rate = 1.0 / plan.duration_s
+        path = make_path(plan.times_s, plan.positions, settings.limits, plan.velocities)
+        timing = NominalTiming(0.0, plan.duration_s)
+        free = replace(plan, phase=plan.times_s * rate, phase_rate=np.full_like(plan.times_s, rate))
+        again = self._planner(path, timing, start, (0.0, rate, 0.0))
+        slowed = self._slowed(free, path, start_ns, again)
+        if slowed is None:
+            return None
+        return _Way(kind, replace(slowed, clamped=plan.clamped), path, slowed is not free)
+
+    def _way_along(
+        self,
+        kind: str,
+        path: JointPath,
+        start_ns: int,
+        start: JointReference,
+        progress: tuple[float, float, float],
+    ) -> "_Way | None":
+        """Along a path from a phase on; None where no plan keeps the limits."""
+        timing = NominalTiming(-progress[0] * path.duration_s, path.duration_s)
+        again = self._planner(path, timing, start, progress)
+        free = again(None)
+        plan = self._slowed(free, path, start_ns, again)
+        return None if plan is None else _Way(kind, plan, path, plan is not free)
+
+    def _send_way(self, now_ns: int, start_ns: int, way: "_Way") -> Command:
+        standing = np.zeros_like(way.plan.phase)
+        plan = replace(way.plan, kind=way.kind, phase=standing, phase_rate=standing)
+        command = self._arm.send(now_ns, Command(start_ns, plan))
+        self._way, self._paced_by = way._replace(command=command), self.person
+        return command
+
+    def keep_pace(self, now_ns: int) -> Command | None:
+        """The way home, back or ahead that is under way, at another speed.
+
+        None where the person is not predicted elsewhere than when it was planned, or its speed
+        still serves.
+        """
+        way, person, separation = self._way, self.person, self.settings.separation
+        current = self._arm.current
+        if way is None or way.path is None or current is None or way.command is not current:
+            return None
+        due = now_ns - self._arm.last_command_ns >= 0.9 * self.settings.command_period_s * 1e9
+        if person is None or person is self._paced_by or separation is None or not due:
+            return None
+        start_ns = self._arm.switch_ns(now_ns)
+        if start_ns >= current.end_ns:
+            return None
+        self._paced_by = person
+        too_fast = separation.excess(current.plan, current.start_ns, person, start_ns) > _SLIGHTLY
+        if not (too_fast or way.slowed):
+            return None
+        progress = way.plan.phase_at((start_ns - current.start_ns) * 1e-9)
+        newer = self._way_along(way.kind, way.path, start_ns, current.at(start_ns), progress)
+        if newer is None or self._touches(newer.plan, f"the way {way.kind}"):
+            return None
+        return self._send_way(now_ns, start_ns, newer)
+
+    def _retreat(self, current: Command, start_ns: int, start: JointReference) -> "_Way | None":
         """Back to where the path that was followed begins; None if that is not clear either."""
         followed, settings = self._followed, self.settings
         if followed is None or settings.clearance is None or current.plan.kind in _GOING_BACK:
             return None
-        limits = settings.limits
-        found = settings.clearance.clear(followed.path, followed.label, 0.0, limits)
+        found = settings.clearance.clear(followed.path, followed.label, 0.0, settings.limits)
         if isinstance(found, Obstruction):
             self._refuse("the way back", found)
             return None
-        path = found[0].reversed()
         phase = 1.0 - current.phase_at(start_ns)[0]
-        timing = NominalTiming(-phase * path.duration_s, path.duration_s)
-        plan = plan_interaction(path, timing, start, phase, 0.0, limits, settings.plan)
-        if plan is None or self._touches(plan, "the way back"):
+        way = self._way_along("retreat", found[0].reversed(), start_ns, start, (phase, 0.0, 0.0))
+        if way is None or self._touches(way.plan, "the way back"):
             return None
-        standing = np.zeros_like(plan.phase)
-        return replace(plan, kind="retreat", phase=standing, phase_rate=standing)
+        return way
 
     def _send_unless_outside(self, now_ns: int, start_ns: int, brake: JointPlan) -> Command | None:
         """Send a brake, but none that leaves the position limits."""
@@ -226,14 +341,13 @@ class Motions:
         self, now_ns: int, start_ns: int, start: JointReference, target: NDArray[np.float64]
     ) -> Command | None:
         """Go to where a task begins; None where no plan keeps the limits."""
-        settings = self.settings
-        plan = home_plan(start, target, settings.limits, settings.plan)
-        if plan is None or plan.clamped:
+        way = self._way_to(start_ns, start, target, "pretrigger")
+        if way is None or way.plan.clamped:
             self._reject("infeasible", "no plan to the start of the expected task keeps the limits")
             return None
-        if self._touches(plan, "the start of the expected task"):
+        if self._touches(way.plan, "the start of the expected task"):
             return None
-        return self._arm.send(now_ns, Command(start_ns, replace(plan, kind="pretrigger")))
+        return self._send_way(now_ns, start_ns, way)
 
     def _stop_plan(self, start_ns: int, executed: PredictedInteraction | None) -> JointPlan:
         current = self._arm.in_force()

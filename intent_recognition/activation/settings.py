@@ -40,7 +40,7 @@ class ActivationSettings:
             velocity.
         max_lateness_s: a prediction whose end is longer ago than this is outdated [s]. Convention.
         clearance: keeps plans clear of things; None: joint limits alone count.
-        separation: slows interactions near the predicted person; None: nothing does.
+        separation: slows what is no brake near the predicted person; None: nothing does.
     """
 
     limits: JointLimits

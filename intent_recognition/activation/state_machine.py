@@ -285,7 +285,7 @@ class Activation:
         if other is not None:
             return other
         if self._arm.under_way(now_ns):
-            return Transition(state)
+            return Transition(state, self._motions.keep_pace(now_ns))
         if self._arm.current is not None and self._arm.current.plan.kind != "home":  # braked
             if state.interaction is None:
                 return self._withdraw(now_ns)
@@ -303,7 +303,7 @@ class Activation:
                 return self._stop(now_ns, reason, None)
         reason = self.pretrigger.reason_to_withdraw(now_ns, self.decision)
         if not reason:
-            return Transition(state)
+            return Transition(state, self._motions.keep_pace(now_ns))
         self.counts[f"pretrigger withdrawn: {reason}"] += 1
         return self._withdraw(now_ns)
 

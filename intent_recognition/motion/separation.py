@@ -141,12 +141,23 @@ class Separation:
         gap = np.linalg.norm(off - share[..., None] * way, axis=2).min(axis=1)
         return np.asarray(gap - self.settings.deviations * std, dtype=np.float64)
 
-    def excess(self, plan: JointPlan, start_ns: int, person: PredictedPerson) -> float:
-        """The largest ratio of the arm's speed on a plan to the one permitted there and then."""
-        points = self.arm.skeleton(plan.positions)
-        steps = np.linalg.norm(np.diff(points, axis=0), axis=2).max(axis=1)
-        speed = steps / np.diff(plan.times_s)
+    def excess(
+        self, plan: JointPlan, start_ns: int, person: PredictedPerson, since_ns: int = 0
+    ) -> float:
+        """The largest ratio of the arm's speed on a plan to the one permitted there and then.
+
+        Args:
+            plan: of the arm.
+            start_ns: when it begins.
+            person: predicted.
+            since_ns: what of the plan comes before does not count.
+        """
         times_ns = start_ns + np.round(plan.times_s * 1e9)
+        first = min(int(np.searchsorted(times_ns, since_ns)), len(times_ns) - 2)
+        times_ns, times_s = times_ns[first:], plan.times_s[first:]
+        points = self.arm.skeleton(plan.positions[first:])
+        steps = np.linalg.norm(np.diff(points, axis=0), axis=2).max(axis=1)
+        speed = steps / np.diff(times_s)
         allowed = permitted_speed(self.distance_m(points, times_ns, person), self.settings)
         return float((speed / np.maximum(allowed[:-1], allowed[1:])).max())
 

@@ -161,7 +161,6 @@ class PrimitiveActivation(ManagedNode):
         prediction, activation = self._read_prediction(message), self.activation
         if prediction is None or activation is None:
             return
-        activation.take_person(self._person.person)
         activation.take_prediction(self._now_ns(), prediction)
         if self._step(activation):
             self.diagnostics.latency(time.perf_counter() - start_s)
@@ -323,6 +322,7 @@ class PrimitiveActivation(ManagedNode):
 
     def _step(self, activation: Activation) -> bool:
         """Let the state machine act; whether a command was sent."""
+        activation.take_person(self._person.person)
         command = activation.step(self._now_ns())
         self._publish(command)
         self._publish_task()

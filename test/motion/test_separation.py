@@ -3,9 +3,10 @@
 
 import numpy as np
 import pytest
-from activation_world import LIMITS, World
+from activation_world import HOME, LIMITS, World
 from clearance_world import PATH, ROBOT
 
+from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.activation.states import Mode
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics import Arm
@@ -124,3 +125,73 @@ def test_far_from_the_person_commands_are_those_without():
     assert len(free.commands) == len(far.commands)
     for a, b in zip(free.commands, far.commands, strict=True):
         np.testing.assert_array_equal(a.plan.positions, b.plan.positions)
+
+
+def go_home(who, **settings):
+    """An interaction, and the way home with the person there; the commands home."""
+    world = World(**settings)
+    world.run(0.3)
+    world.begin("plate")
+    world.run_until(Mode.EXECUTING)
+    world.run(2.0)
+    world.task = "idle"
+    if who is not None:
+        world.activation.take_person(person(who))
+    world.run_until(Mode.HOMING)
+    return world
+
+
+HALFWAY = ARM.forward_kinematics(PATH.spline(0.4))[:3, 3] + [0.0, 0.0, 0.05]
+
+
+def ways(world, kind):
+    return [command for command in world.commands if command.plan.kind == kind]
+
+
+def test_the_way_home_slows_near_the_person_and_arrives():
+    separation, who = Separation(ARM, SETTINGS), person(HALFWAY)
+    free, slowed = go_home(None), go_home(HALFWAY, separation=separation)
+    for world in (free, slowed):
+        world.run_until(Mode.IDLE)
+        np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    slowed.check_continuous()
+    assert separation.excess(ways(free, "home")[0].plan, 0, who) > 2.0
+    assert separation.excess(ways(slowed, "home")[0].plan, 0, who) < 1.1
+    assert slowed.now_ns > free.now_ns
+
+
+def test_a_person_who_comes_slows_the_way_that_is_under_way_and_who_leaves_quickens_it():
+    separation = Separation(ARM, SETTINGS)
+    world = go_home(FAR, separation=separation)
+    world.run(0.25)
+    n, unslowed_ns = len(world.commands), world.commands[-1].end_ns
+    world.activation.take_person(person(HALFWAY))
+    world.run(0.3)
+    (slow,) = world.commands[n:]
+    assert slow.plan.kind == "home" and slow.end_ns > unslowed_ns + 500_000_000
+    since_ns = slow.start_ns + 300_000_000  # first it brakes
+    assert separation.excess(slow.plan, slow.start_ns, person(HALFWAY), since_ns) < 1.1
+    world.activation.take_person(person(FAR))
+    world.run(0.1)
+    assert world.commands[-1].end_ns < slow.end_ns - 200_000_000
+    world.run_until(Mode.IDLE)
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    world.check_continuous()
+
+
+def test_going_ahead_slows_near_the_person():
+    separation, start = Separation(ARM, SETTINGS), PATH.spline(0.8)
+    settings = PretriggerSettings(0.5, 3.0, {"screw": start})
+    world = World(separation=separation, pretrigger=settings)
+    world.begin("plate")
+    world.run_until(Mode.EXECUTING)
+    world.task = "idle"
+    world.run_until(Mode.HOMING)
+    world.activation.take_person(person(HALFWAY))
+    world.activation.pretrigger.take_expectation(world.now_ns, ["screw"], np.ones(1))
+    world.run_until(Mode.PRETRIGGERED)
+    (ahead,) = ways(world, "pretrigger")
+    assert separation.excess(ahead.plan, ahead.start_ns, person(HALFWAY)) < 1.1
+    world.run(6.0)
+    np.testing.assert_allclose(ahead.plan.end, start, atol=1e-9)
+    world.check_continuous()
