@@ -6,6 +6,7 @@ from .feedback_runs import Push, execute
 from .pacing import Pacer
 from .robots import NAMES, Robot, describe_robot, find_robot
 from .spread_control import SpreadControl
+from .surroundings import Surroundings
 from .trajectory_command import RejectedTrajectoryError, TrajectoryCommand
 from .trajectory_follower import TrajectoryFollower
 from .urdf import lwr_urdf
@@ -23,6 +24,7 @@ __all__ = [
     "SensorNoise",
     "SimulatedArm",
     "SpreadControl",
+    "Surroundings",
     "TrajectoryCommand",
     "TrajectoryFollower",
     "describe_robot",

@@ -26,7 +26,7 @@ from sim_bridge.arm.controllers import (
 from sim_bridge.arm.robots import Robot, derived_gains, lwr
 from sim_bridge.arm.state import ArmState, HandPose, SensorNoise
 from sim_bridge.arm.trajectory_follower import ArmReference
-from sim_bridge.arm.urdf_loading import Joint, free_joints, load_urdf
+from sim_bridge.arm.urdf_loading import Joint, free_joints, load_urdf, stop_at_fixtures
 
 TIME_STEP_S = 0.001
 """Physics step of the arm's world [s]; torques are computed anew in each, as the real arm does."""
@@ -56,7 +56,8 @@ class SimulatedArm:
     `before_step` are called with the arm before every physics step and may set references, push
     the arm, or act on other bodies of the world.
 
-    Joints that are not of the chain, such as fingers, are held by PyBullet's own motors.
+    Joints that are not of the chain, such as fingers, are held by PyBullet's own motors. What the
+    URDF fixes to its root, such as a table, stops the arm (`fixtures`, by link number).
 
     Args:
         initial_position: joint angles at the start (n,) [rad]; ready by default.
@@ -115,6 +116,7 @@ class SimulatedArm:
         self._gravity_compensation = False
         self._law: AccelerationLaw | None = None
         self.reset(initial_position)
+        self.fixtures = stop_at_fixtures(self.client, self.body, self.robot.urdf)
         chosen = gains if gains is not None else self.robot.gains
         if chosen is None:
             chosen = derived_gains(self.limits.torque, self._joint_inertia())

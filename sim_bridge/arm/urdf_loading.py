@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import pybullet
 from pybullet_utils.bullet_client import BulletClient
@@ -22,12 +23,62 @@ class Joint(NamedTuple):
     upper: float
 
 
+def fixtures_of(urdf: str) -> frozenset[str]:
+    """Links with a shape that stand still and carry no moving joint, such as a table.
+
+    Raises:
+        ArgumentError: the text is no XML.
+    """
+    try:
+        root = ElementTree.fromstring(urdf)
+    except ElementTree.ParseError as error:
+        cure = "Check it with check_urdf."
+        raise ArgumentError(describe("robot", "a URDF", error, cure)) from error
+    ends = [(j.get("type"), _end(j, "parent"), _end(j, "child")) for j in root.findall("joint")]
+    moved = {child for kind, _, child in ends if kind != "fixed"}
+    for _ in ends:
+        moved |= {child for _, parent, child in ends if parent in moved}
+    carriers = {parent for kind, parent, _ in ends if kind != "fixed"}
+    shaped = (link.get("name", "") for link in root.findall("link") if link.find("collision"))
+    return frozenset(shaped) - moved - carriers
+
+
+def _end(joint: ElementTree.Element, end: str) -> str:
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
+def link_name(client: BulletClient, body: int, link: int) -> str:
+    """Name of a link by its number; -1 is the root."""
+    info = client.getBodyInfo(body)[0] if link < 0 else client.getJointInfo(body, link)[12]
+    return str(info.decode())
+
+
+def stop_at_fixtures(client: BulletClient, body: int, urdf: str) -> frozenset[int]:
+    """Let the fixtures of a body stop its other links, and nothing else of it; their numbers.
+
+    A link that overlaps a fixture as the body stands now is not stopped by it.
+    """
+    names = fixtures_of(urdf)
+    links = range(-1, client.getNumJoints(body)) if names else range(0)
+    fixtures = frozenset(link for link in links if link_name(client, body, link) in names)
+    for a in links:
+        for b in links[a + 2 :]:
+            stops = (a in fixtures) != (b in fixtures)
+            overlaps = stops and client.getClosestPoints(body, body, 0.0, a, b)
+            client.setCollisionFilterPair(body, body, a, b, int(stops and not overlaps))
+    return fixtures
+
+
 def load_urdf(client: BulletClient, urdf: str, base_position_m: tuple[float, float, float]) -> int:
     """Load a URDF text with a fixed base and its own inertias; return PyBullet's body id.
 
     Raises:
         ArgumentError: PyBullet cannot load it.
     """
+    flags = pybullet.URDF_USE_INERTIA_FROM_FILE
+    if fixtures_of(urdf):
+        flags |= pybullet.URDF_USE_SELF_COLLISION
     with TemporaryDirectory() as folder:
         path = Path(folder) / "arm.urdf"
         path.write_text(urdf, encoding="utf-8")
@@ -36,7 +87,7 @@ def load_urdf(client: BulletClient, urdf: str, base_position_m: tuple[float, flo
                 str(path),
                 basePosition=base_position_m,
                 useFixedBase=True,
-                flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+                flags=flags,
             )
         except pybullet.error as error:
             cure = "Check it with check_urdf, and that its meshes can be read."

@@ -20,7 +20,7 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError, describe
-from intent_recognition.kinematics import JOINT_NAMES
+from intent_recognition.kinematics import JOINT_NAMES, parse_boxes
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
@@ -34,6 +34,7 @@ from sim_bridge.arm import (
     SensorNoise,
     SimulatedArm,
     SpreadControl,
+    Surroundings,
     TrajectoryCommand,
     TrajectoryFollower,
     find_robot,
@@ -83,6 +84,7 @@ class ArmSim(Node):
         self._declare()
         self._robot = robot if robot is not None else self._find_robot()
         self.arm = self._make_arm()
+        self.surroundings = Surroundings(self.arm, self._boxes)
         self.gripper = make_gripper(self.arm, self._scene)
         self.spread = self._make_spread()
         self.follower = TrajectoryFollower(self.arm.reference.q, self.arm.limits)
@@ -129,6 +131,15 @@ class ArmSim(Node):
         )
         self._noisy = get("sensor_noise", False, "Add noise to the measured joint state.")
         self._scene = get("scene", "toolbox", "Objects the hand can take: 'toolbox' or 'none'.")
+        no_boxes: list[str] = []
+        self._boxes = parse_boxes(
+            get(
+                "boxes",
+                no_boxes,
+                "Things that stand in the cell and stop the arm, as those of primitive_activation:"
+                " 'name x y z length width height [qx qy qz qw]' [m].",
+            )
+        )
         self._seed = get("seed", 0, "Seed of the sensor noise.", 0)
         self._controller = get("controller", CONTROLLERS[0], f"One of {', '.join(CONTROLLERS)}.")
 
@@ -354,11 +365,16 @@ class ArmSim(Node):
             values("held object", self.gripper.held or "none")
         values("gravity compensation", self.arm.gravity_compensation)
         values("controller", self._controller)
+        values("contacts", self.surroundings.touches)
+        if self.surroundings.touches:
+            values("last contact", " and ".join(self.surroundings.last))
         self._tracking_error_rad = 0.0
         if self._publishes_clock and self.count_publishers("/clock") > 1:
             self.diagnostics.status(Level.ERROR, "another node publishes /clock: allow only one")
         elif achieved < 0.95 * self._pacer.factor:
             self.diagnostics.status(Level.WARN, f"slower than asked: {achieved:.2f} x real time")
+        elif touching := self.surroundings.touching():
+            self.diagnostics.status(Level.WARN, f"{touching[0]} touches {touching[1]}")
         else:
             self.diagnostics.status(Level.OK, "running")
 

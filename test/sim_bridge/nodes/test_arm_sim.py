@@ -9,6 +9,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError, KinematicsError
+from intent_recognition.kinematics import hand_position
 from intent_recognition.nodes.conversions import build_joint_trajectory
 from intent_recognition.nodes.qos import COMMAND, LATCHED, STATE
 from sim_bridge.arm.robots import find_robot
@@ -56,6 +57,26 @@ def test_a_trajectory_of_another_arm_is_refused(harness):
     assert np.abs(np.array(states[-1].position) - find_robot("xarm").ready).max() < 1e-3
 
 
+def test_a_box_in_the_way_stops_it_and_is_in_the_diagnostics(harness):
+    robot = find_robot("lwr")
+    goal = robot.ready + [0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    place = hand_position(robot.ready + 0.7 * (goal - robot.ready))
+    crate = "crate " + " ".join(f"{x:.3f}" for x in place) + " 0.1 0.04 0.4"
+    start = robot.ready.tolist()
+    states = harness.collect(JointState, "joint_states", STATE)
+    sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
+    node = make(harness, boxes=[crate], initial_position=start, real_time_factor=5.0, scene="none")
+    harness.spin_until(lambda: states and sender.get_subscription_count())
+    ways, rest = np.stack([robot.ready, goal]), np.zeros((2, 7))
+    sender.publish(build_joint_trajectory(robot.joint_names, np.array([0.0, 1.0]), ways, rest))
+    harness.spin_until(lambda: node.surroundings.touches and node.arm.time_s > 2.0)
+    assert states[-1].position[0] < 0.6 - 0.1
+    node._report()
+    status = node.diagnostics.report()
+    told = {item.key: item.value for item in status.values}
+    assert int(told["contacts"]) >= 1 and told["last contact"].endswith(" and crate")
+
+
 def test_where_it_stands_and_begins_can_be_told(harness):
     start = (find_robot("iiwa").ready + 0.1).tolist()
     node = make(harness, robot="iiwa", base_position=[0.2, 0.0, 0.1], initial_position=start)
@@ -69,6 +90,7 @@ def test_where_it_stands_and_begins_can_be_told(harness):
         ({"robot": "/no/such.urdf"}, ArgumentError, "robot"),
         ({"robot": "panda", "tip": "hand"}, ArgumentError, "tip"),
         ({"robot": "panda", "base_position": [1.0]}, ArgumentError, "base_position"),
+        ({"boxes": ["crate 0 0"]}, ArgumentError, "boxes: expected 'name x y z"),
         ({"robot": "panda", "initial_position": [9.0] * 7}, KinematicsError, "panda_joint"),
         ({"robot": "panda", "initial_position": [0.0] * 6}, ArgumentError, "panda_joint1"),
     ],

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boxes and fixtures about the simulated arm: it cannot get through them, and touches count."""
+
+import pytest
+
+from intent_recognition.kinematics import Box, hand_position
+from sim_bridge.arm import NAMES, SimulatedArm, Surroundings, find_robot
+from sim_bridge.arm.urdf import lwr_urdf
+from sim_bridge.arm.urdf_loading import fixtures_of
+
+READY = find_robot("lwr").ready
+GOAL = READY + [0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+WAY_S = 1.0
+PLACE = hand_position(READY + 0.7 * (GOAL - READY))
+CRATE = Box("crate", tuple(PLACE), (0.1, 0.04, 0.4))
+TABLE = """
+  <link name="table"><collision><origin xyz="{}"/><geometry><box size="0.1 0.04 0.4"/></geometry>
+  </collision></link>
+  <joint name="table_joint" type="fixed"><parent link="lwr_base_link"/><child link="table"/></joint>
+</robot>"""
+
+
+def swing(arm, steps=1500):
+    """Turn the first joint, with the hand through PLACE."""
+
+    def follow(arm):
+        share = min(arm.time_s / WAY_S, 1.0)
+        arm.set_reference(READY + share * (GOAL - READY))
+
+    arm.before_step.append(follow)
+    arm.step(steps)
+    return arm.hand_pose().position
+
+
+def side_of_crate(hand):
+    """Negative before the crate, in the direction of the swing."""
+    return hand[1] - PLACE[1]
+
+
+def test_a_crate_stops_the_arm_and_the_touch_counts():
+    with SimulatedArm(READY) as arm:
+        surroundings = Surroundings(arm, [CRATE])
+        assert side_of_crate(swing(arm)) < 0.0
+        assert surroundings.touches == 1  # it leans on it
+        assert surroundings.last[0] in ("lwr_a6_link", "lwr_a7_link")
+        assert surroundings.last[1] == "crate" and surroundings.touching() == surroundings.last
+
+
+def test_beside_a_crate_nothing_is_touched():
+    with SimulatedArm(READY) as arm:
+        surroundings = Surroundings(arm, [CRATE._replace(center=(0.0, -0.8, 0.5))])
+        assert side_of_crate(swing(arm)) > 0.02
+        assert surroundings.touches == 0 and surroundings.touching() is None
+
+
+def test_what_the_urdf_fixes_to_its_root_stops_the_arm_too(tmp_path):
+    place = " ".join(map(str, PLACE))
+    (tmp_path / "cell.urdf").write_text(lwr_urdf().replace("</robot>", TABLE.format(place)))
+    robot = find_robot(str(tmp_path / "cell.urdf"), tip="lwr_hand")
+    with SimulatedArm(READY, robot=robot) as arm:
+        surroundings = Surroundings(arm, [])
+        assert side_of_crate(swing(arm)) < 0.0
+        assert surroundings.touches >= 1 and surroundings.last[1] == "table"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_arm_alone_has_no_fixtures(name):
+    assert fixtures_of(find_robot(name).urdf) == frozenset()
