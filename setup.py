@@ -71,6 +71,7 @@ setup(
     ],
     # ROS itself comes from the distribution or, without one, from the extra `ros`.
     install_requires=[
+        "cma>=3.2",
         "embreex; platform_machine == 'x86_64'",
         "matplotlib",
         "lazy-loader>=0.4",

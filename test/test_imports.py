@@ -26,7 +26,7 @@ STOREYS = (  # of the library, from the ground up; rooms of one storey may not f
     {"gaussian", "signals", "kinematics", "bags"},
     {"promp", "alignment", "tracking", "warping", "motion"},
     {"filtering", "objects", "demonstrations"},
-    {"learning", "recognition", "tables"},
+    {"learning", "recognition", "tables", "improvement"},
     {"activation", "model"},
     {"evaluation"},
     {"report"},
@@ -41,7 +41,7 @@ MAY_USE_ROS = {"nodes", "dashboard", "cli"}
 MAY_PLOT = {"report", "experiments"}
 ROS = ("rclpy", "rosgraph_msgs", "builtin_interfaces", "rcl_interfaces", "launch", "launch_ros")
 PHYSICS = ("pybullet", "pybullet_utils", "pybullet_data")
-HEAVY = ("rclpy", "pybullet", "matplotlib", "viser", "pinocchio", "coal", "pyarrow", "c3d")
+HEAVY = ("rclpy", "pybullet", "matplotlib", "viser", "pinocchio", "coal", "pyarrow", "c3d", "cma")
 
 
 class Import(NamedTuple):

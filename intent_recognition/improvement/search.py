@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Episodic search for a cheaper point, as functions of what was tried so far.
+
+CMA-ES (Hansen & Ostermeier 2001; the package `cma`) begins with the primitive's own distribution.
+Nothing is remembered between calls: each runs the search again over all points tried and their
+costs, which takes milliseconds. So it can be stopped and gone on with at any time, to the same
+result to the bit.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.improvement.space import SearchSpace
+
+HALVINGS = 8
+"""How often a point is halved toward the mean until the limits let it through. Convention."""
+
+Points = NDArray[np.float64]
+Costs = NDArray[np.float64]
+Limits = Callable[[NDArray[np.float64]], bool]
+"""Whether weights (d,) keep the limits."""
+
+
+class Search(Protocol):
+    """A way to look for a cheaper point."""
+
+    def ask(self, points: Points, costs: Costs) -> NDArray[np.float64]:
+        """The next point to try (k,), given those tried (n, k) and their costs (n,)."""
+        ...
+
+    def favourite(self, points: Points, costs: Costs) -> NDArray[np.float64]:
+        """The point (k,) to settle for after those tried (n, k) and their costs (n,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class CovarianceSearch:
+    """CMA-ES in whitened coordinates; the first point tried is the primitive's mean.
+
+    Attributes:
+        n_axes: number of coordinates k.
+        seed: of the points it draws.
+        step: standard deviation of the first points; 1 is the primitive's own.
+        adapt: whether the covariance is learned; else only the mean and the step are.
+    """
+
+    n_axes: int
+    seed: int
+    step: float = 1.0
+    adapt: bool = True
+
+    def ask(self, points: Points, costs: Costs) -> NDArray[np.float64]:
+        """The next point to try (k,), given those tried (n, k) and their costs (n,).
+
+        Raises:
+            ShapeError: the arrays do not fit.
+        """
+        if not len(costs):
+            return np.zeros(self.n_axes)
+        _, generation, left = self._replayed(points, costs)
+        return np.asarray(generation[left], dtype=np.float64)
+
+    def favourite(self, points: Points, costs: Costs) -> NDArray[np.float64]:
+        """The mean of the search's distribution after its last whole generation, (k,).
+
+        A mean of many tries is surer than the one luckiest of noisy costs.
+
+        Raises:
+            ShapeError: the arrays do not fit.
+        """
+        if not len(costs):
+            return np.zeros(self.n_axes)
+        strategy, _, _ = self._replayed(points, costs)
+        return np.array(strategy.mean, dtype=np.float64)
+
+    def _replayed(self, points: Points, costs: Costs) -> tuple[Any, list, int]:
+        """The strategy, its present generation, and how many of that have been tried."""
+        check_tried(points, costs, self.n_axes)
+        ranked = finite(costs)
+        strategy = self._strategy()
+        done, size = 1, strategy.popsize
+        generation = strategy.ask()
+        while done + size <= len(costs):
+            strategy.tell(list(points[done : done + size]), ranked[done : done + size].tolist())
+            generation = strategy.ask()
+            done += size
+        return strategy, generation, len(costs) - done
+
+    def _strategy(self) -> Any:
+        import cma
+
+        rng = np.random.default_rng(self.seed)
+        options = {
+            "randn": lambda *shape: rng.standard_normal(shape),
+            "seed": np.nan,  # no global random numbers
+            "CMA_on": float(self.adapt),
+            "verbose": -9,
+        }
+        return cma.CMAEvolutionStrategy(np.zeros(self.n_axes), self.step, options)
+
+
+def next_point(
+    search: Search, space: SearchSpace, points: Points, costs: Costs, limits: Limits
+) -> NDArray[np.float64]:
+    """The next point to try (k,), inside the bound and the limits.
+
+    Args:
+        search: how to look.
+        space: where to look.
+        points: tried so far (n, k).
+        costs: of these (n,); infinite for what could not be done.
+        limits: what else has to hold, such as joint limits.
+
+    Raises:
+        ArgumentError: the primitive's mean breaks the limits.
+    """
+    point = space.within(search.ask(points, costs))
+    for _ in range(HALVINGS):
+        if limits(space.weights(point)):
+            return point
+        point = 0.5 * point
+    if not limits(space.mean):
+        cure = "Teach the task inside the limits first."
+        raise ArgumentError(describe("primitive", "a mean inside the limits", "none", cure))
+    return np.zeros(space.n_axes)
+
+
+def settled_point(
+    search: Search, space: SearchSpace, points: Points, costs: Costs, limits: Limits
+) -> NDArray[np.float64]:
+    """The point to settle for (k,), inside the bound and the limits; arguments as `next_point`."""
+    point = space.within(search.favourite(points, costs))
+    for _ in range(HALVINGS):
+        if limits(space.weights(point)):
+            return point
+        point = 0.5 * point
+    return np.zeros(space.n_axes)
+
+
+def finite(costs: Costs) -> NDArray[np.float64]:
+    """Costs (n,) with what could not be done a little dearer than all that could."""
+    known = costs[np.isfinite(costs)]
+    worst = known.max() + max(np.ptp(known), 1.0) if len(known) else 1.0
+    return np.where(np.isfinite(costs), costs, worst)
+
+
+def check_tried(points: Points, costs: Costs, n_axes: int) -> None:
+    """Check that there is a point (k,) for each cost.
+
+    Raises:
+        ShapeError: there is not.
+    """
+    if np.shape(points) != (len(costs), n_axes):
+        expected = f"shapes ({len(costs)}, {n_axes}) and ({len(costs)},)"
+        cure = "Give one point for each cost."
+        got = (np.shape(points), np.shape(costs))
+        raise ShapeError(describe("points, costs", expected, got, cure))
