@@ -38,6 +38,8 @@ STIFFNESS_PER_RAD = 1.2
 """Stiffness by torque limit [1/rad]: that of the LWR's large joints."""
 DAMPING_RATIO = 0.8
 """Of a joint alone in the ready posture. Convention."""
+BLOCK_WIDTH_M = 0.2
+"""Of the block that is drawn below a raised base [m]. Convention: wider than a small arm's foot."""
 READY_POSITION: tuple[float, ...] = (0.0, -0.45, 0.0, 1.55, 0.0, -1.1415926535897931, 0.0)
 """The LWR's joint angles [rad] with the elbow up and the hand in front of the base, fingers down:
 all limits are far away. Convention."""
@@ -273,7 +275,7 @@ def _add_rotor(link: ET.Element, axis: NDArray[np.float64], rotor: float) -> Non
 
 
 def with_world(text: str, base_position_m: tuple[float, float, float]) -> str:
-    """A URDF for viewers: the root is `world`, meshes are URIs."""
+    """A URDF for viewers: the root is `world`, meshes are URIs; a raised base stands on a block."""
     root = _parse(text)
     links, joints = root.findall("link"), root.findall("joint")
     children = {_end(joint, "child") for joint in joints}
@@ -292,7 +294,20 @@ def with_world(text: str, base_position_m: tuple[float, float, float]) -> str:
             origin.set("xyz", " ".join(map(repr, moved.tolist())))
     for mesh in root.iter("mesh"):
         mesh.set("filename", Path(mesh.get("filename", "")).as_uri())
+    if base_position_m[2] > 0.0:
+        world = next(link for link in root.findall("link") if link.get("name") == WORLD_LINK)
+        world.append(_block(*base_position_m))
     return ET.tostring(root, encoding="unicode")
+
+
+def _block(x: float, y: float, height: float) -> ET.Element:
+    """What is drawn from the ground to a base."""
+    visual = ET.Element("visual")
+    ET.SubElement(visual, "origin", xyz=f"{x} {y} {0.5 * height}")
+    size = f"{BLOCK_WIDTH_M} {BLOCK_WIDTH_M} {height}"
+    ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=size)
+    ET.SubElement(ET.SubElement(visual, "material", name="block"), "color", rgba="0.4 0.44 0.48 1")
+    return visual
 
 
 def _end(joint: ET.Element, end: str) -> str:
