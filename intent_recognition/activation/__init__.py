@@ -4,13 +4,14 @@
 from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.activation.settings import ActivationSettings, Command
 from intent_recognition.activation.state_machine import Activation
-from intent_recognition.activation.states import Mode, PredictedInteraction
+from intent_recognition.activation.states import Mode, Outcome, PredictedInteraction
 
 __all__ = [
     "Activation",
     "ActivationSettings",
     "Command",
     "Mode",
+    "Outcome",
     "PredictedInteraction",
     "PretriggerSettings",
 ]

@@ -24,7 +24,7 @@ _REST_WINDOW_NS = 100_000_000
 Convention: ten joint states at 100 Hz."""
 
 
-class _Measured(NamedTuple):
+class Measured(NamedTuple):
     """A joint state: when it was measured and when it came; no velocity where none was sent."""
 
     stamp_ns: int
@@ -65,7 +65,7 @@ class ArmTracking:
 
     def forget_joints(self) -> None:
         """Nothing has been measured yet."""
-        self._measured: _Measured | None = None
+        self._measured: Measured | None = None
         self._recent_positions: deque[tuple[int, NDArray[np.float64]]] = deque()
 
     def take_joint_state(
@@ -90,17 +90,17 @@ class ArmTracking:
             seconds = abs(stamp_ns - now_ns) * 1e-9
             self._reject(reason, f"joint_states stamped {seconds:.1f} s {where} the clock")
         else:
-            self._measured = measured = _Measured(stamp_ns, now_ns, position, velocity)
+            self._measured = measured = Measured(stamp_ns, now_ns, position, velocity)
             self._remember(measured)
 
-    def _remember(self, measured: _Measured) -> None:
+    def _remember(self, measured: Measured) -> None:
         """Keep the positions of the last while, the first of them older than the window."""
         recent = self._recent_positions
         recent.append((measured.time_ns, measured.position))
         while len(recent) > 2 and recent[1][0] <= measured.time_ns - _REST_WINDOW_NS:
             recent.popleft()
 
-    def _at_rest(self, measured: _Measured) -> bool:
+    def at_rest(self, measured: Measured) -> bool:
         """Whether the arm stands still: by its velocity, else by its positions of a while.
 
         Positions are too few, or too old to be of one movement: not known, so not at rest.
@@ -140,6 +140,12 @@ class ArmTracking:
             raise RuntimeError("no command is in force")
         return self.current
 
+    def compared(self) -> tuple[Measured, JointReference] | None:
+        """The newest joint state, and what was asked for then; None without either."""
+        measured = self._measured
+        reference = None if measured is None else self._reference(measured.time_ns)
+        return None if measured is None or reference is None else (measured, reference)
+
     def fresh(self, now_ns: int) -> bool:
         """Whether the measured arm is recent; reported once for each joint state that is not."""
         return self._recent(now_ns) is not None
@@ -173,13 +179,13 @@ class ArmTracking:
         if self.under_way(now_ns):
             self._report_once("arm_off_reference", self.last_command_ns, "arm is off its path")
             return None
-        if not self._at_rest(measured):
+        if not self.at_rest(measured):
             self._report_once("arm_moving", measured.stamp_ns, "arm is moved by others")
             return None
         self._previous = self.current = None
         return JointReference.at_rest(measured.position)
 
-    def _recent(self, now_ns: int) -> _Measured | None:
+    def _recent(self, now_ns: int) -> Measured | None:
         """The measured arm, None where it is stale."""
         measured = self._measured
         age_ns = self.settings.max_joint_state_age_s * 1e9
@@ -195,7 +201,7 @@ class ArmTracking:
         command = self.current if late else self._previous
         return None if command is None else command.at(time_ns)
 
-    def _error(self, measured: _Measured) -> float:
+    def _error(self, measured: Measured) -> float:
         """Largest difference between the measured arm and its reference then [rad]."""
         reference = self._reference(measured.time_ns)
         if reference is None:

@@ -19,6 +19,7 @@ from intent_recognition.motion import (
     NominalTiming,
     Obstruction,
     PredictedPerson,
+    Via,
     brake_plan,
     home_plan,
     make_path,
@@ -32,6 +33,7 @@ _N_SLOWED = 3
 _SLIGHTLY = 1.05
 """Ratio by which a speed may exceed the one permitted: a grid and blending do. Convention."""
 _GOING_BACK = ("home", "retreat")
+_OFF_THE_PATH = (*_GOING_BACK, "yield")
 """Kinds of plans."""
 
 _Planner = Callable[[NDArray[np.float64] | None], JointPlan | None]
@@ -75,6 +77,7 @@ class Motions:
 
     Attributes:
         person: where the person is predicted to be; None where that is not known.
+        corrected: what is followed, if it was corrected by hand.
     """
 
     def __init__(
@@ -90,6 +93,7 @@ class Motions:
         self._way: _Way | None = None
         self._paced_by: PredictedPerson | None = None
         self.person: PredictedPerson | None = None
+        self.corrected: PredictedInteraction | None = None
 
     def interact(
         self,
@@ -98,6 +102,7 @@ class Motions:
         start_ns: int,
         start: JointReference,
         progress: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        vias: tuple[Via, ...] = (),
     ) -> Command | None:
         """Follow a prediction from a reference on; None where no plan keeps the limits.
 
@@ -107,7 +112,13 @@ class Motions:
             start_ns: when the command takes over.
             start: the reference then.
             progress: phase, phase rate [1/s] and its derivative [1/s^2] then.
+            vias: corrections, which the prediction is conditioned on.
         """
+        if vias and self.settings.correction is not None:
+            path = self.settings.correction.corrected(
+                prediction.path, prediction.label, vias, self.settings.limits
+            )
+            prediction = prediction._replace(path=path)
         followed = self._clear_of_things(prediction, progress[0])
         if followed is None:
             return None
@@ -118,6 +129,7 @@ class Motions:
         if self._touches(plan, prediction.label):
             return None
         self._followed = followed
+        self.corrected = prediction if vias else None
         self._counts["planned"] += 1
         self._counts["slowed"] += plan.slowed
         self._counts["clamped"] += bool(plan.clamped)
@@ -337,6 +349,17 @@ class Motions:
             return None
         return self._arm.send(now_ns, Command(start_ns, brake))
 
+    def yield_to(self, now_ns: int, target: NDArray[np.float64], phase: float) -> Command | None:
+        """Take the reference to where a person leads the arm; None if no plan keeps the limits."""
+        start_ns = self._arm.switch_ns(now_ns)
+        start, settings = self._arm.in_force().at(start_ns), self.settings
+        plan = home_plan(start, target, settings.limits, settings.plan)
+        if plan is None:
+            return None
+        done, still = np.full_like(plan.phase, phase), np.zeros_like(plan.phase)
+        plan = replace(plan, kind="yield", phase=done, phase_rate=still)
+        return self._arm.send(now_ns, Command(start_ns, plan))
+
     def go_ahead(
         self, now_ns: int, start_ns: int, start: JointReference, target: NDArray[np.float64]
     ) -> Command | None:
@@ -355,7 +378,7 @@ class Motions:
         phase, rate, acceleration = current.phase_at(start_ns)
         limits, settings = self.settings.limits, self.settings.plan
         followed = self._followed
-        if executed is None or followed is None or current.plan.kind in _GOING_BACK:
+        if executed is None or followed is None or current.plan.kind in _OFF_THE_PATH:
             return brake_plan(start, phase, limits, settings)
         return stop_plan(
             followed.path, start, phase, rate, limits, settings, phase_acceleration=acceleration

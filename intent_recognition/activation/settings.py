@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from intent_recognition.activation.pretrigger import PretriggerSettings
 from intent_recognition.kinematics import JointLimits
-from intent_recognition.motion import Clearance, JointPlan, JointReference, PlanSettings, Separation
+from intent_recognition.motion import (
+    Clearance,
+    Correction,
+    JointPlan,
+    JointReference,
+    PlanSettings,
+    Separation,
+)
 from intent_recognition.recognition import DecisionSettings
 
 
@@ -41,6 +48,8 @@ class ActivationSettings:
         max_lateness_s: a prediction whose end is longer ago than this is outdated [s]. Convention.
         clearance: keeps plans clear of things; None: joint limits alone count.
         separation: slows what is no brake near the predicted person; None: nothing does.
+        correction: yields to a person who moves the arm, and goes on by it; None: a push is an
+            error of tracking and nothing more.
     """
 
     limits: JointLimits
@@ -59,6 +68,7 @@ class ActivationSettings:
     max_lateness_s: float = 3.0
     clearance: Clearance | None = None
     separation: Separation | None = None
+    correction: Correction | None = None
 
 
 class Command(NamedTuple):

@@ -7,6 +7,8 @@ A state machine without ROS: times are integer nanoseconds of one clock, handed 
     Executing -> Arrived -> Homing: held at the end for a while
     Executing -> Stopped: stream silent, task withdrawn, arm pushed away
     Stopped -> Executing (resumed) or Homing
+    Executing, Arrived -> Yielding: somebody moves the arm
+    Yielding -> Executing: it was left, and goes on from there
     Idle, Homing, Arrived -> Pretriggered: gone ahead to the start of the expected task
     Pretriggered -> Executing, Stopped or Homing
 
@@ -15,15 +17,15 @@ now, so that position and velocity are continuous where it does. The plan in for
 rest within the limits: when nothing better can be planned, it stays in force.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.activation.arm_tracking import ArmTracking
+from intent_recognition.activation.correcting import Correcting
 from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.motions import Motions
 from intent_recognition.activation.pretrigger import Pretrigger
@@ -35,11 +37,15 @@ from intent_recognition.activation.states import (
     Homing,
     Idle,
     Mode,
+    Outcome,
     PredictedInteraction,
     Pretriggered,
     State,
     Stopped,
+    Transition,
+    Yielding,
     interaction_of,
+    outcome_of,
 )
 from intent_recognition.motion import PredictedPerson
 from intent_recognition.recognition import DecisionState
@@ -54,11 +60,9 @@ _SAME_POSTURE_RAD = 1e-3
 hand."""
 
 
-class Transition(NamedTuple):
-    """The state to go on in, and the command to send on the way there."""
-
-    state: State
-    command: Command | None = None
+_N_OUTCOMES = 100
+_UNDER_WAY = (Executing, Arrived, Stopped, Yielding)
+"""States of an interaction that is not over for the arm."""
 
 
 class Activation:
@@ -72,6 +76,7 @@ class Activation:
         state: see `states`.
         counts: how often plans were made, slowed, clamped, stopped and so on.
         pretrigger: which task the arm has gone ahead for.
+        outcomes: of interactions that ended, the last `_N_OUTCOMES` of them.
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
@@ -82,8 +87,10 @@ class Activation:
         self._inbox = EstimatorInbox(settings, reject)
         self._arm = ArmTracking(settings, reject)
         self._motions = Motions(settings, self._arm, reject, self.counts)
+        self._correcting = Correcting(settings, self._arm, self._motions, self.counts)
         self._home = _posture(settings.home)
         self._now_ns = 0
+        self.outcomes: deque[Outcome] = deque(maxlen=_N_OUTCOMES)
         self.state: State = Idle()
 
     def _start_over(self) -> None:
@@ -95,7 +102,7 @@ class Activation:
     def change(self, settings: ActivationSettings) -> None:
         """Act by other settings from now on, for the same joints; what is under way goes on."""
         self._settings = settings
-        for part in (self._inbox, self._arm, self._motions):
+        for part in (self._inbox, self._arm, self._motions, self._correcting):
             part.settings = settings
         self.pretrigger.settings, self.pretrigger.decision = settings.pretrigger, settings.decision
         if settings.home is not None:
@@ -116,6 +123,11 @@ class Activation:
         """Task being executed, until the arm is home again; empty when there is none."""
         interaction = interaction_of(self.state)
         return "" if interaction is None else interaction.prediction.label
+
+    @property
+    def corrected(self) -> PredictedInteraction | None:
+        """What the arm follows, if a person has corrected it by hand."""
+        return self._motions.corrected
 
     @property
     def stop_reason(self) -> str:
@@ -148,7 +160,7 @@ class Activation:
         decision = self.decision
         if decision.event:
             self.counts[decision.event] += 1
-        if decision.event == "over" and isinstance(self.state, (Executing, Arrived, Stopped)):
+        if decision.event == "over" and isinstance(self.state, _UNDER_WAY):
             self.state = _finished(self.state)
         self.pretrigger.observe(decision, labels, probabilities)
 
@@ -179,6 +191,7 @@ class Activation:
         """
         arrival_ns = stamp_ns if now_ns is None else now_ns
         self._arm.take_joint_state(arrival_ns, stamp_ns, position, velocity)
+        self._correcting.observe()
 
     def reset(self, now_ns: int) -> Command | None:
         """Forget the interaction; an arm under way goes home."""
@@ -187,7 +200,7 @@ class Activation:
         state = self.state
         if isinstance(state, Pretriggered):
             return self._enter(self._withdraw(now_ns))
-        if isinstance(state, (Executing, Arrived, Stopped)):
+        if isinstance(state, _UNDER_WAY):
             self._inbox.mark_served(state.interaction)
             return self._enter(self._go_home(now_ns, state.interaction))
         return None
@@ -219,6 +232,9 @@ class Activation:
         return self._enter(self._next(self.state, now_ns))
 
     def _enter(self, transition: Transition) -> Command | None:
+        outcome = outcome_of(self.state, transition.state)
+        if outcome is not None:
+            self.outcomes.append(outcome)
         self.state = transition.state
         return transition.command
 
@@ -236,9 +252,13 @@ class Activation:
                 return self._from_homing(state, now_ns)
             case Pretriggered():
                 return self._from_pretriggered(state, now_ns)
+            case Yielding():
+                return self._from_yielding(state, now_ns)
 
     def _from_executing(self, state: Executing, now_ns: int) -> Transition:
         interaction = state.interaction
+        if self._correcting.pushed(now_ns):
+            return self._from_yielding(self._correcting.begin(now_ns, interaction), now_ns)
         if self._arm.phase(now_ns) >= _ARRIVED_PHASE:
             if not interaction.over:
                 self._inbox.mark_served(interaction)
@@ -253,9 +273,12 @@ class Activation:
         return self._follow(state, now_ns)
 
     def _from_arrived(self, state: Arrived, now_ns: int) -> Transition:
+        if self._correcting.pushed(now_ns):
+            return self._from_yielding(self._correcting.begin(now_ns, state.interaction), now_ns)
         if state.interaction.over and self.decision.active:
             return self._activate(now_ns) or Transition(state)
-        if now_ns - state.since_ns >= self._settings.hold_s * 1e9:
+        held = now_ns - state.since_ns >= self._settings.hold_s * 1e9
+        if held and not self._correcting.deviates:
             return self._go_ahead(now_ns) or self._go_home(now_ns, state.interaction)
         return self._follow(state, now_ns)
 
@@ -307,6 +330,10 @@ class Activation:
         self.counts[f"pretrigger withdrawn: {reason}"] += 1
         return self._withdraw(now_ns)
 
+    def _from_yielding(self, state: Yielding, now_ns: int) -> Transition:
+        found = self._correcting.step(now_ns, state, self._inbox.prediction)
+        return self._stop(now_ns, found, state.interaction) if isinstance(found, str) else found
+
     # Motions
 
     def _activate(self, now_ns: int) -> Transition | None:
@@ -346,10 +373,13 @@ class Activation:
         start_ns = arm.switch_ns(now_ns)
         start, progress = current.at(start_ns), current.phase_at(start_ns)
         inbox.unused = False
-        command = self._motions.interact(now_ns, prediction, start_ns, start, progress)
+        vias = state.interaction.vias
+        command = self._motions.interact(now_ns, prediction, start_ns, start, progress, vias)
         if command is None:
             return Transition(state)
-        return Transition(replace(state, interaction=ActiveInteraction(prediction)), command)
+        return Transition(
+            replace(state, interaction=ActiveInteraction(prediction, vias=vias)), command
+        )
 
     def _stop(self, now_ns: int, reason: str, interaction: ActiveInteraction | None) -> Transition:
         self.counts[f"stopped: {reason}"] += 1
@@ -421,7 +451,7 @@ def _prediction(interaction: ActiveInteraction | None) -> PredictedInteraction |
     return None if interaction is None else interaction.prediction
 
 
-def _finished(state: Executing | Arrived | Stopped) -> State:
+def _finished(state: Executing | Arrived | Stopped | Yielding) -> State:
     """The same after the human has finished."""
     if state.interaction is None:
         return state

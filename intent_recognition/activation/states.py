@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
-from intent_recognition.motion import JointPath
+from intent_recognition.activation.settings import Command
+from intent_recognition.motion import JointPath, Via
 
 
 class Mode(Enum):
@@ -17,6 +18,7 @@ class Mode(Enum):
     STOPPED = "stopped"
     HOMING = "homing"
     PRETRIGGERED = "pretriggered"
+    YIELDING = "yielding"
 
 
 class PredictedInteraction(NamedTuple):
@@ -48,10 +50,12 @@ class ActiveInteraction:
     Attributes:
         prediction: the newest one that was planned with.
         over: whether the human has finished.
+        vias: where the arm was left when somebody moved it.
     """
 
     prediction: PredictedInteraction
     over: bool = False
+    vias: tuple[Via, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +107,55 @@ class Pretriggered:
     mode = Mode.PRETRIGGERED
 
 
-State = Idle | Executing | Arrived | Stopped | Homing | Pretriggered
+@dataclass(frozen=True, eq=False)
+class Yielding:
+    """Led by a person since `since_ns`; `phase` is how much of the interaction was done then."""
+
+    interaction: ActiveInteraction
+    since_ns: int
+    phase: float
+    mode = Mode.YIELDING
+
+
+State = Idle | Executing | Arrived | Stopped | Homing | Pretriggered | Yielding
+
+
+class Transition(NamedTuple):
+    """The state to go on in, and the command to send on the way there."""
+
+    state: State
+    command: Command | None = None
+
+
+class Outcome(NamedTuple):
+    """What became of an interaction.
+
+    Attributes:
+        label: its task.
+        what: "arrived", "broken off" or "stopped: REASON".
+        n_corrections: places to which a person took the arm.
+    """
+
+    label: str
+    what: str
+    n_corrections: int
+
+
+def outcome_of(before: State, after: State) -> Outcome | None:
+    """The outcome of the interaction that ends between two states; None where none does."""
+    if not isinstance(before, (Executing, Arrived, Stopped, Yielding)):
+        return None
+    interaction = before.interaction
+    goes_on = isinstance(after, (Executing, Arrived, Stopped, Yielding))
+    follows = interaction_of(after) if goes_on else None
+    if interaction is None or (
+        follows is not None and follows.prediction.label == interaction.prediction.label
+    ):
+        return None
+    what = "arrived" if isinstance(before, Arrived) else "broken off"
+    if isinstance(before, Stopped):
+        what = f"stopped: {before.reason}"
+    return Outcome(interaction.prediction.label, what, len(interaction.vias))
 
 
 def interaction_of(state: State) -> ActiveInteraction | None:

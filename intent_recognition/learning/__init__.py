@@ -18,6 +18,7 @@ from intent_recognition.learning.components import (
     score,
     smallest_within_one_error,
 )
+from intent_recognition.learning.correcting import GAIN, keep_correction
 from intent_recognition.learning.examples import (
     TrainingExample,
     cut_one,
@@ -68,6 +69,7 @@ from intent_recognition.learning.unlabelled import (
 __all__ = [
     "BASIS",
     "BATCH",
+    "GAIN",
     "MAX_COMPONENTS",
     "MIN_MEMBERS",
     "NAMES_KEPT",
@@ -100,6 +102,7 @@ __all__ = [
     "cut_to_movement",
     "fit_interaction_promp",
     "is_outdated",
+    "keep_correction",
     "label_by_components",
     "learn",
     "learn_accumulated",

@@ -4,6 +4,18 @@
 from intent_recognition.motion.bending import Spread, least_change
 from intent_recognition.motion.blending import Offset
 from intent_recognition.motion.clearance import LARGEST_BEND, Clearance, Obstruction
+from intent_recognition.motion.correction import (
+    Correction,
+    Via,
+    corrected_by,
+    phase_of,
+    with_via,
+)
+from intent_recognition.motion.deviation import (
+    DeviationDetector,
+    TrackedMotion,
+    calibrate_detector,
+)
 from intent_recognition.motion.feedback_controller import (
     FeedbackPolicy,
     FeedbackSettings,
@@ -38,6 +50,8 @@ __all__ = [
     "LARGEST_BEND",
     "TURNED_FIELDS",
     "Clearance",
+    "Correction",
+    "DeviationDetector",
     "FeedbackPolicy",
     "FeedbackSettings",
     "JointPath",
@@ -51,7 +65,11 @@ __all__ = [
     "Separation",
     "SeparationSettings",
     "Spread",
+    "TrackedMotion",
+    "Via",
     "brake_plan",
+    "calibrate_detector",
+    "corrected_by",
     "feedback_policy",
     "hand_targets",
     "home_plan",
@@ -61,10 +79,12 @@ __all__ = [
     "least_change",
     "make_path",
     "permitted_speed",
+    "phase_of",
     "phase_times_ns",
     "plan_interaction",
     "propagate",
     "resting_gains",
     "scaled_limits",
     "stop_plan",
+    "with_via",
 ]

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
+from intent_recognition.gaussian import Gaussian, regression
 from intent_recognition.kinematics import Arm, Bodies, Contact
 from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, via_point
 from intent_recognition.signals import right_jacobian, to_tangent
@@ -41,11 +42,12 @@ be needed."""
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """How a task's motion may vary between its two ends.
+    """How a task's motion may vary.
 
     Attributes:
         basis: the N basis functions of each controlled DOF.
-        covariance: of the controlled weights, both end positions fixed, (Q N, Q N).
+        covariance: of the controlled weights, (Q N, Q N); the position at the start is fixed, and
+            that at the end where the motion may only be bent.
         arm: whose hand the controlled DOFs are; None where they are the joints.
         reference: quaternion xyzw from which the hand's rotation vectors start; empty where its
             orientation is free.
@@ -69,13 +71,34 @@ class Spread:
         arm: Arm | None = None,
         reference: tuple[float, ...] = (),
     ) -> "Spread":
-        """Of an interaction primitive: whatever the person does, between the ends."""
+        """Of an interaction primitive: whatever the person does, both ends fixed."""
         n_observed, n_basis = primitive.n_observed, primitive.basis.n_basis
         still = np.zeros(primitive.n_dofs - n_observed)
         for time_s in (0.0, primitive.duration_s):
             primitive = via_point(primitive, time_s, still, keep_observed=False)
         own = slice(n_observed * n_basis, None)
         return cls(primitive.basis, primitive.weights.covariance[own, own], arm, reference)
+
+    @classmethod
+    def given_person(
+        cls,
+        primitive: InteractionProMP,
+        arm: Arm | None = None,
+        reference: tuple[float, ...] = (),
+    ) -> "Spread":
+        """Of an interaction primitive for what the person does; only the start is fixed."""
+        n_own = primitive.n_observed * primitive.basis.n_basis
+        rule = regression(primitive.weights, n_own)
+        controlled = InteractionProMP(
+            primitive.basis,
+            Gaussian(rule.offset, rule.covariance),
+            0,
+            primitive.noise_variance[primitive.n_observed :],
+            primitive.duration_s,
+        )
+        still = np.zeros(controlled.n_dofs)
+        weights = via_point(controlled, 0.0, still).weights
+        return cls(primitive.basis, weights.covariance, arm, reference)
 
     def design(
         self, phase: NDArray[np.float64], positions: NDArray[np.float64]

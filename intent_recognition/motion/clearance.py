@@ -2,16 +2,14 @@
 """Plans that keep clear of boxes and of the arm itself: bent within the spread, or refused."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from intent_recognition.kinematics import Bodies, Contact, JointLimits
 from intent_recognition.motion.bending import Spread, bend
-from intent_recognition.motion.path import JointPath, make_path
+from intent_recognition.motion.path import JointPath
 from intent_recognition.motion.plan import JointPlan
 
 LARGEST_BEND = 3.0
@@ -19,8 +17,6 @@ LARGEST_BEND = 3.0
 N_SAMPLES = 61
 """Samples of a path that is looked at. Convention: some centimetres of a reach from one to the
 next; of a plan, nothing is left out."""
-_N_DENSE = 201
-"""Samples between which a bent path is a spline again. Convention."""
 
 
 class Obstruction(NamedTuple):
@@ -102,16 +98,7 @@ class Clearance:
             )
         if bent is None:
             return in_the_way
-        away = CubicSpline(phases, design @ bent)
-        dense = np.linspace(0.0, 1.0, _N_DENSE)
-        around = make_path(
-            dense * path.duration_s,
-            path.spline(dense) + away(dense),
-            limits,
-            (path.derivative(dense) + away(dense, 1)) / path.duration_s,
-        )
-        clamped = tuple(sorted({*path.clamped, *around.clamped}))
-        return replace(around, clamped=clamped), bent
+        return path.shifted(phases, design @ bent, limits), bent
 
     def _named(self, contact: Contact, where: str) -> Obstruction:
         return Obstruction(self.bodies.pairs[contact.pair], where)

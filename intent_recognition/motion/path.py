@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A predicted joint path over the phase of its interaction, smooth and inside the limits."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ SOFT_BAND_RAD = 0.06
 """Width of the band in which a joint is bent back inside [rad]. Convention: 3.4 degrees."""
 _LEAST_SAMPLES = 401
 """Samples between which a path that was bent is a spline again, at least. Convention."""
+_N_SHIFTED = 201
+"""Samples between which a path that was moved is a spline again. Convention."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,26 @@ class JointPath:
     def at(self, phase: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Positions and derivatives with respect to phase, each (..., n)."""
         return self.spline(phase), self.derivative(phase)
+
+    def shifted(
+        self, phases: NDArray[np.float64], away: NDArray[np.float64], limits: JointLimits
+    ) -> "JointPath":
+        """The path moved away smoothly, bent inside the limits as any predicted path.
+
+        Args:
+            phases: from 0 to 1, increasing (T,).
+            away: by how much there, (T, n) [rad].
+            limits: only the position limits are used.
+        """
+        change = CubicSpline(phases, away)
+        dense = np.linspace(0.0, 1.0, _N_SHIFTED)
+        moved = make_path(
+            dense * self.duration_s,
+            self.spline(dense) + change(dense),
+            limits,
+            (self.derivative(dense) + change(dense, 1)) / self.duration_s,
+        )
+        return replace(moved, clamped=tuple(sorted({*self.clamped, *moved.clamped})))
 
     def reversed(self) -> "JointPath":
         """The same way back."""

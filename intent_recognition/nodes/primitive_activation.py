@@ -5,9 +5,11 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
@@ -40,6 +42,7 @@ from intent_recognition.nodes.conversions import (
     stamp_ns,
     trajectory_arrays,
 )
+from intent_recognition.nodes.correction_input import CorrectionInput
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
 from intent_recognition.nodes.lifecycle import ManagedNode
@@ -55,6 +58,8 @@ SILENT_S = 0.6
 between two looks, a sender that died is named within 1 s."""
 _LOOK_S = 0.1
 """Time between two looks for silent streams [s]. Convention."""
+_N_CORRECTED = 61
+"""Points of a corrected path. Convention."""
 STREAMS = {
     "intent/tasks": "estimator or tracker",
     "joint_states": "arm driver",
@@ -76,13 +81,17 @@ class PrimitiveActivation(ManagedNode):
         self._hand = HandInput(self, self.diagnostics)
         self._things = ClearanceInput(self)
         self._person = PersonInput(self, self._hand, self.diagnostics)
+        self._correction = CorrectionInput(self)
         self.activation: Activation | None = None
         self.joint_names: tuple[str, ...] = ()
         self._builder: TrajectoryBuilder | None = None
         self._published_task: str | None = None
+        self._corrected: PredictedInteraction | None = None
         self._ahead = ""
         self._commands = self.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
         self._task = self.create_publisher(String, "intent/active_task", qos.LATCHED)
+        self._corrections = self.create_publisher(JointTrajectory, "intent/correction", qos.COMMAND)
+        self._feedback = self.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
         for kind, topic, handle, profile in (
             (JointState, "intent/tasks", self._on_tasks, qos.STATE),
             (JointTrajectory, "intent/robot_trajectory", self._on_prediction, qos.COMMAND),
@@ -286,6 +295,7 @@ class PrimitiveActivation(ManagedNode):
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self.activation is not None and self.active:
             self._publish(self.activation.reset(self._now_ns()))
+            self._publish_outcomes(self.activation)
             self._publish_task()
         response.success = self.active
         response.message = "interaction forgotten" if self.active else "the node is not active"
@@ -325,6 +335,7 @@ class PrimitiveActivation(ManagedNode):
         activation.take_person(self._person.person)
         command = activation.step(self._now_ns())
         self._publish(command)
+        self._publish_outcomes(activation)
         self._publish_task()
         self._report(activation)
         return command is not None
@@ -338,6 +349,25 @@ class PrimitiveActivation(ManagedNode):
         )
         self._commands.publish(message)
         self.diagnostics.tick("joint_trajectory")
+
+    def _publish_outcomes(self, activation: Activation) -> None:
+        """Tell how a person has corrected the motion, and what became of an interaction."""
+        corrected = activation.corrected
+        if corrected is not None and corrected is not self._corrected and self._builder is not None:
+            path, phases = corrected.path, np.linspace(0.0, 1.0, _N_CORRECTED)
+            positions, slopes = path.at(phases)
+            times_s = phases * path.duration_s
+            message = self._builder.build(
+                corrected.onset_ns, times_s, positions, slopes / path.duration_s
+            )
+            message.header.frame_id = corrected.label
+            self._corrections.publish(message)
+        self._corrected = corrected
+        while activation.outcomes:
+            outcome = activation.outcomes.popleft()
+            values = {"outcome": outcome.what, "corrections": str(outcome.n_corrections)}
+            rows = [KeyValue(key=key, value=value) for key, value in values.items()]
+            self._feedback.publish(DiagnosticStatus(name=outcome.label, values=rows))
 
     def _publish_task(self) -> None:
         task = "" if self.activation is None else self.activation.active_task
@@ -408,8 +438,13 @@ class PrimitiveActivation(ManagedNode):
         Raises:
             IntentError: their limits are not known.
         """
-        settings = self._settings.settings(
-            names, self._starts, self._things.clearance, self._person.separation
+        arm = self._settings.described if self._settings.of_hand else None
+        self._correction.update(names, self._settings.library, arm)
+        settings = replace(
+            self._settings.settings(
+                names, self._starts, self._things.clearance, self._person.separation
+            ),
+            correction=self._correction.correction,
         )
         self._limits = settings.limits
         if self.activation is None or names != self.joint_names:

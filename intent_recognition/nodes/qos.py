@@ -40,6 +40,10 @@ LATCHED = _profile(QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.TRANSIENT_
 """Reliable, transient local: the last value reaches late subscribers (`robot_description`)."""
 
 
+FEEDBACK = _profile(QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.VOLATILE, 100)
+"""Reliable, keep last 100: what is told of an execution, every line of it (`intent/feedback`)."""
+
+
 def recorded_profile(info: TopicInfo) -> QoSProfile:
     """As the recorded publishers offered; without a record, as the contract has it."""
     topic = info.name.lstrip("/")

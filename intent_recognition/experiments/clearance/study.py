@@ -31,9 +31,11 @@ from intent_recognition.learning import learn
 from intent_recognition.motion import Clearance, Spread, make_path, scaled_limits
 from intent_recognition.promp import NONE, TaskLibrary
 from intent_recognition.recognition import IntentEstimator, decision_settings
+from intent_recognition.signals import Demonstration
 
 if TYPE_CHECKING:
     from sim_bridge.arm import Robot
+    from sim_bridge.coworker import WristSamples
 
 N_REACHES, N_BOXES = 40, 5
 """Reaches, and draws of boxes for each of them."""
@@ -65,11 +67,22 @@ class Frame(NamedTuple):
 
 
 class Watched(NamedTuple):
-    """A reach as estimator and tracker see it; `onset_s` counts from the first frame."""
+    """A reach as estimator and tracker see it.
+
+    Attributes:
+        task: of the reach.
+        onset_s: when it begins, after the first sample.
+        goal_m: where the wrist stops (3,), world.
+        labels: of the tasks and none.
+        samples: of the wrist, at rest before and after.
+        frames: what the activation gets.
+    """
 
     task: str
     onset_s: float
+    goal_m: NDArray[np.float64]
     labels: tuple[str, ...]
+    samples: "WristSamples"
     frames: tuple[Frame, ...]
 
 
@@ -137,7 +150,7 @@ def investigate(settings: Settings) -> ClearanceStudy:
     """Draw reaches and boxes, run each without and with the guard."""
     from sim_bridge.arm import find_robot
 
-    library, limits = learn_toolbox(settings), scaled_limits(LWR_LIMITS)
+    library, limits = learn(toolbox_recordings(settings)), scaled_limits(LWR_LIMITS)
     robot = find_robot("lwr")
     spreads = {label: Spread.of(library.primitive(k)) for k, label in enumerate(library.labels)}
     itself = Bodies(robot.description, robot.joint_names, clearance_m=1e-3)
@@ -158,11 +171,11 @@ def investigate(settings: Settings) -> ClearanceStudy:
     return ClearanceStudy(tuple(runs), self_contacts)
 
 
-def learn_toolbox(settings: Settings) -> TaskLibrary:
-    """The library of the shipped demonstrations."""
+def toolbox_recordings(settings: Settings) -> list[Demonstration]:
+    """The shipped demonstrations."""
     folders = sorted(settings.recordings("toolbox/train").glob("*_*"))
     recordings, _ = read_demonstrations(folders[::4] if settings.quick else folders, load_dofs())
-    return learn(recordings)
+    return recordings
 
 
 def watch_reach(
@@ -192,7 +205,7 @@ def watch_reach(
         evidence = estimate.log_evidence
         frames.append(Frame(estimate.stamp_ns, estimate.probabilities, evidence, prediction))
     labels = (*library.labels, NONE)
-    return Watched(task, REST_S, labels, tuple(frames))
+    return Watched(task, REST_S, reach.goal_m, labels, samples, tuple(frames))
 
 
 def _prediction(estimator: IntentEstimator, limits: JointLimits) -> PredictedInteraction | None:
@@ -226,7 +239,7 @@ def execute(
     )
     commands: list[Command] = []
     positions, interacting = [], 0
-    for frame in _ticks(watched):
+    for frame in ticks(watched):
         begun = (one for one in reversed(commands) if one.start_ns <= frame.now_ns)
         in_force = next(begun, None)
         q = HOME if in_force is None else in_force.at(frame.now_ns).position
@@ -253,12 +266,12 @@ def execute(
     )
 
 
-def _ticks(watched: Watched) -> Iterator[Frame]:
-    """Every 10 ms of the reach, and of the way home, on which the person rests."""
+def ticks(watched: Watched, home_s: float = HOME_S) -> Iterator[Frame]:
+    """Every 10 ms of the reach, and of some time to go home, in which the person rests."""
     frames = {frame.now_ns: frame for frame in watched.frames}
     first, last = watched.frames[0], watched.frames[-1]
     rests = np.eye(len(watched.labels))[-1]
-    for now_ns in range(first.now_ns, last.now_ns + round(HOME_S * 1e9), STEP_NS):
+    for now_ns in range(first.now_ns, last.now_ns + round(home_s * 1e9), STEP_NS):
         nothing = Frame(now_ns, rests if now_ns > last.now_ns else None, None, None)
         yield frames.get(now_ns, nothing)
 

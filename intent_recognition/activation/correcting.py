@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A person moves the arm while it executes: whether, where it yields to, how it goes on."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.activation.arm_tracking import ArmTracking
+from intent_recognition.activation.motions import Motions
+from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.states import (
+    ActiveInteraction,
+    Executing,
+    PredictedInteraction,
+    Transition,
+    Yielding,
+)
+from intent_recognition.motion import JointReference, Via, phase_of, with_via
+
+_SAME_POSTURE_RAD = 1e-3
+"""The reference follows an arm that was led farther than this in a joint [rad]. Convention: about
+1 mm at the hand."""
+
+
+class Correcting:
+    """Compares the measured arm with its reference; without `settings.correction`, nothing counts.
+
+    Args:
+        settings: of the activation.
+        arm: the commands sent, and the joints measured.
+        motions: plans.
+        counts: gets how often the arm yielded, and was corrected.
+
+    Attributes:
+        settings: of the activation.
+    """
+
+    def __init__(
+        self, settings: ActivationSettings, arm: ArmTracking, motions: Motions, counts: Counter[str]
+    ) -> None:
+        self.settings = settings
+        self._arm, self._motions, self._counts = arm, motions, counts
+        self._forget()
+
+    def _forget(self) -> None:
+        self._pushed_since_ns: int | None = None
+        self._rests_since_ns: int | None = None
+
+    def observe(self) -> None:
+        """Look at the newest joint state."""
+        compared, correction = self._arm.compared(), self.settings.correction
+        if compared is None or correction is None:
+            return
+        measured, reference = compared
+        position, time_ns, detector = measured.position, measured.time_ns, correction.detector
+        error_rad = np.abs(position - reference.position).max()
+        if error_rad > self.settings.max_tracking_error_rad:
+            self._pushed_since_ns = time_ns - round(detector.sustained_s * 1e9)
+        elif not detector.deviates(position, reference):
+            self._pushed_since_ns = None
+        elif self._pushed_since_ns is None:
+            self._pushed_since_ns = time_ns
+        if self._pushed_since_ns is not None or not self._arm.at_rest(measured):
+            self._rests_since_ns = None
+        elif self._rests_since_ns is None:
+            self._rests_since_ns = time_ns
+
+    @property
+    def deviates(self) -> bool:
+        """Whether the arm is off its reference, for however short a time."""
+        return self._pushed_since_ns is not None
+
+    def pushed(self, now_ns: int) -> bool:
+        """Whether somebody has pushed the arm for long enough."""
+        correction = self.settings.correction
+        if correction is None or not self._arm.fresh(now_ns):
+            return False
+        return _lasts(self._pushed_since_ns, now_ns, correction.detector.sustained_s)
+
+    def begin(self, now_ns: int, interaction: ActiveInteraction) -> Yielding:
+        """Yield from now on."""
+        self._counts["yielded"] += 1
+        return Yielding(interaction, now_ns, self._arm.phase(now_ns))
+
+    def step(
+        self, now_ns: int, state: Yielding, newest: PredictedInteraction | None
+    ) -> Transition | str:
+        """Follow the person who leads the arm, and go on once it was left; or why to stop.
+
+        Args:
+            now_ns: now.
+            state: yielding.
+            newest: prediction, of whatever task.
+        """
+        compared, correction = self._arm.compared(), self.settings.correction
+        if compared is None or correction is None or not self._arm.fresh(now_ns):
+            return "stale_joint_states"
+        measured, reference = compared
+        if _lasts(self._rests_since_ns, now_ns, correction.release_s):
+            return self._go_on(now_ns, state, measured.position, newest)
+        due = now_ns - self._arm.last_command_ns >= 0.9 * self.settings.command_period_s * 1e9
+        target = self._yields_to(measured.position, reference)
+        plan = self._arm.in_force().plan
+        led = plan.kind != "yield" or np.abs(target - plan.end).max() > _SAME_POSTURE_RAD
+        if not (due and led):
+            return Transition(state)
+        return Transition(state, self._motions.yield_to(now_ns, target, state.phase))
+
+    def _yields_to(
+        self, position: NDArray[np.float64], reference: JointReference
+    ) -> NDArray[np.float64]:
+        """Where the reference must be for the arm to be free, (n,) [rad].
+
+        It follows the arm but for what the controller explains, so that the arm does not sink.
+        """
+        if self.settings.correction is None:
+            return position
+        detector = self.settings.correction.detector
+        residual = detector.residual(position, reference)
+        explained = np.clip(residual, -detector.explained, detector.explained)
+        return reference.position + residual - explained
+
+    def _go_on(
+        self,
+        now_ns: int,
+        state: Yielding,
+        position: NDArray[np.float64],
+        newest: PredictedInteraction | None,
+    ) -> Transition | str:
+        """Condition the primitive on where the arm was left, unless it was only bumped into."""
+        interaction, correction, phase = state.interaction, self.settings.correction, state.phase
+        label = interaction.prediction.label
+        if newest is not None and newest.label == label:
+            interaction = replace(interaction, prediction=newest)
+        led_ns = (self._rests_since_ns or now_ns) - state.since_ns
+        known = correction is not None and label in correction.spreads
+        if correction is not None and known and led_ns >= correction.least_s * 1e9:
+            phase = phase_of(interaction.prediction.path, position, phase)
+            vias = with_via(interaction.vias, Via(phase, position))
+            interaction = replace(interaction, vias=vias)
+            self._counts["corrected"] += 1
+        self._forget()
+        start_ns = self._arm.switch_ns(now_ns)
+        command = self._motions.interact(
+            now_ns,
+            interaction.prediction,
+            start_ns,
+            self._arm.in_force().at(start_ns),
+            (phase, 0.0, 0.0),
+            interaction.vias,
+        )
+        if command is None:
+            return "correction_infeasible"
+        return Transition(Executing(interaction), command)
+
+
+def _lasts(since_ns: int | None, now_ns: int, duration_s: float) -> bool:
+    return since_ns is not None and now_ns - since_ns >= duration_s * 1e9

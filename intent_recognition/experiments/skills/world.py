@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Interactions executed in physics: estimator, activation, arm, and a person who may lead it.
+
+What the nodes do, with one clock of 100 Hz: `lwr_sim`'s arm with its noisy sensors and its gripper
+takes the trajectories that `primitive_activation` sends.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.activation import (
+    Activation,
+    ActivationSettings,
+    Command,
+    Mode,
+    PredictedInteraction,
+)
+from intent_recognition.experiments.clearance.study import STEP_NS, Watched, ticks
+from intent_recognition.kinematics import JOINT_NAMES, JointLimits
+from intent_recognition.motion import Correction, JointReference, TrackedMotion
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.recognition import decision_settings
+from intent_recognition.signals import Demonstration
+
+if TYPE_CHECKING:
+    from sim_bridge.arm import SimulatedArm
+
+STEP_S = STEP_NS * 1e-9
+GRIPPER_STEPS = 5
+"""Physics steps between two decisions of the gripper, as in `arm_sim`."""
+LONGEST_S = 12.0
+"""An execution is watched for so long after the reach at most [s]."""
+
+Person = Callable[["SimulatedArm", Mode], None]
+"""Called before each physics step; may push the arm."""
+
+
+class Executed(NamedTuple):
+    """An execution, every 10 ms until the arm sets out for home.
+
+    Attributes:
+        positions: measured (T, 7) [rad].
+        references: what was asked for then.
+        hand_m: where the hand was (T, 3), world.
+        modes: of the activation.
+        commands: in the order in which they were sent.
+        corrected: what was followed in the end, if a person corrected it.
+        counts: of the activation.
+    """
+
+    positions: NDArray[np.float64]
+    references: tuple[JointReference, ...]
+    hand_m: NDArray[np.float64]
+    modes: tuple[Mode, ...]
+    commands: tuple[Command, ...]
+    corrected: PredictedInteraction | None
+    counts: dict[str, int]
+
+    @property
+    def tracked(self) -> TrackedMotion:
+        """The tracking error while the arm took part."""
+        takes_part = [mode is Mode.EXECUTING for mode in self.modes]
+        asked = [one for one, counts in zip(self.references, takes_part, strict=True) if counts]
+        position, velocity, acceleration = (np.array(values) for values in zip(*asked, strict=True))
+        return TrackedMotion(STEP_S, self.positions[takes_part] - position, velocity, acceleration)
+
+    @property
+    def largest_jump(self) -> tuple[float, float]:
+        """Largest step of position [rad] and velocity [rad/s] where a command takes over."""
+        pairs = zip(self.commands, self.commands[1:], strict=False)
+        was_is = [(a.at(b.start_ns), b.at(b.start_ns)) for a, b in pairs]
+        jumps = [[np.abs(a[k] - b[k]).max() for k in (0, 1)] for a, b in was_is]
+        position, velocity = np.max(jumps, axis=0) if jumps else (0.0, 0.0)
+        return float(position), float(velocity)
+
+
+def execute(
+    watched: Watched,
+    library: TaskLibrary,
+    limits: JointLimits,
+    correction: Correction | None,
+    rng: np.random.Generator,
+    person: Person | None = None,
+) -> Executed:
+    """Let estimator and activation act on a reach with the arm in physics.
+
+    Args:
+        watched: the reach.
+        library: its estimator's.
+        limits: plans are held to them.
+        correction: how pushes are found; None: they are not.
+        rng: of the arm's sensors.
+        person: beside the arm; None: nobody.
+    """
+    from sim_bridge.arm import STEPS_PER_SAMPLE, SensorNoise, SimulatedArm, TrajectoryFollower
+    from sim_bridge.scenarios.toolbox import HOME, make_gripper
+
+    activation = Activation(
+        ActivationSettings(
+            limits=limits,
+            decision=decision_settings(library),
+            home=HOME,
+            correction=correction,
+        ),
+        lambda reason, text: None,
+    )
+    rows: list[tuple[NDArray, JointReference, NDArray, Mode]] = []
+    commands: list[Command] = []
+    corrected = None
+    with SimulatedArm(HOME, noise=SensorNoise(), rng=rng) as arm:
+        gripper = make_gripper(arm, "toolbox")
+        follower = TrajectoryFollower(arm.reference.q, arm.limits)
+
+        def before_step(arm: "SimulatedArm") -> None:
+            arm.set_reference(*follower.sample(arm.time_s))
+            if gripper is not None and arm.n_steps % GRIPPER_STEPS == 0:
+                gripper.update()
+            if person is not None:
+                person(arm, activation.mode)
+
+        arm.before_step.append(before_step)
+        for frame in ticks(watched, LONGEST_S):
+            measured = arm.state()
+            activation.take_joint_state(frame.now_ns, measured.q, measured.qd)
+            if frame.probabilities is not None:
+                activation.take_tasks(
+                    frame.now_ns,
+                    frame.now_ns,
+                    watched.labels,
+                    frame.probabilities,
+                    frame.log_evidence,
+                )
+            if frame.prediction is not None:
+                activation.take_prediction(frame.now_ns, frame.prediction)
+            command = activation.step(frame.now_ns)
+            if activation.mode is Mode.HOMING:
+                break
+            if command is not None:
+                commands.append(command)
+                follower.accept(_message(command, frame.now_ns, arm), arm.time_s)
+            corrected = activation.corrected or corrected
+            if gripper is not None:
+                gripper.set_task(activation.active_task)
+            begun = (one for one in reversed(commands) if one.start_ns <= frame.now_ns)
+            in_force = next(begun, None)
+            asked = JointReference.at_rest(HOME) if in_force is None else in_force.at(frame.now_ns)
+            rows.append((measured.q, asked, arm.hand_pose().position, activation.mode))
+            arm.step(STEPS_PER_SAMPLE)
+    positions, references, hand_m, modes = zip(*rows, strict=True)
+    return Executed(
+        np.array(positions),
+        references,
+        np.array(hand_m),
+        modes,
+        tuple(commands),
+        corrected,
+        dict(activation.counts),
+    )
+
+
+def _message(command: Command, now_ns: int, arm: "SimulatedArm"):
+    """The command as the arm takes it."""
+    from sim_bridge.arm import TrajectoryCommand
+
+    plan = command.plan
+    return TrajectoryCommand.validated(
+        JOINT_NAMES,
+        plan.times_s,
+        plan.positions,
+        plan.velocities,
+        start_s=arm.time_s + (command.start_ns - now_ns) * 1e-9,
+        now_s=arm.time_s,
+        limits=arm.limits,
+        position=arm.state().q,
+    )
+
+
+def as_demonstration(
+    watched: Watched, followed: PredictedInteraction, library: TaskLibrary, name: str
+) -> Demonstration:
+    """What a corrected execution is kept as: the person's movement, and the corrected path.
+
+    Args:
+        watched: the reach.
+        followed: the corrected prediction.
+        library: has the names of the DOFs.
+        name: of the demonstration.
+    """
+    samples, first_ns = watched.samples, watched.frames[0].now_ns
+    seen = samples.visible
+    phases = (samples.times_s - (followed.onset_ns - first_ns) * 1e-9) / followed.path.duration_s
+    return Demonstration.from_arrays(
+        samples.times_s[seen],
+        samples.positions_m[seen],
+        followed.path.spline(np.clip(phases, 0.0, 1.0)),
+        robot_times_s=samples.times_s,
+        task=watched.task,
+        observed_names=library.observed_names,
+        controlled_names=library.controlled_names,
+        name=name,
+    )

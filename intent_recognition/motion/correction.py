@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A person moves the arm while it executes: the running primitive is conditioned on where to.
+
+Where the arm was left is a via point of the controlled agent. With the person's movement as it is
+and the start as it was, the weights given it are w + K (y - H w), K = C H^T (H C H^T + R)^-1
+(Paraschos et al. 2018, "modulation by conditioning"). K does not depend on the prediction: each
+later one of the task is conditioned alike.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.gaussian import Gaussian, condition
+from intent_recognition.kinematics import JointLimits
+from intent_recognition.motion.bending import Spread
+from intent_recognition.motion.deviation import DeviationDetector
+from intent_recognition.motion.path import JointPath
+
+EXACTNESS_RAD = 1e-3
+"""Standard deviation with which a corrected path passes where the arm was left [rad]. Convention:
+about 1 mm at the hand, ten times the noise of an encoder."""
+SAME_PHASE = 0.1
+"""Corrections nearer to one another in phase are one: the later. Convention."""
+_N_SAMPLES = 61
+"""Samples of a path whose correction is computed. Convention, as in `clearance`."""
+
+
+class Via(NamedTuple):
+    """Where the arm was left: the phase of the movement, and the posture (n,) [rad]."""
+
+    phase: float
+    position: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """How pushes are found, and what becomes of them.
+
+    Attributes:
+        detector: says whether somebody pushes.
+        spreads: how each task's motion may vary, its start fixed; a task without one is not
+            corrected: the arm yields, and goes on as before.
+        release_s: the arm was left where it has rested for so long [s].
+        least_s: who holds the arm for a shorter time than this after it has begun to yield only
+            bumped into it [s]; counted without `release_s`.
+    """
+
+    detector: DeviationDetector
+    spreads: Mapping[str, Spread] = field(default_factory=dict)
+    release_s: float = 0.4
+    least_s: float = 0.2
+
+    def corrected(
+        self, path: JointPath, label: str, vias: Sequence[Via], limits: JointLimits
+    ) -> JointPath:
+        """A predicted path given the corrections of its task; itself where there are none."""
+        spread = self.spreads.get(label)
+        if spread is None or not vias:
+            return path
+        phases = np.linspace(0.0, 1.0, _N_SAMPLES)
+        return path.shifted(phases, corrected_by(spread, path, vias, phases), limits)
+
+
+def corrected_by(
+    spread: Spread, path: JointPath, vias: Sequence[Via], phases: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """By how much a path moves at phases (T,) when it is conditioned on via points, (T, n) [rad].
+
+    Args:
+        spread: of the controlled weights: C.
+        path: the mean.
+        vias: y, one after another or at once is the same.
+        phases: where the change is asked for.
+    """
+    at = np.array([via.phase for via in vias])
+    before = path.spline(at)
+    rows = spread.design(at, before)
+    rows = rows.reshape(-1, rows.shape[2])
+    innovation = (np.array([via.position for via in vias]) - before).ravel()
+    change, _ = condition(
+        Gaussian(np.zeros(rows.shape[1]), spread.covariance),
+        rows,
+        innovation,
+        EXACTNESS_RAD**2 * np.eye(len(innovation)),
+    )
+    return spread.design(phases, path.spline(phases)) @ change.mean
+
+
+def with_via(vias: Sequence[Via], via: Via) -> tuple[Via, ...]:
+    """The corrections with one more, in place of those of about the same phase."""
+    return (*(old for old in vias if abs(old.phase - via.phase) >= SAME_PHASE), via)
+
+
+def phase_of(path: JointPath, position: NDArray[np.float64], first: float) -> float:
+    """The phase from `first` on at which a path comes nearest to a posture (n,)."""
+    phases = np.linspace(min(first, 1.0), 1.0, 101)
+    distance = np.linalg.norm(path.spline(phases) - position, axis=1)
+    return float(phases[np.argmin(distance)])

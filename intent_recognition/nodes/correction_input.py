@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a person may correct the arm by hand: how its tracking errors are told from pushes."""
+
+from pathlib import Path
+
+import numpy as np
+from rclpy.node import Node
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics import Arm
+from intent_recognition.motion import Correction, DeviationDetector, Spread
+from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.promp import TaskLibrary
+from intent_recognition.share import share_path
+from intent_recognition.untrusted import load_yaml, read_text
+
+SHIPPED = "config/deviation"
+
+
+class CorrectionInput:
+    """Reads the detector, and knows how the tasks of a library may be corrected.
+
+    Args:
+        node: has the parameter.
+
+    Attributes:
+        correction: None where the arm does not yield.
+
+    Raises:
+        ArgumentError: the file does not describe a detector.
+    """
+
+    def __init__(self, node: Node) -> None:
+        name = fixed_parameter(
+            node,
+            "correction",
+            "",
+            "Yield to a person who moves the arm, and go on by it: tracking errors of the arm"
+            " undisturbed, a YAML file or lwr; empty: never. Needs a model.",
+        )
+        self._detector = load_detector(name) if name else None
+        self.correction: Correction | None = None
+        self._library: TaskLibrary | None = None
+
+    def update(self, names: tuple[str, ...], library: TaskLibrary | None, arm: Arm | None) -> None:
+        """Go by these joints and tasks.
+
+        Args:
+            names: of the joints.
+            library: of the tasks that may be corrected.
+            arm: whose hand the tasks are of; None where they are of joints.
+
+        Raises:
+            ArgumentError: the detector is of another number of joints.
+        """
+        detector = self._detector
+        if detector is None:
+            return
+        if detector.explained.size != len(names):
+            expected = f"errors of {len(names)} joints"
+            cure = "Give a file of this arm."
+            raise ArgumentError(
+                describe("correction", expected, f"{detector.explained.size}", cure)
+            )
+        if self.correction is not None and self._library is library:
+            return
+        self._library, spreads = library, {}
+        if library is not None:
+            spreads = {
+                label: Spread.given_person(library.primitive(k), arm)
+                for k, label in enumerate(library.labels)
+            }
+        self.correction = Correction(detector, spreads)
+
+
+def load_detector(name: str) -> DeviationDetector:
+    """A detector from a YAML file, or a shipped one by its name.
+
+    Raises:
+        ArgumentError: it does not describe one.
+        UntrustedError: it is no plain YAML.
+    """
+    path = Path(name)
+    if path.suffix != ".yaml":
+        path = share_path(f"{SHIPPED}/{name}.yaml")
+    found = load_yaml(read_text(path))
+    try:
+        coefficients = np.array([found[key] for key in ("constant", "velocity", "acceleration")])
+        explained = np.array(found["explained"], dtype=np.float64)
+        numbers = [float(found[key]) for key in ("sustained", "false_alarm_rate", "least")]
+        fits = coefficients.shape == (3, explained.size)
+        if not fits or not np.all(np.isfinite([*coefficients.ravel(), *explained, *numbers])):
+            raise ValueError("numbers that do not fit")
+    except (KeyError, TypeError, ValueError) as error:
+        expected = (
+            "constant, velocity, acceleration, explained, one number a joint each, and sustained,"
+            " false_alarm_rate, least"
+        )
+        raise ArgumentError(describe(str(path), expected, error, "Correct the file.")) from None
+    return DeviationDetector(coefficients.astype(np.float64), explained, *numbers)

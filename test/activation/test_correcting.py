@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A person who holds the arm is yielded to, and goes on with what was corrected."""
+
+import numpy as np
+import pytest
+from activation_world import DURATION_S, GOALS, HOME, World
+from simulation import make_library
+
+from intent_recognition.activation.states import Mode
+from intent_recognition.motion import Correction, DeviationDetector, Spread
+
+AWAY = np.array([0.1, 0.0, -0.05, 0.0, 0.0, 0.0, 0.0])
+DETECTOR = DeviationDetector(np.zeros((3, 7)), np.full(7, 1e-3), 0.5, 0.05)
+LIBRARY = make_library(np.random.default_rng(0), n_controlled=7)
+SPREADS = {"plate": Spread.given_person(LIBRARY.primitive(0))}
+
+
+class Held(World):
+    """An arm that a person may hold somewhere: it is there, whatever is asked of it."""
+
+    held: np.ndarray | None = None
+
+    def arm(self):
+        return super().arm() if self.held is None else self.held
+
+
+def world(**settings):
+    chosen = {"correction": Correction(DETECTOR, SPREADS), "hold_s": 9.0} | settings
+    held = Held(**chosen)
+    held.shift = 0.0
+    held.rng = type("Still", (), {"normal": lambda *_: 0.0})()
+    held.begin("plate")
+    held.run_until(Mode.EXECUTING)
+    return held
+
+
+def hold(held, offset, seconds):
+    """Hold the arm this far from where it is, then let go."""
+    held.held = held.arm() + offset
+    held.run(seconds)
+    held.held = None
+
+
+def test_where_the_arm_is_left_becomes_the_end_and_nothing_jumps():
+    held = world()
+    held.run(DURATION_S + 0.5)
+    before = held.arm().copy()
+    hold(held, AWAY, 2.0)
+    held.run(0.5)
+    activation = held.activation
+    assert Mode.YIELDING in held.modes and activation.counts["corrected"] == 1
+    np.testing.assert_allclose(held.arm(), before + AWAY, atol=5e-3)
+    np.testing.assert_allclose(activation.corrected.path.spline(1.0), before + AWAY, atol=5e-3)
+    held.check_continuous()
+    held.task = "idle"
+    held.run_until(Mode.HOMING)
+    held.begin("plate")
+    held.run_until(Mode.EXECUTING)
+    held.run(DURATION_S)
+    assert activation.corrected is None  # of the next interaction
+    np.testing.assert_allclose(held.arm(), HOME + GOALS["plate"], atol=1e-3)
+
+
+def test_an_arm_left_on_its_way_goes_on_from_there():
+    held = world()
+    held.run(0.3)
+    done = held.commands[-1].phase_at(held.now_ns)[0]
+    hold(held, AWAY, 1.2)
+    held.run_until(Mode.EXECUTING)
+    assert held.activation.counts["corrected"] == 1
+    assert held.commands[-1].phase_at(held.now_ns)[0] >= done
+    held.run(3.0)
+    held.check_continuous()
+    expected = held.activation.corrected.path.spline(1.0)
+    np.testing.assert_allclose(held.arm(), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("offset, seconds", [(AWAY, 0.4), (6.0 * AWAY, 0.15)])
+def test_bumps_change_nothing_that_lasts(offset, seconds):
+    """The second is off by more than the arm may be: it yields at once, and goes on as before."""
+    held = world()
+    held.run(DURATION_S + 0.3)
+    hold(held, offset, seconds)
+    held.run(1.5)
+    counts = held.activation.counts
+    assert counts["corrected"] == 0 and counts["yielded"] == (np.abs(offset).max() > 0.4)
+    assert held.activation.mode is Mode.EXECUTING
+    np.testing.assert_allclose(held.arm(), HOME + GOALS["plate"], atol=1e-3)
+    held.check_continuous()
+
+
+def test_an_unknown_task_yields_and_goes_on_as_before():
+    held = world(correction=Correction(DETECTOR, {}))
+    held.run(DURATION_S)
+    hold(held, AWAY, 1.5)
+    held.run(1.5)
+    assert held.activation.counts["yielded"] == 1 and held.activation.corrected is None
+    np.testing.assert_allclose(held.arm(), HOME + GOALS["plate"], atol=1e-3)
+
+
+def test_without_corrections_a_push_is_no_wish():
+    held = world(correction=None)
+    held.run(DURATION_S)
+    hold(held, AWAY, 1.0)
+    held.run(0.5)
+    assert Mode.YIELDING not in held.modes
+    np.testing.assert_allclose(held.arm(), HOME + GOALS["plate"], atol=1e-3)
+
+
+def test_the_arm_does_not_go_home_while_somebody_holds_it_and_can_be_called_back():
+    held = world(hold_s=0.3)
+    while held.commands[-1].phase_at(held.now_ns)[0] < 1.0:
+        held.step()
+    held.held = held.arm() + AWAY
+    held.run(0.45)
+    assert held.activation.mode is Mode.EXECUTING
+    held.run(0.15)
+    assert held.activation.mode is Mode.YIELDING
+    held.activation.reset(held.now_ns)
+    assert held.activation.mode is Mode.HOMING
