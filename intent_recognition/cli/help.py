@@ -10,7 +10,7 @@ GROUPS = {
     "from recordings to a model": ("inspect", "segment", "train", "evaluate", "replay"),
     "record and play": ("record", "play", "recover"),
     "files of others": ("import", "export"),
-    "teach while the graph runs": ("teach", "undo"),
+    "teach while the graph runs": ("teach", "keep", "undo"),
     "measure objects": ("warp",),
 }
 """The commands by purpose, in the order in which the help lists them."""

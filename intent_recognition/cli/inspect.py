@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent inspect`: what is in bags, folders of bags and models."""
+"""`intent inspect`: what is in bags, folders of bags or of tasks, and models."""
 
 import argparse
 import os
@@ -14,6 +14,7 @@ from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
 from intent_recognition.cli.inspect_streams import print_faults, stream_faults
+from intent_recognition.cli.inspect_tasks import print_tasks, skills_of, tasks_json
 from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
 from intent_recognition.demonstrations import (
@@ -25,7 +26,7 @@ from intent_recognition.demonstrations import (
     settle_orientations,
 )
 from intent_recognition.errors import BagError, describe
-from intent_recognition.model import load_model
+from intent_recognition.model import is_task_folder, load_model
 
 CURE = "Give a bag, a folder of bags, or a model that `intent train` wrote."
 
@@ -34,20 +35,22 @@ def add_parser(subparsers: Subparsers) -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "inspect",
-        help="what is in a recording or a model",
+        help="what is in a recording or a model, how tasks have done",
         description="Show what is in a bag (topics, rates, gaps, outliers, labels), in each bag of"
-        " a folder, or in a model (tasks, degrees of freedom, timing, noise, where it came from).",
+        " a folder, or in a model (tasks, degrees of freedom, timing, noise, where it came from);"
+        " of a folder of tasks, how each has done since each of its changes.",
         **examples(
             ("one line per recording", "intent inspect bags/toolbox/test"),
             (
                 "one recording: topics, rates, gaps, outliers",
                 "intent inspect demos/give_bracket_00",
             ),
+            ("a folder of tasks: what changed, and how executions went", "intent inspect tasks"),
             ("a model, for a script", "intent inspect bracket.npz --json"),
         ),
     )
     parser.add_argument(
-        "paths", type=Path, nargs="+", metavar="BAG|MODEL", help="bags, folders, model files"
+        "paths", type=Path, nargs="+", metavar="BAG|MODEL|TASKS", help="bags, folders, model files"
     )
     parser.add_argument(
         "--dofs",
@@ -72,12 +75,18 @@ def run(args: argparse.Namespace) -> int:
     sources = [path for path in args.paths if path not in models]
     if any(path.is_absolute() for path in sources):
         sources = [path.absolute() for path in sources]
+    folders = [path for path in sources if is_task_folder(path)]
+    sources = [path for path in sources if path not in folders]
     loaded = [load_model(path) for path in models]
     bags = [bag for source in sources for bag in _bags_of(source)]
     dofs = None if args.dofs is None else settle_orientations(load_dofs(args.dofs), bags)
     content: list[object] = [model_json(model) for model in loaded]
     for path, model in zip(models, loaded, strict=True):
         print_model(console, path, model)
+    for path in folders:
+        skills = skills_of(path)
+        content.append(tasks_json(path, skills))
+        print_tasks(console, path, skills)
     failed = False
     is_one = len(bags) == 1 and bags == sources
     if is_one:
@@ -87,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
         root = root.parent if root in bags else root
         listed, failed = _inspect_several(console, root, bags, dofs)
         content += listed
-    alone = len(args.paths) == 1 and (models or is_one)
+    alone = len(args.paths) == 1 and (models or folders or is_one)
     write_json(args.json, content[0] if alone else content)
     return int(failed)
 

@@ -105,7 +105,11 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
     from intent_recognition.nodes.runtime import make_executor, spin_until
     from intent_recognition.nodes.task_teacher import TaskTeacher
 
-    chosen = {"library": str(args.library.absolute()), "task": task}
+    chosen: dict[str, object] = {
+        "library": str(args.library.absolute()),
+        "task": task,
+        "executions": 0,
+    }
     chosen |= {k: str(v.absolute()) for k in ("model", "dofs") if (v := getattr(args, k))}
     rclpy.init(args=node_arguments(args, chosen))
     executor = node = None

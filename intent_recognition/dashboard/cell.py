@@ -77,6 +77,14 @@ class NodeHealth:
         return waited if waited > SILENT_AFTER_S else 0.0
 
 
+@dataclass(frozen=True)
+class SkillRow:
+    """A change of a task in words, and the numbers of its executions since, by name."""
+
+    what: str
+    values: Mapping[str, str]
+
+
 @dataclass
 class CellState:
     """The newest of everything received. One thread writes and reads.
@@ -89,6 +97,7 @@ class CellState:
         truth: what the simulated coworker really does; None if it is not published.
         nodes: health by node name.
         teaching: last sentence of `teach/status`.
+        skills: changes of each task, the oldest first.
     """
 
     joints: dict[str, float] = field(default_factory=dict)
@@ -105,6 +114,7 @@ class CellState:
     truth: str | None = None
     description: str = ""
     teaching: str = ""
+    skills: dict[str, list[SkillRow]] = field(default_factory=dict)
     nodes: dict[str, NodeHealth] = field(default_factory=dict)
     _wrist_past: deque = field(default_factory=lambda: deque(maxlen=int(WRIST_S * 100)))
     _past: deque = field(default_factory=lambda: deque(maxlen=int(PLOTTED_S / PLOTTED_STEP_S)))

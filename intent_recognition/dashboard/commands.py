@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Service calls of the page to other nodes; each answer is reported in one sentence."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
@@ -13,6 +14,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
+from intent_recognition.nodes import qos
 from intent_recognition.nodes.graph import ARMS
 
 Notify = Callable[[bool, str], None]
@@ -36,6 +38,7 @@ class Commands:
         self._node, self._notify = node, notify
         self._clients: dict[str, Client] = {}
         self.helping = True
+        self._feedback = node.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
 
     def offers(self, service: str, kind: type = Trigger) -> bool:
         """Whether a service is available, such as `task_teacher/start`."""
@@ -54,6 +57,11 @@ class Commands:
     def trigger(self, service: str, done: Notify | None = None) -> None:
         """Call a Trigger."""
         self._call(service, Trigger, Trigger.Request(), done)
+
+    def tell(self, task: str, values: Mapping[str, str]) -> None:
+        """Say something about the execution of a task, now or last."""
+        rows = [KeyValue(key=key, value=value) for key, value in values.items()]
+        self._feedback.publish(DiagnosticStatus(name=task, values=rows))
 
     def gravity_compensation(self, enabled: bool) -> None:
         """Let the arm be guided, or hold it."""

@@ -124,6 +124,11 @@ def ways(title: str, lines: Sequence[str]) -> str:
     return _block(f'<div style="font-weight:600;margin:.2em 0 .4em">{escape(title)}</div>{items}')
 
 
+def heading(text: str) -> str:
+    """A small title."""
+    return _block(f'<div style="font-weight:600;margin:.5em 0 .1em">{escape(text)}</div>')
+
+
 def table(head: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
     """A small table of texts."""
     cells = "".join(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page: one server, one scene, five tabs."""
+"""The page: one server, one scene, six tabs."""
 
 import queue
 import time
@@ -15,6 +15,7 @@ from intent_recognition.dashboard.replay_tab import Play, ReplayTab
 from intent_recognition.dashboard.scene import Scene
 from intent_recognition.dashboard.scene_file import CellScene
 from intent_recognition.dashboard.server import serve_page
+from intent_recognition.dashboard.skills_tab import SkillsTab
 from intent_recognition.dashboard.teach_tab import TeachTab
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
@@ -117,6 +118,8 @@ class DashboardPage:
             self._watch = WatchTab(self._server, commands, do)
         with tabs.add_tab("Teach"):
             self._teach = TeachTab(self._server, teleoperation, session, commands, do)
+        with tabs.add_tab("Skills"):
+            self._skills = SkillsTab(self._server, commands, do)
         with tabs.add_tab("Replay"):
             self._replay = ReplayTab(
                 self._server, bags, play, stop, commands, do, self.show_message
@@ -181,6 +184,7 @@ class DashboardPage:
 
     def _update_slowly(self, now_s: float, problem: str) -> None:
         self._watch.update_controls()
+        self._skills.update(self._state)
         if self._state.teaching != self._taught:  # only then may there be new models
             self._taught = self._state.teaching
             self._compare.refresh()

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
@@ -22,6 +22,7 @@ from intent_recognition.dashboard.cell import (
     PathMarkers,
     Posterior,
     PredictedMotion,
+    SkillRow,
 )
 from intent_recognition.dashboard.checks import (
     check,
@@ -44,6 +45,8 @@ MOST_NODES = 100
 """Nodes whose health is shown. Convention."""
 MOST_VALUES = 200
 """Values of one node's health. Convention."""
+MOST_CHANGES = 2000
+"""Changes of all tasks that are shown. Convention: twenty of each of a hundred."""
 LONGEST_SENTENCE = 2000
 """Characters of a message that is shown. Convention."""
 LONGEST_DESCRIPTION = 1_000_000
@@ -80,6 +83,7 @@ class CellSubscriptions:
             (String, "coworker/task", self._on_truth, qos.STATE),
             (String, "robot_description", self._on_description, qos.LATCHED),
             (String, "teach/status", self._on_teaching, qos.LATCHED),
+            (DiagnosticArray, "teach/skills", self._on_skills, qos.LATCHED),
             (DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
         ):
             node.create_subscription(kind, topic, partial(self._take, topic, handle), profile)
@@ -143,13 +147,26 @@ class CellSubscriptions:
             name = checked_text("name", status.name)
             known = name in nodes or len(nodes) < MOST_NODES
             check("status", f"at most {MOST_NODES} nodes", known, "one more")
-            check("values", f"at most {MOST_VALUES}", len(status.values) <= MOST_VALUES, "more")
-            text = checked_text("message", status.message, LONGEST_SENTENCE)
-            values = {
-                checked_text("key", pair.key): checked_text("value", pair.value, LONGEST_SENTENCE)
-                for pair in status.values
-            }
+            text, values = _told(status)
             nodes[name] = NodeHealth(int.from_bytes(status.level, "little"), text, values, now_s)
+
+    def _on_skills(self, message: DiagnosticArray) -> None:
+        check("status", f"at most {MOST_CHANGES}", len(message.status) <= MOST_CHANGES, "more")
+        skills: dict[str, list[SkillRow]] = {}
+        for status in message.status:
+            row = SkillRow(*_told(status))
+            skills.setdefault(checked_text("name", status.name), []).append(row)
+        self._state.skills = skills
+
+
+def _told(status: DiagnosticStatus) -> tuple[str, dict[str, str]]:
+    """Message and values of a status."""
+    check("values", f"at most {MOST_VALUES}", len(status.values) <= MOST_VALUES, "more")
+    text = checked_text("message", status.message, LONGEST_SENTENCE)
+    return text, {
+        checked_text("key", pair.key): checked_text("value", pair.value, LONGEST_SENTENCE)
+        for pair in status.values
+    }
 
 
 def _points(marker: Marker) -> NDArray[np.float64]:

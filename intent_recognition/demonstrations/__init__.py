@@ -2,6 +2,12 @@
 """Demonstrations from recordings: the DOF file, readers, sessions, inspection."""
 
 from intent_recognition.demonstrations.cleaning import is_raw_pose
+from intent_recognition.demonstrations.corrected import (
+    CORRECTED,
+    CORRECTION_TOPIC,
+    CORRECTION_TYPE,
+    write_corrected,
+)
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.demonstrations.entry import DofEntry
 from intent_recognition.demonstrations.fields import (
@@ -46,6 +52,9 @@ from intent_recognition.demonstrations.reading import (
 from intent_recognition.demonstrations.sessions import MARKER_TOPIC, MARKER_TYPE, clock_shift_ns
 
 __all__ = [
+    "CORRECTED",
+    "CORRECTION_TOPIC",
+    "CORRECTION_TYPE",
     "HAND_LINK",
     "JOINTS_TOPIC",
     "MARKER_TOPIC",
@@ -82,4 +91,5 @@ __all__ = [
     "settle_orientations",
     "stamp_of",
     "topics_of",
+    "write_corrected",
 ]

@@ -18,7 +18,7 @@ from intent_recognition.learning.components import (
     score,
     smallest_within_one_error,
 )
-from intent_recognition.learning.correcting import GAIN, keep_correction
+from intent_recognition.learning.correcting import GAIN, keep_correction, move_task
 from intent_recognition.learning.examples import (
     TrainingExample,
     cut_one,
@@ -116,6 +116,7 @@ __all__ = [
     "make_examples",
     "merge_accumulated",
     "mixture_features",
+    "move_task",
     "predict_left_out",
     "purity",
     "sample_phases",

@@ -1,21 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
 """Model files, and folders of tasks that grow by one recording at a time."""
 
+from intent_recognition.model.executions import ARRIVED, DOWN, UP, Execution, Executions
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags
-from intent_recognition.model.task_folder import WAIT, Change, TaskFolder
+from intent_recognition.model.skills import COLUMNS as SKILL_COLUMNS
+from intent_recognition.model.skills import SkillPeriod, skill_history
+from intent_recognition.model.task_folder import (
+    WAIT,
+    Change,
+    TaskFolder,
+    is_task_folder,
+    now,
+    read_history,
+)
 
 __all__ = [
+    "ARRIVED",
+    "DOWN",
+    "SKILL_COLUMNS",
+    "UP",
     "WAIT",
     "Change",
+    "Execution",
+    "Executions",
     "FromBags",
     "Model",
     "Run",
+    "SkillPeriod",
     "TaskFolder",
     "accumulate_bags",
     "check_dofs",
+    "is_task_folder",
     "list_bags",
     "load_model",
     "load_trained",
+    "now",
+    "read_history",
     "save_model",
+    "skill_history",
 ]

@@ -7,6 +7,7 @@
       bags/give_cup/give_cup_00, ...   the recordings, by task
       undone/...             recordings that were taken back; nothing recorded is ever lost
       models/0001.npz, ...   the model after each change, to go back to
+      executions/, outcomes.jsonl   see `executions`
 
 A recording is learned by adding its statistics to the model (`learning.add_statistics`), in
 milliseconds; a folder without a model learns from all its recordings once there are enough. How
@@ -23,7 +24,13 @@ from datetime import datetime
 from pathlib import Path
 
 from intent_recognition.bags import BagReader
-from intent_recognition.demonstrations import DofSpec, check_label, settle_orientations
+from intent_recognition.demonstrations import (
+    CORRECTED,
+    DofSpec,
+    check_label,
+    settle_orientations,
+    write_corrected,
+)
 from intent_recognition.durable import append_line, copy, locked, sync_folder, write_text
 from intent_recognition.errors import (
     BagError,
@@ -38,21 +45,24 @@ from intent_recognition.learning import (
     add_statistics,
     is_outdated,
     learn_accumulated,
+    move_task,
     with_margins,
 )
+from intent_recognition.model.executions import OUTCOMES
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, accumulate_bags
 from intent_recognition.untrusted import UntrustedError, load_json
 
 MODEL, HISTORY = "model.npz", "history.jsonl"
 BAGS, UNDONE, MODELS = "bags", "undone", "models"
-START, LEARN, WAIT, UNDO = "start", "learn", "wait", "undo"
-ACTIONS = (START, LEARN, WAIT, UNDO)
+START, LEARN, WAIT, UNDO, KEEP = "start", "learn", "wait", "undo", "keep"
+ACTIONS = (START, LEARN, WAIT, UNDO, KEEP)
 DAMAGED, LOCK = "history.damaged", ".lock"
 METADATA = "metadata.yaml"
 
 
-def _now() -> datetime:
+def now() -> datetime:
+    """The local time, with its offset."""
     return datetime.now().astimezone()
 
 
@@ -63,7 +73,7 @@ class Change:
     Attributes:
         time: ISO 8601, local time with its offset.
         action: "start" (a model to begin with), "learn", "wait" (recorded, too few yet to learn
-            from) or "undo".
+            from), "keep" (a correction, which moved its task) or "undo".
         task: label of the recording, empty where there is none.
         bag: the recording, relative to the folder, empty where there is none.
         model: the model since then, relative to the folder, empty where there is none yet.
@@ -91,7 +101,7 @@ class TaskFolder:
         DofError: the model in the folder has other DOFs.
     """
 
-    def __init__(self, path: str | Path, dofs: DofSpec, clock: Callable[[], datetime] = _now):
+    def __init__(self, path: str | Path, dofs: DofSpec, clock: Callable[[], datetime] = now):
         self.path = Path(path).absolute()
         self.dofs = dofs
         self._clock = clock
@@ -115,7 +125,7 @@ class TaskFolder:
 
     def history(self) -> list[Change]:
         """All changes, the oldest first."""
-        return [change for _, change in self._lines() if change is not None]
+        return read_history(self.path)
 
     def waiting(self) -> list[Path]:
         """Recordings that are complete, and were neither learned nor taken back, by name."""
@@ -153,7 +163,7 @@ class TaskFolder:
         return self.path / BAGS / task / f"{task}_{number:02d}"
 
     def learn(self, bag: Path) -> Change:
-        """Add one recording of this folder to the model.
+        """Add one recording of this folder to the model; a correction moves its task.
 
         Returns:
             What changed; its action is "wait" where a first model needs more recordings.
@@ -172,7 +182,8 @@ class TaskFolder:
             except (BagError, TrainingError):
                 self.prune(bag)
                 raise
-            return self._keep(LEARN if trained else WAIT, task, name, trained)
+            learned = KEEP if self.model_path.exists() and _is_correction(bag) else LEARN
+            return self._keep(learned if trained else WAIT, task, name, trained)
 
     def undo(self) -> Change:
         """Take the last recording back: the model before it returns, the bag goes to `undone`.
@@ -182,7 +193,7 @@ class TaskFolder:
         """
         with self._locked():
             kept = self._standing()
-            if not kept or kept[-1].action not in (LEARN, WAIT):
+            if not kept or kept[-1].action not in (LEARN, WAIT, KEEP):
                 cure = "Only recordings made in this folder can be taken back."
                 raise ModelError(describe("undo", "a recording to take back", "none", cure))
             last, before = kept[-1], kept[-2] if len(kept) > 1 else None
@@ -196,6 +207,28 @@ class TaskFolder:
                 before.model if before else "",
                 before.tasks if before else {},
             )
+
+    def correct(self, execution: Path) -> Path:
+        """Make a demonstration of a corrected execution, to be learned; returns its recording.
+
+        Raises:
+            BagError: it was not corrected.
+            ResourceBusyError: it was kept before.
+        """
+        target = self.path / BAGS / _kept(execution)
+        source = execution.relative_to(self.path).as_posix()
+        labels = BagReader(execution, tolerant=True).custom_data
+        write_corrected(execution, target, labels | {CORRECTED: source})
+        return target
+
+    def was_kept(self, execution: Path) -> bool:
+        """Whether a demonstration was made of an execution, taken back or not."""
+        return any((self.path / home / _kept(execution)).exists() for home in (BAGS, UNDONE))
+
+    def present_model(self) -> str:
+        """The model of the last change, relative to the folder; empty where there is none."""
+        changes = self.history()
+        return changes[-1].model if changes else ""
 
     def prune(self, bag: Path) -> None:
         """Move a recording to `undone`."""
@@ -222,6 +255,9 @@ class TaskFolder:
             [bag], model.dofs, preprocessing.settings, preprocessing=preprocessing
         )
         _check(found, bag)
+        if _is_correction(bag):
+            (task,) = found.accumulated.tasks.values()
+            return move_task(trained, task.examples[0])
         more = add_statistics(trained, found.accumulated.tasks, found.accumulated.used)
         before, now = ({label: s.n for label, s in t.tasks.items()} for t in (trained, more))
         if not is_outdated(before, now):
@@ -249,8 +285,8 @@ class TaskFolder:
     def _write(
         self, action: str, task: str, bag: str, model: str, tasks: Mapping[str, int]
     ) -> Change:
-        now = self._clock().isoformat(timespec="milliseconds")
-        change = Change(now, action, task, bag, model, dict(tasks))
+        at = self._clock().isoformat(timespec="milliseconds")
+        change = Change(at, action, task, bag, model, dict(tasks))
         append_line(self.path / HISTORY, json.dumps(asdict(change)))
         self._follow()
         return change
@@ -279,7 +315,7 @@ class TaskFolder:
         """Make up for a kill at any instant; nothing that was recorded is removed."""
         for part in (*self.path.glob("*.part"), *(self.path / MODELS).glob("*.part")):
             part.unlink()
-        lines = self._lines()
+        lines = _lines(self.path)
         if any(change is None for _, change in lines):
             damaged = [line for line, change in lines[:-1] if change is None]
             for line in damaged:  # the last one was not written to its end: it never happened
@@ -306,14 +342,6 @@ class TaskFolder:
         append_line(self.path / DAMAGED, "the history was lost")
         self._keep(START, "", "", load_trained(present)[1])
 
-    def _lines(self) -> list[tuple[str, Change | None]]:
-        """Lines of the history, each with its change; None for what is not whole."""
-        try:
-            text = (self.path / HISTORY).read_bytes().decode(errors="replace")
-        except FileNotFoundError:
-            return []
-        return [(line, _change(line)) for line in text.split("\n") if line]
-
     @contextmanager
     def _locked(self) -> Iterator[None]:
         """Let no other teacher change the folder meanwhile."""
@@ -323,6 +351,25 @@ class TaskFolder:
 
     def _relative(self, path: Path) -> str:
         return path.absolute().relative_to(self.path).as_posix()
+
+
+def is_task_folder(path: Path) -> bool:
+    """Whether something was learned in a folder, or executed."""
+    return (path / HISTORY).is_file() or (path / OUTCOMES).is_file()
+
+
+def read_history(path: Path) -> list[Change]:
+    """All changes of a folder of tasks, the oldest first; nothing in it is touched."""
+    return [change for _, change in _lines(path) if change is not None]
+
+
+def _lines(path: Path) -> list[tuple[str, Change | None]]:
+    """Lines of the history, each with its change; None for what is not whole."""
+    try:
+        text = (path / HISTORY).read_bytes().decode(errors="replace")
+    except FileNotFoundError:
+        return []
+    return [(line, _change(line)) for line in text.split("\n") if line]
 
 
 def _check(found: FromBags, bag: Path) -> None:
@@ -350,6 +397,16 @@ def _change(line: str) -> Change | None:
     inside = not any(".." in Path(name).parts or name[:1] == "/" for name in texts[3:5] if name)
     sound = all(isinstance(text, str) for text in texts) and isinstance(change.tasks, dict)
     return change if sound and inside and change.action in ACTIONS else None
+
+
+def _kept(execution: Path) -> Path:
+    """Where the demonstration made of an execution is, below a folder of bags."""
+    return Path(execution.parent.name) / f"{execution.name}_kept"
+
+
+def _is_correction(bag: Path) -> bool:
+    """Whether a recording is a corrected execution."""
+    return CORRECTED in BagReader(bag, tolerant=True).custom_data
 
 
 def _is_finished(bag: Path) -> bool:

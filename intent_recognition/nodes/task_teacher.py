@@ -7,18 +7,29 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.demonstrations import HAND_LINK, DofSpec, load_dofs, topics_of
 from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
-from intent_recognition.model import WAIT, Change, TaskFolder, load_model
+from intent_recognition.model import (
+    SKILL_COLUMNS,
+    WAIT,
+    Change,
+    Executions,
+    TaskFolder,
+    load_model,
+    now,
+    skill_history,
+)
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import MODEL, Level
+from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.topic_recorder import TopicRecorder, answer, refuse_label
@@ -27,10 +38,15 @@ ESTIMATOR = "intent_estimator"
 ANSWER_S = 5.0
 """An estimator that has not answered for so long is asked again [s]. Convention: a model is loaded
 in less than one."""
+MOST_PERIODS = 20
+"""Changes of a task that `teach/skills` tells at most. Convention."""
 
 
 class TaskTeacher(TopicRecorder):
     """A recorder whose recordings become tasks.
+
+    Executions are recorded, too, with what is told of them on `intent/feedback`, while `executions`
+    is above 0; `~/keep` makes a demonstration of the last one that a person corrected by hand.
 
     `~/start` begins a recording of the task named by the parameter `task`; `~/stop` ends it, adds
     it to the model in the folder `library` and asks the estimator to load that, unless the
@@ -58,14 +74,29 @@ class TaskTeacher(TopicRecorder):
         self._in_use = False
         self.folder = self._open_folder()
         self.waiting: list[Path] = self.folder.waiting()
+        self.executions = ExecutionRecorder(
+            Executions(self.folder.path, now),
+            fixed_parameter(
+                self,
+                "executions",
+                50,
+                "Recordings of executions of each task that are kept; 0: none are made.",
+                0,
+                100_000,
+            ),
+            self.folder.present_model,
+            self.diagnostics.reject,
+        )
         self.add_on_set_parameters_callback(refuse_label)
         self._status = self.create_publisher(String, "teach/status", qos.LATCHED)
+        self._skills = self.create_publisher(DiagnosticArray, "teach/skills", qos.LATCHED)
         for name, action in (
             ("start", self.start),
             ("stop", self.stop),
             ("learn", self.learn),
             ("discard", self.discard),
             ("undo", self.undo),
+            ("keep", self.keep),
         ):
             self.create_service(Trigger, f"~/{name}", partial(_serve, action))
         self._set_model = self.create_client(SetParameters, f"{ESTIMATOR}/set_parameters")
@@ -79,7 +110,15 @@ class TaskTeacher(TopicRecorder):
             "Link that is the hand of the arm that is taught with, where the model predicts a hand;"
             " empty: the DOF file's.",
         )
+        self.create_subscription(String, "intent/active_task", self._on_active, qos.LATCHED)
+        self.create_subscription(
+            DiagnosticStatus, "intent/feedback", self._on_feedback, qos.FEEDBACK
+        )
+        self.create_subscription(
+            JointTrajectory, "intent/correction", self._on_correction, qos.COMMAND, raw=True
+        )
         self.listen(topics_of(self.folder.dofs))
+        self._publish_skills()
         left = f"; {len(self.waiting)} recordings wait to be learned" if self.waiting else ""
         self._report(Level.OK, f"ready; library {self.folder.path}{left}")
 
@@ -153,6 +192,46 @@ class TaskTeacher(TopicRecorder):
         change = self.folder.undo()
         return self._changed(change, f"took {Path(change.bag).name} back")
 
+    def keep(self) -> str:
+        """Learn from the last execution that a person corrected; returns what changed.
+
+        Raises:
+            BagError: no execution was corrected and has not been kept before.
+            TrainingError: it cannot be learned from; it is kept in the folder's `undone`.
+        """
+        self.executions.close()
+        for execution in reversed(self.executions.executions.all()):
+            bag = self.folder.path / execution.bag
+            if execution.corrected and bag.exists() and not self.folder.was_kept(bag):
+                change = self.folder.learn(self.folder.correct(bag))
+                return self._changed(change, f"kept the correction of {bag.name}")
+        cure = "Lead the arm by hand while it executes, then keep that."
+        raise BagError(describe("~/keep", "a corrected execution", "none", cure))
+
+    def heard(self, topic: str, kind: str, data: bytes, received_ns: int, sent_ns: int) -> None:
+        """Record executions."""
+        self.executions.take(topic, kind, data, received_ns, sent_ns)
+
+    def destroy_node(self) -> None:
+        """Close the recordings, then the node."""
+        self.executions.close()
+        super().destroy_node()
+
+    def _on_active(self, message: String) -> None:
+        with self._lock:
+            self.executions.set_task(message.data)
+        self._publish_skills()
+
+    def _on_correction(self, data: bytes) -> None:
+        with self._lock:
+            self.executions.correct(data, self.get_clock().now().nanoseconds)
+
+    def _on_feedback(self, message: DiagnosticStatus) -> None:
+        values = {row.key: row.value for row in message.values}
+        with self._lock:
+            self.executions.add(message.name, values)
+        self._publish_skills()
+
     def _open_folder(self) -> TaskFolder:
         library = fixed_parameter(self, "library", "", "folder of recordings, model and history")
         dofs = fixed_parameter(self, "dofs", "", "DOF file; empty takes the model's")
@@ -167,6 +246,7 @@ class TaskTeacher(TopicRecorder):
 
     def _changed(self, change: Change, what: str) -> str:
         """Report what changed and send the model to the estimator."""
+        self._publish_skills()
         if change.action == WAIT:
             text = f"{what}; a first model needs two demonstrations of a task"
             self._report(Level.OK, text)
@@ -220,6 +300,19 @@ class TaskTeacher(TopicRecorder):
     def estimator_runs(self) -> bool:
         """Whether there is an estimator to give models to."""
         return self._set_model.service_is_ready() and self._reload.service_is_ready()
+
+    def _publish_skills(self) -> None:
+        """How each task has done since each of its last changes."""
+        skills = skill_history(self.folder.history(), self.executions.executions.all())
+        message = DiagnosticArray()
+        message.header.stamp = self.get_clock().now().to_msg()
+        for label, periods in skills.items():
+            for one in periods[-MOST_PERIODS:]:
+                numbers = zip(SKILL_COLUMNS, one.texts(), strict=True)
+                values = {"since": one.since, "demonstrations": str(one.n_demonstrations)}
+                rows = [KeyValue(key=k, value=v) for k, v in (values | dict(numbers)).items()]
+                message.status.append(DiagnosticStatus(name=label, message=one.what, values=rows))
+        self._skills.publish(message)
 
     def _report(self, level: int, text: str) -> None:
         self.last_status = text

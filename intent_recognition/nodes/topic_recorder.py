@@ -166,6 +166,9 @@ class TopicRecorder(Node):
         self.get_logger().info(f"{writer.message_count} messages in {writer.path}")
         return writer
 
+    def heard(self, topic: str, kind: str, data: bytes, received_ns: int, sent_ns: int) -> None:
+        """Called with every message, recorded or not."""
+
     def gave_up(self) -> None:
         """Called when the disk was full and the recording was ended."""
 
@@ -259,10 +262,12 @@ class TopicRecorder(Node):
             source = self._sources[str(topic)]
             if source.guarantees.latched:
                 source.latched = (data, sent_ns or received_ns)
-            if self._writer is None:
-                return
-            if received_ns == 0:
+            if received_ns == 0 and self._writer is not None:
                 self.diagnostics.reject("no_clock", f"{topic}, before /clock")
+            if received_ns == 0:
+                return
+            self.heard(source.name, source.type, data, received_ns, sent_ns or received_ns)
+            if self._writer is None:
                 return
             self._write(self._writer, source, data, received_ns, sent_ns or received_ns)
 

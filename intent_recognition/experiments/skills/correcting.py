@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 MOVED_M = 0.08
 """How far a task's rule has moved."""
-FALSE_ALARM_RATE = 0.05
-N_CALIBRATED, N_UNDISTURBED, N_BUMPED, N_TESTED = 38, 20, 10, 3
+FALSE_ALARM_RATE = 0.1
+N_CALIBRATED, N_UNDISTURBED, N_BUMPED, N_TESTED = 18, 12, 8, 2
 """Executions that give the detector, that it is scored on, with bumps, and per task and library."""
 N_QUICK = (4, 1, 1, 1)
 N_CORRECTIONS = 3

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the tasks have done, and what a person thinks of it: keep, undo, thumbs."""
+
+from collections.abc import Callable
+
+import viser
+
+from intent_recognition.dashboard import markup
+from intent_recognition.dashboard.cell import CellState, SkillRow
+from intent_recognition.dashboard.commands import TEACHER, Commands
+from intent_recognition.dashboard.scene import rgb
+from intent_recognition.dashboard.widgets import set_content
+from intent_recognition.model import DOWN, UP
+from intent_recognition.report import readable
+
+NOTHING = "Nothing was taught or executed yet, or no teacher runs."
+HOW = (
+    "Push or guide the arm while it executes: it yields, and goes on from where you leave it"
+    " (`correction: lwr` of `primitive_activation`).",
+    "Press `Keep`: the task moves half the way. `Undo` takes the last change back.",
+)
+HEAD = ("since", "change", "done", "arrived", "corrected", "up / down", "spilled")
+
+
+class SkillsTab:
+    """The third tab.
+
+    Args:
+        server: the page.
+        commands: reaches the teacher.
+        do: runs a function in the thread of the graph.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, commands: Commands, do: Callable[[Callable], None]
+    ):
+        gui = server.gui
+        self._commands = commands
+        self._task = ""
+        self._hint = gui.add_html(markup.ways("Correct by hand", HOW))
+        self._keep = gui.add_button(
+            "Keep the last correction", icon=viser.Icon.HAND_GRAB, color=rgb(markup.GOOD)
+        )
+        self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
+        self._up = gui.add_button("Good", icon=viser.Icon.THUMB_UP, color="gray")
+        self._down = gui.add_button("Bad", icon=viser.Icon.THUMB_DOWN, color="gray")
+        self._status = gui.add_html("")
+        self._table = gui.add_html("")
+        self._keep.on_click(lambda _: do(lambda: commands.trigger(f"{TEACHER}/keep")))
+        self._undo.on_click(lambda _: do(lambda: commands.trigger(f"{TEACHER}/undo")))
+        self._up.on_click(lambda _: do(lambda: self._judge(UP)))
+        self._down.on_click(lambda _: do(lambda: self._judge(DOWN)))
+
+    def update(self, state: CellState) -> None:
+        """Show what changed, and what can be done now."""
+        self._task = state.active or self._task
+        teacher = self._commands.offers(f"{TEACHER}/keep")
+        for button in (self._keep, self._undo):
+            button.disabled = not teacher
+        for button in (self._up, self._down):
+            button.disabled = not (teacher and self._task)
+        name = readable(self._task)
+        set_content(self._status, markup.remark(f"Good and bad: of {name}" if self._task else ""))
+        set_content(self._table, skills_table(state.skills))
+
+    def _judge(self, thumbs: str) -> None:
+        self._commands.tell(self._task, {"thumbs": thumbs})
+
+
+def skills_table(skills: dict[str, list[SkillRow]]) -> str:
+    """A table for each task, its newest change first."""
+    if not skills:
+        return markup.remark(NOTHING)
+    return "".join(
+        markup.heading(readable(task)) + markup.table(HEAD, [_cells(row) for row in reversed(rows)])
+        for task, rows in sorted(skills.items())
+    )
+
+
+def _cells(row: SkillRow) -> tuple[str, ...]:
+    value = row.values.get
+    return (
+        value("since", "")[5:16].replace("T", " "),
+        row.what,
+        *(value(name, "") for name in ("executions", "arrived", "corrected")),
+        f"{value('thumbs up', '')} / {value('thumbs down', '')}",
+        value("spilled", ""),
+    )

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An execution that a person corrected, written as the demonstration it amounts to."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.bags import BagReader, BagWriter
+from intent_recognition.bags.copying import copy_message
+from intent_recognition.errors import BagError, describe
+
+CORRECTION_TOPIC, CORRECTION_TYPE = "/intent/correction", "trajectory_msgs/msg/JointTrajectory"
+CORRECTED = "corrected"
+"""Key of `custom_data`: the execution that a demonstration comes from."""
+_JOINT_STATES = "sensor_msgs/msg/JointState"
+_REST_NS = 500_000_000
+"""So much of the rest after the corrected path is kept [ns]. Convention."""
+
+
+def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str]) -> None:
+    """Write what was seen, with the arm on the corrected path instead of where it was pushed.
+
+    Args:
+        execution: bag of it, with the corrected path on `CORRECTION_TOPIC`; the last counts.
+        target: directory of the new bag.
+        custom_data: its labels.
+
+    Raises:
+        BagError: it holds no correction, or cannot be read.
+        ResourceBusyError: the directory exists already.
+    """
+    reader = BagReader(execution)
+    corrections = [message.message for message in reader.messages([CORRECTION_TOPIC])]
+    if not corrections:
+        cure = "Only executions that were corrected by hand can be kept."
+        raise BagError(describe(str(execution), "a corrected execution", "none", cure))
+    path = corrections[-1]
+    stamps_ns = _ns(path.header.stamp) + np.array([_ns(p.time_from_start) for p in path.points])
+    positions = np.array([point.positions for point in path.points])
+    decoders = {}
+    with BagWriter(target, custom_data, flush_period_s=None) as writer:
+        for raw in reader.raw_messages():
+            if raw.topic == CORRECTION_TOPIC:
+                continue
+            if raw.type != _JOINT_STATES:
+                copy_message(writer, raw)
+                continue
+            if raw.topic not in decoders:
+                decoders[raw.topic] = reader.decoder(raw.topic, raw.type)
+            message = decoders[raw.topic](raw.data)
+            stamp_ns = _ns(message.header.stamp)
+            if stamp_ns > stamps_ns[-1] + _REST_NS:
+                break
+            asked = dict(
+                zip(
+                    path.joint_names,
+                    (float(np.interp(stamp_ns, stamps_ns, column)) for column in positions.T),
+                    strict=True,
+                )
+            )
+            fields = {
+                "header": {"stamp": stamp_ns, "frame_id": message.header.frame_id},
+                "name": list(message.name),
+                "position": np.array(
+                    [
+                        asked.get(name, measured)
+                        for name, measured in zip(message.name, message.position, strict=True)
+                    ]
+                ),
+            }
+            writer.write_message(raw.topic, raw.type, fields, raw.log_time_ns)
+
+
+def _ns(time: object) -> int:
+    """A stamp or duration [ns]."""
+    return int(time.sec) * 1_000_000_000 + int(time.nanosec)  # type: ignore[attr-defined]

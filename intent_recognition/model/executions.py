@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What became of each execution of a task, kept in the folder of tasks beside its recording.
+
+    my_tasks/
+      outcomes.jsonl                                 one line per thing that became known
+      executions/give_cup/give_cup_0000, ...         the newest recordings of each task
+
+A line is written once, at the end of the file, and on the disk before anything goes on. One that
+was not written to its end never happened. Later lines add to, or change, what is known of the same
+recording.
+"""
+
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from pathlib import Path
+
+from intent_recognition.demonstrations import check_label
+from intent_recognition.durable import append_line
+from intent_recognition.untrusted import UntrustedError, load_json
+
+EXECUTIONS, OUTCOMES = "executions", "outcomes.jsonl"
+OUTCOME, CORRECTIONS, THUMBS, SPILLED = "outcome", "corrections", "thumbs", "spilled"
+ARRIVED, UP, DOWN = "arrived", "up", "down"
+MOST_VALUES, LONGEST_VALUE = 50, 200
+"""Values of an execution, and characters of each, that are kept. Convention."""
+
+
+@dataclass(frozen=True)
+class Execution:
+    """What is known of one execution.
+
+    Attributes:
+        time: when it ended, ISO 8601.
+        task: its label.
+        bag: the recording, relative to the folder; an old one may have been removed.
+        model: what the task was like then: the model in the folder, relative to it; empty where
+            the folder had none.
+        values: by name: `outcome`, `corrections`, `thumbs` (`up`, `down`), `spilled` and others.
+    """
+
+    time: str
+    task: str
+    bag: str
+    model: str
+    values: Mapping[str, str]
+
+    @property
+    def corrected(self) -> bool:
+        """Whether a person led the arm elsewhere."""
+        return self.number(CORRECTIONS) > 0.0
+
+    def number(self, name: str) -> float:
+        """A value as a number; 0 where it is none."""
+        try:
+            return float(self.values.get(name, 0.0))
+        except ValueError:
+            return 0.0
+
+
+class Executions:
+    """The executions in a folder of tasks.
+
+    Args:
+        path: the folder of tasks.
+        clock: tells the time.
+    """
+
+    def __init__(self, path: Path, clock: Callable[[], datetime]):
+        self.path, self._clock = path, clock
+
+    def all(self) -> list[Execution]:
+        """Every execution that something is known of, the oldest first."""
+        try:
+            lines = (self.path / OUTCOMES).read_bytes().decode(errors="replace").split("\n")
+        except FileNotFoundError:
+            return []
+        found: dict[str, Execution] = {}
+        for line in lines:
+            one = _execution(line) if line else None
+            if one is None:
+                continue
+            known = found.get(one.bag)
+            values = one.values if known is None else {**known.values, **one.values}
+            found[one.bag] = replace(known or one, values=values)
+        return list(found.values())
+
+    def new_bag(self, task: str) -> Path:
+        """Where the next execution of a task is to be recorded.
+
+        Raises:
+            BagError: the label names no task.
+        """
+        check_label(task)
+        names = [p.name for p in (self.path / EXECUTIONS / task).glob("*")]
+        names += [Path(one.bag).name for one in self.all() if one.task == task]
+        numbers = [int(end) for name in names if (end := name.rpartition("_")[2]).isdigit()]
+        return self.path / EXECUTIONS / task / f"{task}_{max(numbers, default=-1) + 1:04d}"
+
+    def add(self, bag: Path, values: Mapping[str, str], model: str = "") -> None:
+        """Note something about an execution.
+
+        Args:
+            bag: its recording in this folder.
+            values: what is known, by name.
+            model: that of the folder then.
+        """
+        kept = {str(k)[:LONGEST_VALUE]: str(v)[:LONGEST_VALUE] for k, v in values.items()}
+        kept = dict(list(kept.items())[:MOST_VALUES])
+        now = self._clock().isoformat(timespec="milliseconds")
+        name = bag.relative_to(self.path).as_posix()
+        line = Execution(now, bag.parent.name, name, model, kept)
+        file = self.path / OUTCOMES
+        torn = file.exists() and not file.read_bytes().endswith(b"\n")
+        append_line(file, ("\n" if torn else "") + json.dumps(asdict(line)))
+
+    def thin(self, task: str, most: int) -> None:
+        """Remove the oldest recordings of a task; what became of them stays known."""
+        found = sorted((self.path / EXECUTIONS / task).glob("*_[0-9]*"))
+        for bag in found[: max(len(found) - most, 0)]:
+            shutil.rmtree(bag, ignore_errors=True)
+
+
+def _execution(line: str) -> Execution | None:
+    """The execution of a line, None where it is not a whole one."""
+    try:
+        found = Execution(**load_json(line))
+    except (TypeError, UntrustedError):
+        return None
+    texts = (found.time, found.task, found.bag, found.model)
+    if not all(isinstance(text, str) for text in texts) or not isinstance(found.values, dict):
+        return None
+    inside = not any(
+        ".." in Path(name).parts or name[:1] == "/" for name in (found.bag, found.model)
+    )
+    return found if inside else None

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A correction that is kept moves its task and nothing else; what became of executions stays."""
+
+from datetime import datetime, timezone
+
+import numpy as np
+import pytest
+from model_builder import make_dofs, message_of, messages_of, perform, true_library, write_recording
+from simulation import minimum_jerk
+
+from intent_recognition.bags import BagWriter
+from intent_recognition.demonstrations import CORRECTION_TOPIC, CORRECTION_TYPE
+from intent_recognition.errors import BagError, ModelError, ResourceBusyError
+from intent_recognition.model import Execution, Executions, load_model, load_trained, skill_history
+from intent_recognition.model.task_folder import KEEP, START, Change, TaskFolder
+
+DOFS = make_dofs()
+TRUTH = true_library(DOFS)
+NOON = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
+OFFSET = np.linspace(0.3, -0.2, 7)
+
+
+def execute(folder, recording):
+    """Record an execution whose arm was led aside, and how it should have been."""
+    executions = Executions(folder.path, lambda: NOON)
+    bag = executions.new_bag(recording.task)
+    (robot,) = recording.controlled
+    start_ns = recording.start_ns + 800_000_000
+    phase = np.linspace(0.0, 1.0, 41)
+    duration_s = (recording.end_ns - recording.start_ns) * 1e-9 - 1.6
+    at_ns = start_ns + phase * duration_s * 1e9
+    asked = np.stack([np.interp(at_ns, robot.stamps_ns, column) for column in robot.values.T], 1)
+    asked += minimum_jerk(phase)[:, None] * OFFSET
+    points = [
+        {"positions": q, "time_from_start": round(t * duration_s * 1e9)}
+        for q, t in zip(asked, phase, strict=True)
+    ]
+    header = {"stamp": start_ns, "frame_id": recording.task}
+    correction = {"header": header, "joint_names": list(robot.names), "points": points}
+    with BagWriter(bag, {"task": recording.task}) as writer:
+        for entry, stamp_ns, values in messages_of(recording, DOFS):
+            pushed = values + 1.0 * (entry in DOFS.controlled)
+            writer.write_message(
+                entry.topic, entry.type, message_of(entry, stamp_ns, pushed), stamp_ns
+            )
+        writer.write_message(CORRECTION_TOPIC, CORRECTION_TYPE, correction, recording.end_ns)
+    executions.add(bag, {"corrections": "1"}, "models/0005.npz")
+    return bag
+
+
+@pytest.fixture(scope="module")
+def taught(tmp_path_factory):
+    folder = TaskFolder(tmp_path_factory.mktemp("tasks") / "mine", DOFS, clock=lambda: NOON)
+    for k in range(3):
+        for task in (0, 1):
+            bag = folder.new_bag(TRUTH.labels[task])
+            folder.learn(write_recording(bag, perform(TRUTH, task, 10 * task + k), DOFS))
+    return folder
+
+
+def test_each_kept_correction_halves_what_is_left_and_undo_takes_it_back(taught):
+    folder, label = taught, TRUTH.labels[0]
+    file, before = folder.model_path.read_bytes(), load_trained(folder.model_path)[1]
+    first = before.library
+    k, other = first.labels.index(label), 1 - first.labels.index(label)
+    ends = [controlled_end(first, k)]
+    for _ in range(3):
+        bag = execute(folder, perform(TRUTH, 0, 1))  # what it has seen: all is the correction
+        change = folder.learn(folder.correct(bag))
+        assert change.action == KEEP and change.tasks[label] == 3
+        ends.append(controlled_end(load_model(folder.model_path).library, k))
+    moved = (np.array(ends) - ends[0]) @ OFFSET / (OFFSET @ OFFSET)
+    np.testing.assert_allclose(np.diff(moved)[1:], np.diff(moved)[:-1] / 2.0, atol=0.03)
+    assert moved[-1] > 0.7
+    model, trained = load_trained(folder.model_path)
+    library = model.library
+    for name in ("weight_covariance", "none_margin", "noise_variance", "observed_mean"):
+        assert np.array_equal(getattr(library, name), getattr(first, name)), name
+    assert np.array_equal(library.weight_mean[other], first.weight_mean[other])
+    assert np.array_equal(trained.tasks[label].scatter, before.tasks[label].scatter)
+    with pytest.raises(ResourceBusyError):
+        folder.correct(bag)
+    assert folder.was_kept(bag)
+    for _ in range(3):
+        folder.undo()
+    assert folder.model_path.read_bytes() == file
+    assert folder.was_kept(bag)
+
+
+def test_a_correction_that_was_written_but_not_learned_waits_as_one(taught):
+    """As after a kill between the recording and the line in the history."""
+    bag = folder_bag = execute(taught, perform(TRUTH, 1, 33))
+    target = taught.correct(folder_bag)
+    again = TaskFolder(taught.path, DOFS, clock=lambda: NOON)
+    assert again.waiting() == [target]
+    assert again.learn(target).action == KEEP
+    again.undo()
+    assert again.was_kept(bag)
+
+
+def test_what_was_not_corrected_cannot_be_kept(taught):
+    bag = Executions(taught.path, lambda: NOON).new_bag("task_0")
+    write_recording(bag, perform(TRUTH, 0, 34), DOFS)
+    with pytest.raises(BagError, match="corrected"):
+        taught.correct(bag)
+
+
+def test_only_what_is_new_can_be_undone(tmp_path):
+    with pytest.raises(ModelError):
+        TaskFolder(tmp_path / "empty", DOFS).undo()
+
+
+def test_outcomes_add_up_and_a_torn_line_never_happened(tmp_path):
+    executions = Executions(tmp_path, lambda: NOON)
+    first = executions.new_bag("cup")
+    executions.add(first, {"outcome": "arrived", "corrections": "0"}, "models/0001.npz")
+    executions.add(first, {"thumbs": "up"})
+    file = tmp_path / "outcomes.jsonl"
+    file.write_bytes(file.read_bytes() + b'{"time": "2026", "task": "cu')
+    second = executions.new_bag("cup")
+    executions.add(second, {"corrections": "2"})
+    executions.add(first, {"thumbs": "down"})
+    one, two = executions.all()
+    assert dict(one.values) == {"outcome": "arrived", "corrections": "0", "thumbs": "down"}
+    assert (one.model, one.corrected, two.corrected) == ("models/0001.npz", False, True)
+    assert (first.name, second.name) == ("cup_0000", "cup_0001")
+
+
+def test_old_recordings_go_and_what_became_of_them_stays(tmp_path):
+    executions = Executions(tmp_path, lambda: NOON)
+    for _ in range(3):
+        bag = executions.new_bag("cup")
+        bag.mkdir(parents=True)
+        executions.add(bag, {"outcome": "arrived"})
+        executions.thin("cup", 2)
+    assert [p.name for p in sorted(bag.parent.iterdir())] == ["cup_0001", "cup_0002"]
+    assert len(executions.all()) == 3
+    assert executions.new_bag("cup").name == "cup_0003"
+
+
+def test_executions_count_since_the_change_before_them():
+    tasks = {"cup": 3, "plate": 2}
+    changes = [
+        Change("2026-01-01T10:00:00+00:00", START, "", "", "models/0001.npz", tasks),
+        Change("2026-01-02T10:00:00+00:00", KEEP, "cup", "bags/cup/cup_0001_kept", "", tasks),
+    ]
+    values = [
+        {"outcome": "arrived", "corrections": "1"},
+        {"outcome": "arrived", "thumbs": "up", "spilled": "1"},
+        {"outcome": "stopped: withdrawn", "thumbs": "down", "spilled": "4"},
+    ]
+    days = ("2026-01-01T23:00:00+02:00", "2026-01-03T00:00:00+00:00", "2026-01-04T00:00:00+00:00")
+    executions = [
+        Execution(day, "cup", f"executions/cup/cup_{k}", "", one)
+        for k, (day, one) in enumerate(zip(days, values, strict=True))
+    ]
+    skills = skill_history(changes, executions[::-1])
+    first, second = skills["cup"]
+    assert (first.what, first.texts()) == ("the model begun with", ("1", "1", "1", "0", "0", "-"))
+    assert (second.what, second.texts()) == ("kept cup_0001", ("2", "1", "0", "1", "1", "2.5"))
+    assert [one.n_executions for one in skills["plate"]] == [0]
+    (unknown,) = skill_history([], executions[:1])["cup"]
+    assert (unknown.what, unknown.n_executions) == ("before", 1)
+
+
+def controlled_end(library, task):
+    means = library.weight_mean[task].reshape(-1, library.basis.n_basis)[library.n_observed :]
+    return (library.basis.design_matrix(np.ones(1)) @ means.T)[0]
