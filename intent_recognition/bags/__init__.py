@@ -15,7 +15,7 @@ from intent_recognition.bags.cdr.layout import (
     header_stamp_ns,
 )
 from intent_recognition.bags.cdr.template import SerializedTemplate
-from intent_recognition.bags.copying import BagPart, cut_bag
+from intent_recognition.bags.copying import BagPart, copy_message, cut_bag
 from intent_recognition.bags.definitions import message_class
 from intent_recognition.bags.mcap.scan import Damage
 from intent_recognition.bags.messages import BagMessage
@@ -46,6 +46,7 @@ __all__ = [
     "RecoveryReport",
     "SerializedTemplate",
     "TopicInfo",
+    "copy_message",
     "cut_bag",
     "decode",
     "header_stamp_ns",

@@ -3,11 +3,11 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from intent_recognition.bags import BagReader, BagWriter
-from intent_recognition.bags.copying import copy_message
+from intent_recognition.bags import BagReader, BagWriter, copy_message, decode
 from intent_recognition.errors import BagError, describe
 
 CORRECTION_TOPIC, CORRECTION_TYPE = "/intent/correction", "trajectory_msgs/msg/JointTrajectory"
@@ -48,7 +48,7 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
                 continue
             if raw.topic not in decoders:
                 decoders[raw.topic] = reader.decoder(raw.topic, raw.type)
-            message = decoders[raw.topic](raw.data)
+            message = decode(raw, decoders[raw.topic]).message
             stamp_ns = _ns(message.header.stamp)
             if stamp_ns > stamps_ns[-1] + _REST_NS:
                 break
@@ -72,6 +72,6 @@ def write_corrected(execution: Path, target: Path, custom_data: Mapping[str, str
             writer.write_message(raw.topic, raw.type, fields, raw.log_time_ns)
 
 
-def _ns(time: object) -> int:
+def _ns(time: Any) -> int:
     """A stamp or duration [ns]."""
-    return int(time.sec) * 1_000_000_000 + int(time.nanosec)  # type: ignore[attr-defined]
+    return int(time.sec) * 1_000_000_000 + int(time.nanosec)

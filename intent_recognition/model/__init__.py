@@ -4,8 +4,7 @@
 from intent_recognition.model.executions import ARRIVED, DOWN, UP, Execution, Executions
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags
-from intent_recognition.model.skills import COLUMNS as SKILL_COLUMNS
-from intent_recognition.model.skills import SkillPeriod, skill_history
+from intent_recognition.model.skills import SKILL_COLUMNS, SkillPeriod, skill_history
 from intent_recognition.model.task_folder import (
     WAIT,
     Change,

@@ -16,7 +16,7 @@ from intent_recognition.model.executions import (
 )
 from intent_recognition.model.task_folder import LEARN, START, UNDO, WAIT, Change
 
-COLUMNS = ("executions", "arrived", "corrected", "thumbs up", "thumbs down", "spilled")
+SKILL_COLUMNS = ("executions", "arrived", "corrected", "thumbs up", "thumbs down", "spilled")
 
 
 class SkillPeriod(NamedTuple):
@@ -48,7 +48,7 @@ class SkillPeriod(NamedTuple):
     spilled: float | None = None
 
     def texts(self) -> tuple[str, ...]:
-        """The numbers of `COLUMNS`, for people."""
+        """The numbers of `SKILL_COLUMNS`, for people."""
         n = self.n_executions
         counts = (self.n_arrived, self.n_corrected, self.n_up, self.n_down)
         shown = [f"{one}" for one in counts] if n else ["-"] * len(counts)

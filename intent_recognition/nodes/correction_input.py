@@ -42,13 +42,20 @@ class CorrectionInput:
         self.correction: Correction | None = None
         self._library: TaskLibrary | None = None
 
-    def update(self, names: tuple[str, ...], library: TaskLibrary | None, arm: Arm | None) -> None:
+    def update(
+        self,
+        names: tuple[str, ...],
+        library: TaskLibrary | None,
+        arm: Arm | None,
+        reference: tuple[float, ...],
+    ) -> None:
         """Go by these joints and tasks.
 
         Args:
             names: of the joints.
             library: of the tasks that may be corrected.
             arm: whose hand the tasks are of; None where they are of joints.
+            reference: of the hand's rotation vectors, xyzw; empty without.
 
         Raises:
             ArgumentError: the detector is of another number of joints.
@@ -67,7 +74,7 @@ class CorrectionInput:
         self._library, spreads = library, {}
         if library is not None:
             spreads = {
-                label: Spread.given_person(library.primitive(k), arm)
+                label: Spread.given_person(library.primitive(k), arm, reference)
                 for k, label in enumerate(library.labels)
             }
         self.correction = Correction(detector, spreads)

@@ -439,7 +439,7 @@ class PrimitiveActivation(ManagedNode):
             IntentError: their limits are not known.
         """
         arm = self._settings.described if self._settings.of_hand else None
-        self._correction.update(names, self._settings.library, arm)
+        self._correction.update(names, self._settings.library, arm, self._settings.reference)
         settings = replace(
             self._settings.settings(
                 names, self._starts, self._things.clearance, self._person.separation

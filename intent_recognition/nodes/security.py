@@ -37,7 +37,7 @@ LIFECYCLE_SERVICES = tuple(
     for name in ("change_state", "get_state", "get_available_states")
     + ("get_available_transitions", "get_transition_graph")
 )
-LEARNING = ("start", "stop", "learn", "discard", "undo")
+LEARNING = ("start", "stop", "learn", "discard", "keep", "undo")
 
 
 class Interface(NamedTuple):
@@ -78,7 +78,7 @@ INTERFACES = {
     "primitive_activation": Interface(
         ("intent/human_trajectory", "intent/next_task", "intent/robot_trajectory")
         + ("intent/tasks", "joint_states", "robot_description"),
-        ("intent/active_task", "joint_trajectory"),
+        ("intent/active_task", "intent/correction", "intent/feedback", "joint_trajectory"),
         ("~/reset",),
         managed=True,
     ),
@@ -90,16 +90,17 @@ INTERFACES = {
         ("~/pause", "~/resume"),
     ),
     "task_teacher": Interface(
-        (SAMPLED, "joint_states", "robot_description"),
-        ("teach/status",),
+        (SAMPLED, "joint_states", "robot_description")
+        + ("intent/active_task", "intent/correction", "intent/feedback"),
+        ("teach/skills", "teach/status"),
         tuple(f"~/{name}" for name in LEARNING),
         ("intent_estimator/reload_model", "intent_estimator/set_parameters"),
     ),
     "dashboard": Interface(
         ("coworker/task", "intent/active_task", "intent/markers", "intent/robot_trajectory")
         + ("intent/tasks", "joint_states", f"mocap/{BODY}/pose", "robot_description")
-        + ("teach/status",),
-        ("joint_trajectory", f"mocap/{BODY}/pose"),
+        + ("teach/skills", "teach/status"),
+        ("intent/feedback", "joint_trajectory", f"mocap/{BODY}/pose"),
         (),
         ("intent_estimator/reset", "primitive_activation/reset")
         + ("primitive_activation/change_state", "primitive_activation/get_state")

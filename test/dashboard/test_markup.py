@@ -4,7 +4,8 @@
 import numpy as np
 
 from intent_recognition.dashboard import markup
-from intent_recognition.dashboard.cell import CellState, NodeHealth, Posterior
+from intent_recognition.dashboard.cell import CellState, NodeHealth, Posterior, SkillRow
+from intent_recognition.dashboard.skills_tab import skills_table
 
 EVIL = "<script>alert(1)</script>"
 
@@ -40,6 +41,7 @@ def test_labels_and_messages_are_escaped():
         markup.steps([EVIL]),
         markup.ways(EVIL, [EVIL]),
         markup.table([EVIL], [[EVIL]]),
+        skills_table({EVIL: [SkillRow(EVIL, {"since": EVIL, "arrived": EVIL})]}),
     ):
         assert "<script" not in text
 

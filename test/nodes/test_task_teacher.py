@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from model_builder import make_dofs, perform, true_library, write_recording
 from nav_msgs.msg import Odometry
@@ -10,13 +11,19 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import ArgumentError
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.model.task_folder import TaskFolder
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
+from intent_recognition.nodes.conversions import (
+    TrajectoryBuilder,
+    to_joint_state,
+    to_pose,
+    to_stamp,
+)
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.task_teacher import TaskTeacher
 from intent_recognition.share import share_path
@@ -31,9 +38,9 @@ LATER_NS = 100_000_000_000
 """Each movement begins so much later than the one of the seed before it."""
 
 
-def movement(seed, *sides):
+def movement(seed, *sides, task=2):
     """Messages of a movement of the new task, in order: (stamp, group, values)."""
-    recording = perform(TRUTH, 2, seed)
+    recording = perform(TRUTH, task, seed)
     signals = [signal for side in sides for signal in getattr(recording, side)]
     return [(int(o.stamp_ns) + seed * LATER_NS, o.group, o.values) for o in merge(signals)]
 
@@ -72,14 +79,17 @@ class Cell:
         """Publish a demonstration of the new task; returns when it is written."""
         sent = movement(seed, "observed", "controlled")
         for number, (stamp, group, values) in enumerate(sent, self.teacher.message_count + 1):
-            if group == 0:
-                message = PoseStamped(pose=to_pose(values, UPRIGHT))
-                message.header.stamp, message.header.frame_id = to_stamp(stamp), "world"
-                self.pose.publish(message)
-            else:
-                joints = DOFS.controlled_names
-                self.joints.publish(to_joint_state(joints, values, time_ns=stamp))
+            self.publish(stamp, group, values)
             self.harness.spin_until(lambda n=number: self.teacher.message_count >= n)
+
+    def publish(self, stamp, group, values):
+        if group == 0:
+            message = PoseStamped(pose=to_pose(values, UPRIGHT))
+            message.header.stamp, message.header.frame_id = to_stamp(stamp), "world"
+            self.pose.publish(message)
+        else:
+            joints = DOFS.controlled_names
+            self.joints.publish(to_joint_state(joints, values, time_ns=stamp))
 
     def call(self, service):
         return self.harness.call(Trigger, f"task_teacher/{service}", Trigger.Request())
@@ -202,3 +212,55 @@ def test_with_another_arm_its_description_and_the_name_of_its_hand_are_recorded(
     assert reader.custom_data["hand_link"] == "my_tool"
     (recorded,) = reader.messages(["/robot_description"])
     assert recorded.message.data == lwr_urdf(world=True)
+
+
+def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
+    cell = Cell(harness, tmp_path / "mine", model)
+    teacher, label, log = cell.teacher, OLD[0], cell.teacher.executions.executions
+    active = harness.publisher(String, "intent/active_task", qos.LATCHED)
+    correction = harness.publisher(JointTrajectory, "intent/correction", qos.COMMAND)
+    feedback = harness.publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
+    skills = harness.collect(DiagnosticArray, "teach/skills", qos.LATCHED)
+    harness.connect(active, correction, feedback)
+    heard = []
+    take = teacher.executions.take
+    teacher.executions.take = lambda *args: (heard.append(args), take(*args))
+
+    def tell(**values):
+        rows = [KeyValue(key=key, value=value) for key, value in values.items()]
+        feedback.publish(DiagnosticStatus(name=label, values=rows))
+
+    sent = movement(70, "observed", "controlled", task=0)
+    for number, one in enumerate(sent, 1):
+        if number == len(sent) // 2:  # recognised amid the movement: what came before counts
+            active.publish(String(data=label))
+            harness.spin_until(lambda: teacher.executions._writer is not None)
+        cell.publish(*one)
+        harness.spin_until(lambda n=number: len(heard) >= n)
+    times_s = np.linspace(0.0, 2.0, 21)
+    truth = [values for _, group, values in sent if group == 1]
+    path = np.linspace(truth[0], truth[-1] + 0.2, 21)
+    builder = TrajectoryBuilder(tuple(DOFS.controlled_names))
+    message = builder.build(sent[0][0] + 800_000_000, times_s, path, np.zeros_like(path))
+    message.header.frame_id = label
+    correction.publish(message)
+    tell(outcome="arrived", corrections="1")
+    harness.spin_until(lambda: "corrections" in teacher.executions._values)
+    active.publish(String(data=""))
+    harness.spin_until(lambda: log.all())
+    tell(thumbs="up")
+    harness.spin_until(lambda: "thumbs" in log.all()[0].values)
+    assert dict(log.all()[0].values) == {"outcome": "arrived", "corrections": "1", "thumbs": "up"}
+    before = cell.estimator._model.library
+    answer = cell.call("keep")
+    assert answer.success, answer.message
+    cell.wait_said("kept the correction of")
+    harness.spin_until(lambda: cell.estimator._model.library is not before)
+    after = cell.estimator._model.library
+    k, other = (before.labels.index(one) for one in OLD)
+    assert not np.allclose(after.weight_mean[k], before.weight_mean[k], atol=1e-3)
+    assert np.array_equal(after.weight_mean[other], before.weight_mean[other])
+    assert not cell.call("keep").success
+    assert cell.call("undo").success
+    told = [(row.name, row.message) for row in skills[-1].status if row.name == label]
+    assert [text for _, text in told][1:] == [f"kept {label}_0000", f"took {label}_0000_kept back"]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.activation import Mode
-from intent_recognition.experiments.clearance.study import toolbox_recordings, watch_reach
+from intent_recognition.experiments.clearance.study import Watched, toolbox_recordings, watch_reach
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.skills.world import Executed, Person, as_demonstration, execute
 from intent_recognition.kinematics import LWR_LIMITS
@@ -91,7 +91,7 @@ class CorrectingStudy(NamedTuple):
     sessions: tuple[Session, ...]
 
 
-class _Corrects:
+class Corrects:
     """A person who takes the hand to another place once it has come to rest."""
 
     def __init__(self, place_m: NDArray[np.float64]) -> None:
@@ -156,7 +156,7 @@ class _Cell:
     def rng(self, k: int) -> np.random.Generator:
         return np.random.default_rng([self.settings.seed, 163, k])
 
-    def watch(self, library: TaskLibrary, k: int):
+    def watch(self, library: TaskLibrary, k: int) -> Watched:
         return watch_reach(library, k, self.rng(k), self.limits)
 
 
@@ -242,7 +242,7 @@ def _session(
         watched = cell.watch(library, 5001 + 3 * k + place)
         there = handover_point(task, watched.goal_m) + moved
         for feature in (False, True):
-            hand = _Corrects(there)
+            hand = Corrects(there)
             correction = correction_of(detector, library) if feature else None
             done = execute(watched, library, cell.limits, correction, cell.rng(k), hand)
             forces[feature] = max(forces[feature], hand.hand.strongest_n if hand.hand else 0.0)

@@ -26,7 +26,7 @@ from intent_recognition.recognition import decision_settings
 from intent_recognition.signals import Demonstration
 
 if TYPE_CHECKING:
-    from sim_bridge.arm import SimulatedArm
+    from sim_bridge.arm import SimulatedArm, TrajectoryCommand
 
 STEP_S = STEP_NS * 1e-9
 GRIPPER_STEPS = 5
@@ -161,7 +161,7 @@ def execute(
     )
 
 
-def _message(command: Command, now_ns: int, arm: "SimulatedArm"):
+def _message(command: Command, now_ns: int, arm: "SimulatedArm") -> "TrajectoryCommand":
     """The command as the arm takes it."""
     from sim_bridge.arm import TrajectoryCommand
 

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated hand leads the arm in physics: it yields, stays there, and the task moves."""
+
+import numpy as np
+
+from intent_recognition.experiments.clearance.study import toolbox_recordings, watch_reach
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.experiments.skills.correcting import Corrects, correction_of
+from intent_recognition.experiments.skills.world import as_demonstration, execute
+from intent_recognition.kinematics import LWR_LIMITS, hand_position
+from intent_recognition.learning import keep_correction, learn_with_report
+from intent_recognition.motion import scaled_limits
+from intent_recognition.nodes.correction_input import load_detector
+from sim_bridge.coworker import PLATE
+from sim_bridge.scenarios.toolbox import handover_point
+
+LIMITS, MOVED_M = scaled_limits(LWR_LIMITS), np.array([0.0, 0.08, 0.0])
+
+
+def test_the_arm_stays_where_a_hand_led_it_and_the_task_moves_half_the_way():
+    trained = learn_with_report(toolbox_recordings(Settings(quick=True))).trained
+    library = trained.library
+    watched = watch_reach(library, 0, np.random.default_rng([1, 91, 0]), LIMITS)
+    place = handover_point(PLATE, watched.goal_m) + MOVED_M
+    correction = correction_of(load_detector("lwr"), library)
+    done = execute(watched, library, LIMITS, correction, np.random.default_rng(0), Corrects(place))
+    assert done.counts["yielded"] == done.counts["corrected"] == 1
+    assert np.linalg.norm(done.hand_m[-1] - place) < 0.01
+    assert max(done.largest_jump) < 1e-9
+    kept = as_demonstration(watched, done.corrected, library, "kept")
+    moved = keep_correction(trained, kept).library
+    k = library.labels.index(PLATE)
+    before, after = _end(library, k), _end(moved, k)
+    along = (after - before) @ MOVED_M / (MOVED_M @ MOVED_M)
+    assert 0.2 < along < 0.8
+    others = np.arange(library.n_tasks) != k
+    assert np.array_equal(moved.weight_mean[others], library.weight_mean[others])
+    assert np.array_equal(moved.observed_mean, library.observed_mean)
+
+
+def _end(library, task):
+    """Where the hand of a task's mean ends (3,)."""
+    means = library.weight_mean[task].reshape(-1, library.basis.n_basis)[library.n_observed :]
+    return hand_position(means @ library.basis.design_matrix(np.ones(1))[0])
