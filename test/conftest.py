@@ -7,6 +7,7 @@ import os
 import shutil
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,17 @@ settings.register_profile("untimed", deadline=None)  # a busy machine is no fail
 settings.load_profile("untimed")
 
 
+@pytest.fixture(autouse=True, scope="session")
+def usually_followed() -> Iterator[int]:
+    """How many demonstrations give the switch margin; in tests few do, in half of the time."""
+    from intent_recognition.learning import switch_margin
+
+    usual = switch_margin.MAX_FOLLOWED
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(switch_margin, "MAX_FOLLOWED", 4)
+        yield usual
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     """A generator of its own for each test."""
@@ -74,14 +86,18 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def toolbox_model(repository, tmp_path_factory) -> Path:
+def toolbox_model(repository, tmp_path_factory, usually_followed) -> Path:
     """A model file learned from the shipped training bags, once for all processes of a run."""
     own = tmp_path_factory.getbasetemp()
     path = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "toolbox.npz"
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.is_file():
-            _learn_toolbox(repository, path)
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(
+                    "intent_recognition.learning.switch_margin.MAX_FOLLOWED", usually_followed
+                )
+                _learn_toolbox(repository, path)
     return path
 
 

@@ -52,7 +52,8 @@ def scored(tmp_path_factory, recorded) -> Run:
     folder, text = tmp_path_factory.mktemp("scored"), io.StringIO()
     numbers, page = folder / "scores.json", folder / "report" / "page.html"
     options = ["--dofs", recorded / "dofs.yaml", "--basis", 8, "--protocol", "kfold:4"]
-    words = ["evaluate", recorded / "bags", *options, "--json", numbers, "--report", page]
+    options += ["--start-posture", "both", "--json", numbers, "--report", page]
+    words = ["evaluate", recorded / "bags", *options]
     with redirect_stdout(text):
         code = main([str(word) for word in words])
     return Run(code, text.getvalue(), json.loads(numbers.read_text()), page.read_text())
@@ -100,6 +101,7 @@ def test_folds_by_index(scored):
     for title in ("recognition, known phase", "prediction, unknown phase", "8 demonstrations"):
         assert title in text
     assert "online: onset, filter and decision" in text
+    assert "prediction with start posture, known phase" in text
     assert "…" not in text
     for row in result["online"].values():
         assert set(row) == ONLINE
@@ -133,15 +135,6 @@ def test_leaving_one_out_is_the_default_and_options_are_passed_on(
     assert caught.value.args == (default | asked,)
 
 
-def test_what_is_asked_for_apart_stands_in_tables_of_its_own_or_nowhere(evaluate):
-    fast = ("--protocol", "kfold:3", "--unknown-tasks", "off")
-    _, text, result = evaluate(*fast, "--start-posture", "both")
-    check_contract(result)
-    assert "prediction with start posture, known phase" in text
-    assert result["none"]["area"] is None and result["none"]["n_unknown"] == 0
-    assert "left out in turn" not in text
-
-
 def test_tasks_are_left_out_in_turn(scored):
     text, none = scored.text, scored.result["none"]
     assert (none["n_known"], none["n_unknown"]) == (8, 8)
@@ -150,33 +143,28 @@ def test_tasks_are_left_out_in_turn(scored):
     assert "tasks left out in turn: area" in text and "unknown movements: 8" in text
 
 
-def test_a_folder_held_out(evaluate, recorded, tmp_path):
-    held_out = tmp_path / "held_out"
+def test_broken_and_unlabelled_bags_are_left_out_and_named(evaluate, recorded, tmp_path):
+    learned, held_out = tmp_path / "learned", tmp_path / "held_out"
+    shutil.copytree(recorded / "bags", learned)
     for name in ("demo_00", "demo_01"):
         shutil.copytree(recorded / "bags" / name, held_out / name)
-    spoil(held_out)
-    shutil.rmtree(held_out / "short")
-    code, text, result = evaluate("--test", held_out)
+    for folder in (learned, held_out):
+        reasons = spoil(folder)
+        shutil.rmtree(folder / "short")
+    reasons.pop("short")
+    code, text, result = evaluate("--test", held_out, "--unknown-tasks", "off", bags=learned)
     assert code == 0
     check_contract(result)
-    assert {one["recording"] for one in result["left_out"]} == {"nameless", "cut", "alone", "void"}
     assert result["n_demonstrations"] == 2
-    lines = text
-    assert "left out nameless" in lines and f"left out {held_out / 'cut'}" in lines
-
-
-def test_broken_and_unlabelled_bags_are_left_out_and_named(evaluate, recorded, tmp_path):
-    shutil.copytree(recorded / "bags", tmp_path / "all")
-    reasons = spoil(tmp_path / "all")
-    shutil.rmtree(tmp_path / "all" / "short")
-    reasons.pop("short")
-    fast = ("--protocol", "kfold:3", "--unknown-tasks", "off")
-    code, text, result = evaluate(*fast, bags=tmp_path / "all")
-    assert code == 0
-    assert result["n_demonstrations"] == 8
-    lines = text
+    left_out = [one["recording"] for one in result["left_out"]]
+    assert sorted(left_out) == sorted(2 * [*reasons])
     for name, reason in reasons.items():
-        assert name in lines and reason in lines
+        assert reason in text
+        for folder in (learned, held_out) if name != "nameless" else ():
+            assert f"left out {folder / name}" in text
+    assert text.count("left out nameless") == 2
+    assert result["none"]["area"] is None and result["none"]["n_unknown"] == 0
+    assert "left out in turn" not in text
 
 
 @pytest.mark.parametrize(

@@ -44,14 +44,22 @@ def test_writes_report_and_numbers_and_repeats_by_seed(stubs, tmp_path, capsys):
     assert "Nobody, Fig. 0" in page
 
 
-def test_without_a_terminal_steps_are_plain_lines(stubs, tmp_path, capsys):
-    assert main(["experiments", "--output", str(tmp_path)]) == 1
-    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line]
+def test_without_a_terminal_steps_are_plain_lines_and_one_that_breaks_off_is_alone(
+    stubs, tmp_path, capsys
+):
+    assert main(["experiments", "--quick", "--output", str(tmp_path)]) == 1
+    printed = capsys.readouterr()
+    lines = [line.split() for line in printed.out.splitlines() if line]
     told = [(words[2], " ".join(words[3:])) for words in lines if words[1:2] == ["s"]]
     assert ("stub", "0 % starting") in told
     assert ("stub", "50 % drawing") in told
     assert ("stub", "52 % still drawing") not in told
     assert {("stub", "done"), ("broken", "broke off")} <= set(told)
+    assert "broken broke off: no recordings in stub" in printed.err
+    content = json.loads((tmp_path / "numbers.json").read_text())["experiments"]
+    assert content["stub"]["numbers"]["quick"] is True
+    assert content["broken"] == {"failure": "no recordings in stub"}
+    assert "broken broke off" in (tmp_path / "report.html").read_text()
 
 
 def test_on_a_terminal_there_is_a_bar_for_each(stubs):
@@ -59,15 +67,6 @@ def test_on_a_terminal_there_is_a_bar_for_each(stubs):
     run_all((GOOD, BROKEN), Settings(seed=1), 2, console)
     shown = console.file.getvalue()
     assert "done" in shown and "broke off" in shown and "50 %" not in shown
-
-
-def test_one_that_breaks_off_does_not_take_the_others_along(stubs, tmp_path, capsys):
-    assert main(["experiments", "--quick", "--output", str(tmp_path)]) == 1
-    assert "broken broke off: no recordings in stub" in capsys.readouterr().err
-    content = json.loads((tmp_path / "numbers.json").read_text())["experiments"]
-    assert content["stub"]["numbers"]["quick"] is True
-    assert content["broken"] == {"failure": "no recordings in stub"}
-    assert "broken broke off" in (tmp_path / "report.html").read_text()
 
 
 def test_unknown_name_is_one_line(capsys):

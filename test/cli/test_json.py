@@ -4,6 +4,7 @@
 import argparse
 import json
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ from intent_recognition.cli.evaluate import ONLINE
 from intent_recognition.cli.output import PRINTED, write_json
 from intent_recognition.experiments import catalogue
 from intent_recognition.experiments.catalogue import Experiment
-from intent_recognition.model import save_model
+from intent_recognition.learning import TrainingReport, TrainingSettings, learn_with_report
+from intent_recognition.model import Model, save_model
 from sim_bridge.containers.generate import make_container
 
 TRAIN = ("train", "bags", "--dofs", "dofs.yaml", "--basis", "8")
@@ -62,6 +64,17 @@ def _evaluated(demonstrations, folds, *_, **__) -> dict:
     }
 
 
+@cache
+def _reported():
+    recordings = [perform(TRUTH, k % 2, k) for k in range(4)]
+    return learn_with_report(recordings, TrainingSettings(n_basis=8))
+
+
+def _trained(*_) -> tuple[Model, TrainingReport]:
+    """In place of learning the same twice (test_train)."""
+    return Model(_reported().library, DOFS), _reported()
+
+
 @pytest.mark.parametrize("words", [*filter(None, COMMANDS.values()), *MORE], ids=" ".join)
 def test_without_a_file_it_is_all_of_standard_output(words, folder, monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(folder)
@@ -69,6 +82,7 @@ def test_without_a_file_it_is_all_of_standard_output(words, folder, monkeypatch,
     stub = Experiment("stub", "experiment_stub", "Nobody, Fig. 0", "a stub")
     monkeypatch.setattr(catalogue, "EXPERIMENTS", (stub,))
     monkeypatch.setattr("intent_recognition.cli.evaluate.evaluate", _evaluated)
+    monkeypatch.setattr("intent_recognition.cli.train.train", _trained)
 
     def run(number: int, *json_option: str) -> str:
         new = str(tmp_path / f"new_{number}")

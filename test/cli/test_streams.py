@@ -49,10 +49,10 @@ def check_lines(text: str, *, left_out: str) -> None:
 @pytest.mark.slow
 def test_evaluate(run_command, folder, tmp_path):
     output, options = tmp_path / "scores.json", ("--dofs", folder / "dofs.yaml", "--basis", 8)
-    fast = ("--protocol", "kfold:3", "--unknown-tasks", "off", "--json", output)
+    fast = ("--protocol", "temporal", "--unknown-tasks", "off", "--json", output)
     code, text = run_command("evaluate", folder / "bags", *options, *fast)
     result = json.loads(output.read_text())
-    assert code == 0 and result["n_demonstrations"] == 2 * PER_TASK + 1
+    assert code == 0 and 0 < result["n_demonstrations"] < PER_TASK
     assert set(reasons(result["left_out"])) == {"off", "part"}
     assert set(reasons(result["doubtful"])) == {"shifted"}
     check_lines(text, left_out="left out")

@@ -51,10 +51,15 @@ def test_it_learns_writes_and_tells(train, recorded):
     assert "duration [s]" in text
 
 
-def test_a_script_gets_what_was_learned_and_left_out(train, recorded, tmp_path):
+def test_broken_bags_are_left_out_and_named_to_users_and_scripts(train, recorded, tmp_path):
     reasons = spoil(tmp_path / "spoiled")
     numbers = tmp_path / "numbers.json"
-    _, _, output = train(recorded / "bags", tmp_path / "spoiled", "--json", numbers)
+    code, text, output = train(recorded / "bags", tmp_path / "spoiled", "--json", numbers)
+    assert code == 0 and "topic /joint_states" in text
+    for name, reason in reasons.items():
+        assert f"left out {tmp_path / 'spoiled' / name}" in text or f"left out {name}" in text
+        assert reason in text
+    assert load_model(output).library.n_demonstrations.tolist() == [PER_TASK, PER_TASK]
     content = json.loads(numbers.read_text(encoding="utf-8"))
     assert content["n_used"] == 2 * PER_TASK and content["output"] == str(output)
     assert content["tasks"]["task_0"]["n_demonstrations"] == PER_TASK
@@ -70,20 +75,7 @@ def test_single_bags_and_folders_may_be_mixed(train, recorded):
     assert code == 0 and load_model(output).library.n_demonstrations.tolist() == [3, 3]
 
 
-def test_broken_bags_are_left_out_and_named(train, recorded, tmp_path):
-    reasons = spoil(tmp_path / "spoiled")
-    code, text, output = train(recorded / "bags", tmp_path / "spoiled")
-    assert code == 0
-    assert load_model(output).library.n_demonstrations.tolist() == [PER_TASK, PER_TASK]
-    lines = text
-    assert "topic /joint_states" in lines
-    for name, reason in reasons.items():
-        assert f"left out {tmp_path / 'spoiled' / name}" in lines or f"left out {name}" in lines
-        assert reason in lines
-
-
 def test_the_same_bags_give_the_same_model(train, recorded):
-    train(recorded / "bags")
     _, _, output = train(recorded / "bags")
     first = load_model(output).library
     _, _, output = train(recorded / "bags")

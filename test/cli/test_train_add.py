@@ -7,6 +7,7 @@ import yaml
 from cli.recorded import write_all
 from model_builder import GLOVE, make_dofs
 
+from intent_recognition.cli.main import main
 from intent_recognition.errors import ArgumentError, DofError, ModelError, TrainingError
 from intent_recognition.learning.fitting import library_from_statistics
 from intent_recognition.model.file import load_model, load_trained, save_model
@@ -31,9 +32,13 @@ def train(run_command, recorded, tmp_path):
     return run
 
 
-@pytest.fixture
-def first(train, recorded):
-    return train("first.npz", range(5), "--dofs", recorded / "dofs.yaml", "--basis", 8)[0]
+@pytest.fixture(scope="module")
+def first(recorded):
+    bags = [str(recorded / "bags" / f"demo_{k:02d}") for k in range(5)]
+    path = recorded / "first.npz"
+    options = ["--dofs", str(recorded / "dofs.yaml"), "--basis", "8", "--output", str(path)]
+    assert main(["train", *bags, *options]) == 0
+    return path
 
 
 def test_added_bags_are_as_good_as_learned_anew(train, first, recorded):

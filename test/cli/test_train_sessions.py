@@ -3,12 +3,14 @@
 
 import numpy as np
 import pytest
-from cli.recorded import write_all
+from cli.recorded import DOFS, TRUTH, write_all
+from rich.console import Console
 
 from intent_recognition.bags.writer import BagWriter
+from intent_recognition.cli.train_sessions import with_sessions
 from intent_recognition.errors import BagError
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
-from intent_recognition.model.file import load_model
+from intent_recognition.model.file import Model, load_model
 
 STRING = "std_msgs/msg/String"
 ORDERS = (("task_0", "task_1") * 5, ("task_1", "task_0", "dance", "task_1"))
@@ -51,11 +53,12 @@ def test_sessions_give_the_transition_prior_and_nothing_else(run_command, record
     assert "which task follows which" in text and "dance" in text and "no task" in text
 
 
-def test_sessions_without_a_task_of_the_model_are_refused(run_command, recorded, tmp_path):
+def test_sessions_without_a_task_of_the_model_are_refused(recorded, tmp_path):
     write_session(tmp_path / "other", ("dance", "sing"))
+    model = Model(TRUTH, DOFS)
     with pytest.raises(BagError, match=r"--sessions.*task_0.*dance, sing"):
-        train(run_command, recorded, tmp_path / "m.npz", "--sessions", tmp_path / "other")
+        with_sessions(model, [tmp_path / "other"], Console())
     with pytest.raises(BagError, match="without labels"):
-        train(run_command, recorded, tmp_path / "m.npz", "--sessions", recorded / "bags")
+        with_sessions(model, [recorded / "bags"], Console())
     with pytest.raises(BagError):
-        train(run_command, recorded, tmp_path / "m.npz", "--sessions", tmp_path / "elsewhere")
+        with_sessions(model, [tmp_path / "elsewhere"], Console())

@@ -15,8 +15,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import ArgumentError
+from intent_recognition.learning import learn_with_report
 from intent_recognition.model.file import Model, save_model
-from intent_recognition.model.task_folder import TaskFolder
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     TrajectoryBuilder,
@@ -48,12 +48,10 @@ def movement(seed, *sides, task=2):
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     """A model of two tasks, with statistics."""
-    folder = TaskFolder(tmp_path_factory.mktemp("old") / "tasks", DOFS)
-    for seed in range(8):
-        task = seed % 2
-        bag = folder.new_bag(OLD[task])
-        folder.learn(write_recording(bag, perform(TRUTH, task, seed), DOFS))
-    return folder.model_path
+    path = tmp_path_factory.mktemp("old") / "model.npz"
+    report = learn_with_report([perform(TRUTH, seed % 2, seed) for seed in range(8)])
+    save_model(path, Model(report.library, DOFS), report.trained)
+    return path
 
 
 class Cell:

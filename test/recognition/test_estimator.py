@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from online_stream import episodes, feed, going_back, humans, learned, movement, same, shifted
+from online_stream import episodes, feed, going_back, movement, same, shifted
 from scipy.stats import multivariate_normal
 from simulation import START_NS, make_library, minimum_jerk
 
@@ -20,18 +20,6 @@ from intent_recognition.promp.trajectory import rollout
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation, merge
-
-
-@pytest.fixture(scope="module")
-def truth() -> TaskLibrary:
-    """What the simulated humans do."""
-    return humans()
-
-
-@pytest.fixture(scope="module")
-def library(truth) -> TaskLibrary:
-    """Learned from recordings, cut where the online detector would cut them."""
-    return learned(truth)
 
 
 @pytest.mark.slow

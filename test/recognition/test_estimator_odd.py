@@ -3,25 +3,13 @@
 
 import numpy as np
 import pytest
-from online_stream import episodes, feed, going_back, humans, learned, movement, shifted
+from online_stream import episodes, feed, going_back, learned, movement, shifted
 from simulation import START_NS, make_library
 
 from intent_recognition.gaussian.normal import Gaussian
 from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.recognition.estimator import IntentEstimator
 from intent_recognition.signals.observation import Observation, merge
-
-
-@pytest.fixture(scope="module")
-def truth() -> TaskLibrary:
-    """What the simulated humans do."""
-    return humans()
-
-
-@pytest.fixture(scope="module")
-def library(truth) -> TaskLibrary:
-    """Learned from recordings, cut where the online detector would cut them."""
-    return learned(truth)
 
 
 def unlike(rng: np.random.Generator, amplitude: float = 0.4) -> list[Observation]:

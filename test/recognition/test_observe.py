@@ -3,25 +3,12 @@
 
 import numpy as np
 import pytest
-from online_stream import feed, humans, learned, movement, same
+from online_stream import feed, movement, same
 from simulation import START_NS
 
 from intent_recognition.errors import ArgumentError, IntentError, ShapeError
-from intent_recognition.promp.library import TaskLibrary
 from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEstimator
 from intent_recognition.signals.observation import merge
-
-
-@pytest.fixture(scope="module")
-def truth() -> TaskLibrary:
-    """What the simulated humans do."""
-    return humans()
-
-
-@pytest.fixture(scope="module")
-def library(truth) -> TaskLibrary:
-    """Learned from recordings."""
-    return learned(truth)
 
 
 def test_seconds_and_arrays_give_what_observations_give(library, truth, rng):

@@ -3,22 +3,12 @@
 
 import numpy as np
 import pytest
-from online_stream import humans, learned, movement
+from online_stream import movement
 
 from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.filtering import MovementFilter, fixed_hypotheses, make_hypotheses
 from intent_recognition.recognition import predict_controlled, recognize_task, task_posterior
 from intent_recognition.signals import merge
-
-
-@pytest.fixture(scope="module")
-def truth():
-    return humans()
-
-
-@pytest.fixture(scope="module")
-def library(truth):
-    return learned(truth)
 
 
 @pytest.fixture(scope="module")

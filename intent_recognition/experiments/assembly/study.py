@@ -165,7 +165,7 @@ def leave_out(demonstrations: Sequence[Demonstration], numbers: Sequence[int], t
     """Learn from all folds but one; the thresholds of the movement come from these alone."""
     training = [d for d, part in zip(demonstrations, numbers, strict=True) if part != turn]
     as_recorded = [d for d, part in zip(demonstrations, numbers, strict=True) if part == turn]
-    report = learn_with_report(training, TrainingSettings(none_prior=NONE_PRIOR))
+    report = learn_with_report(training, TrainingSettings(none_prior=NONE_PRIOR, switching=False))
     library = report.library
     preprocessing = report.trained.preprocessing
     aligned = library_from_statistics(

@@ -43,7 +43,7 @@ def compare(
     """Both classifiers after a share of the movement's time, trained on the same recordings."""
     train = [human_movement(d) for d in train]
     test = [human_movement(d) for d in test]
-    library = learn(train, TrainingSettings(segmentation="recording"))
+    library = learn(train, TrainingSettings(segmentation="recording", switching=False))
     truth = np.array([library.labels.index(d.task) for d in test])
     by_position = nearest_mean_labels(
         np.array([_position(d, share) for d in train]),
