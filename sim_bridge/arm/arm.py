@@ -10,9 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
-from pybullet_utils.bullet_client import BulletClient
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 from intent_recognition.kinematics import JointLimits, check_position
@@ -27,6 +25,7 @@ from sim_bridge.arm.robots import Robot, derived_gains, lwr
 from sim_bridge.arm.state import ArmState, HandPose, SensorNoise
 from sim_bridge.arm.trajectory_follower import ArmReference
 from sim_bridge.arm.urdf_loading import Joint, free_joints, load_urdf, stop_at_fixtures
+from sim_bridge.physics import BulletClient, end_world, pybullet, start_world
 
 TIME_STEP_S = 0.001
 """Physics step of the arm's world [s]; torques are computed anew in each, as the real arm does."""
@@ -96,8 +95,7 @@ class SimulatedArm:
         self.saturated_steps = 0
         self._noise, self._rng = noise, rng
         self._owns_client = client is None
-        mode = pybullet.DIRECT if headless else pybullet.GUI
-        self.client = client if client is not None else BulletClient(mode)
+        self.client = client if client is not None else start_world(headless=headless)
         self.body = load_urdf(self.client, self.robot.urdf, self.robot.base_position_m)
         names = self.robot.joint_names
         self.joint_indices, self.hand_link, moving = free_joints(
@@ -278,8 +276,8 @@ class SimulatedArm:
 
     def close(self) -> None:
         """Disconnect from the world if this arm made it."""
-        if self._owns_client and self.client.isConnected():
-            self.client.disconnect()
+        if self._owns_client:
+            end_world(self.client)
 
     def __enter__(self) -> "SimulatedArm":
         """Return the arm."""

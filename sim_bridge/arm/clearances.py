@@ -3,13 +3,12 @@
 
 from collections.abc import Sequence
 
-import pybullet
 from numpy.typing import NDArray
-from pybullet_utils.bullet_client import BulletClient
 
 from intent_recognition.kinematics import Box
 from sim_bridge.arm.robots import Robot
 from sim_bridge.arm.urdf_loading import load_urdf
+from sim_bridge.physics import end_world, pybullet, start_world
 
 _FAR_M = 10.0
 """Nothing in a cell is farther than this [m]."""
@@ -24,7 +23,7 @@ class BulletCell:
     """
 
     def __init__(self, robot: Robot, boxes: Sequence[Box]) -> None:
-        self._client = client = BulletClient(pybullet.DIRECT)
+        self._client = client = start_world()
         self._arm = load_urdf(client, robot.urdf, robot.base_position_m)
         joints = range(client.getNumJoints(self._arm))
         infos = [client.getJointInfo(self._arm, k) for k in joints]
@@ -40,7 +39,7 @@ class BulletCell:
 
     def close(self) -> None:
         """End the world."""
-        self._client.disconnect()
+        end_world(self._client)
 
     def distances_m(self, q: NDArray) -> dict[str, float]:
         """Of each link with a shape from the nearest box, negative inside, at a posture (n,)."""

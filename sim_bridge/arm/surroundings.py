@@ -8,11 +8,10 @@ on `robot_description`.
 
 from collections.abc import Iterable, Sequence
 
-import pybullet
-
 from intent_recognition.kinematics import Box
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.arm.urdf_loading import link_name
+from sim_bridge.physics import pybullet
 
 APART_STEPS = 100
 """Two bodies that part for less than this do not touch anew [ms]. Convention: they bounce."""

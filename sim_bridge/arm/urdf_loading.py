@@ -7,10 +7,8 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-import pybullet
-from pybullet_utils.bullet_client import BulletClient
-
 from intent_recognition.errors import ArgumentError, describe
+from sim_bridge.physics import BulletClient, pybullet
 
 
 class Joint(NamedTuple):

@@ -36,15 +36,14 @@ class BallWorld:
 
     def __init__(self, hollow: Hollow, ball_radius_m: float) -> None:
         # Physics, loaded when it is needed: who only reads trials does without.
-        import pybullet
-        from pybullet_utils.bullet_client import BulletClient
+        from sim_bridge.physics import start_world
 
         self.hollow = hollow
         self.ball_radius_m = ball_radius_m
         self._folder = TemporaryDirectory(prefix="balls_")
         self._walls = Path(self._folder.name) / "walls.obj"
         write_obj(wall_pieces(hollow), self._walls)
-        self.client = BulletClient(pybullet.DIRECT)
+        self.client = start_world()
         self._balls: list[int] = []
         self.fill(np.zeros((0, 3)))
 
@@ -117,8 +116,9 @@ class BallWorld:
 
     def close(self) -> None:
         """End the world."""
-        if self.client.isConnected():
-            self.client.disconnect()
+        from sim_bridge.physics import end_world
+
+        end_world(self.client)
         self._folder.cleanup()
 
     def __enter__(self) -> "BallWorld":

@@ -2,10 +2,10 @@
 """The finger as a body in the arm's hand, and the table it points at."""
 
 import numpy as np
-import pybullet
 from scipy.spatial.transform import Rotation
 
 from sim_bridge.arm import SimulatedArm
+from sim_bridge.physics import pybullet
 from sim_bridge.scenarios.pointing.scene import CIRCLE_CENTRE_M, FINGER_LENGTH_M, TABLE_HEIGHT_M
 
 FINGER_MASS_KG = 0.05

@@ -2,10 +2,10 @@
 """Pictures of the arm beside the pole, without a display."""
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from sim_bridge.arm import SimulatedArm
+from sim_bridge.physics import pybullet
 from sim_bridge.scenarios.pole.geometry import fingertip
 from sim_bridge.scenarios.pole.world import Pole
 

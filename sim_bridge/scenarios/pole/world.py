@@ -4,12 +4,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.kinematics import forward_kinematics
 from sim_bridge.arm import STEPS_PER_SAMPLE, SimulatedArm
+from sim_bridge.physics import pybullet
 from sim_bridge.scenarios.pole.geometry import (
     POLE_HEIGHT_M,
     POLE_M,

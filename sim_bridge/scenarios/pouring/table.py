@@ -5,7 +5,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -22,6 +21,7 @@ from sim_bridge.balls import (
     write_obj,
 )
 from sim_bridge.containers import Container
+from sim_bridge.physics import pybullet
 from sim_bridge.scenarios.pouring.outside import shell_pieces, solid_pieces
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp
 

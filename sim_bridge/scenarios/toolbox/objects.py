@@ -9,13 +9,13 @@ from collections.abc import Iterable, Sequence
 from enum import Enum
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError, describe
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.coworker import HOLD, PLATE, SCREW, TASKS
+from sim_bridge.physics import pybullet
 from sim_bridge.scenarios.toolbox.scene import OBJECT_MASS_KG, STANDS_M, stand_pose
 
 # Where an object's centre is in the hand frame, and half its edges there.

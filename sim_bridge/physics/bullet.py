@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""PyBullet, whose C code writes to the standard streams of the process."""
+
+import ctypes
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+STDOUT, STDERR = 1, 2
+
+
+@contextmanager
+def _silent(*streams: int) -> Iterator[None]:
+    """Drop what is written to standard streams, by C code as well."""
+    _flush()
+    kept = {number: os.dup(number) for number in streams}
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for number in kept:
+            os.dup2(null, number)
+        yield
+    finally:
+        _flush()
+        for number, stream in kept.items():
+            os.dup2(stream, number)
+            os.close(stream)
+        os.close(null)
+
+
+def _flush() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            stream.flush()
+    ctypes.CDLL(None).fflush(None)
+
+
+with _silent(STDOUT, STDERR):
+    import pybullet
+    from pybullet_utils.bullet_client import BulletClient
+
+
+def start_world(*, headless: bool = True) -> BulletClient:
+    """Start an empty world, with a window unless headless.
+
+    Why there is no window is on stderr, and the process ends: so does PyBullet.
+    """
+    with _silent(STDOUT):
+        return BulletClient(pybullet.DIRECT if headless else pybullet.GUI)
+
+
+def end_world(client: BulletClient) -> None:
+    """End a world, unless it is over."""
+    if client.isConnected():
+        with _silent(STDOUT):
+            client.disconnect()
