@@ -2,6 +2,7 @@
 from .activation import Activation, ActivationSettings
 from .alignment import Alignment, AlignmentSettings, Warp, align, align_to
 from .bags import BagReader, BagWriter, recover
+from .composing import ViaPoint, read_via_points
 from .demonstrations import (
     DofEntry,
     DofSpec,
@@ -112,6 +113,7 @@ __all__ = [
     "TrainingError",
     "TrainingSettings",
     "Trajectory",
+    "ViaPoint",
     "Warp",
     "WarpedObject",
     "WarpedPrimitive",
@@ -140,6 +142,7 @@ __all__ = [
     "pouring_parameters",
     "predict_controlled",
     "read_demonstrations",
+    "read_via_points",
     "recognize_task",
     "recover",
     "reliability_bins",

@@ -25,7 +25,7 @@ STOREYS = (  # of the library, from the ground up; rooms of one storey may not f
     {"errors", "share", "untrusted", "durable", "interrupts"},
     {"gaussian", "signals", "kinematics", "bags"},
     {"promp", "alignment", "tracking", "warping", "motion"},
-    {"filtering", "objects", "demonstrations"},
+    {"filtering", "objects", "demonstrations", "composing"},
     {"learning", "recognition", "tables", "improvement"},
     {"activation", "model"},
     {"evaluation"},

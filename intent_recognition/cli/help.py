@@ -11,6 +11,7 @@ GROUPS = {
     "record and play": ("record", "play", "recover"),
     "files of others": ("import", "export"),
     "teach while the graph runs": ("teach", "keep", "undo"),
+    "compose skills": ("via",),
     "measure objects": ("warp",),
 }
 """The commands by purpose, in the order in which the help lists them."""

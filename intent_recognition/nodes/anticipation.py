@@ -22,6 +22,7 @@ from intent_recognition.demonstrations import (
     stamp_of,
 )
 from intent_recognition.errors import IntentError
+from intent_recognition.kinematics import Arm
 from intent_recognition.motion import is_hand
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
@@ -74,6 +75,11 @@ class PostureInput:
         self._received = False
         self._last_ns: dict[int, int] = {}
         self._left_overs = LeftOvers({})
+
+    @property
+    def arm(self) -> Arm | None:
+        """The arm of `robot_description`; None before that has come, or if it cannot be used."""
+        return self._hand.arm
 
     def open(self, estimator: IntentEstimator, entries: Sequence[DofEntry]) -> None:
         """Subscribe to the controlled signals.

@@ -33,6 +33,7 @@ from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
 from intent_recognition.nodes.runtime import LeftOvers, elapsed_s, run, when_clock_goes_back
 from intent_recognition.nodes.serialized import SerializedNamedVector, SerializedTrajectory
+from intent_recognition.nodes.via_points import VIA_POINTS, ViaPointInput
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import FORGET_AFTER_S, Estimate, IntentEstimator, Prediction
 from intent_recognition.signals import Observation, from_tangent
@@ -42,7 +43,7 @@ STREAM_TIMEOUT_S = 0.5
 `primitive_activation` (contract)."""
 CHECK_PERIOD_S = 0.1
 """Time between two looks at the stream [s]. Convention."""
-LIVE = ("publish_rate", "transition_prior", "forget_after")
+LIVE = ("publish_rate", "transition_prior", "forget_after", VIA_POINTS)
 
 
 class IntentEstimatorNode(ManagedNode):
@@ -98,9 +99,10 @@ class IntentEstimatorNode(ManagedNode):
             minimum=0.0,
             maximum=1e9,
         )
-        keep_live(self, LIVE, lambda _: None, self._change)
         self._diagnostics = Diagnostics(self)
         self._postures = PostureInput(self, self._diagnostics)
+        self._via_points = ViaPointInput(self, self._diagnostics)
+        keep_live(self, LIVE, self._check, self._change)
         self._next_task = NextTaskOutput(self)
         self._tasks = self.create_publisher(JointState, "intent/tasks", qos.STATE)
         self._trajectory = self.create_publisher(
@@ -129,12 +131,22 @@ class IntentEstimatorNode(ManagedNode):
         if self.active:
             self._forget()
 
+    def _check(self, changes: Changes) -> None:
+        """Make sure that new values can be taken; see `ViaPointInput.check`."""
+        if VIA_POINTS in changes:
+            estimator = self._estimator if self._configured else None
+            self._via_points.check(changes[VIA_POINTS], estimator, self._postures.arm)
+
     def _change(self, changes: Changes) -> None:
         """Apply new values of parameters."""
+        if VIA_POINTS in changes:
+            self._via_points.change(changes[VIA_POINTS])
+            if self._configured:
+                self._via_points.use(self._estimator, self._postures.arm)
         self._publish_rate = changes.get("publish_rate", self._publish_rate)
         self._transitions = changes.get("transition_prior", self._transitions)
         self._forget_after_s = changes.get("forget_after", self._forget_after_s)
-        if not self._configured or set(changes) == {"publish_rate"}:
+        if not self._configured or set(changes) <= {"publish_rate", VIA_POINTS}:
             return
         self._estimator.expectation.change(self._transitions, self._forget_after_s)
         if self.active:
@@ -329,6 +341,7 @@ class IntentEstimatorNode(ManagedNode):
     def _check_stream(self) -> None:
         if not self.active:
             return
+        self._via_points.use(self._estimator, self._postures.arm)
         silent_s = elapsed_s(self) - self._last_arrival_s
         if self._moving and silent_s > STREAM_TIMEOUT_S:
             self._silent = True

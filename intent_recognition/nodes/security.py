@@ -71,7 +71,7 @@ INTERFACES = {
     "intent_estimator": Interface(
         (HEARD, "joint_states", "robot_description"),
         ("intent/human_path", "intent/human_trajectory", "intent/markers", "intent/next_task")
-        + ("intent/robot_trajectory", "intent/tasks"),
+        + ("intent/robot_trajectory", "intent/tasks", "intent/via_points"),
         ("~/reload_model", "~/reset"),
         managed=True,
     ),

@@ -2,9 +2,22 @@
 """The interaction primitive: basis functions, weights, their prior, and prediction."""
 
 from intent_recognition.promp.basis import NormalizedRBFBasis
-from intent_recognition.promp.combining import Blend, blend, co_activate, smooth_switch, via_point
+from intent_recognition.promp.combining import (
+    Blend,
+    blend,
+    co_activate,
+    condition_response,
+    smooth_switch,
+    via_point,
+)
 from intent_recognition.promp.context import CONTEXT_STRENGTH, ContextModel, as_context
 from intent_recognition.promp.control_grid import ControlGrid
+from intent_recognition.promp.control_points import (
+    ControlPoint,
+    controlled_at,
+    distance_to,
+    through,
+)
 from intent_recognition.promp.interaction import InteractionProMP
 from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.phase_deviation import (
@@ -48,6 +61,7 @@ __all__ = [
     "Blend",
     "ContextModel",
     "ControlGrid",
+    "ControlPoint",
     "InteractionProMP",
     "NormalizedRBFBasis",
     "PhaseDeviation",
@@ -59,10 +73,13 @@ __all__ = [
     "as_context",
     "blend",
     "co_activate",
+    "condition_response",
+    "controlled_at",
     "controlled_weights",
     "deviation_grid",
     "deviation_prior",
     "deviation_transition",
+    "distance_to",
     "dof_variance",
     "end_std_limits",
     "fit_weights",
@@ -78,6 +95,7 @@ __all__ = [
     "shrunk_covariance",
     "smooth_switch",
     "structured_target",
+    "through",
     "via_point",
     "weight_floor",
 ]

@@ -10,8 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from intent_recognition.composing import BentLibrary, ViaPoint
 from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
 from intent_recognition.filtering import N_SCALES, make_hypotheses
+from intent_recognition.kinematics import Arm
 from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, as_context, largest_by_unit
 from intent_recognition.recognition.after_stop import MovementAfterStop
 from intent_recognition.recognition.arguments import as_observation, observation_error
@@ -45,6 +47,10 @@ class IntentEstimator:
             `observe_controlled` has shown it.
         switching: follow a person who turns to another task on the way, or begins the next one
             without a rest; if not, a movement is of one task, from rest to rest.
+
+    Attributes:
+        library: in use: in the known context, through the via points.
+        bent: how it is made of the library that was learned (`set_via_points`).
     """
 
     def __init__(
@@ -58,7 +64,7 @@ class IntentEstimator:
         start_posture: bool = True,
         switching: bool = True,
     ):
-        self.library = library
+        self.library, self.bent = library, BentLibrary(library)
         self._context, self._task_prior = KnownContext(library), task_prior
         self._labels = (*library.labels, NONE)
         self._n_scales = n_scales
@@ -261,6 +267,22 @@ class IntentEstimator:
         """
         return "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
 
+    def set_via_points(self, points: Sequence[ViaPoint], arm: Arm | None = None) -> None:
+        """Let the controlled agent pass through some points, and no others, from now on.
+
+        They stay in force from one movement to the next, also with another library or context. What
+        is recognised does not change.
+
+        Args:
+            points: what is asked for.
+            arm: whose hand and limits are meant; None where that is not known.
+
+        Raises:
+            IntentError: a task cannot pass through one (`check_via_points`); nothing has changed.
+        """
+        self.bent.choose(points, arm)
+        self._use(self.bent.taught)
+
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """The controlled agent's whole interaction from onset, under the most probable task.
 
@@ -273,7 +295,7 @@ class IntentEstimator:
             return None
         start, used = None, POSTURE_UNKNOWN
         if self._posture is not None:
-            start, used = self._posture.given(self.library, task, self._movement.onset_ns)
+            start, used = self._posture.given(self.bent.taught, task, self._movement.onset_ns)
         trajectory = self._movement.filter.controlled(task, n_points, start)
         return Prediction(self.library.labels[task], self._movement.onset_ns, trajectory, used)
 
@@ -330,7 +352,7 @@ class IntentEstimator:
 
     def _use(self, library: TaskLibrary) -> None:
         """Go on with a library of the same DOFs."""
-        self.library = library
+        self.library = library = self.bent.through(library)
         self._labels = (*library.labels, NONE)
         self._grids = {}
         self._detector.use(library.onset)

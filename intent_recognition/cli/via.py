@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent via`: where the robot shall pass, told to a running estimator."""
+
+import argparse
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from intent_recognition.cli.console import busy, escape, make_console
+from intent_recognition.cli.help import examples
+from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments, number
+from intent_recognition.composing import USUAL_STD, ViaPoint, read_via_points, write_via_points
+from intent_recognition.errors import ArgumentError, ResourceBusyError, describe
+
+ESTIMATOR = "intent_estimator"
+ANSWER_S = 10.0
+"""Longest wait for the estimator and its answer [s]. Convention."""
+
+Change = Callable[[tuple[ViaPoint, ...]], Sequence[ViaPoint]]
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "via",
+        help="where the robot shall pass on its way, while the graph runs",
+        description="Add, list and remove via points of a running estimator: the robot passes"
+        " through them in each movement until they are removed. Needs ROS 2.",
+        **examples(
+            (
+                "over the bottle, in the middle of the way",
+                "intent via add bottle --hand 0.45 0.1 0.4 --phase 0.5 --task plate_handover",
+            ),
+            ("another end", "intent via add end --hand 0.5 -0.2 0.3 --phase 1 --std 0.005"),
+            (
+                "a joint, 2 s after the onset",
+                "intent via add elbow --dof lwr_a4_joint=-1.2 --time 2 --std 0.05",
+            ),
+            ("which there are", "intent via list"),
+            ("no more", "intent via remove bottle"),
+        ),
+    )
+    actions = parser.add_subparsers(title="actions", dest="action", metavar="ACTION", required=True)
+    add = actions.add_parser("add", help="add a point, or replace the one of its name")
+    add.add_argument("name", metavar="NAME", help="by which it is removed")
+    where = add.add_mutually_exclusive_group(required=True)
+    where.add_argument(
+        "--hand",
+        nargs=3,
+        type=number(float, -1e3),
+        metavar=("X", "Y", "Z"),
+        help="of the hand in the world frame [m]",
+    )
+    where.add_argument(
+        "--dof",
+        action="append",
+        type=_dof,
+        metavar="NAME=VALUE",
+        help="of a controlled DOF, in its unit; may be repeated",
+    )
+    when = add.add_mutually_exclusive_group(required=True)
+    when.add_argument(
+        "--phase", type=number(float, 0.0, 1.0), metavar="P", help="share of the way; 1 is the end"
+    )
+    when.add_argument(
+        "--time", type=number(float, 0.0), metavar="S", help="after onset, at the usual pace [s]"
+    )
+    add.add_argument("--task", default="", help="label (default: all tasks)")
+    add.add_argument(
+        "--std",
+        type=number(float, 0.0),
+        default=USUAL_STD,
+        help="how exactly [m or rad] (default: %(default)s)",
+    )
+    listed = actions.add_parser("list", help="print those in force")
+    remove = actions.add_parser("remove", help="remove points")
+    remove.add_argument("names", nargs="*", metavar="NAME", help="which")
+    remove.add_argument("--all", action="store_true", help="all of them")
+    for action in (add, listed, remove):
+        add_node_options(action)
+    add.set_defaults(change=_add)
+    listed.set_defaults(change=lambda args, points: points)
+    remove.set_defaults(change=_remove)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Read what is in force, change it, and print it.
+
+    Raises:
+        IntentError: there is no estimator, or it refuses the point.
+    """
+    import rclpy
+    from rclpy.node import Node
+
+    from intent_recognition.nodes.runtime import make_executor
+
+    console = make_console()
+    rclpy.init(args=node_arguments(args, {}))
+    executor = node = None
+    try:
+        executor, node = make_executor(), Node("via_points")
+        executor.add_node(node)
+        with busy(console, "asking the estimator"):
+            points = change_via_points(node, executor, lambda points: args.change(args, points))
+    finally:
+        if executor is not None:
+            executor.shutdown()
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    for point in points:
+        console.print(escape(str(point)), highlight=False, soft_wrap=True)
+    if not points:
+        console.print("no via points", highlight=False)
+    return 0
+
+
+def change_via_points(node: Any, executor: Any, change: Change) -> tuple[ViaPoint, ...]:
+    """Read the via points of the estimator, and set others where the change makes others of them.
+
+    Args:
+        node: of this process.
+        executor: spins it.
+        change: what is to be in force, of what is.
+
+    Raises:
+        ResourceBusyError: no estimator answers.
+        ArgumentError: it refuses a point; says why.
+    """
+    from rcl_interfaces.srv import GetParameters, SetParameters
+    from rclpy.parameter import Parameter
+
+    from intent_recognition.nodes.runtime import spin_until
+    from intent_recognition.nodes.via_points import VIA_POINTS
+
+    def ask(kind: Any, name: str, request: Any) -> Any:
+        client = node.create_client(kind, f"{ESTIMATOR}/{name}")
+        if spin_until(executor, client.service_is_ready, ANSWER_S):
+            future = client.call_async(request)
+            if spin_until(executor, future.done, ANSWER_S):
+                return future.result()
+        cure = "Start it, or name its --namespace."
+        raise ResourceBusyError(describe(ESTIMATOR, "a running node", "no answer", cure))
+
+    answer = ask(GetParameters, "get_parameters", GetParameters.Request(names=[VIA_POINTS]))
+    before = read_via_points(answer.values[0].string_value if answer.values else "")
+    after = tuple(change(before))
+    if after != before:
+        value = Parameter(VIA_POINTS, value=write_via_points(after)).to_parameter_msg()
+        request = SetParameters.Request(parameters=[value])
+        (result,) = ask(SetParameters, "set_parameters", request).results
+        if not result.successful:
+            raise ArgumentError(result.reason)
+    return after
+
+
+def _add(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[ViaPoint]:
+    values = {"hand": tuple(args.hand)} if args.hand else {n: (v,) for n, v in args.dof}
+    std = (args.std,) * sum(map(len, values.values()))
+    new = ViaPoint(args.name, values, std, args.phase, args.time, args.task)
+    return read_via_points(
+        write_via_points([*(point for point in points if point.name != args.name), new])
+    )
+
+
+def _remove(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[ViaPoint]:
+    known = [point.name for point in points]
+    missing = [name for name in args.names if name not in known]
+    if missing or not (args.names or args.all):
+        expected = f"names of {', '.join(known) or 'none'}, or --all"
+        cure = "`intent via list` shows them."
+        raise ArgumentError(describe("NAME", expected, ", ".join(missing) or "nothing", cure))
+    return [point for point in points if not args.all and point.name not in args.names]
+
+
+def _dof(text: str) -> tuple[str, float]:
+    name, _, value = text.rpartition("=")
+    if not name:
+        raise argparse.ArgumentTypeError(f"expected NAME=VALUE, got {text}")
+    return name, float(value)

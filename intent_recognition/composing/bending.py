@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Via points as a library takes them: checked against its spread and the limits of the arm."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.composing.via_points import HAND, ViaPoint
+from intent_recognition.errors import ArgumentError, IntentError, KinematicsError, describe
+from intent_recognition.gaussian import Gaussian
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm
+from intent_recognition.motion import is_hand
+from intent_recognition.promp import (
+    ControlPoint,
+    TaskLibrary,
+    controlled_at,
+    distance_to,
+    through,
+)
+
+LARGEST_DISTANCE = 6.0
+"""Mahalanobis distance from what a task does beyond which a via point is refused, in standard
+deviations of both. Convention: between the demonstrations of the shipped tasks the hand may so be
+moved by 6 to 40 cm, early and late in the movement (docs/combining.md)."""
+HAND_MISSED_M = 0.005
+"""A hand that stays farther from its via point cannot reach it [m], unless that is as exact as the
+wish. Convention: as `motion.hand_path` has it for a predicted path."""
+EXACT = 1e-6
+"""Standard deviation of a via point that is asked for with less [m or rad]. Convention: beyond what
+an arm can do, and well above rounding."""
+_N_STEPS, _CONVERGED_RAD = 50, 1e-6
+"""Linearisations of a hand at most, and the step at which they end. Measured: 5 to 7 are taken."""
+
+
+def check_via_points(
+    library: TaskLibrary, points: Sequence[ViaPoint], arm: Arm | None = None
+) -> None:
+    """Make sure that the tasks can pass through via points.
+
+    Args:
+        library: the learned tasks.
+        points: what is asked for.
+        arm: whose hand and limits are meant; None where that is not known.
+
+    Raises:
+        ArgumentError: there is no such task or DOF, a point is outside limits, or farther than
+            `LARGEST_DISTANCE` from what the task does, or two contradict each other.
+        KinematicsError: the hand cannot reach a point.
+    """
+    bent = bend_all(library, points, arm)
+    for reference, cure in (
+        (library, "Bring it nearer, give it a larger std, or demonstrate that way."),
+        (bent, "It contradicts another via point: give one a larger std, or remove it."),
+    ):
+        for point in points:
+            for task in _tasks(library, point):
+                control = control_point(library, task, point, arm)
+                distance = distance_to(reference, task, control)
+                if not distance <= LARGEST_DISTANCE:
+                    expected = f"at most {LARGEST_DISTANCE:g} standard deviations"
+                    expected += f" from what {library.labels[task]} does at that phase"
+                    got = f"{distance:.1f}"
+                    raise ArgumentError(describe(f"via point {point.name}", expected, got, cure))
+
+
+def bend_all(
+    library: TaskLibrary, points: Sequence[ViaPoint], arm: Arm | None = None
+) -> TaskLibrary:
+    """The library through all of some via points.
+
+    Raises:
+        IntentError: a task cannot pass through one; see `check_via_points`.
+    """
+    asked: dict[int, list[ControlPoint]] = {}
+    for point in points:
+        for task in _tasks(library, point):
+            asked.setdefault(task, []).append(control_point(library, task, point, arm))
+    return through(library, asked)
+
+
+class BentLibrary:
+    """Via points in force, and the library through them.
+
+    Args:
+        taught: the library without them.
+
+    Attributes:
+        taught: the same.
+        points: in force.
+        not_passed: names of those that are left out: what could be passed through when it was
+            given may not be in another context, or by a library that has not its task.
+    """
+
+    def __init__(self, taught: TaskLibrary):
+        self.taught = taught
+        self.points: tuple[ViaPoint, ...] = ()
+        self.not_passed: tuple[str, ...] = ()
+        self._arm: Arm | None = None
+
+    def choose(self, points: Sequence[ViaPoint], arm: Arm | None) -> None:
+        """Have other points in force; see `check_via_points` for what it raises."""
+        check_via_points(self.taught, points, arm)
+        self.points, self._arm = tuple(points), arm
+
+    def through(self, taught: TaskLibrary) -> TaskLibrary:
+        """Another library, through the points."""
+        self.taught, self.not_passed = taught, ()
+        try:
+            return bend_all(taught, self.points, self._arm)
+        except IntentError:
+            kept: list[ViaPoint] = []
+            for point in self.points:
+                try:
+                    bend_all(taught, [*kept, point], self._arm)
+                except IntentError:
+                    self.not_passed += (point.name,)
+                else:
+                    kept.append(point)
+            return bend_all(taught, kept, self._arm)
+
+
+def control_point(
+    library: TaskLibrary, task: int, point: ViaPoint, arm: Arm | None = None
+) -> ControlPoint:
+    """What a via point asks of a task's controlled DOFs.
+
+    The hand of an arm whose joints are predicted is linearised where it meets the point with the
+    least departure from what the task does: the iterated extended Kalman update. For another person
+    the hand then passes by some tenths of a millimetre to 5 mm beside it (docs/combining.md).
+
+    Raises:
+        ArgumentError: there is no such DOF or time, or a joint would be outside its limits.
+        KinematicsError: the hand cannot reach it.
+    """
+    label, names = f"via point {point.name}", library.controlled_names
+    phase = point.phase
+    if phase is None:
+        duration_s = float(library.durations_s[task])
+        phase = (point.time_s or 0.0) / duration_s
+        if phase > 1.0:
+            expected = f"a time of at most {duration_s:.2f} s, as {library.labels[task]} takes"
+            raise ArgumentError(describe(label, expected, f"{point.time_s:g} s", "Name a phase."))
+    covariance = np.diag(np.square(np.maximum(point.std, EXACT)))
+    if point.of_hand:
+        goal = np.array(point.values[HAND])
+        if is_hand(names):
+            return ControlPoint(phase, np.eye(3), goal, covariance)
+        return _at_hand(
+            label, controlled_at(library, task, phase), phase, goal, covariance, names, arm
+        )
+    values = np.array([value for (value,) in point.values.values()])
+    if missing := sorted(set(point.values) - set(names)):
+        cure = "`intent inspect` of the model names them; hand: [x, y, z] is for the hand."
+        raise ArgumentError(
+            describe(label, f"DOFs of {', '.join(names)}", ", ".join(missing), cure)
+        )
+    columns = [names.index(name) for name in point.values]
+    _check_limits(label, tuple(point.values), values, arm)
+    return ControlPoint(phase, np.eye(len(names))[columns], values, covariance)
+
+
+def _tasks(library: TaskLibrary, point: ViaPoint) -> list[int]:
+    """Numbers of the tasks that a point is for.
+
+    Raises:
+        ArgumentError: the library has no such task.
+    """
+    if not point.task:
+        return list(range(library.n_tasks))
+    if point.task not in library.labels:
+        expected = f"a task of {', '.join(library.labels)}"
+        raise ArgumentError(
+            describe(f"via point {point.name}", expected, point.task, "Teach it, or name another.")
+        )
+    return [library.labels.index(point.task)]
+
+
+def _at_hand(
+    label: str,
+    joints: Gaussian,
+    phase: float,
+    goal: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    names: tuple[str, ...],
+    arm: Arm | None,
+) -> ControlPoint:
+    """J q = y - f(q*) + J q* at the most probable posture q* given the wish."""
+    if arm is None or not set(arm.joint_names) <= set(names):
+        known = "no robot_description" if arm is None else f"one of {', '.join(arm.joint_names)}"
+        cure = "Start the arm, or give its joints as dofs."
+        raise ArgumentError(describe(label, "a description of the arm", known, cure))
+    columns = [names.index(name) for name in arm.joint_names]
+    posture = joints.mean.copy()
+    for _ in range(_N_STEPS):
+        at = arm.forward_kinematics(posture[columns])[:3, 3]
+        jacobian = np.zeros((3, len(names)))
+        jacobian[:, columns] = arm.jacobian(posture[columns])[:3]
+        values = goal - at + jacobian @ posture
+        cross = jacobian @ joints.covariance
+        spread = cross @ jacobian.T + covariance
+        step = joints.mean + cross.T @ np.linalg.solve(spread, values - jacobian @ joints.mean)
+        change, posture = float(np.abs(step - posture).max()), step
+        if change < _CONVERGED_RAD:
+            break
+    missed_m = float(np.linalg.norm(arm.forward_kinematics(posture[columns])[:3, 3] - goal))
+    if change >= _CONVERGED_RAD or missed_m > HAND_MISSED_M + 3.0 * np.sqrt(np.trace(covariance)):
+        cure = "Bring it nearer to where the hand passes."
+        got = f"one of which {missed_m:.3f} m are left"
+        raise KinematicsError(describe(label, "a place that the hand can reach", got, cure))
+    _check_limits(label, arm.joint_names, posture[columns], arm)
+    return ControlPoint(phase, jacobian, values, covariance)
+
+
+def _check_limits(
+    label: str, names: Sequence[str], values: NDArray[np.float64], arm: Arm | None
+) -> None:
+    """Make sure that joints are within their limits: the arm's, or the LWR's by name."""
+    known = JOINT_NAMES if arm is None else arm.joint_names
+    limits = LWR_LIMITS if arm is None else arm.limits
+    for name, value in zip(names, values.tolist(), strict=True):
+        if name not in known:
+            continue
+        k = known.index(name)
+        if not limits.lower[k] <= value <= limits.upper[k]:
+            expected = f"{name} from {limits.lower[k]:.3f} to {limits.upper[k]:.3f}"
+            raise ArgumentError(
+                describe(label, expected, f"{value:.3f}", "Stay within the joint's limits.")
+            )

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Via points as people give them: by name, for a task or for all, for joints or for the hand."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import yaml
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.untrusted import UntrustedError, load_yaml
+
+HAND = "hand"
+"""Key of a via point of the hand."""
+USUAL_STD = 0.01
+"""Standard deviation of a via point where none is given, in the unit of its DOFs. Convention: 1 cm,
+or half a degree."""
+MOST_POINTS = 100
+"""Via points in force at once. Convention."""
+LONGEST_NAME = 100
+"""Characters of a name. Convention."""
+KEYS = ("name", "task", "phase", "time", HAND, "dofs", "std")
+
+
+@dataclass(frozen=True)
+class ViaPoint:
+    """Where the controlled agent shall pass; `phase` or `time_s` is given, the other is None.
+
+    Attributes:
+        name: by which it is replaced and removed.
+        values: by controlled DOF, in their units; for the hand x, y, z [m] in the world frame,
+            under the name `hand`.
+        std: how exactly, one number for each value, in their units.
+        phase: when, as a share of the movement, in [0, 1]; 1 is the end.
+        time_s: when, after onset at the task's usual pace [s].
+        task: label; empty for all tasks.
+    """
+
+    name: str
+    values: Mapping[str, tuple[float, ...]]
+    std: tuple[float, ...]
+    phase: float | None = None
+    time_s: float | None = None
+    task: str = ""
+
+    @property
+    def of_hand(self) -> bool:
+        """Whether it is one of the hand."""
+        return HAND in self.values
+
+    def __str__(self) -> str:
+        """For people: what is asked, and when."""
+        what = ", ".join(
+            f"{name} {' '.join(f'{v:g}' for v in values)}" for name, values in self.values.items()
+        )
+        when = f"phase {self.phase:g}" if self.time_s is None else f"{self.time_s:g} s"
+        std = " ".join(f"{s:g}" for s in dict.fromkeys(self.std))
+        return f"{self.name}: {what} +- {std} at {when} of {self.task or 'all tasks'}"
+
+
+def read_via_points(text: str) -> tuple[ViaPoint, ...]:
+    """Via points of a YAML list, such as
+
+        - {name: bottle, task: plate_handover, phase: 0.6, hand: [0.4, 0.1, 0.3], std: 0.01}
+        - {name: elbow, time: 2.5, dofs: {lwr_a4_joint: -1.2}}
+
+    Each has a `name`; `phase` in [0, 1] or `time` [s]; and `hand` or `dofs`. `std` is a number or
+    one for each value; without a `task` it is of all. An empty text has none.
+
+    Raises:
+        ArgumentError: it is no such list.
+    """
+    try:
+        content = load_yaml(text)
+    except UntrustedError as error:
+        _refuse("via_points", "a YAML list", error)
+    if content is None:
+        return ()
+    if not isinstance(content, list) or len(content) > MOST_POINTS:
+        _refuse("via_points", f"a list of at most {MOST_POINTS} points", content)
+    points = tuple(map(_read, content))
+    names = [point.name for point in points]
+    if doubled := sorted({name for name in names if names.count(name) > 1}):
+        _refuse("via_points", "a name of its own for each", ", ".join(doubled))
+    return points
+
+
+def write_via_points(points: Sequence[ViaPoint]) -> str:
+    """The YAML list of some via points, as `read_via_points` takes it; empty for none."""
+    if not points:
+        return ""
+    content = []
+    for point in points:
+        values = {name: list(at) for name, at in point.values.items()}
+        where = values if point.of_hand else {"dofs": {name: at[0] for name, at in values.items()}}
+        when = {"phase": point.phase} if point.time_s is None else {"time": point.time_s}
+        task = {"task": point.task} if point.task else {}
+        content.append({"name": point.name, **task, **when, **where, "std": list(point.std)})
+    return yaml.safe_dump(content, default_flow_style=True, sort_keys=False, width=10**6).strip()
+
+
+def _read(content: Any) -> ViaPoint:
+    if not isinstance(content, Mapping):
+        _refuse("via point", f"keys of {', '.join(KEYS)}", content)
+    name = content.get("name")
+    if not isinstance(name, str) or not 0 < len(name) <= LONGEST_NAME or not name.isprintable():
+        _refuse("via point", "a name", name)
+    place = f"via point {name}"
+    if unknown := sorted(set(map(str, content)) - set(KEYS)):
+        _refuse(place, f"keys of {', '.join(KEYS)}", ", ".join(unknown))
+    task = content.get("task", "")
+    if not isinstance(task, str):
+        _refuse(place, "a label as task", task)
+    if ("phase" in content) == ("time" in content):
+        _refuse(place, "phase or time", "both" if "phase" in content else "neither")
+    when = _number(place, content.get("phase", content.get("time")))
+    if when < 0.0 or ("phase" in content and when > 1.0):
+        _refuse(place, "a phase from 0 to 1, or a time from 0 s on", when)
+    values = _values(place, content)
+    size = sum(map(len, values.values()))
+    std = content.get("std", USUAL_STD)
+    spread = tuple(_number(place, s) for s in (std if isinstance(std, list) else [std] * size))
+    if len(spread) != size or min(spread) < 0.0:
+        _refuse(place, f"a std from 0 on, or {size} of them", std)
+    phase, time_s = (when, None) if "phase" in content else (None, when)
+    return ViaPoint(name, values, spread, phase, time_s, task)
+
+
+def _values(place: str, content: Mapping[Any, Any]) -> dict[str, tuple[float, ...]]:
+    hand, dofs = content.get(HAND), content.get("dofs")
+    if (hand is None) == (dofs is None):
+        _refuse(place, "hand or dofs", "neither" if hand is None else "both")
+    if dofs is None:
+        if not isinstance(hand, list) or len(hand) != 3:
+            _refuse(place, "hand: [x, y, z] in metres", hand)
+        return {HAND: tuple(_number(place, value) for value in hand)}
+    if not isinstance(dofs, Mapping) or not dofs or HAND in dofs:
+        _refuse(place, "dofs: {NAME: value}", dofs)
+    return {str(name): (_number(place, value),) for name, value in dofs.items()}
+
+
+def _number(place: str, value: Any) -> float:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value):
+        _refuse(place, "finite numbers", value)
+    return float(value)
+
+
+def _refuse(argument: str, expected: str, got: object) -> NoReturn:
+    cure = "docs/combining.md describes them."
+    raise ArgumentError(describe(argument, expected, got, cure))

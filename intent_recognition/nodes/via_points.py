@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Via points of the estimator node: a parameter in, and what is in force out."""
+
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from intent_recognition.composing import (
+    ViaPoint,
+    check_via_points,
+    read_via_points,
+    write_via_points,
+)
+from intent_recognition.errors import IntentError
+from intent_recognition.kinematics import Arm
+from intent_recognition.motion import is_hand
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import parameter
+from intent_recognition.recognition import IntentEstimator
+
+VIA_POINTS = "via_points"
+"""The parameter that holds them."""
+
+
+class ViaPointInput:
+    """The parameter `via_points`, and the topic `intent/via_points` with those in force.
+
+    Points of the hand of an arm whose joints are predicted wait for its `robot_description`.
+
+    Args:
+        node: owner of the parameter and the topic.
+        diagnostics: shows how many are in force, and which a task cannot pass through; what cannot
+            be used at the start is counted under `bad_via_points`.
+
+    Raises:
+        ArgumentError: the parameter is no list of via points.
+    """
+
+    def __init__(self, node: Node, diagnostics: Diagnostics):
+        self._diagnostics = diagnostics
+        self._publisher = node.create_publisher(String, f"intent/{VIA_POINTS}", qos.LATCHED)
+        text = parameter(
+            node,
+            VIA_POINTS,
+            "",
+            "Where the controlled agent shall pass: a YAML list of via points.",
+        )
+        self._points = read_via_points(text)
+        self._refused: tuple[ViaPoint, ...] | None = None
+        self._shown: str | None = None
+
+    def check(self, text: str, estimator: IntentEstimator | None, arm: Arm | None) -> None:
+        """Make sure that a value of the parameter can be taken.
+
+        Raises:
+            IntentError: it cannot; see `read_via_points` and `check_via_points`.
+        """
+        points = read_via_points(text)
+        if estimator is not None:
+            check_via_points(estimator.bent.taught, points, arm)
+
+    def change(self, text: str) -> None:
+        """Take a value that was checked; `use` puts it in force."""
+        self._points = read_via_points(text)
+
+    def use(self, estimator: IntentEstimator, arm: Arm | None) -> None:
+        """Put the points in force, if other ones are, and tell which are."""
+        if self._points not in (estimator.bent.points, self._refused):
+            waits = arm is None and not is_hand(estimator.library.controlled_names)
+            if waits and any(point.of_hand for point in self._points):
+                return
+            try:
+                estimator.set_via_points(self._points, arm)
+            except IntentError as error:
+                self._refused = self._points
+                self._diagnostics.reject("bad_via_points", str(error))
+        self._tell(estimator)
+
+    def _tell(self, estimator: IntentEstimator) -> None:
+        left_out = estimator.bent.not_passed
+        points: list[ViaPoint] = [p for p in estimator.bent.points if p.name not in left_out]
+        text = write_via_points(points)
+        if text != self._shown:
+            self._shown = text
+            self._publisher.publish(String(data=text))
+            self._diagnostics.value("via points", ", ".join(p.name for p in points) or "none")
+        if left_out:
+            self._diagnostics.value("via points left out", ", ".join(left_out))
