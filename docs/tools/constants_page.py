@@ -17,6 +17,7 @@ ROOMS = (
     "learning",
     "recognition",
     "activation",
+    "composing",
     "motion",
     "kinematics",
     "gaussian",

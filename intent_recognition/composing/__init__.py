@@ -7,6 +7,7 @@ from intent_recognition.composing.bending import (
     bend_all,
     check_via_points,
     control_point,
+    hand_columns,
 )
 from intent_recognition.composing.via_points import (
     HAND,
@@ -25,6 +26,7 @@ __all__ = [
     "bend_all",
     "check_via_points",
     "control_point",
+    "hand_columns",
     "read_via_points",
     "write_via_points",
 ]

@@ -10,7 +10,7 @@ from intent_recognition.composing.via_points import HAND, ViaPoint
 from intent_recognition.errors import ArgumentError, IntentError, KinematicsError, describe
 from intent_recognition.gaussian import Gaussian
 from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm
-from intent_recognition.motion import is_hand
+from intent_recognition.motion import HAND_FIELDS
 from intent_recognition.promp import (
     ControlPoint,
     TaskLibrary,
@@ -144,8 +144,8 @@ def control_point(
     covariance = np.diag(np.square(np.maximum(point.std, EXACT)))
     if point.of_hand:
         goal = np.array(point.values[HAND])
-        if is_hand(names):
-            return ControlPoint(phase, np.eye(3), goal, covariance)
+        if columns := hand_columns(names):
+            return ControlPoint(phase, np.eye(len(names))[columns], goal, covariance)
         return _at_hand(
             label, controlled_at(library, task, phase), phase, goal, covariance, names, arm
         )
@@ -158,6 +158,12 @@ def control_point(
     columns = [names.index(name) for name in point.values]
     _check_limits(label, tuple(point.values), values, arm)
     return ControlPoint(phase, np.eye(len(names))[columns], values, covariance)
+
+
+def hand_columns(names: Sequence[str]) -> list[int]:
+    """Which controlled DOFs are the position of a hand; none where joints are predicted."""
+    columns = [k for k, name in enumerate(names) if name.endswith(HAND_FIELDS)]
+    return columns if len(columns) == len(HAND_FIELDS) else []
 
 
 def _tasks(library: TaskLibrary, point: ViaPoint) -> list[int]:

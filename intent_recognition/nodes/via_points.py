@@ -7,12 +7,12 @@ from std_msgs.msg import String
 from intent_recognition.composing import (
     ViaPoint,
     check_via_points,
+    hand_columns,
     read_via_points,
     write_via_points,
 )
 from intent_recognition.errors import IntentError
 from intent_recognition.kinematics import Arm
-from intent_recognition.motion import is_hand
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import parameter
@@ -66,7 +66,7 @@ class ViaPointInput:
     def use(self, estimator: IntentEstimator, arm: Arm | None) -> None:
         """Put the points in force, if other ones are, and tell which are."""
         if self._points not in (estimator.bent.points, self._refused):
-            waits = arm is None and not is_hand(estimator.library.controlled_names)
+            waits = arm is None and not hand_columns(estimator.library.controlled_names)
             if waits and any(point.of_hand for point in self._points):
                 return
             try:

@@ -127,6 +127,16 @@ def test_taken_back_nothing_is_left_of_it():
     np.testing.assert_array_equal(one.trajectory.positions, other.trajectory.positions)
 
 
+def test_the_position_of_a_hand_that_is_predicted_is_three_of_its_dofs(rng):
+    library = make_library(rng, n_controlled=6, n_basis=6)
+    names = [f"hand/pose.pose.position.{axis}" for axis in "xyz"]
+    library = replace(library, controlled_names=(*names, *"abc"))
+    goal = controlled_at(library, 1, 0.4).mean[:3] + 0.002
+    point = ViaPoint("p", {"hand": tuple(goal)}, (0.0,) * 3, 0.4, None, "task_1")
+    found = controlled_at(bend_all(library, [point]), 1, 0.4)
+    np.testing.assert_allclose(found.mean[:3], goal, atol=1e-6)
+
+
 def test_the_hand_of_an_arm_whose_joints_are_predicted_passes():
     library, arm = lwr()
     for task, phase in ((0, 0.5), (2, 1.0)):
