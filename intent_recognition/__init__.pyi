@@ -2,7 +2,7 @@
 from .activation import Activation, ActivationSettings
 from .alignment import Alignment, AlignmentSettings, Warp, align, align_to
 from .bags import BagReader, BagWriter, recover
-from .composing import ViaPoint, read_via_points
+from .composing import ViaPoint, learned_sequence, read_sequences, read_via_points
 from .demonstrations import (
     DofEntry,
     DofSpec,
@@ -133,6 +133,7 @@ __all__ = [
     "learn",
     "learn_mixture",
     "learn_with_report",
+    "learned_sequence",
     "load_dofs",
     "load_model",
     "load_object",
@@ -142,6 +143,7 @@ __all__ = [
     "pouring_parameters",
     "predict_controlled",
     "read_demonstrations",
+    "read_sequences",
     "read_via_points",
     "recognize_task",
     "recover",

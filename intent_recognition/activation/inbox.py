@@ -47,6 +47,7 @@ class EstimatorInbox:
         held_back: why a recognised task is not executed (its end is uncertain), or empty.
         prediction: the newest, None while the human rests.
         unused: whether it has not been planned with yet.
+        ordered: what to begin without recognition, as soon as no task is active; None for nothing.
         idle_since_ns: stamp of the first observation that found the human at rest again.
     """
 
@@ -67,6 +68,7 @@ class EstimatorInbox:
         """Nothing is recognised or predicted; the stamps taken stay taken."""
         self.decision, self.held_back = DecisionState(), ""
         self.prediction: PredictedInteraction | None = None
+        self.ordered: PredictedInteraction | None = None
         self._served_ns: int | None = None
 
     def silent(self, now_ns: int) -> bool:
@@ -78,8 +80,13 @@ class EstimatorInbox:
         self._served_ns = None if interaction is None else interaction.prediction.end_ns
 
     def startable(self, now_ns: int) -> PredictedInteraction | None:
-        """The prediction of the active task, if it is new and its movement is not yet served."""
+        """The prediction of the active task, if it is new and its movement is not yet served.
+
+        Without an active task, what is ordered, from now on.
+        """
         prediction, active = self.prediction, self.decision.active
+        if self.ordered is not None and not active:
+            return None if self.silent(now_ns) else self.ordered._replace(onset_ns=now_ns)
         if prediction is None or not self.unused or not active or prediction.label != active:
             return None
         served = self._served_ns is not None and prediction.onset_ns < self._served_ns

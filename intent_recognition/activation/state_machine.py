@@ -48,7 +48,7 @@ from intent_recognition.activation.states import (
     outcome_of,
 )
 from intent_recognition.motion import PredictedPerson
-from intent_recognition.recognition import DecisionState
+from intent_recognition.recognition import DecisionState, is_certain
 
 _ARRIVED_PHASE = 1.0 - 1e-6
 """Phase from which an interaction counts as arrived. Convention: 1 up to rounding."""
@@ -130,6 +130,11 @@ class Activation:
         return self._motions.corrected
 
     @property
+    def arrived(self) -> bool:
+        """Whether the arm is at the end of the active task."""
+        return isinstance(self.state, Arrived)
+
+    @property
     def stop_reason(self) -> str:
         """Why the arm is stopped, empty when it is not."""
         return self.state.reason if isinstance(self.state, Stopped) else ""
@@ -167,6 +172,19 @@ class Activation:
     def take_prediction(self, now_ns: int, prediction: PredictedInteraction) -> None:
         """Take the newest prediction; it is used if its task is the active one."""
         self._inbox.take_prediction(now_ns, prediction)
+
+    def order(self, prediction: PredictedInteraction | None) -> None:
+        """Begin a task that is not recognised, once none is; None takes that back.
+
+        It begins with its onset at that moment, and a recognised task ends it as any other. One
+        whose end is too uncertain is rejected.
+        """
+        if prediction is not None:
+            decision, label, end_std = self._settings.decision, prediction.label, prediction.end_std
+            if not is_certain(decision, end_std, label):
+                self._reject("uncertain_end", f"{label} does not begin unrecognised: {end_std}")
+                prediction = None
+        self._inbox.ordered = prediction
 
     def take_person(self, person: PredictedPerson | None) -> None:
         """Take where the person is predicted to be; None when that is not known any more."""
@@ -260,23 +278,26 @@ class Activation:
         if self._correcting.pushed(now_ns):
             return self._from_yielding(self._correcting.begin(now_ns, interaction), now_ns)
         if self._arm.phase(now_ns) >= _ARRIVED_PHASE:
-            if not interaction.over:
+            if not (interaction.over or interaction.ordered):
                 self._inbox.mark_served(interaction)
             return self._from_arrived(Arrived(interaction, now_ns), now_ns)
         expected = now_ns < interaction.prediction.end_ns and not interaction.over
-        withdrawn = expected and not self.decision.active
+        withdrawn = expected and not (self.decision.active or interaction.ordered)
         reason = self._reason_to_halt(now_ns) or ("withdrawn" if withdrawn else "")
         if reason:
             return self._stop(now_ns, reason, interaction)
-        if expected and self.decision.active != interaction.prediction.label:
+        if expected and self.decision.active not in ("", interaction.prediction.label):
             return self._activate(now_ns) or Transition(state)
         return self._follow(state, now_ns)
 
     def _from_arrived(self, state: Arrived, now_ns: int) -> Transition:
         if self._correcting.pushed(now_ns):
             return self._from_yielding(self._correcting.begin(now_ns, state.interaction), now_ns)
-        if state.interaction.over and self.decision.active:
+        interaction, active = state.interaction, self.decision.active
+        if active and (interaction.over or interaction.ordered):
             return self._activate(now_ns) or Transition(state)
+        if self._inbox.ordered is not None and (following := self._activate(now_ns)):
+            return following
         held = now_ns - state.since_ns >= self._settings.hold_s * 1e9
         if held and not self._correcting.deviates:
             return self._go_ahead(now_ns) or self._go_home(now_ns, state.interaction)
@@ -343,7 +364,7 @@ class Activation:
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = self._arm.start_reference(now_ns, start_ns)
-        self._inbox.unused = False
+        self._inbox.unused, self._inbox.ordered = False, None
         if start is None:
             return None
         if self._home is None:
@@ -357,7 +378,8 @@ class Activation:
         self.pretrigger.interaction_began()
         self._inbox.mark_served(None)
         self.counts["started"] += 1
-        return Transition(Executing(ActiveInteraction(prediction)), command)
+        ordered = not self.decision.active
+        return Transition(Executing(ActiveInteraction(prediction, ordered=ordered)), command)
 
     def _follow(self, state: Executing | Arrived, now_ns: int) -> Transition:
         """Follow the newest prediction of the running task, if it is time for an update."""

@@ -51,11 +51,13 @@ class ActiveInteraction:
         prediction: the newest one that was planned with.
         over: whether the human has finished.
         vias: where the arm was left when somebody moved it.
+        ordered: whether it was begun without being recognised (`Activation.order`).
     """
 
     prediction: PredictedInteraction
     over: bool = False
     vias: tuple[Via, ...] = ()
+    ordered: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from intent_recognition.cli.output import (
     write_json,
 )
 from intent_recognition.cli.session_watch import END_SIGNALS, interrupt
+from intent_recognition.composing import read_sequences
 from intent_recognition.errors import (
     ArgumentError,
     IntentError,
@@ -70,6 +71,11 @@ def add_parser(subparsers: Subparsers) -> None:
                 "an arm in the second of two people's place",
                 "intent demo --scenario assembly --arm panda",
             ),
+            (
+                "a task made of parts: the arm goes on by itself",
+                "intent demo --sequences config/examples/toolbox_sequence.yaml --headless"
+                " --task-list plate_handover,plate_handover,screw_handover",
+            ),
             ("the arm pours with other cups and bowls", "intent demo --scenario pouring"),
         ),
     )
@@ -115,6 +121,12 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     session.add_argument(
         "--seed", type=number(int, 0), default=1, help="of the session (default: 1)"
+    )
+    session.add_argument(
+        "--sequences",
+        type=Path,
+        metavar="F",
+        help="YAML of tasks one after the other, some of which begin by themselves",
     )
     session.add_argument(
         "--no-anticipation",
@@ -225,6 +237,8 @@ def _check(args: argparse.Namespace) -> None:
         raise ResourceBusyError(
             describe("--output", "a folder that can be made", args.output, "Choose another.")
         ) from error
+    if args.sequences is not None:
+        read_sequences(args.sequences.read_text(encoding="utf-8"))
     if args.model is not None:
         (load_trained if args.dashboard else load_model)(args.model)
     if args.dashboard:

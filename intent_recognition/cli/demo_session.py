@@ -210,6 +210,7 @@ def _calls(args: argparse.Namespace, model: Path, scene: Scene) -> dict[str, Nod
             "seed": args.seed,
             "transition_prior": not args.no_anticipation,
             "pretrigger_threshold": 0.0 if args.no_anticipation else PRETRIGGER_THRESHOLD,
+            "sequences": str(args.sequences.resolve()) if args.sequences else "",
             "record": str(args.record.resolve()) if args.record else "",
             "dashboard": args.dashboard,
             "port": args.port,

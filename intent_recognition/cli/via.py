@@ -39,7 +39,9 @@ def add_parser(subparsers: Subparsers) -> None:
             ("no more", "intent via remove bottle"),
         ),
     )
-    actions = parser.add_subparsers(title="actions", dest="action", metavar="ACTION", required=True)
+    actions = parser.add_subparsers(
+        title="actions", dest="action", metavar="ACTION", required=True, help="what to do"
+    )
     add = actions.add_parser("add", help="add a point, or replace the one of its name")
     add.add_argument("name", metavar="NAME", help="by which it is removed")
     where = add.add_mutually_exclusive_group(required=True)

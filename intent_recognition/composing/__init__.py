@@ -9,6 +9,17 @@ from intent_recognition.composing.bending import (
     control_point,
     hand_columns,
 )
+from intent_recognition.composing.sequences import (
+    Moment,
+    Progress,
+    Sequences,
+    Step,
+    advance,
+    awaited,
+    learned_sequence,
+    read_sequences,
+    write_sequence,
+)
 from intent_recognition.composing.via_points import (
     HAND,
     USUAL_STD,
@@ -22,11 +33,20 @@ __all__ = [
     "LARGEST_DISTANCE",
     "USUAL_STD",
     "BentLibrary",
+    "Moment",
+    "Progress",
+    "Sequences",
+    "Step",
     "ViaPoint",
+    "advance",
+    "awaited",
     "bend_all",
     "check_via_points",
     "control_point",
     "hand_columns",
+    "learned_sequence",
+    "read_sequences",
     "read_via_points",
+    "write_sequence",
     "write_via_points",
 ]

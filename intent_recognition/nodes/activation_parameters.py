@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of the node `primitive_activation`, and the settings made of them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import astuple, dataclass
 from math import inf
@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from intent_recognition.activation import ActivationSettings, PretriggerSettings
-from intent_recognition.demonstrations import numbers_of
+from intent_recognition.demonstrations import DofEntry, numbers_of
 from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.kinematics import (
     DEFAULT_ACCELERATION_RAD_S2,
@@ -147,6 +147,7 @@ class ActivationParameters:
         reference: quaternion that its orientations start from (4,); empty without orientations.
         described: the arm of `robot_description`, whose limits hold where none are given.
         library: of the model; None without one.
+        entries: of its controlled DOFs.
     """
 
     def __init__(self, node: Node):
@@ -159,6 +160,7 @@ class ActivationParameters:
         self.of_hand, self.taught_link = False, ""
         self.reference: tuple[float, ...] = ()
         self.library: TaskLibrary | None = None
+        self.entries: Sequence[DofEntry] = ()
         self._least_end_std: dict[str, float] = {}
         self._learned_end_std: dict[str, dict[str, float]] = {}
 
@@ -186,7 +188,7 @@ class ActivationParameters:
         names = tuple(name for name in self._values["joint_names"] if name)
         if self._values["model"]:
             model = _read_model(self._values["model"], names)
-            self.library = model.library
+            self.library, self.entries = model.library, model.dofs.controlled
             self._learned_end_std = end_std_limits(model.library)
             self._least_end_std = {
                 label: least_end_std(model.library, k).get("rad", 0.0)

@@ -103,7 +103,7 @@ NODES = {
     ),
     "primitive_activation": NodeSpec(
         "intent_recognition.nodes.primitive_activation",
-        _from("model", "pretrigger_threshold", "hand_link", autostart="activate"),
+        _from("model", "pretrigger_threshold", "hand_link", "sequences", autostart="activate"),
         remappings=_ARM,
     ),
     "coworker_sim": NodeSpec(

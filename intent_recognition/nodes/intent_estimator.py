@@ -6,6 +6,7 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
@@ -64,7 +65,7 @@ class IntentEstimatorNode(ManagedNode):
             " measured velocities may be added.",
         )
         self._own_dofs: DofSpec | None = None
-        self._configured = False
+        self._configured, self._step = False, ""
         self._publish_rate = parameter(
             self,
             "publish_rate",
@@ -115,6 +116,9 @@ class IntentEstimatorNode(ManagedNode):
         self._markers = self.create_publisher(MarkerArray, "intent/markers", qos.COMMAND)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/reload_model", self._on_reload)
+        self.create_subscription(
+            DiagnosticStatus, "intent/sequence", self._take_sequence, qos.LATCHED
+        )
         self._inputs = ObservationInput(self, self._diagnostics, self._use, self._use_context)
         self._watchdog = self.create_timer(
             CHECK_PERIOD_S, self._check_stream, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -165,6 +169,7 @@ class IntentEstimatorNode(ManagedNode):
         )
         self._trajectory_template = SerializedTrajectory(self._model.dofs.controlled_message_names)
         self._human_template = SerializedTrajectory(self._model.library.observed_names)
+        self._estimator.expect(self._step)
         self._tasks_template = SerializedNamedVector((*self._model.labels, NONE))
         self._marker_builder = MarkerBuilder(self._model.labels)
         columns = map(position_columns, self._model.dofs.observed)
@@ -215,6 +220,12 @@ class IntentEstimatorNode(ManagedNode):
         if self._dofs_path:
             self._own_dofs = check_dofs(model, load_dofs(self._dofs_path), self._dofs_path)
         return model
+
+    def _take_sequence(self, message: DiagnosticStatus) -> None:
+        """Expect the step that a sequence is at."""
+        self._step = next((row.value for row in message.values if row.key == "task"), "")
+        if self._configured:
+            self._estimator.expect(self._step)
 
     def _use(self, observation: Observation, topic: str) -> bool:
         """Take an observation; False if it cannot be used."""

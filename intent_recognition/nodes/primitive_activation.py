@@ -18,9 +18,11 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.activation import Activation, Command, Mode, PredictedInteraction
+from intent_recognition.demonstrations import numbers_of
 from intent_recognition.errors import ArgumentError, IntentError, TrajectoryError, describe
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import (
+    JointPath,
     hand_targets,
     is_hand,
     joints_along,
@@ -50,6 +52,8 @@ from intent_recognition.nodes.parameter_sources import parameter_sources
 from intent_recognition.nodes.parameters import Changes, keep_live
 from intent_recognition.nodes.person_input import PersonInput
 from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.sequence_runner import SequenceRunner
+from intent_recognition.promp import Trajectory
 
 _OK, _WARN = 0, 1
 
@@ -82,6 +86,7 @@ class PrimitiveActivation(ManagedNode):
         self._things = ClearanceInput(self)
         self._person = PersonInput(self, self._hand, self.diagnostics)
         self._correction = CorrectionInput(self)
+        self._sequences = SequenceRunner(self, self.diagnostics)
         self.activation: Activation | None = None
         self.joint_names: tuple[str, ...] = ()
         self._builder: TrajectoryBuilder | None = None
@@ -118,6 +123,7 @@ class PrimitiveActivation(ManagedNode):
     def configure(self) -> None:
         """Read the model, if one is named, and fix the joints where they are known."""
         names, self._taught_starts = self._settings.joints()
+        self._sequences.configure(self._settings.library)
         self._hand.taught = self._settings.taught_link
         self._starts = self._taught_starts
         if names:
@@ -191,11 +197,8 @@ class PrimitiveActivation(ManagedNode):
             self._keep_clear(joints)
             if self.activation is None:
                 self._set_joints(joints)
-            onset_s, velocities = times_s[0], rest.get("velocities")
-            if of_hand:
-                times_s, positions = self._joints_along(times_s, positions)
-                velocities = None
-            path = make_path(times_s, positions, self._limits, velocities)
+            onset_s = times_s[0]
+            path = self._path(of_hand, times_s, positions, rest.get("velocities"))
         except RejectionError as error:
             self.diagnostics.reject(error.reason, str(error))
             return None
@@ -205,6 +208,24 @@ class PrimitiveActivation(ManagedNode):
         end_std = std_by_unit(rest["effort"][-1], of_hand) if "effort" in rest else None
         onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(onset_s) * 1e9)
         return PredictedInteraction(label, onset_ns, path, end_std)
+
+    def _path(
+        self,
+        of_hand: bool,
+        times_s: NDArray[np.float64],
+        positions: NDArray[np.float64],
+        velocities: NDArray[np.float64] | None,
+    ) -> JointPath:
+        """Of the arm's joints, from theirs or from the hand's."""
+        if of_hand:
+            times_s, positions = self._joints_along(times_s, positions)
+            velocities = None
+        return make_path(times_s, positions, self._limits, velocities)
+
+    def _path_of(self, trajectory: Trajectory) -> JointPath:
+        """The same from a trajectory of the model's controlled DOFs."""
+        numbers = numbers_of(self._settings.entries, trajectory)
+        return self._path(self._settings.of_hand, *numbers[:3])
 
     def _meet_arm(self) -> Arm:
         """The arm whose hand is predicted; where tasks begin in its joints, when it or home is new.
@@ -333,6 +354,7 @@ class PrimitiveActivation(ManagedNode):
     def _step(self, activation: Activation) -> bool:
         """Let the state machine act; whether a command was sent."""
         activation.take_person(self._person.person)
+        self._sequences.update(activation, self._path_of, lambda: self._hand.arm)
         command = activation.step(self._now_ns())
         self._publish(command)
         self._publish_outcomes(activation)

@@ -69,7 +69,7 @@ INTERFACES = {
     **dict.fromkeys(ARMS, _ARM),
     "mocap_ingest": Interface((f"mocap/{BODY}/pose",), (f"human/{BODY}",)),
     "intent_estimator": Interface(
-        (HEARD, "joint_states", "robot_description"),
+        (HEARD, "intent/sequence", "joint_states", "robot_description"),
         ("intent/human_path", "intent/human_trajectory", "intent/markers", "intent/next_task")
         + ("intent/robot_trajectory", "intent/tasks", "intent/via_points"),
         ("~/reload_model", "~/reset"),
@@ -77,8 +77,10 @@ INTERFACES = {
     ),
     "primitive_activation": Interface(
         ("intent/human_trajectory", "intent/next_task", "intent/robot_trajectory")
-        + ("intent/tasks", "joint_states", "robot_description"),
-        ("intent/active_task", "intent/correction", "intent/feedback", "joint_trajectory"),
+        + ("intent/tasks", "intent/via_points", f"human/{BODY}")
+        + ("joint_states", "robot_description"),
+        ("intent/active_task", "intent/correction", "intent/feedback", "intent/sequence")
+        + ("joint_trajectory",),
         ("~/reset",),
         managed=True,
     ),

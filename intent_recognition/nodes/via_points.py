@@ -38,7 +38,7 @@ class ViaPointInput:
 
     def __init__(self, node: Node, diagnostics: Diagnostics):
         self._diagnostics = diagnostics
-        self._publisher = node.create_publisher(String, f"intent/{VIA_POINTS}", qos.LATCHED)
+        self._publisher = node.create_publisher(String, "intent/via_points", qos.LATCHED)
         text = parameter(
             node,
             VIA_POINTS,

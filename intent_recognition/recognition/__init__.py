@@ -6,6 +6,7 @@ from intent_recognition.recognition.decision import (
     DecisionState,
     decide,
     decision_settings,
+    is_certain,
     least_certain_unit,
     uncertain_end,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "TaskPosterior",
     "decide",
     "decision_settings",
+    "is_certain",
     "least_certain_unit",
     "predict_controlled",
     "recognize_task",

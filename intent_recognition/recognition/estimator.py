@@ -268,10 +268,9 @@ class IntentEstimator:
         return "zero_stamp" if observation.stamp_ns <= 0 else self._context.take(observation)
 
     def set_via_points(self, points: Sequence[ViaPoint], arm: Arm | None = None) -> None:
-        """Let the controlled agent pass through some points, and no others, from now on.
+        """Let the controlled agent pass through some points, and no others, until others come.
 
-        They stay in force from one movement to the next, also with another library or context. What
-        is recognised does not change.
+        What is recognised does not change.
 
         Args:
             points: what is asked for.
@@ -282,6 +281,10 @@ class IntentEstimator:
         """
         self.bent.choose(points, arm)
         self._use(self.bent.taught)
+
+    def expect(self, task: str) -> None:
+        """Let a task be that of the next movement, as sure as a habit; empty: as it was learned."""
+        self.expectation.expect(task, at_once=self._movement is None)
 
     def predict_controlled(self, n_points: int = 50) -> Prediction | None:
         """The controlled agent's whole interaction from onset, under the most probable task.

@@ -153,7 +153,19 @@ class Expectation:
     ):
         self._library, self._fixed_prior = library, fixed_prior
         self._transitions, self._forget_after_s = transitions, forget_after_s
+        self._step = ""
         self.reset()
+
+    def expect(self, task: str, *, at_once: bool) -> None:
+        """Let a task be that of the next movement, as sure as a habit; empty: as it was learned.
+
+        Args:
+            task: its label; one that was not learned is as none.
+            at_once: whether no movement is under way; else it counts when that has ended.
+        """
+        self._step = task
+        if at_once:
+            self._set(self.memory)
 
     @property
     def last_task(self) -> str:
@@ -199,12 +211,15 @@ class Expectation:
     def _set(self, memory: TaskMemory) -> None:
         self.memory = memory
         self._ratio: NDArray[np.float64] | None = None
+        library = self._library
         if self._fixed_prior is not None:
             self.prior = self._fixed_prior
-        elif self._transitions:
-            library = self._library
+            return
+        self.prior = library.task_prior
+        if self._transitions:
             self.prior = next_task_prior(library.transition_prior, memory, library.task_prior)
-            if not np.allclose(self.prior, library.task_prior, rtol=1e-12, atol=0.0):
-                self._ratio = self.prior / np.maximum(library.task_prior, 1e-300)
-        else:
-            self.prior = self._library.task_prior
+        if self._step in library.labels:
+            step = np.eye(library.n_tasks)[library.labels.index(self._step)]
+            self.prior = HABIT_TRUST * step + (1.0 - HABIT_TRUST) * self.prior
+        if not np.allclose(self.prior, library.task_prior, rtol=1e-12, atol=0.0):
+            self._ratio = self.prior / np.maximum(library.task_prior, 1e-300)

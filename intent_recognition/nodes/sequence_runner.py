@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sequences of tasks in the activation node: topics to what is known, and orders to the arm."""
+
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from intent_recognition.activation import Activation, PredictedInteraction
+from intent_recognition.composing import (
+    Moment,
+    Progress,
+    Step,
+    ViaPoint,
+    advance,
+    awaited,
+    bend_all,
+    read_sequences,
+    read_via_points,
+)
+from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.kinematics import Arm
+from intent_recognition.motion import JointPath
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import position_array
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.promp import TaskLibrary, Trajectory, largest_by_unit
+from intent_recognition.untrusted import UntrustedError, read_text
+
+FRESH_S = 0.5
+"""A place that was measured longer ago is not known any more [s]. Convention."""
+N_POINTS = 50
+"""Points of a path that is executed without being recognised. Convention: as of a prediction."""
+
+MakePath = Callable[[Trajectory], JointPath]
+FindArm = Callable[[], Arm | None]
+
+
+class SequenceRunner:
+    """Follows the sequences of the parameter `sequences`, and orders steps whose condition holds.
+
+    `intent/sequence` tells where a session is: diagnostic_msgs/DiagnosticStatus with the sequence
+    as name, empty outside of any; `task`, `step` and `when` among its values.
+
+    Args:
+        node: owner of parameter and topics.
+        diagnostics: shows the step; counts what cannot be used.
+    """
+
+    def __init__(self, node: Node, diagnostics: Diagnostics):
+        self._node, self._diagnostics = node, diagnostics
+        self._path = fixed_parameter(
+            node, "sequences", "", "File of sequences of tasks; empty: none. Needs a model."
+        )
+        self._sequences: dict[str, tuple[Step, ...]] = {}
+        self._library: TaskLibrary | None = None
+        self._points: tuple[ViaPoint, ...] = ()
+        self._progress = Progress()
+        self._places: dict[str, tuple[float, NDArray[np.float64]]] = {}
+        self._rest_since_s: float | None = None
+        self._told: tuple | None = None
+        if self._path:
+            self._publisher = node.create_publisher(
+                DiagnosticStatus, "intent/sequence", qos.LATCHED
+            )
+            node.create_subscription(String, "intent/via_points", self._take_points, qos.LATCHED)
+
+    def configure(self, library: TaskLibrary | None) -> None:
+        """Read the file.
+
+        Raises:
+            ArgumentError: it cannot be read, or names what the library has not.
+        """
+        if not self._path or self._sequences:
+            return
+        if library is None:
+            raise ArgumentError(
+                describe("sequences", "a model", "none", "Set the parameter model.")
+            )
+        try:
+            text = read_text(Path(self._path))
+        except (OSError, UntrustedError) as error:
+            cure = "Name a YAML file."
+            raise ArgumentError(describe("sequences", "a file", error, cure)) from error
+        self._library, self._sequences = library, read_sequences(text, library.labels)
+        steps = [step for steps in self._sequences.values() for step in steps]
+        for body in sorted({step.when.body for step in steps} - {""}):
+            take = partial(self._take_place, body)
+            self._node.create_subscription(Odometry, f"human/{body}", take, qos.SENSOR)
+
+    def update(self, activation: Activation, make_path: MakePath, arm: FindArm) -> None:
+        """Take note of what the arm does, and order the next step where its condition holds.
+
+        Args:
+            activation: executes.
+            make_path: of joints, from a trajectory of the library's controlled DOFs.
+            arm: the one whose hand via points mean, as far as it is known.
+        """
+        if not self._sequences or self._library is None:
+            return
+        before = self._progress
+        self._progress = advance(self._sequences, before, self._moment(activation))
+        if self._progress.ordered != before.ordered:
+            activation.order(None)
+            step = awaited(self._sequences, self._progress)
+            if self._progress.ordered and step is not None:
+                activation.order(self._prediction(self._library, step.task, make_path, arm))
+        self._tell()
+
+    def _moment(self, activation: Activation) -> Moment:
+        now_s = self._node.get_clock().now().nanoseconds * 1e-9
+        if not activation.decision.idle:
+            self._rest_since_s = None
+        elif self._rest_since_s is None:
+            self._rest_since_s = now_s
+        resting_s = 0.0 if self._rest_since_s is None else now_s - self._rest_since_s
+        return Moment(
+            now_s,
+            activation.counts["started"],
+            activation.active_task,
+            activation.arrived,
+            resting_s,
+            self._fresh_places(),
+        )
+
+    def _fresh_places(self) -> Mapping[str, NDArray[np.float64]]:
+        now_s = time.monotonic()
+        return {body: at for body, (s, at) in self._places.items() if now_s - s <= FRESH_S}
+
+    def _prediction(
+        self, library: TaskLibrary, task: str, make_path: MakePath, arm: FindArm
+    ) -> PredictedInteraction | None:
+        """What a task does on average, through the via points; None where that cannot be."""
+        try:
+            number = library.labels.index(task)
+            points = [point for point in self._points if point.task in ("", task)]
+            bent = bend_all(library, points, arm() if points else None)
+            trajectory = bent.primitive(number).predict_controlled(N_POINTS)
+            end_std = largest_by_unit(trajectory.std[-1], library.controlled_units)
+            return PredictedInteraction(task, 0, make_path(trajectory), end_std)
+        except IntentError as error:
+            self._diagnostics.reject("bad_step", f"{task}: {error}")
+            return None
+
+    def _tell(self) -> None:
+        progress, step = self._progress, awaited(self._sequences, self._progress)
+        told = (progress.name, progress.step, progress.running)
+        if told == self._told:
+            return
+        self._told = told
+        message = DiagnosticStatus(name=progress.name, message="no sequence")
+        if step is not None:
+            count = f"{progress.step + 1} of {len(self._sequences[progress.name])}"
+            what = "runs" if progress.running else f"waits: {step.when}"
+            message.message = f"{step.task} ({count}) {what}"
+            rows = {"task": step.task, "step": count, "when": str(step.when)}
+            message.values = [KeyValue(key=key, value=value) for key, value in rows.items()]
+        self._publisher.publish(message)
+        self._diagnostics.value("sequence", f"{progress.name} {message.message}".strip())
+        self._node.get_logger().info(f"sequence: {progress.name} {message.message}")
+
+    def _take_place(self, body: str, message: Odometry) -> None:
+        place = position_array(message.pose.pose)
+        if np.all(np.isfinite(place)):
+            self._places[body] = time.monotonic(), place
+
+    def _take_points(self, message: String) -> None:
+        try:
+            self._points = read_via_points(message.data)
+        except IntentError as error:
+            self._diagnostics.reject("bad_via_points", str(error))

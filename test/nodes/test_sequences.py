@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A task made of parts on the topics: recognised, then by itself through a via point, then left."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from model_builder import make_dofs, true_library
+from nav_msgs.msg import Odometry
+from nodes.test_intent_estimator import DOFS, Folder
+from nodes.test_primitive_activation import HOME, Graph, check_commands
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+
+from intent_recognition.composing import ViaPoint, write_via_points
+from intent_recognition.errors import ArgumentError
+from intent_recognition.model import Model, save_model
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import to_pose
+from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
+from intent_recognition.promp import controlled_at
+from intent_recognition.recognition.transitions import HABIT_TRUST
+
+STEPS = """
+toolbox:
+- task: plate
+- task: screw
+  when: {wrist_in: {center: [0.5, 0.0, 0.2], radius: 0.1}}
+"""
+
+
+@pytest.fixture
+def given(tmp_path):
+    """A model of the two tasks about the home posture, and a file of a sequence."""
+    library = true_library(make_dofs(), n_tasks=2)
+    mean = library.weight_mean.reshape(2, 10, -1).copy()
+    mean[:, 3:] += HOME[:, None]
+    library = replace(library, labels=("plate", "screw"), weight_mean=mean.reshape(2, -1))
+    model, steps = tmp_path / "model.npz", tmp_path / "steps.yaml"
+    save_model(model, Model(library, make_dofs()))
+    steps.write_text(STEPS)
+    return library, {"model": str(model), "sequences": str(steps)}
+
+
+def test_a_task_of_two_parts_with_a_via_point_and_another_task_leads_out(harness, given):
+    library, parameters = given
+    told = harness.collect(DiagnosticStatus, "intent/sequence", qos.LATCHED)
+    points = harness.publisher(String, "intent/via_points", qos.LATCHED)
+    wrist = harness.publisher(Odometry, "human/wrist", qos.SENSOR)
+    graph = Graph(harness, **parameters)
+    harness.connect(points, wrist)
+    end = controlled_at(library, 1, 1.0)
+    goal = float(end.mean[3] + 2.0 * np.sqrt(end.covariance[3, 3]))
+    point = ViaPoint("end", {"lwr_a4_joint": (goal,)}, (1e-4,), 1.0, None, "screw")
+    points.publish(String(data=write_via_points([point])))
+    graph.begin("plate")
+    graph.until(lambda: graph.node.activation.arrived)
+    graph.task = "idle"
+    graph.until(lambda: told and "screw (2 of 2) waits" in told[-1].message)
+    assert {row.key: row.value for row in told[-1].values}["task"] == "screw"
+    for _ in range(10):
+        graph.step()
+    assert graph.active[-1].data == "plate", "the wrist is not there"
+    back = Odometry()
+    back.pose.pose = to_pose(np.array([0.5, 0.05, 0.2]), (0.0, 0.0, 0.0, 1.0))
+
+    def begun():
+        wrist.publish(back)
+        return graph.active[-1].data == "screw"
+
+    graph.until(begun)
+    graph.until(lambda: told[-1].message.endswith("runs"))
+    graph.until(lambda: graph.node.activation.arrived)
+    assert abs(graph.arm()[3] - goal) < 2e-3
+    graph.until(lambda: told[-1].message == "no sequence")
+    graph.begin("plate", already_s=0.3)
+    graph.until(lambda: graph.active[-1].data == "plate")
+    graph.until(lambda: graph.node.activation.arrived)
+    graph.task = "idle"
+    graph.until(lambda: told[-1].message.startswith("screw"))
+    check_commands(graph.commands)
+
+
+def test_sequences_need_a_model_and_a_file(harness, given, tmp_path):
+    _, parameters = given
+    with pytest.raises(ArgumentError, match="sequences: expected a model"):
+        Graph(harness, sequences=parameters["sequences"])
+    with pytest.raises(ArgumentError, match="sequences: expected a file"):
+        Graph(harness, **parameters | {"sequences": str(tmp_path / "none.yaml")})
+
+
+def test_the_estimator_expects_the_step(harness, tmp_path):
+    folder = Folder(tmp_path, DOFS)
+    status = harness.publisher(DiagnosticStatus, "intent/sequence", qos.LATCHED)
+
+    status.publish(DiagnosticStatus(values=[KeyValue(key="task", value="task_1")]))
+    value = Parameter("model", value=str(folder.path))
+    node = harness.add(IntentEstimatorNode(parameter_overrides=[value]))
+    expectation = node._estimator.expectation
+    harness.spin_until(lambda: expectation.prior[1] > HABIT_TRUST, what="the step")
+    status.publish(DiagnosticStatus(message="no sequence"))
+    harness.spin_until(lambda: expectation.prior[1] < HABIT_TRUST, what="no step")
