@@ -21,8 +21,8 @@ from intent_recognition.promp import (
 
 LARGEST_DISTANCE = 6.0
 """Mahalanobis distance from what a task does beyond which a via point is refused, in standard
-deviations of both. Convention: between the demonstrations of the shipped tasks the hand may so be
-moved by 6 to 40 cm, early and late in the movement (docs/combining.md)."""
+deviations of both. Convention: the hand of the shipped plate_handover may so be moved by some 9 cm
+at a third of the way, and by 25 to 36 cm at the end (docs/combining.md)."""
 HAND_MISSED_M = 0.005
 """A hand that stays farther from its via point cannot reach it [m], unless that is as exact as the
 wish. Convention: as `motion.hand_path` has it for a predicted path."""

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.composing import ViaPoint
+
 PLOTTED_S = 20.0
 """Past of the task posterior that is plotted [s]. Convention."""
 PLOTTED_STEP_S = 0.05
@@ -98,6 +100,7 @@ class CellState:
         nodes: health by node name.
         teaching: last sentence of `teach/status`.
         skills: changes of each task, the oldest first.
+        via_points: in force.
     """
 
     joints: dict[str, float] = field(default_factory=dict)
@@ -115,6 +118,7 @@ class CellState:
     description: str = ""
     teaching: str = ""
     skills: dict[str, list[SkillRow]] = field(default_factory=dict)
+    via_points: tuple[ViaPoint, ...] = ()
     nodes: dict[str, NodeHealth] = field(default_factory=dict)
     _wrist_past: deque = field(default_factory=lambda: deque(maxlen=int(WRIST_S * 100)))
     _past: deque = field(default_factory=lambda: deque(maxlen=int(PLOTTED_S / PLOTTED_STEP_S)))

@@ -19,6 +19,7 @@ from intent_recognition.dashboard.skills_tab import SkillsTab
 from intent_recognition.dashboard.teach_tab import TeachTab
 from intent_recognition.dashboard.teaching_session import TeachingSession
 from intent_recognition.dashboard.teleoperation import Teleoperation
+from intent_recognition.dashboard.via_controls import ViaPointControls
 from intent_recognition.dashboard.watch_tab import WatchTab
 from intent_recognition.dashboard.widgets import set_content
 from intent_recognition.errors import IntentError, one_line
@@ -116,6 +117,7 @@ class DashboardPage:
         do = self._asked.put
         with tabs.add_tab("Watch"):
             self._watch = WatchTab(self._server, commands, do)
+            self._via = ViaPointControls(self._server, commands, do)
         with tabs.add_tab("Teach"):
             self._teach = TeachTab(self._server, teleoperation, session, commands, do)
         with tabs.add_tab("Skills"):
@@ -156,6 +158,7 @@ class DashboardPage:
             self._now.visible = bool(state.joints) or state.posterior is not None
             set_content(self._now, markup.now_line(state, self._colours))
             self._watch.update(state, self._colours, now_s)
+            self._via.update(state.via_points, self._scene.hand_path)
             self._teach.update(state)
             self._replay.update()
         if now_s - self._slow_at_s >= SLOW_PERIOD_S:

@@ -44,6 +44,9 @@ class Scene:
         server: the page.
         cell: what stands in the cell.
         hand_link: link of the arm that is its hand.
+
+    Attributes:
+        hand_path: task and positions (T, 3) [m] of the path predicted last; None before the first.
     """
 
     def __init__(self, server: viser.ViserServer, cell: CellScene, hand_link: str = ""):
@@ -51,6 +54,7 @@ class Scene:
         self._robot: RobotView | None = None
         self._description = self._problem = ""
         self._hand_path_at_s = -np.inf
+        self.hand_path: tuple[str, NDArray[np.float64]] | None = None
         self._prepare()
         self._things = ThingsView(server, cell)
         self._person = PersonView(server, cell.person) if cell.person is not None else None
@@ -167,6 +171,7 @@ class Scene:
             return
         self._hand_path_at_s = now_s
         path = self._robot.hand_path(predicted.joints, predicted.positions)
+        self.hand_path = predicted.task, path
         colour = rgb(colours.get(predicted.task, NONE_COLOUR))
         self._line("hand_path", path, colour, PATH_WIDTH_M)
 

@@ -16,6 +16,7 @@ from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
+from intent_recognition.composing import HAND, read_via_points
 from intent_recognition.dashboard.cell import (
     CellState,
     NodeHealth,
@@ -84,6 +85,7 @@ class CellSubscriptions:
             (String, "robot_description", self._on_description, qos.LATCHED),
             (String, "teach/status", self._on_teaching, qos.LATCHED),
             (DiagnosticArray, "teach/skills", self._on_skills, qos.LATCHED),
+            (String, "intent/via_points", self._on_via_points, qos.LATCHED),
             (DiagnosticArray, "/diagnostics", self._on_diagnostics, 10),
         ):
             node.create_subscription(kind, topic, partial(self._take, topic, handle), profile)
@@ -140,6 +142,13 @@ class CellSubscriptions:
 
     def _on_teaching(self, message: String) -> None:
         self._state.teaching = checked_text("data", message.data, LONGEST_SENTENCE)
+
+    def _on_via_points(self, message: String) -> None:
+        points = read_via_points(checked_text("data", message.data, LONGEST_DESCRIPTION))
+        for point in points:
+            hand = point.values.get(HAND, ())
+            checked_numbers(HAND, hand, (len(hand),))
+        self._state.via_points = points
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now_s, nodes = self._clock(), self._state.nodes

@@ -101,10 +101,10 @@ INTERFACES = {
     "dashboard": Interface(
         ("coworker/task", "intent/active_task", "intent/markers", "intent/robot_trajectory")
         + ("intent/tasks", "joint_states", f"mocap/{BODY}/pose", "robot_description")
-        + ("teach/skills", "teach/status"),
+        + ("intent/via_points", "teach/skills", "teach/status"),
         ("intent/feedback", "joint_trajectory", f"mocap/{BODY}/pose"),
         (),
-        ("intent_estimator/reset", "primitive_activation/reset")
+        ("intent_estimator/reset", "primitive_activation/reset", "intent_estimator/set_parameters")
         + ("primitive_activation/change_state", "primitive_activation/get_state")
         + tuple(f"task_teacher/{name}" for name in LEARNING)
         + tuple(f"{arm}/gravity_compensation" for arm in ARMS),

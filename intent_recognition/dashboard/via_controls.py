@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Via points on the page: the predicted path of the hand is dragged, and let go again."""
+
+from collections.abc import Callable
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from intent_recognition.composing import HAND, ViaPoint, write_via_points
+from intent_recognition.dashboard.commands import ESTIMATOR, Commands
+from intent_recognition.dashboard.drag_handles import BALL_M, MOVED_M, SIZE_M
+from intent_recognition.dashboard.scene import DARK
+from intent_recognition.dashboard.widgets import set_value, slider_value
+
+NOTHING = "none"
+"""Stands in the list while no via point is in force."""
+STDS_CM = (0.1, 10.0)
+"""How exactly the hand may be asked to pass [cm]. Convention."""
+
+
+class ViaPointControls:
+    """A folder of controls, and a handle on the path that was predicted last.
+
+    Args:
+        server: the page; the folder is made where it is called.
+        commands: reaches the estimator.
+        do: runs a function in the thread of the graph.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, commands: Commands, do: Callable[[Callable], None]
+    ):
+        gui, self._server = server.gui, server
+        self._commands, self._do = commands, do
+        self._points: tuple[ViaPoint, ...] = ()
+        self._path: tuple[str, NDArray[np.float64]] | None = None
+        self._held = False
+        with gui.add_folder("Via points"):
+            self._drag = gui.add_checkbox(
+                "Drag the robot's path", False, hint="the hand's, as it was predicted last"
+            )
+            self._phase = gui.add_slider("At phase", 0.0, 1.0, 0.01, 0.5)
+            low, high = STDS_CM
+            self._std = gui.add_number("Within [cm]", 1.0, min=low, max=high, step=0.1)
+            self._chosen = gui.add_dropdown("In force", (NOTHING,))
+            self._remove = gui.add_button("Remove it", disabled=True)
+        self._handle = server.scene.add_transform_controls(
+            "/via/handle", SIZE_M, disable_rotations=True, depth_test=False, visible=False
+        )
+        server.scene.add_label("/via/handle/name", "pass here", anchor="top-center")
+        self._drawn: list[viser.SceneNodeHandle] = []
+        self._handle.on_update(self._on_moved)
+        self._remove.on_click(lambda _: do(self.remove))
+
+    def update(
+        self, points: tuple[ViaPoint, ...], path: tuple[str, NDArray[np.float64]] | None
+    ) -> None:
+        """Show what is in force, and the handle on the path.
+
+        Args:
+            points: in force.
+            path: task, and positions of the hand (T, 3) [m] evenly spaced in time; None for none.
+        """
+        self._path = path
+        visible = bool(self._drag.value) and path is not None
+        if self._handle.visible != visible:
+            self._handle.visible = visible
+        if path is not None and visible and not self._held:
+            place = self._place(path[1])
+            if np.linalg.norm(np.asarray(self._handle.position) - place) > MOVED_M:
+                self._handle.position = place
+        if points != self._points:
+            self._points = points
+            self._show()
+
+    def drop(self, place: NDArray[np.float64]) -> None:
+        """Have the hand pass through a place (3,) [m], at the phase chosen."""
+        if self._path is None:
+            return
+        names = {point.name for point in self._points}
+        name = next(n for k in range(1, len(names) + 2) if (n := f"page {k}") not in names)
+        std = float(np.clip(self._std.value, *STDS_CM)) * 1e-2
+        x, y, z = np.round(place, 4).tolist()
+        new = ViaPoint(
+            name, {HAND: (x, y, z)}, (std,) * 3, slider_value(self._phase), None, self._path[0]
+        )
+        self._send((*self._points, new))
+
+    def remove(self) -> None:
+        """Take the chosen point back."""
+        self._send(tuple(point for point in self._points if point.name != self._chosen.value))
+
+    def _send(self, points: tuple[ViaPoint, ...]) -> None:
+        self._commands.set_parameter(ESTIMATOR, "via_points", write_via_points(points))
+
+    def _on_moved(self, event: viser.TransformControlsEvent) -> None:
+        self._held = event.phase != "end"
+        if not self._held:
+            place = np.array(event.target.position, dtype=np.float64)
+            self._do(lambda: self.drop(place))
+
+    def _place(self, path: NDArray[np.float64]) -> NDArray[np.float64]:
+        at = slider_value(self._phase) * (len(path) - 1)
+        low = min(int(at), len(path) - 2)
+        return path[low] + (at - low) * (path[low + 1] - path[low])
+
+    def _show(self) -> None:
+        """List the points, and draw those of the hand."""
+        names = tuple(point.name for point in self._points) or (NOTHING,)
+        self._chosen.options = names
+        set_value(self._chosen, names[-1])
+        self._remove.disabled = not self._points
+        for node in self._drawn:
+            node.remove()
+        self._drawn = []
+        for k, point in enumerate(self._points):
+            if point.of_hand:
+                scene, place = self._server.scene, np.array(point.values[HAND])
+                ball = scene.add_icosphere(f"/via/point{k}", BALL_M, DARK, position=place)
+                text = f"{point.name}: {point.task or 'all tasks'}"
+                scene.add_label(f"/via/point{k}/name", text, anchor="bottom-center")
+                self._drawn.append(ball)
