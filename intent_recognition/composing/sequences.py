@@ -195,7 +195,7 @@ def learned_sequence(library: TaskLibrary) -> tuple[str, ...]:
 
 
 def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, tuple[Step, ...]]:
-    """Sequences of a YAML text, such as
+    """Sequences of a YAML text, such as::
 
         toolbox:
         - task: plate_handover
