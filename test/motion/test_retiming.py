@@ -241,8 +241,8 @@ def test_a_stop_stays_on_the_path_within_the_limits(seed, duration_s, late, shar
         np.min(np.abs(fine - plan.at(x).position).max(axis=1))
         for x in np.linspace(0.0, plan.duration_s, 40)
     ]
-    # A motion that is still on its way from home to the path comes no farther from it.
-    assert max(away) < max(2e-2, 1.1 * away[0])
+    # A motion that is still on its way from home to the path comes hardly farther from it.
+    assert max(away) < away[0] + 2e-2
 
 
 def test_goes_on_from_a_stop_without_starting_over():
