@@ -47,6 +47,7 @@ class Correcting:
     def _forget(self) -> None:
         self._pushed_since_ns: int | None = None
         self._rests_since_ns: int | None = None
+        self._off = False
 
     def observe(self) -> None:
         """Look at the newest joint state."""
@@ -56,9 +57,8 @@ class Correcting:
         measured, reference = compared
         position, time_ns, detector = measured.position, measured.time_ns, correction.detector
         error_rad = np.abs(position - reference.position).max()
-        if error_rad > self.settings.max_tracking_error_rad:
-            self._pushed_since_ns = time_ns - round(detector.sustained_s * 1e9)
-        elif not detector.deviates(position, reference):
+        self._off = bool(error_rad > self.settings.max_tracking_error_rad)
+        if not (self._off or detector.deviates(position, reference)):
             self._pushed_since_ns = None
         elif self._pushed_since_ns is None:
             self._pushed_since_ns = time_ns
@@ -77,12 +77,13 @@ class Correcting:
         correction = self.settings.correction
         if correction is None or not self._arm.fresh(now_ns):
             return False
-        return _lasts(self._pushed_since_ns, now_ns, correction.detector.sustained_s)
+        return self._off or _lasts(self._pushed_since_ns, now_ns, correction.detector.sustained_s)
 
     def begin(self, now_ns: int, interaction: ActiveInteraction) -> Yielding:
         """Yield from now on."""
         self._counts["yielded"] += 1
-        return Yielding(interaction, now_ns, self._arm.phase(now_ns))
+        since_ns = now_ns if self._pushed_since_ns is None else self._pushed_since_ns
+        return Yielding(interaction, since_ns, self._arm.phase(now_ns))
 
     def step(
         self, now_ns: int, state: Yielding, newest: PredictedInteraction | None
@@ -136,7 +137,7 @@ class Correcting:
             interaction = replace(interaction, prediction=newest)
         led_ns = (self._rests_since_ns or now_ns) - state.since_ns
         known = correction is not None and label in correction.spreads
-        if correction is not None and known and led_ns >= correction.least_s * 1e9:
+        if correction is not None and known and led_ns >= correction.detector.sustained_s * 1e9:
             phase = phase_of(interaction.prediction.path, position, phase)
             vias = with_via(interaction.vias, Via(phase, position))
             interaction = replace(interaction, vias=vias)

@@ -111,7 +111,7 @@ class Pretriggered:
 
 @dataclass(frozen=True, eq=False)
 class Yielding:
-    """Led by a person since `since_ns`; `phase` is how much of the interaction was done then."""
+    """Moved by a person since `since_ns`; `phase` is how much of the interaction was done then."""
 
     interaction: ActiveInteraction
     since_ns: int

@@ -44,15 +44,13 @@ class Correction:
         detector: says whether somebody pushes.
         spreads: how each task's motion may vary, its start fixed; a task without one is not
             corrected: the arm yields, and goes on as before.
-        release_s: the arm was left where it has rested for so long [s].
-        least_s: who holds the arm for a shorter time than this after it has begun to yield only
-            bumped into it [s]; counted without `release_s`.
+        release_s: the arm was left where it has rested for so long [s]; who moved it for a shorter
+            time than `detector.sustained_s` only bumped into it.
     """
 
     detector: DeviationDetector
     spreads: Mapping[str, Spread] = field(default_factory=dict)
     release_s: float = 0.4
-    least_s: float = 0.2
 
     def corrected(
         self, path: JointPath, label: str, vias: Sequence[Via], limits: JointLimits

@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.motion.plan import JointReference
 
-SUSTAINED_S = 0.5
+SUSTAINED_S = 0.8
 """A deviation is taken for a push if it lasts so long [s]. Measurement: a blow of 60 N for 0.2 s
 moves the simulated LWR for a shorter time (docs/correcting.md)."""
-LEAST_DEVIATION_RAD = 0.02
-"""Smaller deviations are never taken as one [rad]. Measurement: 6 to 8 N at the hand of the
+LEAST_DEVIATION_RAD = 0.01
+"""Smaller deviations are never taken as one [rad]. Measurement: 4 N at the hand of the
 simulated LWR (docs/correcting.md)."""
 
 
