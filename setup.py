@@ -18,6 +18,7 @@ NODES = {
     "bag_player": PACKAGE,
     "object_warper": PACKAGE,
     "task_teacher": PACKAGE,
+    "warped_primitive": PACKAGE,
     "arm_sim": "sim_bridge",
     "lwr_sim": "sim_bridge",
     "coworker_sim": "sim_bridge",

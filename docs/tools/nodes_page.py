@@ -31,6 +31,7 @@ NODES = {
     "primitive_activation": "intent_recognition.nodes",
     "task_teacher": "intent_recognition.nodes",
     "object_warper": "intent_recognition.nodes",
+    "warped_primitive": "intent_recognition.nodes",
     "dashboard": "intent_recognition.dashboard",
     "bag_recorder": "intent_recognition.nodes",
     "bag_player": "intent_recognition.nodes",
@@ -46,6 +47,8 @@ PURPOSES = {
     " to the estimator ([how](../teach.md#teach-while-it-runs)).",
     "object_warper": "Measures a seen container with the help of an annotated one"
     " ([how](../warping.md)).",
+    "warped_primitive": "Plans a pour for the containers seen, from a learned one"
+    " ([how](../pouring.md#in-a-graph-of-nodes)).",
     "dashboard": "Serves the web page ([what it shows](../dashboard.md)).",
     "bag_recorder": "Records topics of any type, bit for bit.",
     "bag_player": "Replays a bag on its topics in the recorded rhythm.",

@@ -77,6 +77,10 @@ def add_parser(subparsers: Subparsers) -> None:
                 " --task-list plate_handover,plate_handover,screw_handover",
             ),
             ("the arm pours with other cups and bowls", "intent demo --scenario pouring"),
+            (
+                "no more than 25 millilitres of it",
+                "intent demo --scenario pouring --pour 25",
+            ),
         ),
     )
     session = parser.add_argument_group("what happens")
@@ -88,7 +92,13 @@ def add_parser(subparsers: Subparsers) -> None:
         default="toolbox",
         help="what to do (default: toolbox); assembly: learned from two people, the arm is in the"
         " second one's place; pouring: the arm pours with containers it was not"
-        " taught with, --interactions times (default: 2), without ROS 2",
+        " taught with, --interactions times (default: 2)",
+    )
+    session.add_argument(
+        "--pour",
+        default="empty",
+        metavar="AMOUNT",
+        help="how much the scenario pouring pours: empty (default), full or millilitres",
     )
     session.add_argument(
         "--task-list",
@@ -169,10 +179,6 @@ def run(args: argparse.Namespace) -> int:
     """Run the demo; 1 if a node died or more than one interaction in forty was missed."""
     console = console_beside(args.json)
     check_json(args.json)
-    if args.scenario == "pouring":
-        from intent_recognition.cli.demo_pouring import run_pouring
-
-        return run_pouring(args, console)
     try:
         import rclpy  # noqa: F401
     except ImportError as error:
@@ -183,6 +189,10 @@ def run(args: argparse.Namespace) -> int:
         signal.signal(end_signal, interrupt)
     if args.rate is None:
         args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE
+    if args.scenario == "pouring":
+        from intent_recognition.cli.demo_pouring import run_pouring
+
+        return run_pouring(args, console)
     arms = args.arm.split(",")
     if len(arms) > 1:
         return _run_several(args, arms, console)

@@ -1,97 +1,105 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`intent demo --scenario pouring`: pour with containers never demonstrated. Needs no ROS 2."""
+"""`intent demo --scenario pouring`: a graph of nodes pours with containers never demonstrated."""
 
 import argparse
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import NamedTuple
 
 from rich.console import Console
 from rich.table import Table
 
 from intent_recognition.cli.console import busy, escape
 from intent_recognition.cli.output import PRINTED, write_json
+from intent_recognition.cli.pouring_session import ObservedPour, observe_pour
+from intent_recognition.model import save_pouring_skill
 from intent_recognition.share import share_path
-
-if TYPE_CHECKING:
-    from sim_bridge.scenarios.pouring import Planned, Poured, PourOrder
+from intent_recognition.warping import PouringSkill, amount_to_leave
 
 DEFAULT_POURS = 2
 MANY_SPILLED = 2.0
 """Spilled balls of forty, on average, above which the demo has failed. Convention."""
 
-Done = tuple["PourOrder", "Planned", "Poured"]
+
+class Done(NamedTuple):
+    """A pour of the demo: what was poured from, into what, and what came of it."""
+
+    cup: str
+    second: str
+    seen: ObservedPour
+
+    @property
+    def n_balls(self) -> int:
+        """Balls in the cup at the start."""
+        return sum(self.seen.balls[name] for name in ("in_cup", "in_second", "spilled"))
 
 
 def run_pouring(args: argparse.Namespace, console: Console) -> int:
     """Learn from the shipped demonstrations and pour; 1 if more than two of 40 are spilled."""
+    from sim_bridge.scenarios.pouring import PAIRS, balls_above_m, learn_skill
+
     started = time.monotonic()
-    done = []
-    for order in _orders(args):
-        done.append(_pour(order, console))
+    with busy(console, "learning from ten demonstrations with another pair"):
+        learned = learn_skill(share_path("bags/pouring/train"), args.seed)
+        skill = PouringSkill(learned.primitive, learned.far)
+        path = save_pouring_skill(args.output / "pouring.npz", skill)
+    count = min(args.interactions or DEFAULT_POURS, len(PAIRS))
+    done = [
+        _pour(args, path, cup, second, balls_above_m(cup), console) for cup, second in PAIRS[:count]
+    ]
     if args.json != PRINTED:
-        console.print(_table(done))
-    spilled = [poured.spilled for *_, poured in done]
-    write_json(args.json, [_numbers(*one) for one in done])
-    mean = sum(spilled) / len(spilled)
+        console.print(_table(done, args.pour))
+    write_json(args.json, [_numbers(one, args.pour) for one in done])
+    mean = sum(one.seen.balls["spilled"] for one in done) / len(done)
     console.file.write(
-        f"poured with {len(done)} pairs never demonstrated: {mean:.1f} of {done[0][2].n_balls}"
+        f"poured with {len(done)} pairs never demonstrated: {mean:.1f} of {done[0].n_balls}"
         f" balls spilled on average, {time.monotonic() - started:.0f} s\n"
     )
     console.file.flush()
     return 1 if mean > MANY_SPILLED else 0
 
 
-def _orders(args: argparse.Namespace) -> "list[PourOrder]":
-    from sim_bridge.scenarios.pouring import MEAN, PAIRS, PourOrder
-
-    count = min(args.interactions or DEFAULT_POURS, len(PAIRS))
-    return [PourOrder(args.seed, pair, MEAN) for pair in range(count)]
-
-
-def _pour(order: "PourOrder", console: Console) -> Done:
-    from sim_bridge.scenarios.pouring import PAIRS, execute, learn_skill, planned
-
-    names = " into ".join(PAIRS[order.pair]).replace("_", " ")
+def _pour(
+    args: argparse.Namespace, skill: Path, cup: str, second: str, above_m: float, console: Console
+) -> Done:
+    names = f"{cup} into {second}".replace("_", " ")
     with busy(console, f"pouring from {names}"):
-        skill = learn_skill(share_path("bags/pouring/train"), order.seed)
-        plan = planned(order, skill)
-        return order, plan, execute(order, plan)
+        return Done(cup, second, observe_pour(args, skill, cup, second, above_m))
 
 
-def _numbers(order: "PourOrder", plan: "Planned", poured: "Poured") -> dict[str, object]:
-    from sim_bridge.scenarios.pouring import PAIRS
-
-    cup, second = PAIRS[order.pair]
+def _numbers(done: Done, asked: str) -> dict[str, object]:
+    cup, second = (done.seen.parameters[name] for name in ("cup", "second"))
+    balls, volume_m3 = done.seen.balls, cup["volume_m3"]
+    left = amount_to_leave(asked, 0.5 * volume_m3, second["volume_m3"]) / volume_m3
     return {
-        "cup": cup,
-        "second": second,
-        "cup_references": plan.cup.references._asdict(),
-        "second_references": plan.second.references._asdict(),
-        "spill_expected": plan.risk,
-        "balls": poured.n_balls,
-        "caught": poured.caught,
-        "kept": poured.kept,
-        "spilled": poured.spilled,
+        "cup": done.cup,
+        "second": done.second,
+        "cup_parameters": cup,
+        "second_parameters": second,
+        "pour": asked,
+        "balls": done.n_balls,
+        "to_be_left": 2.0 * done.n_balls * left,
+        "caught": balls["in_second"],
+        "kept": balls["in_cup"],
+        "spilled": balls["spilled"],
+        "through_wall": balls["through_wall"],
     }
 
 
-def _table(done: list[Done]) -> Table:
-    table = Table(title="pours with the references of a scan")
+def _table(done: list[Done], asked: str) -> Table:
+    table = Table(title=f"pours ({asked}) with the parameters of what was seen")
     table.add_column("pair")
-    for name in ("opening [mm]", "height [mm]", "tilt [deg]", "spill expected"):
+    for name in ("opening [mm]", "height [mm]", "tilt [deg]"):
         table.add_column(escape(name), justify="right")
-    for name in ("in", "left in cup", "spilled"):
+    for name in ("in", "to be left", "left in cup", "spilled"):
         table.add_column(name, justify="right")
     for one in done:
-        row = _numbers(*one)
-        _, plan, _ = one
-        cup, second = plan.cup.references, plan.second.references
+        row, parameters = _numbers(one, asked), one.seen.parameters
         table.add_row(
-            f"{row['cup']} into {row['second']}".replace("_", " "),
-            f"{1e3 * second.opening_radius_m:.1f}",
-            f"{1e3 * cup.height_m:.1f}",
-            f"{57.29578 * cup.tilt_rad:.1f}",
-            f"{plan.risk:.2f}",
-            *(str(row[name]) for name in ("caught", "kept", "spilled")),
+            f"{one.cup} into {one.second}".replace("_", " "),
+            f"{1e3 * parameters['second']['opening_radius_m']:.1f}",
+            f"{1e3 * parameters['cup']['height_m']:.1f}",
+            f"{57.29578 * parameters['cup']['tilt_reference_rad']:.1f}",
+            *(f"{row[name]:.0f}" for name in ("caught", "to_be_left", "kept", "spilled")),
         )
     return table

@@ -5,6 +5,8 @@ import argparse
 import os
 import secrets
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -66,9 +68,24 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
         IntentError: a node died, or nothing was received from one.
         KeyboardInterrupt: interrupted; all nodes are stopped by then.
     """
+    from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
+
+    with ros_context(args) as processes:
+        calls = _calls(args, model, scene)
+        log = _run_graph(args, calls, len(scene.plan.interactions), processes, console)
+    first_ns = first_sample_ns(log, scene.plan)
+    if first_ns is None:
+        raise IntentError(
+            describe("mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs.")
+        )
+    return Session(log, first_ns)
+
+
+@contextmanager
+def ros_context(args: argparse.Namespace) -> "Iterator[NodeProcesses]":
+    """A domain for this process and its nodes, which end with it; signals are as before then."""
     import rclpy
 
-    from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
     from intent_recognition.nodes.processes import NodeProcesses, node_environment
 
     environment = node_environment(os.environ, _domain())
@@ -77,18 +94,11 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
     rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
     try:
         with NodeProcesses(environment, args.output / "logs") as processes:
-            calls = _calls(args, model, scene)
-            log = _run_graph(args, calls, len(scene.plan.interactions), processes, console)
+            yield processes
     finally:
         for number in END_SIGNALS:
             signal.signal(number, interrupt)
         rclpy.try_shutdown()
-    first_ns = first_sample_ns(log, scene.plan)
-    if first_ns is None:
-        raise IntentError(
-            describe("mocap/wrist/pose", "the coworker's poses", "none", "See the nodes' logs.")
-        )
-    return Session(log, first_ns)
 
 
 def _run_graph(

@@ -4,6 +4,7 @@
 from intent_recognition.model.executions import ARRIVED, DOWN, UP, Execution, Executions
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags
+from intent_recognition.model.pouring_skill import load_pouring_skill, save_pouring_skill
 from intent_recognition.model.skills import SKILL_COLUMNS, SkillPeriod, skill_history
 from intent_recognition.model.task_folder import (
     WAIT,
@@ -33,9 +34,11 @@ __all__ = [
     "is_task_folder",
     "list_bags",
     "load_model",
+    "load_pouring_skill",
     "load_trained",
     "now",
     "read_history",
     "save_model",
+    "save_pouring_skill",
     "skill_history",
 ]

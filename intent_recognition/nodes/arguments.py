@@ -13,7 +13,7 @@ class Argument:
 
     Attributes:
         name: name of the launch argument.
-        kind: str, bool, int, float, or tuple for a list of texts separated by commas.
+        kind: str, bool, int, float, or tuple for texts and list for numbers, separated by commas.
         description: one sentence.
         needed: whether the graph cannot start without it.
     """
@@ -35,12 +35,14 @@ class Argument:
         try:
             read = _READ[self.kind](text) if text else None
         except (ValueError, KeyError) as error:
-            kind = "a list" if self.kind is tuple else self.kind.__name__
+            kinds: dict[type, str] = {tuple: "a list", list: "a list of numbers"}
+            kind = kinds.get(self.kind, self.kind.__name__)
             raise ArgumentError(describe(self.name, kind, text, self.description)) from error
-        return None if read == () else read
+        return None if read in ((), []) else read
 
 
 _READ: dict[type, Callable[[str], object]] = {
+    list: lambda text: [float(word) for word in text.split(",")],
     bool: lambda text: {"true": True, "false": False}[text.lower()],
     int: int,
     float: float,
@@ -84,6 +86,13 @@ ARGUMENTS = {
         Argument("dashboard", bool, "Serve the web page, and teach tasks from it."),
         Argument("port", int, "Port of the web page."),
         Argument("scene", str, "What stands in the cell, for the page: a YAML file, or toolbox."),
+        Argument("arm_scene", str, "In the simulated arm's world: toolbox, pouring or none."),
+        Argument("cup", str, "Container in the hand, in the scene pouring."),
+        Argument("second", str, "Container that is poured into, in the scene pouring."),
+        Argument("second_opening", list, "Centre of its opening: x, y, z [m]."),
+        Argument("skill", str, "Pouring skill, a file of `save_pouring_skill`.", needed=True),
+        Argument("fluid", float, "What is in the cup at first, as a share of its volume."),
+        Argument("stands_above", float, "How far above a lip the contents stand [m]."),
         Argument("library", str, "Folder of the tasks taught from the page."),
         Argument("models", str, "Folder of the models the page compares."),
         Argument("rviz", bool, "Open RViz with config/intent.rviz."),

@@ -42,6 +42,8 @@ class NodeSpec:
         parameters: parameter name to the argument that sets it.
         fixed: parameters with a value of their own.
         remappings: topic name to the argument that sets it.
+        topics: topic name to the one it is in this graph.
+        executable: of the node; empty: of its name.
         frames: whether the node uses /tf.
         clock: parameter that makes the node publish /clock; it then does not follow it.
         when: argument that must be set for the node to start; empty: always started.
@@ -55,6 +57,8 @@ class NodeSpec:
     parameters: Mapping[str, str] = field(default_factory=dict)
     fixed: Mapping[str, object] = field(default_factory=dict)
     remappings: Mapping[str, str] = field(default_factory=dict)
+    topics: Mapping[str, str] = field(default_factory=dict)
+    executable: str = ""
     frames: bool = False
     clock: str = ""
     when: str = ""
@@ -79,7 +83,25 @@ ARMS = ("lwr_sim", "arm_sim")
 """Nodes of a simulated arm, of which one is started."""
 _STATES = {"joint_states": "joint_states_topic"}
 _ARM = _STATES | {"joint_trajectory": "command_topic"}
-_SIMULATED = _from("publish_clock", "headless", "sensor_noise", "seed", real_time_factor="rate")
+_SIMULATED = _from(
+    *("publish_clock", "headless", "sensor_noise", "seed", "cup", "second", "second_opening"),
+    real_time_factor="rate",
+    scene="arm_scene",
+)
+
+
+def _warper(name: str, **toward: str) -> NodeSpec:
+    """The object_warper of one of two containers."""
+    own = {f"object/{topic}": f"{name}/{topic}" for topic in _SEEN}
+    return NodeSpec(
+        "intent_recognition.nodes.object_warper",
+        _from(stands_above="stands_above"),
+        topics=own | {f"object/{topic}": there for topic, there in toward.items()},
+        executable="object_warper",
+    )
+
+
+_SEEN = ("cloud", "labelled_cloud", "parameters", "pose")
 NODES = {
     "lwr_sim": NodeSpec(
         "sim_bridge.nodes.lwr_sim",
@@ -105,6 +127,11 @@ NODES = {
         "intent_recognition.nodes.primitive_activation",
         _from("model", "pretrigger_threshold", "hand_link", "sequences", autostart="activate"),
         remappings=_ARM,
+    ),
+    "cup_warper": _warper("cup", toward="second/pose"),
+    "second_warper": _warper("second"),
+    "warped_primitive": NodeSpec(
+        "intent_recognition.nodes.warped_primitive", _from("skill", "fluid"), remappings=_STATES
     ),
     "coworker_sim": NodeSpec(
         "sim_bridge.nodes.coworker_sim",
@@ -157,6 +184,7 @@ class GraphSpec:
         nodes: names of the nodes.
         defaults: values of arguments that are not given.
         params: shipped parameter file of all nodes; the user's file lies over it.
+        without: arguments of its nodes that mean nothing here.
 
     With `respawn` (default true) nodes that die start again; see `NodeSpec.respawns`.
     """
@@ -164,10 +192,12 @@ class GraphSpec:
     nodes: tuple[str, ...]
     defaults: Mapping[str, object]
     params: str = "config/params.yaml"
+    without: tuple[str, ...] = ()
 
     def arguments(self) -> list[Argument]:
         """Arguments of the graph, in the order of `ARGUMENTS`."""
         used = set(COMMON).union(*(NODES[name].arguments() for name in self.nodes))
+        used -= set(self.without)
         return [argument for name, argument in ARGUMENTS.items() if name in used]
 
 
@@ -179,6 +209,12 @@ _WHOLE = (*ARMS, *RECOGNITION, "coworker_sim", "bag_recorder", *PAGE) + (
 GRAPHS = {
     "demo": GraphSpec(_WHOLE, _TASKS | _SIM | {"scene": "toolbox"}),
     "assembly": GraphSpec(_WHOLE, _TASKS | _SIM | {"arm": "panda", "scenario": "assembly"}),
+    "pouring": GraphSpec(
+        ("lwr_sim", "cup_warper", "second_warper", "warped_primitive", "primitive_activation")
+        + ("robot_state_publisher", "rviz2"),
+        {"use_sim_time": True, "publish_clock": True, "arm_scene": "pouring"},
+        without=("model", "pretrigger_threshold", "hand_link", "arm"),
+    ),
     "sim": GraphSpec(
         (*ARMS, "coworker_sim", "robot_state_publisher", "rviz2"),
         {"coworker": True},
@@ -206,12 +242,13 @@ class NodeCall:
     """A node with all values that it starts with.
 
     Attributes:
-        name: name of the node and of its executable.
+        name: name of the node.
         package: package that it is installed from.
         module: module whose `main` runs it; empty for a node of another package.
         namespace: namespace of its topics; empty: none.
         parameters: parameters that are set.
         remappings: pairs of names, from and to.
+        executable: that runs it.
         respawns: whether it starts again where it died.
     """
 
@@ -221,6 +258,7 @@ class NodeCall:
     namespace: str
     parameters: dict[str, object]
     remappings: tuple[tuple[str, str], ...]
+    executable: str
     respawns: bool = False
 
     @property
@@ -303,6 +341,7 @@ def _call(name: str, spec: NodeSpec, values: Mapping[str, object]) -> NodeCall:
         spec.module,
         str(values.get("namespace", "")).strip("/"),
         parameters,
-        (*topics, *frames),
+        (*spec.topics.items(), *topics, *frames),
+        spec.executable or name,
         spec.respawns and values.get("respawn") is not False,
     )

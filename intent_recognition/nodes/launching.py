@@ -85,7 +85,7 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
     typed = {name: _parameter(value) for name, value in parameters.items()}
     return Node(
         package=call.package,
-        executable=call.name,
+        executable=call.executable,
         name=call.name,
         namespace=call.namespace,
         parameters=[*files, typed],

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: warps an annotated object onto each seen one.
 
-`object/cloud` gives `object/labelled_cloud` and `object/parameters`.
+`object/cloud` gives `object/labelled_cloud`, `object/parameters` and `object/pose`; its lip is
+toward `object/toward`, where that is known.
 """
 
 import time
@@ -9,22 +10,25 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
+from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, PointCloud2
-from std_msgs.msg import Header
 
 from intent_recognition.errors import ArgumentError, IntentError, describe, one_line
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.clouds import cloud_arrays, to_labelled_cloud
+from intent_recognition.nodes.conversions import position_array, to_pose
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.seen_container import to_named_vector
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.warping import (
     ObjectCloud,
     ObjectModel,
-    PouringParameters,
+    emptying,
     pouring_parameters,
     warp_object,
     with_estimated_normals,
@@ -33,10 +37,15 @@ from intent_recognition.warping import (
 INPUT = "object/cloud"
 CLOUD = "object/labelled_cloud"
 PARAMETERS = "object/parameters"
+POSE = "object/pose"
+TOWARD = "object/toward"
 
 
 class ObjectWarper(Node):
-    """Translates clouds to `warping.warp_object` and back; stateless between clouds."""
+    """Translates clouds to `warping.warp_object` and back.
+
+    All it keeps between clouds is the place of the other container.
+    """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("object_warper", **kwargs)
@@ -66,9 +75,20 @@ class ObjectWarper(Node):
                 "Camera position in the cloud's frame [m]; normals are turned toward it.",
             )
         )
+        self._above_m = fixed_parameter(
+            self,
+            "stands_above",
+            0.0,
+            "How far above the lip the contents stand before they leave [m]; 0 for a liquid.",
+            0.0,
+            0.1,
+        )
+        self._toward: PoseStamped | None = None
         self._diagnostics = Diagnostics(self)
         self._cloud = self.create_publisher(PointCloud2, CLOUD, qos.STATE)
         self._vector = self.create_publisher(JointState, PARAMETERS, qos.STATE)
+        self._pose = self.create_publisher(PoseStamped, POSE, qos.STATE)
+        self.create_subscription(PoseStamped, TOWARD, self._on_toward, qos.STATE)
         self._input = self.create_subscription(PointCloud2, INPUT, self._on_cloud, qos.SENSOR)
 
     def _on_cloud(self, message: PointCloud2) -> None:
@@ -77,16 +97,39 @@ class ObjectWarper(Node):
         try:
             target = self._target(*cloud_arrays(message))
             warped = warp_object(self._source, target, self._mapping, self._neighbours)
-            parameters = pouring_parameters(warped)
+            parameters = pouring_parameters(warped, self._other_m(message.header.frame_id))
+            holds = emptying(warped, parameters.lip_point, self._above_m)
         except IntentError as error:
             self._diagnostics.reject(type(error).__name__, one_line(error))
             return
         self._cloud.publish(
             to_labelled_cloud(message.header, warped.points, warped.normals, warped.labels)
         )
-        self._vector.publish(to_named_vector(message.header, parameters))
+        self._vector.publish(to_named_vector(message.header, parameters, holds))
+        outward = warped.rim.outward(parameters.lip_point)
+        axes = np.column_stack([outward, np.cross(warped.rim.up, outward), warped.rim.up])
+        turn = Rotation.from_matrix(axes).as_quat()
+        pose = to_pose(parameters.opening_centre, turn)
+        self._pose.publish(PoseStamped(header=message.header, pose=pose))
         self._diagnostics.tick(PARAMETERS)
         self._diagnostics.latency(time.perf_counter() - start_s)
+
+    def _on_toward(self, message: PoseStamped) -> None:
+        self._diagnostics.tick(TOWARD)
+        if np.isfinite(position_array(message.pose)).all():
+            self._toward = message
+        else:
+            self._diagnostics.reject("not_finite", f"{TOWARD} holds NaN or infinity")
+
+    def _other_m(self, frame: str) -> NDArray[np.float64] | None:
+        """Place (3,) of the other container, if it is known in this frame."""
+        if self._toward is None:
+            return None
+        if self._toward.header.frame_id != frame:
+            known = self._toward.header.frame_id
+            self._diagnostics.reject("unknown_frame", f"{TOWARD} in {known!r}, cloud in {frame!r}")
+            return None
+        return position_array(self._toward.pose)
 
     def _target(
         self, points: NDArray[np.float64], normals: NDArray[np.float64] | None
@@ -103,17 +146,6 @@ class ObjectWarper(Node):
         if normals is not None:
             return ObjectCloud(points[kept], normals[kept])
         return with_estimated_normals(points[kept], self._viewpoint)
-
-
-def to_named_vector(header: Header, parameters: PouringParameters) -> JointState:
-    """Parameters as a stamped named vector: a point has three entries, `_x`, `_y` and `_z`."""
-    message = JointState(header=header)
-    for name, value in parameters._asdict().items():
-        values = np.atleast_1d(value)
-        endings = ("",) if len(values) == 1 else ("_x", "_y", "_z")
-        message.name.extend(name + ending for ending in endings)
-        message.position.extend(float(one) for one in values)
-    return message
 
 
 def _position(values: Sequence[float]) -> NDArray[np.float64]:

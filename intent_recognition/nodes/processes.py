@@ -69,12 +69,27 @@ class NodeProcesses:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def start(self, name: str, module: str, parameters: Mapping[str, object]) -> None:
-        """Start the node `main` of `module` with parameters (text, numbers, lists)."""
+    def start(
+        self,
+        name: str,
+        module: str,
+        parameters: Mapping[str, object],
+        remappings: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        """Start the node `main` of `module` with parameters (text, numbers, lists).
+
+        Args:
+            name: of the process; with remappings also of the node.
+            module: of the node.
+            parameters: values by name.
+            remappings: pairs of topics, from and to.
+        """
         command = [sys.executable, "-c", f"import sys, {module} as m; sys.exit(m.main())"]
         command += ["--ros-args"]
         for key, value in parameters.items():
             command += ["-p", f"{key}:={_text(value)}"]
+        for pair in (("__node", name), *remappings) if remappings else ():
+            command += ["-r", ":=".join(pair)]
         with self.log_file(name).open("w", encoding="utf-8") as log:
             self._processes[name] = subprocess.Popen(
                 command,

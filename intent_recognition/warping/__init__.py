@@ -14,6 +14,16 @@ from intent_recognition.warping.constraints import (
     references,
     spill_risk,
 )
+from intent_recognition.warping.emptying import (
+    EMPTY,
+    FULL,
+    Emptying,
+    Reached,
+    amount_to_leave,
+    emptying,
+    reached,
+    tilts_to_level,
+)
 from intent_recognition.warping.logistic import fit_logistic
 from intent_recognition.warping.normals import with_estimated_normals
 from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
@@ -25,6 +35,13 @@ from intent_recognition.warping.object_warp import (
 )
 from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
 from intent_recognition.warping.parts import Part
+from intent_recognition.warping.pour_plan import (
+    PouringSkill,
+    PourPlan,
+    SeenContainer,
+    conditioned,
+    plan_pour,
+)
 from intent_recognition.warping.primitives import (
     WarpedPrimitive,
     from_warped,
@@ -35,31 +52,44 @@ from intent_recognition.warping.rim import Rim
 from intent_recognition.warping.wall_checks import check_wall
 
 __all__ = [
+    "EMPTY",
+    "FULL",
     "NO_REFERENCES",
     "RIDGE",
     "AnnotatedObject",
+    "Emptying",
     "FillingConstraint",
     "FillingState",
     "Mapping",
     "ObjectCloud",
     "ObjectModel",
     "Part",
+    "PourPlan",
     "PouringConstraint",
     "PouringParameters",
+    "PouringSkill",
     "PouringState",
+    "Reached",
     "References",
     "Rim",
+    "SeenContainer",
     "WarpedObject",
     "WarpedPrimitive",
+    "amount_to_leave",
     "check_wall",
+    "conditioned",
+    "emptying",
     "fit_logistic",
     "from_warped",
     "half_volume_angle",
     "landing",
+    "plan_pour",
     "pouring_parameters",
+    "reached",
     "references",
     "spill_risk",
     "surface_volume",
+    "tilts_to_level",
     "to_warped",
     "volume_below",
     "warp_object",

@@ -46,6 +46,27 @@ def volume_below(
     return _below(triangles, _signed_volumes(triangles), normal)
 
 
+def shares_left(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.float64],
+    lip: NDArray[np.float64],
+    up: NDArray[np.float64],
+    outward: NDArray[np.float64],
+    tilts_rad: NDArray[np.float64],
+    above_m: float = 0.0,
+) -> NDArray[np.float64]:
+    """Shares (n,) of the volume below the level plane through the lip, at tilts (n,) about it.
+
+    The other arguments are those of `half_volume_angle`; `above_m` raises the plane.
+    """
+    triangles = (vertices - lip)[faces]
+    left = []
+    for normal in np.outer(np.cos(tilts_rad), up) - np.outer(np.sin(tilts_rad), outward):
+        cut = triangles - above_m * normal
+        left.append(_below(cut, _signed_volumes(cut), normal))
+    return np.array(left) / float(_signed_volumes(triangles).sum())
+
+
 def half_volume_angle(
     vertices: NDArray[np.float64],
     faces: NDArray[np.float64],

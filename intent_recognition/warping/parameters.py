@@ -94,10 +94,7 @@ def tilt_reference(warped: WarpedObject, lip: NDArray[np.float64] | None = None)
     """Tilt about the lip (default: `lip_point`) that leaves half of the volume [rad]."""
     rim, cavity = warped.rim, warped.cavity
     lip = lip_point(warped) if lip is None else lip
-    outward = lip - rim.centre
-    outward = outward - (outward @ rim.up) * rim.up
-    outward = outward / np.linalg.norm(outward)
-    return half_volume_angle(cavity.vertices, cavity.faces, lip, rim.up, outward)
+    return half_volume_angle(cavity.vertices, cavity.faces, lip, rim.up, rim.outward(lip))
 
 
 PARAMETERS: Mapping[str, Parameter] = MappingProxyType(

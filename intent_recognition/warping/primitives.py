@@ -14,11 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ShapeError, TrainingError, describe
-from intent_recognition.promp import NormalizedRBFBasis, fit_weights
+from intent_recognition.gaussian import Gaussian
+from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, fit_weights
 from intent_recognition.warping.constraints import References
 
 WARPED_NAMES = ("along", "across", "up", "tilt")
 N_WARPED = len(WARPED_NAMES)
+
+FREE_STD = 3.0
+"""Standard deviation, in the warped space, of where a pour may begin and end. Convention: as far
+from the opening as the demonstrations begin."""
+NOISE_STD = 1e-3
+"""Noise of a position, in the warped space. Convention: a tenth of a millimetre, and above what
+rounding leaves of a variance that is zero."""
+FREE_SCALE = 0.15
+"""Phase over which that is smooth. Convention: a part of the way to the opening."""
 
 
 def warped_scale(cup: References, second: References) -> NDArray[np.float64]:
@@ -102,6 +112,40 @@ class WarpedPrimitive:
         mean = np.mean(weights, axis=0)
         spread = (np.array(weights) - mean).T / np.sqrt(len(weights) - 1.0)
         return cls(basis, mean, spread, float(np.mean(durations_s)))
+
+    def given(self, cup: References, second: References) -> InteractionProMP:
+        """The pour with these containers, a primitive in metres and radians.
+
+        The references are its context: the weights are linear in them, mean and deviations alike,
+        with a gain that follows from the warped space instead of demonstrations with many pairs.
+        Where a pour begins and ends is free until it is known, so that it can be conditioned on
+        where the cup stands (`promp.via_point`); what is done above the opening is as learned.
+
+        Args:
+            cup: the held container.
+            second: the other one.
+
+        Returns:
+            A primitive without observed DOFs; the controlled ones are along, across, up, tilt.
+        """
+        scale = np.repeat(warped_scale(cup, second), self.basis.n_basis)
+        spread = scale[:, None] * np.column_stack([self.spread, self._free_ends()])
+        weights = Gaussian(scale * self.mean, spread @ spread.T)
+        noise = (NOISE_STD * warped_scale(cup, second)) ** 2
+        return InteractionProMP(self.basis, weights, 0, noise, self.duration_s)
+
+    def _free_ends(self) -> NDArray[np.float64]:
+        """Root (4 N, 4 N) of the covariance of where a pour begins and ends."""
+        at = self.basis.centers
+        path = self.mean_path(at)
+        above = at[np.hypot(path[:, 0], path[:, 1]) < 1.0]
+        first, last = (above[0], above[-1]) if len(above) else (0.5, 0.5)
+        share = np.maximum((first - at) / first, 0.0) + np.maximum((at - last) / (1.0 - last), 0.0)
+        apart = (at[:, None] - at) / FREE_SCALE
+        own = np.outer(share, share) * np.exp(-0.5 * apart**2)
+        values, vectors = np.linalg.eigh(own)
+        root = FREE_STD * vectors * np.sqrt(np.maximum(values, 0.0))
+        return np.kron(np.eye(N_WARPED), root)
 
     def mean_path(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean at phases (T,): (T, 4)."""

@@ -55,6 +55,12 @@ class Rim:
         """The crest (S, 3) [m]."""
         return self.centre + self.outline @ self.axes[1:]
 
+    def outward(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Unit vector (3,) in the plane of the opening, from its axis toward a point (3,)."""
+        across = point - self.centre
+        across = across - (across @ self.up) * self.up
+        return across / np.linalg.norm(across)
+
     def to_local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (n, 3) in the rim's axes, in metres."""
         return (points - self.centre) @ self.axes.T

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time as TimeMessage
 from geometry_msgs.msg import WrenchStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -39,7 +40,8 @@ from sim_bridge.arm import (
     TrajectoryFollower,
     find_robot,
 )
-from sim_bridge.scenarios.toolbox import HOME, make_gripper
+from sim_bridge.nodes.pouring_scene import POURING, PouringScene
+from sim_bridge.scenarios.toolbox import HOME, Gripper, make_gripper
 
 TICK_S = 0.002
 """Period of the timer that runs due physics steps [s]. Convention: half a joint state."""
@@ -54,6 +56,7 @@ BURST = 8
 LARGEST_PUSH_N = 500.0
 """Stronger pushes are rejected [N]. Convention."""
 WORLD_FRAME = "world"
+SCENES = ("toolbox", POURING, "none")
 CONTROLLERS = ("low_gain", "stochastic_feedback")
 DOUBLES: Any = Parameter.Type.DOUBLE_ARRAY
 
@@ -85,7 +88,7 @@ class ArmSim(Node):
         self._robot = robot if robot is not None else self._find_robot()
         self.arm = self._make_arm()
         self.surroundings = Surroundings(self.arm, self._boxes)
-        self.gripper = make_gripper(self.arm, self._scene)
+        self.gripper = self._make_scene()
         self.spread = self._make_spread()
         self.follower = TrajectoryFollower(self.arm.reference.q, self.arm.limits)
         self.arm.before_step.append(self._control)
@@ -130,7 +133,8 @@ class ArmSim(Node):
             "stiffness_scale", 1.0, "Factor on the joint stiffness; 1 is compliant.", 0.05, 20.0
         )
         self._noisy = get("sensor_noise", False, "Add noise to the measured joint state.")
-        self._scene = get("scene", "toolbox", "Objects the hand can take: 'toolbox' or 'none'.")
+        self._scene = get("scene", "toolbox", f"What is in its world: {', '.join(SCENES)}.")
+        self._pouring = PouringScene(self)
         no_boxes: list[str] = []
         self._boxes = parse_boxes(
             get(
@@ -158,7 +162,9 @@ class ArmSim(Node):
                 describe("headless", "a display for the window", "none", "Set headless:=true.")
             )
         initial = self._initial
-        if not initial:
+        if not initial and self._scene == POURING:
+            initial = self._pouring.posture
+        elif not initial:
             initial = HOME if self._robot.joint_names == JOINT_NAMES else None
         return SimulatedArm(
             initial,
@@ -168,6 +174,21 @@ class ArmSim(Node):
             rng=np.random.default_rng(self._seed),
             headless=self._headless,
         )
+
+    def _make_scene(self) -> Gripper | PouringScene | None:
+        """What is in the arm's world besides it; it handles the hand's objects."""
+        if self._scene not in SCENES:
+            expected = f"one of {', '.join(SCENES)}"
+            raise ArgumentError(describe("scene", expected, repr(self._scene), "Choose one."))
+        if self._scene == POURING:
+            return self._pouring.begin(self.arm, self._seed, self._stamp)
+        return make_gripper(self.arm, self._scene)
+
+    def _stamp(self) -> TimeMessage:
+        """Stamp of a message now."""
+        if self._publishes_clock:
+            return Time(nanoseconds=self.arm.n_steps * STEP_NS).to_msg()
+        return self.get_clock().now().to_msg()
 
     def _make_spread(self) -> SpreadControl | None:
         if self._controller not in CONTROLLERS:

@@ -32,6 +32,15 @@ def test_warped_pours_spill_little_and_others_more(outcome):
     assert numbers["carried_tilt_ratio"] < 1.0
 
 
+def test_levels_are_met(outcome):
+    levels = outcome.numbers["levels"]
+    emptied = [one for one in levels if one["pour"] == "empty"]
+    assert len(emptied) == len(PAIRS)
+    assert np.mean([one["spilled"] for one in emptied]) <= 0.2
+    assert len(levels) > len(emptied)
+    assert max(one["error"] for one in levels) <= 0.10
+
+
 def test_a_pour_was_repeated(outcome):
     assert outcome.numbers["repeated"] == 1
     assert pair_name(1) in outcome.blocks[-1].text

@@ -4,17 +4,26 @@
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
 from rclpy.parameter import Parameter
 from scan_builder import scanned
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from intent_recognition.errors import ArgumentError, MessageError, ModelError
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.clouds import LABEL, cloud_arrays, to_labelled_cloud
-from intent_recognition.nodes.conversions import stamp_ns, to_stamp
+from intent_recognition.nodes.conversions import (
+    orientation_array,
+    position_array,
+    stamp_ns,
+    to_pose,
+    to_stamp,
+)
 from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.objects.file import find_object, load_object
+from intent_recognition.warping.emptying import emptying
 from intent_recognition.warping.object_model import ObjectCloud
 from intent_recognition.warping.object_warp import ObjectModel, warp_object
 from intent_recognition.warping.parameters import pouring_parameters
@@ -76,15 +85,21 @@ def test_malformed_clouds_are_named():
 
 
 def test_parameters_and_labels_are_those_of_the_library(harness):
-    """One cloud in, the library's numbers out, with the cloud's stamp and frame."""
-    harness.add(ObjectWarper())
+    """One cloud in, the library's numbers out, with the cloud's stamp and frame.
+
+    With another container's place, the lip is toward it.
+    """
+    node = ObjectWarper()
+    harness.add(node)
     cloud = scanned("tall_mug")
     clouds = harness.collect(PointCloud2, "object/labelled_cloud", qos.STATE)
     vectors = harness.collect(JointState, "object/parameters", qos.STATE)
+    poses = harness.collect(PoseStamped, "object/pose", qos.STATE)
     publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
-    harness.connect(publisher)
+    toward = harness.publisher(PoseStamped, "object/toward", qos.STATE)
+    harness.connect(publisher, toward)
     publisher.publish(message_of(cloud))
-    harness.spin_until(lambda: clouds and vectors, what="parameters")
+    harness.spin_until(lambda: clouds and vectors and poses, what="parameters")
     source = ObjectModel.learn(load_object(find_object("mug")))
     sent = ObjectCloud(*cloud_arrays(message_of(cloud)))
     warped = warp_object(source, sent)
@@ -98,6 +113,20 @@ def test_parameters_and_labels_are_those_of_the_library(harness):
     for message in (clouds[0], vectors[0]):
         assert stamp_ns(message) == T0
         assert message.header.frame_id == "camera"
+    frame = Rotation.from_quat(orientation_array(poses[0].pose)).as_matrix()
+    np.testing.assert_allclose(position_array(poses[0].pose), expected.opening_centre)
+    np.testing.assert_allclose(frame[:, 2], warped.rim.up)
+    holds = emptying(warped, expected.lip_point)
+    assert found["tilt_leaving_40_percent_rad"] == pytest.approx(holds.tilt_leaving(0.4))
+    there = np.array([0.1, 0.5, 0.1])
+    place = PoseStamped(header=header(), pose=to_pose(there, np.array([0.0, 0.0, 0.0, 1.0])))
+    toward.publish(place)
+    harness.spin_until(lambda: node._toward is not None, what="the other container")
+    publisher.publish(message_of(cloud, 1))
+    harness.spin_until(lambda: len(vectors) == 2, what="parameters again")
+    nearest = pouring_parameters(warped, toward=there).lip_point
+    found = dict(zip(vectors[1].name, vectors[1].position, strict=True))
+    np.testing.assert_allclose([found[f"lip_point_{axis}"] for axis in "xyz"], nearest)
     labels = np.frombuffer(bytes(clouds[0].data), np.uint8).reshape(-1, 28)[:, 24]
     assert clouds[0].fields[-1].name == LABEL
     np.testing.assert_array_equal(labels, warped.labels)

@@ -21,6 +21,7 @@ EXECUTABLES = {
     "bag_recorder",
     "bag_player",
     "object_warper",
+    "warped_primitive",
     "task_teacher",
     "dashboard",
     "arm_sim",

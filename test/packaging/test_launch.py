@@ -18,6 +18,7 @@ EXECUTABLES = {
     "sim": {"lwr_sim", "coworker_sim"},
     "demo": RECOGNITION | {"lwr_sim", "coworker_sim"},
     "assembly": RECOGNITION | {"arm_sim", "coworker_sim"},
+    "pouring": {"lwr_sim", "object_warper", "warped_primitive", "primitive_activation"},
     "real": RECOGNITION,
     "replay": {"bag_player", "mocap_ingest", "intent_estimator"},
 }
@@ -26,7 +27,7 @@ NODE_OPTIONS = {
     *("package", "executable", "name", "namespace", "exec_name", "parameters", "remappings"),
     *("ros_arguments", "arguments", "output", "respawn", "respawn_delay", "on_exit"),
 }
-NEEDED = {"model": "m.npz", "bag": "recorded"}
+NEEDED = {"model": "m.npz", "bag": "recorded", "skill": "pouring.npz"}
 ALL_ON = {"dashboard": "true", "rviz": "true", "record": "a/bag"}
 
 

@@ -2,7 +2,7 @@
 """Recorded pours: what became of their balls, with warped and with unwarped references."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +17,11 @@ from sim_bridge.scenarios.pouring import (
     PourPath,
     Skill,
     read_pour,
+    seen_as,
 )
 
+BALLS_IN_VOLUME = 2
+"""Balls that fill a cup for each one in it before a pour: it is half full."""
 NAMES = {MEAN: "warped, mean", SAMPLE: "warped, drawn", UNWARPED: "not warped"}
 
 
@@ -36,6 +39,7 @@ class RecordedPour:
         risk: of a spill, expected before it was executed.
         touched_s: how long the cup touched the second container.
         strongest_touch_n: how hard at most.
+        left_m3: what was to be left in the cup; None where no level was asked for.
     """
 
     order: PourOrder
@@ -47,6 +51,18 @@ class RecordedPour:
     risk: float
     touched_s: float
     strongest_touch_n: float
+    left_m3: float | None = None
+
+    @property
+    def wanted(self) -> float:
+        """Balls that were to be left in the cup."""
+        volume_m3 = seen_as(PAIRS[self.order.pair][0], self.order.seed).references.volume_m3
+        return BALLS_IN_VOLUME * self.n_balls * (self.left_m3 or 0.0) / volume_m3
+
+    @property
+    def level_error(self) -> float:
+        """How far what is left is from what was to be left, as a share of the cup's volume."""
+        return abs(self.kept - self.wanted) / (BALLS_IN_VOLUME * self.n_balls)
 
 
 def pair_name(pair: int) -> str:
@@ -63,10 +79,12 @@ def read_recorded(folder: Path) -> list[RecordedPour]:
     found = []
     for note in sorted(folder.glob("*/metadata.yaml")):
         path, labels = read_pour(note.parent)
-        order = PourOrder(int(labels["seed"]), int(labels["pair"]), labels["manner"])
+        seed, pair = int(labels["seed"]), int(labels["pair"])
+        order = PourOrder(seed, pair, labels["manner"], labels.get("pour", ""))
         counts = (int(labels[n]) for n in ("spilled", "kept", "balls", "through_wall"))
         measured = (float(labels[n]) for n in ("risk", "touched_s", "strongest_touch_n"))
-        found.append(RecordedPour(order, path, *counts, *measured))
+        left = 1e-6 * float(labels["left_ml"]) if order.pour else None
+        found.append(replace(RecordedPour(order, path, *counts, *measured), left_m3=left))
     if not found:
         cure = "Make them with `python -m sim_bridge.scenarios.generate --scenario pours`."
         raise BagError(describe(str(folder), "recorded pours", "none", cure))
@@ -74,8 +92,14 @@ def read_recorded(folder: Path) -> list[RecordedPour]:
 
 
 def of_manner(pours: Sequence[RecordedPour], manner: str) -> list[RecordedPour]:
-    """Those along one kind of path, in the order of the pairs."""
-    return sorted((p for p in pours if p.order.manner == manner), key=lambda p: p.order.pair)
+    """Those along one kind of path, in the order of the pairs; none to a level."""
+    chosen = (p for p in pours if p.order.manner == manner and not p.order.pour)
+    return sorted(chosen, key=lambda p: p.order.pair)
+
+
+def to_level(pours: Sequence[RecordedPour]) -> list[RecordedPour]:
+    """Those to a level that was asked for, in the order of the pairs."""
+    return sorted((p for p in pours if p.order.pour), key=lambda p: (p.order.pair, -p.wanted))
 
 
 def carried_tilt(skill: Skill) -> float:
@@ -97,6 +121,17 @@ def numbers_of(
         "carried_tilt_ratio": carried_tilt(skill),
         "repeated_alike": sum((p.spilled, p.kept) == (s, k) for p, s, k in repeated),
         "repeated": len(repeated),
+        "levels": [
+            {
+                "pair": pair_name(p.order.pair),
+                "pour": p.order.pour,
+                "wanted": p.wanted,
+                "kept": p.kept,
+                "spilled": p.spilled,
+                "error": p.level_error,
+            }
+            for p in to_level(pours)
+        ],
     }
     for manner in NAMES:
         chosen = of_manner(pours, manner)

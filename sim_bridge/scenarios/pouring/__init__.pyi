@@ -12,6 +12,7 @@ from .executed import (
     planned,
     seen_as,
 )
+from .live import balls_above_m, start_posture
 from .novel import read_demonstrated, read_pour
 from .pour import Poured
 from .task_space import PourPath
@@ -26,10 +27,12 @@ __all__ = [
     "PourPath",
     "Poured",
     "Skill",
+    "balls_above_m",
     "execute",
     "learn_skill",
     "planned",
     "read_demonstrated",
     "read_pour",
     "seen_as",
+    "start_posture",
 ]

@@ -18,11 +18,9 @@ from intent_recognition.warping import (
 )
 from sim_bridge.balls import FILLING, FILLING_TILT_RAD, POURING, SECOND, TRIALS_FILE, read_trials
 from sim_bridge.containers import CONTAINER_NAMES
-from sim_bridge.scenarios.pouring.novel import Seen
+from sim_bridge.scenarios.pouring.novel import HALF_FULL, Seen
 from sim_bridge.scenarios.pouring.task_space import PourPath
 
-HALF_FULL = 0.5
-"""Share of the volume in the cup before a pour."""
 HIGHEST_RISK = 0.5
 """A path is executed if a spill is expected with less than this probability all along."""
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from intent_recognition.errors import KinematicsError, describe
-from intent_recognition.warping import WarpedPrimitive
+from intent_recognition.warping import EMPTY, Reached, WarpedPrimitive
 from sim_bridge.balls import CONTAINER_SEED
 from sim_bridge.containers import (
     CONTAINER_NAMES,
@@ -28,9 +28,11 @@ from sim_bridge.scenarios.pouring.checking import HIGHEST_RISK, Constraints, lea
 from sim_bridge.scenarios.pouring.novel import (
     Seen,
     annotated_source,
+    asked_level,
     learn_pouring,
     look_at,
     plan,
+    reached_by,
     read_demonstrated,
 )
 from sim_bridge.scenarios.pouring.recordings import (
@@ -66,6 +68,8 @@ PAIRS = (
 """Cup and second container: a shorter cup into a bigger bowl, into smaller cups, into a square
 bowl, from the tallest, the smallest and a wide one."""
 
+LEVELS = {"tea_cup": (25, 50, 75), "round_bowl": (70, 140, 210)}
+"""Millilitres asked of the two cups that a ratio of tilts does not empty."""
 DRAWS = 20
 """Paths drawn at most until one is expected to spill nothing. Convention."""
 EVERY = 2
@@ -77,16 +81,24 @@ _STREAM = 62
 
 @dataclass(frozen=True)
 class PourOrder:
-    """One pour to make: which pair, along which path."""
+    """One pour to make: which pair, along which path, how much.
+
+    Attributes:
+        seed: of the scans and the balls.
+        pair: index of `PAIRS`.
+        manner: one of `MANNERS`.
+        pour: "empty", "full" or millilitres; empty text: as far as the tilt reference has it.
+    """
 
     seed: int
     pair: int
     manner: str
+    pour: str = ""
 
     @property
     def name(self) -> str:
         """Name of the bag, such as mug_tumbler_mean."""
-        return f"{'_'.join(PAIRS[self.pair])}_{self.manner}"
+        return f"{'_'.join(PAIRS[self.pair])}_{self.pour or self.manner}"
 
     @property
     def folder(self) -> PurePosixPath:
@@ -97,6 +109,8 @@ class PourOrder:
     def start_ns(self) -> int:
         """Stamp of the first sample: one pour a minute."""
         place = len(MANNERS) * self.pair + MANNERS.index(self.manner)
+        if self.pour:
+            place = len(MANNERS) * len(PAIRS) + _levels(self.seed).index(self)
         return recorded_at_ns(6100 + place)
 
     def rng(self, purpose: int) -> np.random.Generator:
@@ -112,12 +126,14 @@ class Skill(NamedTuple):
         cup: the demonstrated cup as scanned.
         second: the demonstrated second container as scanned.
         constraints: of pouring and filling.
+        far: how far the demonstrated pours tilt the cup.
     """
 
     primitive: WarpedPrimitive
     cup: Seen
     second: Seen
     constraints: Constraints
+    far: Reached
 
 
 class Planned(NamedTuple):
@@ -129,6 +145,7 @@ class Planned(NamedTuple):
         second: as scanned.
         risk: highest probability of a spill along the path, by the learned constraints.
         draws: how many paths were drawn until one was let through; 0 for a mean.
+        left_m3: what is to be left in the cup; None where no level was asked for.
     """
 
     path: PourPath
@@ -136,11 +153,23 @@ class Planned(NamedTuple):
     second: Seen
     risk: float
     draws: int
+    left_m3: float | None = None
 
 
 def orders(seed: int) -> list[PourOrder]:
     """Every pour."""
-    return [PourOrder(seed, k, manner) for manner in MANNERS for k in range(len(PAIRS))]
+    every = [PourOrder(seed, k, manner) for manner in MANNERS for k in range(len(PAIRS))]
+    return every + _levels(seed)
+
+
+def _levels(seed: int) -> list[PourOrder]:
+    """Every pour to a level: all pairs to the last, and two of them to less."""
+    less = [
+        PourOrder(seed, k, MEAN, str(amount))
+        for k, (cup, _) in enumerate(PAIRS)
+        for amount in LEVELS.get(cup, ())
+    ]
+    return [PourOrder(seed, k, MEAN, EMPTY) for k in range(len(PAIRS))] + less
 
 
 def container_named(name: str) -> Container:
@@ -166,7 +195,9 @@ def learn_skill(demonstrations: Path, seed: int) -> Skill:
     shown = read_demonstrated(demonstrations)
     cup, second = (seen_as(name, seed) for name in (shown.cup, shown.second))
     constraints = learn_constraints(shown.cup, lambda name: seen_as(name, seed))
-    return Skill(learn_pouring(shown.pours, cup, second), cup, second, constraints)
+    primitive = learn_pouring(shown.pours, cup, second)
+    far = reached_by(primitive, cup)
+    return Skill(primitive, cup, second, constraints, far)
 
 
 def planned(order: PourOrder, skill: Skill) -> Planned:
@@ -181,6 +212,11 @@ def planned(order: PourOrder, skill: Skill) -> Planned:
         found = skill.constraints.risk(path, cup.references, second.references)
         return float(found.max())
 
+    if order.pour:
+        level = asked_level(skill.far, order.pour, cup, second.references)
+        path = plan(skill.primitive, cup.references, second.references, level=level)
+        left_m3 = level.left * cup.references.volume_m3
+        return Planned(path, cup, second, risk(path), 0, left_m3)
     if order.manner == UNWARPED:
         path = plan(skill.primitive, skill.cup.references, skill.second.references)
         return Planned(path, cup, second, risk(path), 0)
@@ -223,9 +259,11 @@ def metadata(order: PourOrder, plan_: Planned, poured: "Poured") -> dict[str, st
         "seed": str(order.seed),
         "pair": str(order.pair),
         "manner": order.manner,
+        **({"pour": order.pour} if order.pour else {}),
         **labels_of(container_named(cup), cup, second, poured),
         "risk": f"{plan_.risk:.6f}",
         "draws": str(plan_.draws),
+        **({} if plan_.left_m3 is None else {"left_ml": f"{1e6 * plan_.left_m3:.3f}"}),
         "through_wall": str(poured.through_wall),
         "saturated_steps": str(poured.saturated_steps),
     }

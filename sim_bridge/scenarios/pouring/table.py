@@ -52,6 +52,7 @@ class PouringTable:
         ball_radius_m: of every ball.
         n_balls: put into the cup; fewer are there if they do not fit.
         rng: of how they lie.
+        opening_m: where the centre of the second one's opening is (3,), world.
     """
 
     def __init__(
@@ -62,6 +63,7 @@ class PouringTable:
         ball_radius_m: float,
         n_balls: int,
         rng: np.random.Generator,
+        opening_m: NDArray[np.float64] = OPENING_M,
     ) -> None:
         self._arm, self._client = arm, arm.client
         self._radius_m = ball_radius_m
@@ -73,7 +75,7 @@ class PouringTable:
         pose = _pose_of(*arm.hand_pose()) @ self.grasp.cup_in_hand
         self._cup_body = self._container(self.cup, solid_pieces(cup), CUP_MASS_KG, pose)
         stand = np.eye(4)
-        stand[:3, 3] = OPENING_M - second.opening_centre
+        stand[:3, 3] = opening_m - second.opening_centre
         self._second_pose = stand
         self._second_body = self._container(self.second, shell_pieces(second), 0.0, stand)
         self._client.setCollisionFilterPair(self._cup_body, self._second_body, -1, -1, 0)
@@ -98,6 +100,11 @@ class PouringTable:
     def through_wall(self) -> int:
         """How many balls went into or through a wall so far."""
         return self._cup_guard.count + self._second_guard.count
+
+    @property
+    def second_pose(self) -> NDArray[np.float64]:
+        """Where the second container stands (4, 4), world."""
+        return self._second_pose
 
     def cup_pose(self) -> NDArray[np.float64]:
         """Where the cup truly is (4, 4), world."""

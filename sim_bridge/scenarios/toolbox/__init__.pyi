@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-from .gripper import make_gripper
+from .gripper import Gripper, make_gripper
 from .objects import ToolboxObjects
 from .other_arms import ToolboxArm
 from .scene import (
@@ -25,6 +25,7 @@ __all__ = [
     "SENSOR_NOISE",
     "TEACHING_STD_M",
     "TEACHING_STD_RAD",
+    "Gripper",
     "ToolboxArm",
     "ToolboxObjects",
     "arm_posture",

@@ -9,6 +9,7 @@ import pytest
 
 from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.share import share_path
+from intent_recognition.warping import EMPTY
 from sim_bridge.containers.generate import make_container
 from sim_bridge.scenarios.pouring.executed import (
     MANNERS,
@@ -23,7 +24,12 @@ from sim_bridge.scenarios.pouring.executed import (
     planned,
     seen_as,
 )
-from sim_bridge.scenarios.pouring.novel import plan, read_demonstrated, read_pour
+from sim_bridge.scenarios.pouring.novel import (
+    asked_level,
+    plan,
+    read_demonstrated,
+    read_pour,
+)
 from sim_bridge.scenarios.pouring.pour import plan_joints
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath
 
@@ -45,7 +51,9 @@ def test_ten_demonstrations_of_one_pair_that_is_in_no_order():
 def test_no_two_orders_share_folder_or_stamp():
     todo = orders(SEED)
     assert len({o.folder for o in todo}) == len({o.start_ns for o in todo}) == len(todo)
-    assert len(todo) == len(PAIRS) * len(MANNERS)
+    levels = [o for o in todo if o.pour]
+    assert len(todo) == len(PAIRS) * len(MANNERS) + len(levels)
+    assert {o.pair for o in levels if o.pour == EMPTY} == set(range(len(PAIRS)))
 
 
 def test_the_demonstrated_pair_is_poured_with_as_without_warping(skill):
@@ -53,6 +61,27 @@ def test_the_demonstrated_pair_is_poured_with_as_without_warping(skill):
     unwarped = planned(PourOrder(SEED, 1, UNWARPED), skill).path
     np.testing.assert_array_equal(path.offset_m, unwarped.offset_m)
     np.testing.assert_array_equal(path.tilt_rad, unwarped.tilt_rad)
+
+
+def test_the_demonstrated_pair_is_emptied_as_it_was_demonstrated(skill):
+    path = plan(skill.primitive, skill.cup.references, skill.second.references)
+    level = asked_level(skill.far, EMPTY, skill.cup, skill.second.references)
+    to_level = plan(skill.primitive, skill.cup.references, skill.second.references, level=level)
+    np.testing.assert_array_equal(to_level.offset_m, path.offset_m)
+    np.testing.assert_allclose(to_level.tilt_rad, np.maximum(path.tilt_rad, 0.0), atol=2e-3)
+
+
+@pytest.mark.parametrize(("pair", "pour"), [(6, "50"), (8, "70")])
+def test_what_was_asked_for_was_left(skill, pair, pour):
+    """Within a tenth of the cup's volume, and along the path that is planned now."""
+    order = PourOrder(SEED, pair, MEAN, pour)
+    plan_, (path, labels) = planned(order, skill), read_pour(share_path(f"bags/{order.folder}"))
+    asked = np.interp(path.times_s, plan_.path.times_s, plan_.path.tilt_rad)
+    assert np.degrees(np.abs(path.tilt_rad - asked).max()) < 6.0
+    wanted = 80.0 * plan_.left_m3 / plan_.cup.references.volume_m3
+    assert 20.0 < wanted < 32.0
+    assert abs(int(labels["kept"]) - wanted) <= 8.0
+    assert int(labels["spilled"]) == 0
 
 
 def test_a_plan_scales_with_what_was_scanned(skill):

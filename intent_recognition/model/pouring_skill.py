@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The file of a pouring skill: one `.npz` without pickled objects, checked on reading."""
+
+from pathlib import Path
+
+import numpy as np
+
+from intent_recognition.errors import IntentError, ModelError, describe
+from intent_recognition.promp import NormalizedRBFBasis
+from intent_recognition.untrusted import UntrustedError, check_archive
+from intent_recognition.warping import PouringSkill, Reached, WarpedPrimitive
+from intent_recognition.warping.primitives import N_WARPED
+
+FORMAT_VERSION = 1
+"""Of the file; others are not read."""
+CURE = "Write it again with `save_pouring_skill`."
+
+
+def save_pouring_skill(path: str | Path, skill: PouringSkill) -> Path:
+    """Write what was learned from demonstrated pours."""
+    target, primitive = Path(path), skill.primitive
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with target.open("wb") as stream:
+        np.savez_compressed(
+            stream,
+            format_version=np.array(FORMAT_VERSION),
+            basis=np.array([primitive.basis.n_basis, primitive.basis.width]),
+            mean=primitive.mean,
+            spread=primitive.spread,
+            duration_s=np.array(primitive.duration_s),
+            reached=np.array(skill.far),
+        )
+    return target
+
+
+def load_pouring_skill(path: str | Path) -> PouringSkill:
+    """Read what was learned from demonstrated pours.
+
+    Raises:
+        ModelError: it is not there, of another version, or an array is missing or bad.
+    """
+    try:
+        check_archive(Path(path))
+        with np.load(path, allow_pickle=False) as content:
+            found = {name: np.asarray(content[name], np.float64) for name in content.files}
+    except Exception as error:  # numpy and zipfile raise many kinds for what is no skill
+        known = isinstance(error, (OSError, UntrustedError))
+        got = error if known else "another file, or a damaged one"
+        raise ModelError(describe(str(path), "a pouring skill", got, CURE)) from error
+    version = found.pop("format_version", np.array(np.nan))
+    if version.shape or version != FORMAT_VERSION:
+        place = f"{path}: format_version"
+        raise ModelError(describe(place, str(FORMAT_VERSION), version, CURE))
+    needed = {"basis": (2,), "duration_s": (), "reached": (3,)}
+    try:
+        if not all(np.all(np.isfinite(array)) for array in found.values()):
+            raise ModelError(describe(str(path), "finite arrays", "NaN or infinity", CURE))
+        if not all(found[name].shape == shape for name, shape in needed.items()):
+            raise ModelError(describe(str(path), "arrays of the right shape", "others", CURE))
+        basis = NormalizedRBFBasis(int(found["basis"][0]), float(found["basis"][1]))
+        mean, spread = found["mean"], found["spread"]
+        rows = N_WARPED * basis.n_basis
+        if mean.shape != (rows,) or spread.ndim != 2 or len(spread) != rows:
+            got = f"{mean.shape} and {spread.shape}"
+            raise ModelError(describe(f"{path}: weights", f"{rows} of them", got, CURE))
+    except KeyError as error:
+        raise ModelError(describe(str(path), "all arrays", f"no {error}", CURE)) from error
+    except IntentError as error:
+        raise ModelError(f"{path}: {error}") from error
+    primitive = WarpedPrimitive(basis, mean, spread, float(found["duration_s"]))
+    return PouringSkill(primitive, Reached(*found["reached"].tolist()))

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node: asks for a pour, and takes down what the topics tell of it."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.warped_primitive import OBJECTS, REQUEST
+
+BALLS = "balls"
+SETTLED = 2
+"""Clouds of each container that are warped before a pour: from the second on the cup's lip is
+toward the other one."""
+
+
+class PouringObserver(Node):
+    """Collects the topics of one pour.
+
+    Args:
+        on_report: called with the name of a node that reports on /diagnostics.
+
+    Attributes:
+        parameters: newest warped parameters of each container, by name.
+        balls: newest counts.
+        active: the active task; empty when idle.
+        refused: why the pour was refused; empty if it was not.
+    """
+
+    def __init__(self, on_report: Callable[[str], None], **kwargs: Any) -> None:
+        super().__init__("pouring_observer", **kwargs)
+        self._on_report = on_report
+        self.parameters: dict[str, dict[str, float]] = {}
+        self.balls: dict[str, float] = {}
+        self.active = self.refused = ""
+        self._heard = dict.fromkeys(OBJECTS, 0)
+        self._joints_ns = self._tasks_ns = 0
+        for name in OBJECTS:
+            handle = partial(self._take_parameters, name)
+            self.create_subscription(JointState, f"{name}/parameters", handle, qos.STATE)
+        self.create_subscription(JointState, BALLS, self._take_balls, qos.STATE)
+        self.create_subscription(String, "intent/active_task", self._take_active, qos.LATCHED)
+        self.create_subscription(JointState, "joint_states", self._take_joints, qos.STATE)
+        self.create_subscription(JointState, "intent/tasks", self._take_tasks, qos.STATE)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._take_reports, 10)
+        self._pour = self.create_publisher(String, REQUEST, qos.STATE)
+
+    def is_ready(self) -> bool:
+        """Whether the containers were seen and the nodes have found one another."""
+        return (
+            min(self._heard.values()) >= SETTLED
+            and bool(self.balls)
+            and self._pour.get_subscription_count() >= 1
+            and self.count_subscribers("intent/robot_trajectory") >= 1
+            and self.count_subscribers("intent/tasks") >= 2
+            and self.count_subscribers("joint_trajectory") >= 1
+            and self.count_publishers("joint_trajectory") >= 1
+        )
+
+    def ask(self, amount: str) -> None:
+        """Ask for a pour: "empty", "full" or millilitres."""
+        self._pour.publish(String(data=amount))
+
+    def lag_s(self) -> float:
+        """Simulated time by which the newest task message is behind the arm [s]."""
+        return max(0.0, (self._joints_ns - self._tasks_ns) * 1e-9) if self._tasks_ns else 0.0
+
+    def _take_parameters(self, name: str, message: JointState) -> None:
+        self.parameters[name] = dict(zip(message.name, message.position, strict=False))
+        self._heard[name] += 1
+
+    def _take_balls(self, message: JointState) -> None:
+        self.balls = dict(zip(message.name, message.position, strict=False))
+
+    def _take_active(self, message: String) -> None:
+        self.active = message.data
+
+    def _take_joints(self, message: JointState) -> None:
+        self._joints_ns = stamp_ns(message)
+
+    def _take_tasks(self, message: JointState) -> None:
+        self._tasks_ns = stamp_ns(message)
+
+    def _take_reports(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self._on_report(status.name)
+            if status.name == "warped_primitive":
+                rejected = [row for row in status.values if row.key.startswith("rejected ")]
+                self.refused = ", ".join(f"{row.key}: {row.value}" for row in rejected)

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node: a learned pour, conditioned on the containers seen and where they stand.
+
+`cup/parameters`, `cup/pose`, `second/parameters`, `second/pose` and `joint_states` say what is
+there; a request on `pour` ("empty", "full" or millilitres) gives `intent/tasks` and
+`intent/robot_trajectory`, which `primitive_activation` executes as it does any task.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from numpy.typing import NDArray
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.errors import IntentError, MessageError, describe, one_line
+from intent_recognition.kinematics import (
+    JOINT_NAMES,
+    forward_kinematics,
+    inverse_kinematics,
+    jacobian,
+)
+from intent_recognition.model import load_pouring_skill
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import TrajectoryBuilder, joint_values, to_joint_state
+from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.seen_container import seen_container
+from intent_recognition.promp import NONE
+from intent_recognition.warping import PourPlan, SeenContainer, plan_pour
+
+CUP, SECOND = OBJECTS = ("cup", "second")
+REQUEST = "pour"
+RATE_HZ = 25.0
+"""Task messages a second. Convention: those of the estimator."""
+DELAY_NS = 500_000_000
+"""From a request to the onset of the pour [ns]. Convention: more than a decision takes."""
+WATCH_NS = 1_000_000_000
+"""How long a pour stays the task after its planned end [ns]: an arm may be slower. Convention."""
+
+
+class WarpedPrimitiveNode(Node):
+    """Translates what is seen to `warping.plan_pour`, and its plan to joints of the LWR."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("warped_primitive", **kwargs)
+        path = fixed_parameter(self, "skill", "", "File of `save_pouring_skill`.")
+        self._task = fixed_parameter(self, "task", "pouring", "Label of the task.")
+        self._fluid = fixed_parameter(
+            self, "fluid", 0.5, "What is in the cup at first, as a share of its volume.", 0.0, 1.0
+        )
+        self._skill = load_pouring_skill(path)
+        self._diagnostics = Diagnostics(self)
+        self._vectors: dict[str, JointState] = {}
+        self._poses: dict[str, PoseStamped] = {}
+        self._joints: NDArray[np.float64] | None = None
+        self._end_ns, self._left = 0, self._fluid
+        self._builder = TrajectoryBuilder(JOINT_NAMES)
+        for name in OBJECTS:
+            self.create_subscription(
+                JointState, f"{name}/parameters", partial(self._keep, self._vectors, name), 10
+            )
+            self.create_subscription(
+                PoseStamped, f"{name}/pose", partial(self._keep, self._poses, name), 10
+            )
+        states = self.create_subscription(
+            JointState, "joint_states", self._on_joint_states, qos.STATE
+        )
+        self._diagnostics.watch(states, "joint_states")
+        self.create_subscription(String, REQUEST, self._on_request, qos.STATE)
+        self._tasks = self.create_publisher(JointState, "intent/tasks", qos.STATE)
+        self._trajectory = self.create_publisher(
+            JointTrajectory, "intent/robot_trajectory", qos.COMMAND
+        )
+        self._timer = self.create_timer(1.0 / RATE_HZ, self._on_timer)
+
+    def _keep(self, table: dict, name: str, message: Any) -> None:
+        table[name] = message
+        self._diagnostics.tick(name)
+
+    def _on_joint_states(self, message: JointState) -> None:
+        self._diagnostics.tick("joint_states")
+        try:
+            joints = joint_values(message, JOINT_NAMES)
+        except IntentError as error:
+            self._diagnostics.reject("joint_states_incomplete", str(error))
+            return
+        if np.isfinite(joints).all():
+            self._joints = joints
+
+    def _on_request(self, message: String) -> None:
+        self._diagnostics.tick(REQUEST)
+        try:
+            if self._busy:
+                raise MessageError(describe(REQUEST, "no pour under way", "one", "Wait for it."))
+            plan, joints = self._plan(message.data)
+        except IntentError as error:
+            self._diagnostics.reject(type(error).__name__, one_line(error))
+            return
+        onset_ns = self._now_ns() + DELAY_NS
+        self._end_ns = onset_ns + round(float(plan.times_s[-1]) * 1e9) + WATCH_NS
+        self._left = plan.left
+        trajectory = self._builder.build(
+            onset_ns, plan.times_s, joints, None, joint_std(plan, joints)
+        )
+        trajectory.header.frame_id = self._task
+        self._on_timer()  # the task before its trajectory
+        self._trajectory.publish(trajectory)
+        self._diagnostics.tick("intent/robot_trajectory")
+        self.get_logger().info(f"pour {message.data}: {100.0 * plan.left:.0f} % are to be left")
+
+    def _plan(self, asked: str) -> tuple[PourPlan, NDArray[np.float64]]:
+        """The pour asked for, and its joints (T, 7) [rad].
+
+        Raises:
+            MessageError: something has not been seen yet.
+            ArgumentError: so much cannot be poured.
+            KinematicsError: a pose is out of reach.
+        """
+        seen = {name: self._seen(name) for name in OBJECTS}
+        if self._joints is None:
+            raise MessageError(describe("joint_states", "those of the arm", "none", "Start it."))
+        hand = forward_kinematics(self._joints)
+        plan = plan_pour(self._skill, seen[CUP], seen[SECOND], hand, asked, self._fluid)
+        return plan, joint_path(plan, self._joints)
+
+    def _seen(self, name: str) -> SeenContainer:
+        if name not in self._vectors or name not in self._poses:
+            cure = "Start its object_warper, and let it be seen."
+            raise MessageError(describe(f"{name}/parameters", "a seen container", "none", cure))
+        return seen_container(self._vectors[name], self._poses[name])
+
+    @property
+    def _busy(self) -> bool:
+        return self._end_ns > 0
+
+    def _on_timer(self) -> None:
+        now_ns = self._now_ns()
+        if now_ns <= 0:
+            return
+        if self._busy and now_ns > self._end_ns:
+            self._end_ns, self._fluid = 0, self._left
+        pours = float(self._busy)
+        message = to_joint_state(
+            (self._task, NONE), (pours, 1.0 - pours), (0.0, 0.0), time_ns=now_ns
+        )
+        self._tasks.publish(message)
+        self._diagnostics.tick("intent/tasks")
+        self._diagnostics.value("in the cup, share of its volume", f"{self._fluid:.2f}")
+
+    def _now_ns(self) -> int:
+        return self.get_clock().now().nanoseconds
+
+
+def joint_path(plan: PourPlan, posture: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Joints (T, 7) [rad] of a plan, from a posture (7,) on.
+
+    Raises:
+        KinematicsError: a pose is out of reach.
+    """
+    joints = np.empty((len(plan.hand_poses), len(posture)))
+    for k, pose in enumerate(plan.hand_poses):
+        posture = joints[k] = inverse_kinematics(pose, posture)
+    return joints
+
+
+def joint_std(plan: PourPlan, joints: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviations (T, 7) [rad] of joints (T, 7): least squares from those of the hand."""
+    moved = np.linalg.pinv(jacobian(joints)) @ plan.hand_std
+    return np.linalg.norm(moved, axis=2)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(WarpedPrimitiveNode, args)

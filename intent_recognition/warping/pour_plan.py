@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A pour as poses of the hand that holds the cup, from what was learned and what is seen.
+
+The primitive is conditioned on the containers' parameters and on where they stand: the cup's lip
+begins and ends where it is, relative to the second opening. All in one frame with z up.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.promp import InteractionProMP, via_point
+from intent_recognition.warping.constraints import References
+from intent_recognition.warping.emptying import (
+    Emptying,
+    Reached,
+    amount_to_leave,
+    tilts_to_level,
+)
+from intent_recognition.warping.primitives import N_WARPED, WarpedPrimitive
+
+UP = np.array([0.0, 0.0, 1.0])
+LEVEL_RAD = 0.1
+"""A cup tilted by less is upright [rad]. Convention: what a soft arm sags."""
+STEP_S = 0.1
+"""Time between two poses of a plan [s]. Convention."""
+
+
+class PouringSkill(NamedTuple):
+    """What was learned from demonstrated pours.
+
+    Attributes:
+        primitive: in the warped space.
+        far: how far they tilt the cup.
+    """
+
+    primitive: WarpedPrimitive
+    far: Reached
+
+
+class SeenContainer(NamedTuple):
+    """A container as it was seen.
+
+    Attributes:
+        references: its warped parameters.
+        opening_m: centre of its opening (3,).
+        lip_m: where it pours over (3,).
+        up: unit axis (3,) out of its opening.
+        emptying: what it holds at which tilt.
+    """
+
+    references: References
+    opening_m: NDArray[np.float64]
+    lip_m: NDArray[np.float64]
+    up: NDArray[np.float64]
+    emptying: Emptying
+
+
+class PourPlan(NamedTuple):
+    """A pour to execute.
+
+    Attributes:
+        times_s: from 0 (T,).
+        hand_poses: of the hand (T, 4, 4).
+        hand_std: deviations of the hand by one standard deviation of each of the primitive's four
+            numbers (T, 6, 4): translation [m] and rotation [rad].
+        left: what is left in the cup in the end, as a share of its volume.
+    """
+
+    times_s: NDArray[np.float64]
+    hand_poses: NDArray[np.float64]
+    hand_std: NDArray[np.float64]
+    left: float
+
+
+def pour_axes(cup: SeenContainer) -> NDArray[np.float64]:
+    """Along the pour, across it (to the left) and up, as columns (3, 3)."""
+    along = (cup.lip_m - cup.opening_m) * [1.0, 1.0, 0.0]
+    along = along / np.linalg.norm(along)
+    return np.column_stack([along, np.cross(UP, along), UP])
+
+
+def conditioned(skill: PouringSkill, cup: SeenContainer, second: SeenContainer) -> InteractionProMP:
+    """The learned pour, given the containers and where they stand.
+
+    It begins and ends with the lip where it is, at rest and upright.
+    """
+    given = skill.primitive.given(cup.references, second.references)
+    stand = np.append((cup.lip_m - second.opening_m) @ pour_axes(cup), 0.0)
+    for time_s in (0.0, given.duration_s):
+        given = via_point(given, time_s, stand)
+        given = via_point(given, time_s, np.zeros(N_WARPED), velocity=True)
+    return given
+
+
+def plan_pour(
+    skill: PouringSkill,
+    cup: SeenContainer,
+    second: SeenContainer,
+    hand: NDArray[np.float64],
+    asked: str,
+    fluid: float,
+) -> PourPlan:
+    """Poses of the hand for a pour from where the cup is, and back.
+
+    Args:
+        skill: what was learned.
+        cup: the container in the hand, upright.
+        second: the other one.
+        hand: pose of the hand (4, 4) that holds the cup.
+        asked: "empty", "full" or millilitres; see `amount_to_leave`.
+        fluid: what is in the cup, as a share of its volume.
+
+    Raises:
+        ArgumentError: the cup is tilted, or it cannot be poured so much.
+    """
+    tilted = float(np.arccos(np.clip(cup.up @ UP, -1.0, 1.0)))
+    if tilted > LEVEL_RAD:
+        got = f"one tilted by {np.degrees(tilted):.0f} degrees"
+        raise ArgumentError(describe("cup", "an upright one", got, "Hold it upright."))
+    own, other = cup.references, second.references
+    left = amount_to_leave(asked, fluid * own.volume_m3, other.volume_m3) / own.volume_m3
+    primitive = conditioned(skill, cup, second)
+    found = primitive.predict_controlled(round(primitive.duration_s / STEP_S) + 1)
+    path = found.positions
+    tilt = tilts_to_level(path[:, 3] / own.tilt_rad, skill.far, cup.emptying, fluid, left)
+    axes = pour_axes(cup)
+    lip = second.opening_m + path[:, :3] @ axes.T
+    turn = Rotation.from_rotvec(np.outer(tilt, axes[:, 1])).as_matrix()
+    reach = turn @ (hand[:3, 3] - cup.lip_m)
+    poses = np.tile(np.eye(4), (len(path), 1, 1))
+    poses[:, :3, :3] = turn @ hand[:3, :3]
+    poses[:, :3, 3] = lip + reach
+    moves = np.zeros((len(path), 6, N_WARPED))
+    moves[:, :3, :3] = axes
+    moves[:, :3, 3] = np.cross(axes[:, 1], reach)
+    moves[:, 3:, 3] = axes[:, 1]
+    return PourPlan(found.times_s, poses, moves * found.std[:, None, :], left)

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene "pouring" of a simulated arm: what is in its world, and the topics that tell of it."""
+
+from collections.abc import Callable
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from numpy.typing import NDArray
+from rclpy.node import Node
+from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import Header
+
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.nodes.clouds import to_labelled_cloud
+from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.qos import SENSOR, STATE
+from sim_bridge.arm import SimulatedArm
+
+POURING = "pouring"
+"""Name of the scene."""
+WORLD_FRAME = "world"
+BALLS = "balls"
+COUNT_STEPS, CLOUD_STEPS = 100, 1000
+"""Physics steps between two counts, and two clouds. Convention: 0.1 s and 1 s."""
+
+
+class PouringScene:
+    """Declares what stands where; `begin` puts it into the arm's world and publishes it.
+
+    Out: `balls`, a named vector of counts; `cup/cloud` and `second/cloud` while no task is active.
+
+    Args:
+        node: of the arm.
+    """
+
+    held = "cup"
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        of_scene = "Of the scene pouring:"
+        self.cup = fixed_parameter(node, "cup", "mug", f"{of_scene} container in the hand.")
+        self.second = fixed_parameter(node, "second", "tumbler", f"{of_scene} the other one.")
+        self._opening = fixed_parameter(
+            node,
+            "second_opening",
+            [0.70, 0.15, 0.26],
+            f"{of_scene} centre of the second opening [m], world.",
+        )
+        self._task = ""
+
+    @property
+    def posture(self) -> NDArray[np.float64]:
+        """Joint angles (7,) [rad] that the arm begins in."""
+        from sim_bridge.scenarios.pouring.live import start_posture
+
+        return start_posture(self.cup)
+
+    def begin(self, arm: SimulatedArm, seed: int, stamp: Callable[[], Time]) -> "PouringScene":
+        """Put containers and balls into the arm's world.
+
+        Args:
+            arm: at rest in `posture`.
+            seed: of balls and camera.
+            stamp: of a message now.
+
+        Raises:
+            ArgumentError: no such container or place.
+        """
+        from sim_bridge.scenarios.pouring.live import LivePouring
+
+        if len(self._opening) != 3:
+            cure = "Give x, y and z in metres."
+            got = list(self._opening)
+            raise ArgumentError(describe("second_opening", "three numbers", got, cure))
+        self._arm, self._stamp = arm, stamp
+        self._world = LivePouring(arm, self.cup, self.second, np.array(self._opening), seed)
+        self._counts = self._node.create_publisher(JointState, BALLS, STATE)
+        self._clouds = [
+            self._node.create_publisher(PointCloud2, f"{name}/cloud", SENSOR)
+            for name in ("cup", "second")
+        ]
+        return self
+
+    def set_task(self, task: str) -> None:
+        """Take note of the task being executed, "" when idle."""
+        self._task = task
+
+    def update(self) -> None:
+        """Look at the balls, and publish what is due; call it every few milliseconds."""
+        counts, n = self._world.look(), self._arm.n_steps
+        if n % COUNT_STEPS == 0:
+            header = Header(stamp=self._stamp(), frame_id=WORLD_FRAME)
+            values = [float(value) for value in counts]
+            self._counts.publish(
+                JointState(header=header, name=list(counts._fields), position=values)
+            )
+        if n % CLOUD_STEPS == 0 and not self._task:
+            header = Header(stamp=self._stamp(), frame_id=WORLD_FRAME)
+            for publisher, cloud in zip(self._clouds, self._world.clouds(), strict=True):
+                no_labels = np.zeros(len(cloud.points))
+                publisher.publish(to_labelled_cloud(header, cloud.points, cloud.normals, no_labels))

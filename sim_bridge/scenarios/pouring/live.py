@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A cup in the hand of an arm that a graph of nodes moves, and what a camera sees of it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.warping import ObjectCloud
+from sim_bridge.arm import SimulatedArm
+from sim_bridge.containers import scan
+from sim_bridge.scenarios.pouring.executed import container_named
+from sim_bridge.scenarios.pouring.novel import BALLS_ABOVE
+from sim_bridge.scenarios.pouring.pour import SEED_POSTURE
+from sim_bridge.scenarios.pouring.recordings import N_BALLS, half_full_radius_m
+from sim_bridge.scenarios.pouring.table import PouringTable
+from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath, joint_path
+
+STAND_M = np.array([-0.27, 0.0, 0.10])
+"""Where the lip is at first, from the usual place of the second opening: along, across, up [m]."""
+
+
+class LiveCounts(NamedTuple):
+    """Where the balls are."""
+
+    in_cup: int
+    in_second: int
+    spilled: int
+    through_wall: int
+
+
+def balls_above_m(cup: str) -> float:
+    """How far the balls in a cup stand above its lip before they leave [m]."""
+    return BALLS_ABOVE * half_full_radius_m(container_named(cup))
+
+
+def start_posture(cup: str) -> NDArray[np.float64]:
+    """Joint angles (7,) [rad] that hold a cup upright beside the second container."""
+    held = container_named(cup)
+    stand = PourPath(np.zeros(1), STAND_M[None], np.zeros(1))
+    poses = Grasp(held.lip_point, held.height_m).hand_poses(stand, OPENING_M)
+    return joint_path(poses, SEED_POSTURE)[0]
+
+
+class LivePouring:
+    """A cup of balls in the hand, half full, and the second container, in an arm's world.
+
+    Args:
+        arm: at rest in `start_posture`.
+        cup: name of the container in the hand.
+        second: name of the other one.
+        opening_m: centre of its opening (3,), world.
+        seed: of how the balls lie and of the camera's noise.
+    """
+
+    def __init__(
+        self,
+        arm: SimulatedArm,
+        cup: str,
+        second: str,
+        opening_m: NDArray[np.float64],
+        seed: int,
+    ) -> None:
+        rng = np.random.default_rng(seed)
+        held, other = container_named(cup), container_named(second)
+        radius = half_full_radius_m(held)
+        self._table = PouringTable(arm, held, other, radius, N_BALLS, rng, opening_m)
+        self._scans = [scan(one.mesh, rng) for one in (held, other)]
+
+    def look(self) -> LiveCounts:
+        """Where the balls are now; call it every few milliseconds."""
+        in_cup, in_second = (int(where.sum()) for where in self._table.look())
+        spilled = self._table.n_balls - in_cup - in_second
+        return LiveCounts(in_cup, in_second, spilled, self._table.through_wall)
+
+    def clouds(self) -> tuple[ObjectCloud, ObjectCloud]:
+        """Cup and second container as a depth camera sees them where they are, world."""
+        poses = (self._table.cup_pose(), self._table.second_pose)
+        cup, second = (
+            ObjectCloud(seen.points @ pose[:3, :3].T + pose[:3, 3], seen.normals @ pose[:3, :3].T)
+            for seen, pose in zip(self._scans, poses, strict=True)
+        )
+        return cup, second
