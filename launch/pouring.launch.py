@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated arm with a cup of balls in its hand; the topic `pour` says how much to pour.
 
-ros2 launch intent_recognition pouring.launch.py skill:=pouring.npz cup:=mug second:=tumbler
+ros2 launch intent_recognition pouring.launch.py cup:=mug second:=tumbler
 """
 
 from launch import LaunchDescription

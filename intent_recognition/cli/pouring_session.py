@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from intent_recognition.cli.demo_session import GRAPH_DEADLINE_S, PACE_PERIOD_S, ros_context
+from intent_recognition.cli.demo_session import PACE_PERIOD_S, ros_context
 from intent_recognition.cli.session_watch import Heartbeats, NodeWatch
 from intent_recognition.errors import IntentError, describe
 from intent_recognition.nodes.graph import resolve
@@ -14,6 +14,8 @@ from intent_recognition.nodes.graph import resolve
 if TYPE_CHECKING:
     from intent_recognition.nodes.pouring_observer import PouringObserver
 
+READY_DEADLINE_S = 180.0
+"""Longest wait until balls and containers are made, seen and warped [s]. Convention."""
 ACTIVATION_DEADLINE_S = 60.0
 """Longest wait until the arm begins after it was asked [s]. Convention."""
 POUR_DEADLINE_S = 600.0
@@ -91,7 +93,7 @@ def _follow(
     timer = observer.create_timer(
         PACE_PERIOD_S, lambda: pace.update(observer.lag_s()), clock=steady
     )
-    watch.until(observer.is_ready, 2.0 * GRAPH_DEADLINE_S, "the containers, seen and warped")
+    watch.until(observer.is_ready, READY_DEADLINE_S, "the containers, seen and warped")
     observer.ask(args.pour)
     watch.until(
         lambda: bool(observer.active or observer.refused), ACTIVATION_DEADLINE_S, "the pour"

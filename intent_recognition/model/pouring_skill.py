@@ -8,8 +8,7 @@ import numpy as np
 from intent_recognition.errors import IntentError, ModelError, describe
 from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.untrusted import UntrustedError, check_archive
-from intent_recognition.warping import PouringSkill, Reached, WarpedPrimitive
-from intent_recognition.warping.primitives import N_WARPED
+from intent_recognition.warping import N_WARPED, PouringSkill, Reached, WarpedPrimitive
 
 FORMAT_VERSION = 1
 """Of the file; others are not read."""

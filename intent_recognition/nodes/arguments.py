@@ -90,7 +90,9 @@ ARGUMENTS = {
         Argument("cup", str, "Container in the hand, in the scene pouring."),
         Argument("second", str, "Container that is poured into, in the scene pouring."),
         Argument("second_opening", list, "Centre of its opening: x, y, z [m]."),
-        Argument("skill", str, "Pouring skill, a file of `save_pouring_skill`.", needed=True),
+        Argument(
+            "skill", str, "Pouring skill, a file of `save_pouring_skill`; empty: the shipped one."
+        ),
         Argument("fluid", float, "What is in the cup at first, as a share of its volume."),
         Argument("stands_above", float, "How far above a lip the contents stand [m]."),
         Argument("library", str, "Folder of the tasks taught from the page."),

@@ -17,6 +17,7 @@ from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
 from intent_recognition.nodes.processes import FAST_DISCOVERY
 from intent_recognition.share import share_path
+from intent_recognition.untrusted import load_yaml, read_text
 
 Overrides = Mapping[str, Mapping[str, object]]
 RESPAWN_DELAY_S = 2.0
@@ -83,12 +84,15 @@ def _node(call: NodeCall, files: list[str], robot_description: Callable[[], str]
         parameters["robot_description"] = robot_description()
     arguments = ["-d", str(share_path("config/intent.rviz"))] if call.name == "rviz2" else []
     typed = {name: _parameter(value) for name, value in parameters.items()}
+    own = (
+        [] if call.name == call.executable else [_section(file, call.executable) for file in files]
+    )
     return Node(
         package=call.package,
         executable=call.executable,
         name=call.name,
         namespace=call.namespace,
-        parameters=[*files, typed],
+        parameters=[*own, *files, typed],
         remappings=list(call.remappings),
         arguments=arguments,
         ros_arguments=["--enclave", call.enclave],  # without SROS 2 it says nothing
@@ -106,6 +110,12 @@ def _end_if_refused(event: Any, _context: object) -> object:
     from launch.actions import Shutdown
 
     return Shutdown(reason=f"{event.process_name} cannot run")
+
+
+def _section(file: str, executable: str) -> dict[str, object]:
+    """Parameters of an executable in a file, for a node that has another name."""
+    content = load_yaml(read_text(Path(file))) or {}
+    return dict(content.get(f"/**/{executable}", {}).get("ros__parameters", {}))
 
 
 def _parameter(value: object) -> object:

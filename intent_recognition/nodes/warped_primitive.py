@@ -8,6 +8,7 @@ there; a request on `pour` ("empty", "full" or millilitres) gives `intent/tasks`
 
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,13 @@ from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.seen_container import seen_container
 from intent_recognition.promp import NONE
+from intent_recognition.share import share_path
 from intent_recognition.warping import PourPlan, SeenContainer, plan_pour
 
 CUP, SECOND = OBJECTS = ("cup", "second")
 REQUEST = "pour"
+SHIPPED = "config/skills/pouring.npz"
+"""What was learned from `bags/pouring/train`."""
 RATE_HZ = 25.0
 """Task messages a second. Convention: those of the estimator."""
 DELAY_NS = 500_000_000
@@ -50,12 +54,14 @@ class WarpedPrimitiveNode(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("warped_primitive", **kwargs)
-        path = fixed_parameter(self, "skill", "", "File of `save_pouring_skill`.")
+        skill = fixed_parameter(
+            self, "skill", SHIPPED, "File of `save_pouring_skill`, yours or a shipped one."
+        )
         self._task = fixed_parameter(self, "task", "pouring", "Label of the task.")
         self._fluid = fixed_parameter(
             self, "fluid", 0.5, "What is in the cup at first, as a share of its volume.", 0.0, 1.0
         )
-        self._skill = load_pouring_skill(path)
+        self._skill = load_pouring_skill(skill if Path(skill).is_file() else share_path(skill))
         self._diagnostics = Diagnostics(self)
         self._vectors: dict[str, JointState] = {}
         self._poses: dict[str, PoseStamped] = {}

@@ -14,16 +14,6 @@ from intent_recognition.warping.constraints import (
     references,
     spill_risk,
 )
-from intent_recognition.warping.emptying import (
-    EMPTY,
-    FULL,
-    Emptying,
-    Reached,
-    amount_to_leave,
-    emptying,
-    reached,
-    tilts_to_level,
-)
 from intent_recognition.warping.logistic import fit_logistic
 from intent_recognition.warping.normals import with_estimated_normals
 from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
@@ -35,6 +25,16 @@ from intent_recognition.warping.object_warp import (
 )
 from intent_recognition.warping.parameters import PouringParameters, pouring_parameters
 from intent_recognition.warping.parts import Part
+from intent_recognition.warping.pour_level import (
+    EMPTY,
+    FULL,
+    Emptying,
+    Reached,
+    amount_to_leave,
+    emptying,
+    reached,
+    tilts_to_level,
+)
 from intent_recognition.warping.pour_plan import (
     PouringSkill,
     PourPlan,
@@ -43,6 +43,7 @@ from intent_recognition.warping.pour_plan import (
     plan_pour,
 )
 from intent_recognition.warping.primitives import (
+    N_WARPED,
     WarpedPrimitive,
     from_warped,
     to_warped,
@@ -55,6 +56,7 @@ __all__ = [
     "EMPTY",
     "FULL",
     "NO_REFERENCES",
+    "N_WARPED",
     "RIDGE",
     "AnnotatedObject",
     "Emptying",

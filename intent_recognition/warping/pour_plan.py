@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.promp import InteractionProMP, via_point
 from intent_recognition.warping.constraints import References
-from intent_recognition.warping.emptying import (
+from intent_recognition.warping.pour_level import (
     Emptying,
     Reached,
     amount_to_leave,

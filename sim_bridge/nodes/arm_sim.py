@@ -40,8 +40,8 @@ from sim_bridge.arm import (
     TrajectoryFollower,
     find_robot,
 )
-from sim_bridge.nodes.pouring_scene import POURING, PouringScene
-from sim_bridge.scenarios.toolbox import HOME, Gripper, make_gripper
+from sim_bridge.nodes.pouring_scene import POURING, SCENES, PouringScene, make_scene
+from sim_bridge.scenarios.toolbox import HOME
 
 TICK_S = 0.002
 """Period of the timer that runs due physics steps [s]. Convention: half a joint state."""
@@ -56,7 +56,6 @@ BURST = 8
 LARGEST_PUSH_N = 500.0
 """Stronger pushes are rejected [N]. Convention."""
 WORLD_FRAME = "world"
-SCENES = ("toolbox", POURING, "none")
 CONTROLLERS = ("low_gain", "stochastic_feedback")
 DOUBLES: Any = Parameter.Type.DOUBLE_ARRAY
 
@@ -88,7 +87,8 @@ class ArmSim(Node):
         self._robot = robot if robot is not None else self._find_robot()
         self.arm = self._make_arm()
         self.surroundings = Surroundings(self.arm, self._boxes)
-        self.gripper = self._make_scene()
+        world = self.arm, self._seed, self._stamp
+        self.gripper = make_scene(self._scene, self._pouring, *world)
         self.spread = self._make_spread()
         self.follower = TrajectoryFollower(self.arm.reference.q, self.arm.limits)
         self.arm.before_step.append(self._control)
@@ -174,15 +174,6 @@ class ArmSim(Node):
             rng=np.random.default_rng(self._seed),
             headless=self._headless,
         )
-
-    def _make_scene(self) -> Gripper | PouringScene | None:
-        """What is in the arm's world besides it; it handles the hand's objects."""
-        if self._scene not in SCENES:
-            expected = f"one of {', '.join(SCENES)}"
-            raise ArgumentError(describe("scene", expected, repr(self._scene), "Choose one."))
-        if self._scene == POURING:
-            return self._pouring.begin(self.arm, self._seed, self._stamp)
-        return make_gripper(self.arm, self._scene)
 
     def _stamp(self) -> TimeMessage:
         """Stamp of a message now."""

@@ -15,9 +15,12 @@ from intent_recognition.nodes.clouds import to_labelled_cloud
 from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.qos import SENSOR, STATE
 from sim_bridge.arm import SimulatedArm
+from sim_bridge.scenarios.toolbox import Gripper, make_gripper
 
 POURING = "pouring"
 """Name of the scene."""
+SCENES = ("toolbox", POURING, "none")
+"""What may be in the arm's world."""
 WORLD_FRAME = "world"
 BALLS = "balls"
 COUNT_STEPS, CLOUD_STEPS = 100, 1000
@@ -51,7 +54,7 @@ class PouringScene:
     @property
     def posture(self) -> NDArray[np.float64]:
         """Joint angles (7,) [rad] that the arm begins in."""
-        from sim_bridge.scenarios.pouring.live import start_posture
+        from sim_bridge.scenarios.pouring import start_posture
 
         return start_posture(self.cup)
 
@@ -66,7 +69,7 @@ class PouringScene:
         Raises:
             ArgumentError: no such container or place.
         """
-        from sim_bridge.scenarios.pouring.live import LivePouring
+        from sim_bridge.scenarios.pouring import LivePouring
 
         if len(self._opening) != 3:
             cure = "Give x, y and z in metres."
@@ -99,3 +102,26 @@ class PouringScene:
             for publisher, cloud in zip(self._clouds, self._world.clouds(), strict=True):
                 no_labels = np.zeros(len(cloud.points))
                 publisher.publish(to_labelled_cloud(header, cloud.points, cloud.normals, no_labels))
+
+
+def make_scene(
+    scene: str, pouring: PouringScene, arm: SimulatedArm, seed: int, stamp: Callable[[], Time]
+) -> Gripper | PouringScene | None:
+    """Put the things of a scene into the arm's world; return what handles them, None for "none".
+
+    Args:
+        scene: one of `SCENES`.
+        pouring: the scene of that name.
+        arm: at rest where the scene begins.
+        seed: of balls and camera.
+        stamp: of a message now.
+
+    Raises:
+        ArgumentError: another scene.
+    """
+    if scene not in SCENES:
+        expected = f"one of {', '.join(SCENES)}"
+        raise ArgumentError(describe("scene", expected, repr(scene), "Choose one."))
+    if scene == POURING:
+        return pouring.begin(arm, seed, stamp)
+    return make_gripper(arm, scene)

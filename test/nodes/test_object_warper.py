@@ -23,10 +23,10 @@ from intent_recognition.nodes.conversions import (
 )
 from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.objects.file import find_object, load_object
-from intent_recognition.warping.emptying import emptying
 from intent_recognition.warping.object_model import ObjectCloud
 from intent_recognition.warping.object_warp import ObjectModel, warp_object
 from intent_recognition.warping.parameters import pouring_parameters
+from intent_recognition.warping.pour_level import emptying
 
 T0 = 1_700_000_000_123_456_789
 

@@ -12,7 +12,7 @@ from .executed import (
     planned,
     seen_as,
 )
-from .live import balls_above_m, start_posture
+from .live import LivePouring, balls_above_m, start_posture
 from .novel import read_demonstrated, read_pour
 from .pour import Poured
 from .task_space import PourPath
@@ -22,6 +22,7 @@ __all__ = [
     "PAIRS",
     "SAMPLE",
     "UNWARPED",
+    "LivePouring",
     "Planned",
     "PourOrder",
     "PourPath",

@@ -7,7 +7,7 @@ import trimesh
 
 from intent_recognition.errors import ArgumentError
 from intent_recognition.warping.clipping import half_volume_angle, shares_left
-from intent_recognition.warping.emptying import (
+from intent_recognition.warping.pour_level import (
     LEFT_WHEN_EMPTY,
     TILTS_RAD,
     Emptying,
