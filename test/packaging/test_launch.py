@@ -152,7 +152,7 @@ def test_every_node_takes_the_namespace_and_the_clock(describe, name):
         publishes = values(options).get("publish_clock") or values(options).get("clock")
         publishers += bool(publishes)
         assert bool(publishes) != (values(options).get("use_sim_time") is True), node
-    assert publishers == (name in ("demo", "assembly", "replay"))
+    assert publishers == (name in ("demo", "assembly", "pouring", "replay"))
 
 
 @pytest.mark.parametrize("name", EXECUTABLES)
@@ -265,7 +265,7 @@ def test_the_arms_topics_reach_every_node_that_uses_them(describe, name):
     nodes = start(entities, **given, **on(entities))
     for node, options in nodes.items():
         remapped = dict(options["remappings"])
-        uses_states = node not in ("mocap_ingest", "coworker_sim", "rviz2")
+        uses_states = node not in ("mocap_ingest", "coworker_sim", "rviz2", *WARPERS)
         assert remapped.get("joint_states") == ("/arm/states" if uses_states else None), node
         commands = node in ("lwr_sim", "primitive_activation", "bag_recorder", "dashboard")
         assert (remapped.get("joint_trajectory") == "/arm/go") >= commands, node
