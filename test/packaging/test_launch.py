@@ -162,7 +162,7 @@ def test_nodes_are_given_what_launch_ros_takes(describe, name):
     given = on(entities) | ({"bodies": " , "} if "bodies" in declared(entities) else {})
     for node in start(entities, **given).values():
         assert set(node) <= NODE_OPTIONS
-        file, parameters = node["parameters"]
+        *_, file, parameters = node["parameters"]
         assert isinstance(file, str)
         for value in parameters.values():
             if isinstance(value, list):
