@@ -16,14 +16,15 @@ ALL_ON = {"record": "bag", "dashboard": True, "coworker": True, "namespace": "ce
 LATER = {
     "intent_estimator": {"human/wrist", "joint_states"},  # once it has a model
     "primitive_activation": {"intent/next_task", "intent/robot_trajectory", "intent/tasks"}
-    | {"joint_states", "joint_trajectory"},
+    | {"joint_states", "joint_trajectory"}
+    | {"human/wrist", "intent/sequence", "intent/via_points"},
     "bag_recorder": {*RECORDED},
     "bag_player": {topic for topic in RECORDED if not topic.startswith(OWN_TOPICS)},
     "task_teacher": {"mocap/wrist/pose", "joint_states", "robot_description"},
     "dashboard": {"mocap/wrist/pose", "joint_trajectory", "robot_description", "joint_states"},
     "coworker_sim": set(),
 }
-"""Topics that a node takes up after its start."""
+"""Topics that a node takes up after its start, or with a file of sequences."""
 TURNED_ON = {
     "primitive_activation": {"person_dofs": ["x", "y", "z"]},
     "lwr_sim": {"controller": "stochastic_feedback"},
