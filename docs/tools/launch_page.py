@@ -30,7 +30,7 @@ def _section(name: str, spec: GraphSpec) -> str:
 def _node(name: str) -> str:
     shown = f"`{name}`"
     if NODES[name].module:
-        shown = f"[{shown}](nodes.md#{name})"
+        shown = f"[{shown}](nodes.md#{NODES[name].executable or name})"
     return f"{shown} (with `{NODES[name].when}`)" if NODES[name].when else shown
 
 
