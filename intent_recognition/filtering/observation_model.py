@@ -33,6 +33,7 @@ class Measurement(NamedTuple):
         values: (m,).
         noise_covariance: of the values, (m, m), positive definite.
         derivative: whether velocities were measured.
+        first: whether none of the DOFs had been measured before.
     """
 
     elapsed_s: float
@@ -41,6 +42,7 @@ class Measurement(NamedTuple):
     values: NDArray[np.float64]
     noise_covariance: NDArray[np.float64]
     derivative: bool
+    first: bool = False
 
 
 class ObservationModel:
@@ -77,12 +79,12 @@ class ObservationModel:
             ArgumentError: a value is not finite, or velocities come without a covariance.
         """
         dofs = self.library.observed_dofs(observation.group, observation.dofs)
-        learned = None
+        learned, first = None, False
         if not observation.derivative:
             last_ns = [self._last_ns[dof] for dof in dofs]
             known_ns = [stamp_ns for stamp_ns in last_ns if stamp_ns is not None]
             interval_s = (observation.stamp_ns - max(known_ns)) * 1e-9 if known_ns else inf
-            learned = self.library.noise_covariance(dofs, interval_s)
+            learned, first = self.library.noise_covariance(dofs, interval_s), not known_ns
         noise = self._noise(observation, learned)
         check_observation(dofs, observation.values, noise)
         kind = (observation.group, observation.dofs, observation.derivative)
@@ -97,11 +99,15 @@ class ObservationModel:
         passed_s = inf if self._last_s is None else max(elapsed_s - self._last_s, 0.0)
         self._last_s = elapsed_s if self._last_s is None else max(elapsed_s, self._last_s)
         return Measurement(
-            elapsed_s, passed_s, dofs, observation.values, noise, observation.derivative
+            elapsed_s, passed_s, dofs, observation.values, noise, observation.derivative, first
         )
 
     def step(self, measurement: Measurement, index: NDArray[np.int64] | slice) -> Step:
-        """A measurement as some hypotheses take it."""
+        """A measurement as some hypotheses take it.
+
+        Where the movement begins counts in full: the heavy tails of the Student density are for
+        what people do on the way, and a movement that begins elsewhere is not a known one.
+        """
         library, hypotheses, elapsed_s = self.library, self.hypotheses, measurement.elapsed_s
         deviation, basis = library.phase_deviation, library.basis
         phase = reference_phase(deviation, hypotheses.phase(elapsed_s)[index])
@@ -121,7 +127,7 @@ class ObservationModel:
             measurement.noise_covariance,
             transition,
             deviation.evidence,
-            library.evidence_freedom,
+            inf if measurement.first else library.evidence_freedom,
         )
 
     def _noise(

@@ -2,6 +2,7 @@
 """The filter along held-out demonstrations, all at once, as it runs online."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import inf
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -87,7 +88,8 @@ def filter_samples(
         moved = None
         if k and deviation.shape[1] > 1:
             moved = deviation_transition(model, (phase - phases[k - 1]) * different)[place]
-        step = Step(dofs, rows, values[k], noise, moved, model.evidence, library.evidence_freedom)
+        freedom = library.evidence_freedom if k else inf  # as in `ObservationModel.step`
+        step = Step(dofs, rows, values[k], noise, moved, model.evidence, freedom)
         density, likelihood = condition_on(weights, deviation, step)
         evidence += density
         believed.append((deviation.copy(), likelihood))

@@ -198,7 +198,8 @@ def test_filtering_and_smoothing_equal_the_enumeration_of_all_paths(
         values = expected[rng.integers(3)] + 0.02 * rng.normal(size=len(these))
         run.observe(seen(time, values, these, 0.05**2))
         noise = np.diag(library.noise_variance[list(these)] + 0.05**2)
-        likelihood[k] = np.exp([log_density(values, mean, noise, freedom) for mean in expected])
+        tails = freedom if k else np.inf  # where a movement begins counts in full
+        likelihood[k] = np.exp([log_density(values, mean, noise, tails) for mean in expected])
     moves = [
         deviation_transition(model, np.array(max(b - a, 0.0)) / 2.0)
         for a, b in pairwise(np.maximum.accumulate(times))
