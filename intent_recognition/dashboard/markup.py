@@ -130,19 +130,22 @@ def heading(text: str) -> str:
 
 
 def table(head: Iterable[str], rows: Iterable[Sequence[str]]) -> str:
-    """A small table of texts."""
+    """A small table of texts, which may have several lines."""
+    look = "padding:.2em .5em .2em 0;vertical-align:top;white-space:"
     cells = "".join(
-        f'<th style="text-align:left;color:{SOFT};font-weight:500;padding:.2em .6em .2em 0">'
+        f'<th style="{look}nowrap;text-align:left;color:{SOFT};font-weight:500">'
         f"{escape(title)}</th>"
         for title in head
     )
     body = "".join(
         "<tr>"
-        + "".join(f'<td style="padding:.2em .6em .2em 0">{escape(cell)}</td>' for cell in row)
+        + "".join(f'<td style="{look}pre-line">{escape(cell)}</td>' for cell in row)
         + "</tr>"
         for row in rows
     )
-    return _block(f'<table style="border-collapse:collapse"><tr>{cells}</tr>{body}</table>')
+    return _block(
+        f'<table style="border-collapse:collapse;font-size:.94em"><tr>{cells}</tr>{body}</table>'
+    )
 
 
 def _node(name: str, health: NodeHealth, now_s: float) -> str:

@@ -15,11 +15,12 @@ from intent_recognition.report import readable
 
 NOTHING = "Nothing was taught or executed yet, or no teacher runs."
 HOW = (
-    "Push or guide the arm while it executes: it yields, and goes on from where you leave it"
-    " (`correction: lwr` of `primitive_activation`).",
-    "Press `Keep`: the task moves half the way. `Undo` takes the last change back.",
+    "Push or guide the arm while it executes: it yields, and goes on from where you leave it."
+    " It does where `primitive_activation` has `correction: lwr`.",
+    "Keep it: the task moves half the way. Undo takes the last change back.",
 )
-HEAD = ("since", "change", "done", "arrived", "corrected", "up / down", "spilled")
+UNKNOWN = ("", "-")
+HEAD = ("change", "done", "arrived", "corrected", "good / bad", "spilled")
 
 
 class SkillsTab:
@@ -37,7 +38,7 @@ class SkillsTab:
         gui = server.gui
         self._commands = commands
         self._task = ""
-        self._hint = gui.add_html(markup.ways("Correct by hand", HOW))
+        self._hint = gui.add_html(markup.heading("Correct by hand") + markup.steps(HOW))
         self._keep = gui.add_button(
             "Keep the last correction", icon=viser.Icon.HAND_GRAB, color=rgb(markup.GOOD)
         )
@@ -59,8 +60,8 @@ class SkillsTab:
             button.disabled = not teacher
         for button in (self._up, self._down):
             button.disabled = not (teacher and self._task)
-        name = readable(self._task)
-        set_content(self._status, markup.remark(f"Good and bad: of {name}" if self._task else ""))
+        judged = f"Good or bad: the last {readable(self._task)}." if self._task else ""
+        set_content(self._status, markup.remark(judged))
         set_content(self._table, skills_table(state.skills))
 
     def _judge(self, thumbs: str) -> None:
@@ -72,16 +73,22 @@ def skills_table(skills: dict[str, list[SkillRow]]) -> str:
     if not skills:
         return markup.remark(NOTHING)
     return "".join(
-        markup.heading(readable(task)) + markup.table(HEAD, [_cells(row) for row in reversed(rows)])
+        markup.heading(readable(task)) + _task_table([_cells(task, row) for row in reversed(rows)])
         for task, rows in sorted(skills.items())
     )
 
 
-def _cells(row: SkillRow) -> tuple[str, ...]:
+def _task_table(rows: list[tuple[str, ...]]) -> str:
+    """The table of a task; what is spilled only where it is known, for the panel is narrow."""
+    known = len(HEAD) if any(row[-1] not in UNKNOWN for row in rows) else len(HEAD) - 1
+    return markup.table(HEAD[:known], [row[:known] for row in rows])
+
+
+def _cells(task: str, row: SkillRow) -> tuple[str, ...]:
     value = row.values.get
+    since = value("since", "")[5:16].replace("T", " ")
     return (
-        value("since", "")[5:16].replace("T", " "),
-        row.what,
+        f"{since}\n{readable(row.what.replace(f'{task}_', ''))}".strip(),
         *(value(name, "") for name in ("executions", "arrived", "corrected")),
         f"{value('thumbs up', '')} / {value('thumbs down', '')}",
         value("spilled", ""),

@@ -46,6 +46,15 @@ def test_labels_and_messages_are_escaped():
         assert "<script" not in text
 
 
+def test_a_table_of_skills_is_as_narrow_as_can_be():
+    """It names neither the task again nor what is spilled where nothing is."""
+    rows = [SkillRow("kept give_cup_0003", {"spilled": "-"}), SkillRow("begun", {"spilled": "-"})]
+    text = skills_table({"give_cup": rows})
+    assert "kept 0003" in text and text.count("give") == 1
+    assert "spilled" not in text
+    assert "spilled" in skills_table({"give_cup": [*rows, SkillRow("", {"spilled": "0.1"})]})
+
+
 def test_a_silent_node_stands_out():
     nodes = {"arm": NodeHealth(0, "running", {}, 0.0), "ear": NodeHealth(0, "running", {}, 9.0)}
     assert markup.silent_nodes(nodes, 10.0) == ["arm"]
