@@ -16,7 +16,11 @@ SYSTEM = {
     "cd", "eval", "git", "mkdir", "python3", "python3.11", "rosdep", "source", "sudo", "touch",
 }  # fmt: skip
 """Other people's programs: their options are theirs."""
-ROS2 = {"bag": ("record", "play", "info"), "topic": ("list", "hz", "echo", "pub"), "node": ("list",)}
+ROS2 = {
+    "bag": ("record", "play", "info"),
+    "topic": ("list", "hz", "echo", "pub"),
+    "node": ("list",),
+}
 ROS2 |= {"param": ("set", "get", "describe", "list"), "lifecycle": ("set", "get", "nodes")}
 
 SHOWN = commands()
