@@ -29,6 +29,7 @@ EXECUTABLES = {
     "arm_sim",
     "lwr_sim",
     "coworker_sim",
+    "warped_primitive",
 }
 CODE = ("intent_recognition", "sim_bridge", "test", "launch", "benchmarks")
 

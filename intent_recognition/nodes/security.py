@@ -62,10 +62,20 @@ class Interface(NamedTuple):
 
 _ARM = Interface(
     ("intent/active_task", "intent/robot_trajectory", "joint_trajectory", "~/push"),
-    ("joint_states", "robot_description"),
+    ("balls", "cup/cloud", "joint_states", "robot_description", "second/cloud"),
     ("~/gravity_compensation",),
 )
+_WARPER = Interface(
+    ("object/cloud", "object/toward"),
+    ("object/labelled_cloud", "object/parameters", "object/pose"),
+)
 INTERFACES = {
+    **dict.fromkeys(("cup_warper", "second_warper"), _WARPER),
+    "warped_primitive": Interface(
+        ("cup/parameters", "cup/pose", "joint_states", "pour")
+        + ("second/parameters", "second/pose"),
+        ("intent/robot_trajectory", "intent/tasks"),
+    ),
     **dict.fromkeys(ARMS, _ARM),
     "mocap_ingest": Interface((f"mocap/{BODY}/pose",), (f"human/{BODY}",)),
     "intent_estimator": Interface(

@@ -21,6 +21,7 @@ from intent_recognition.composing import (
 from intent_recognition.errors import ArgumentError
 from intent_recognition.recognition import TaskMemory
 from intent_recognition.recognition.transitions import HABIT_TRUST, Expectation
+from intent_recognition.share import share_path
 
 TEXT = """
 toolbox:
@@ -240,3 +241,9 @@ def test_an_order_is_taken_back_waits_for_a_recognised_task_and_must_be_certain(
     world.task = "idle"
     world.run_until(Mode.IDLE)
     assert world.tasks_seen == ["", "plate", ""]
+
+
+def test_the_shipped_example_is_one_of_the_toolbox():
+    text = share_path("config/examples/toolbox_sequence.yaml").read_text(encoding="utf-8")
+    found = read_sequences(text, ("hold_screwdriver", "plate_handover", "screw_handover"))
+    assert all(len(steps) > 1 for steps in found.values())

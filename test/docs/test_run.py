@@ -33,6 +33,8 @@ NOT_RUN = {
     "demo": "takes minutes; test/cli/test_demo.py",
     "experiments": "takes minutes; test/cli/test_experiments.py (but `--list`, which is run)",
     "teach": "needs a person and a running graph; test/cli/test_teach.py",
+    "keep": "needs an execution that was corrected; test/nodes/test_task_teacher.py",
+    "via": "needs a running graph; test/nodes/test_via_points.py",
     "undo": "needs a library that was taught; test/cli/test_teach.py",
 }
 """Commands of `intent` that are only parsed, and why."""
@@ -51,6 +53,8 @@ def runs_here(words):
         return False
     if words[1:] == ("experiments", "--list"):
         return True
+    if words[1:] == ("inspect", "tasks"):  # a folder that was taught
+        return False
     return words[1] not in NOT_RUN and words[1] not in UNTIL_CTRL_C
 
 

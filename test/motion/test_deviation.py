@@ -56,7 +56,7 @@ def test_only_what_lasts_and_is_large_enough_counts():
     rng = np.random.default_rng(2)
     detector = calibrate_detector([execution(rng, std=1e-4) for _ in range(4)], 0.4)
     still = TrackedMotion(STEP_S, *np.zeros((3, 200, 2)))
-    for offset, samples, expected in ((0.03, 60, True), (0.03, 40, False), (0.015, 200, False)):
+    for offset, samples, expected in ((0.03, 90, True), (0.03, 70, False), (0.006, 200, False)):
         still.error[:] = 0.0
         still.error[:samples, 1] = offset
         assert pushed(detector, still) is expected
