@@ -33,6 +33,21 @@ PIXEL = """([node, x, y, z]) => {
 }"""
 """Where a point of a thing in the scene is seen, by the page's own camera."""
 
+BLIND = """(() => {
+  const context = WebGL2RenderingContext.prototype;
+  window.draws = false;
+  for (const name of ["drawArrays", "drawElements", "drawArraysInstanced",
+                      "drawElementsInstanced"]) {
+    const draw = context[name];
+    context[name] = function (...given) { if (window.draws) draw.apply(this, given); };
+  }
+})()"""
+"""The scene is drawn only while somebody looks: by software a frame takes seconds of processor."""
+LOOK = """async () => {
+  window.draws = true;
+  for (let k = 0; k < 3; k++) await new Promise(done => requestAnimationFrame(done));
+}"""
+
 
 def chromium() -> str:
     """Path of the browser; without one the test is skipped, but not where CI runs."""
@@ -129,10 +144,17 @@ class Visitor:
             self.page.wait_for_timeout(DRAG_STEP_MS)
         mouse.up()
 
+    def screenshot(self, **options) -> bytes:
+        """What is seen, with the scene drawn for once."""
+        self.page.evaluate(LOOK)
+        data = self.page.screenshot(**options)
+        self.page.evaluate("() => { window.draws = false; }")
+        return data
+
     def scene(self) -> np.ndarray:
         """The three-dimensional part of the page as an image (H, W, 3)."""
         clip = {"x": 320, "y": 160, "width": WIDTH - PANEL - 320, "height": HEIGHT - 160}
-        data = self.page.screenshot(clip=clip)
+        data = self.screenshot(clip=clip)
         return np.asarray(Image.open(BytesIO(data)).convert("RGB"), dtype=float)
 
 
@@ -146,6 +168,7 @@ def visitor():
         try:
             page = opened.new_page(viewport={"width": WIDTH, "height": HEIGHT})
             browser.calm(page, FRAMES_HZ)
+            page.add_init_script(BLIND)
             yield Visitor(page)
         finally:
             opened.close()

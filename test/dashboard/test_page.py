@@ -19,6 +19,8 @@ pytestmark = pytest.mark.slow
 
 FOREARM = "/person/upper_body/upper_arm/forearm"
 REACHES, REACH_S = 4, 20.0
+SEEN_STD = 5.0
+"""Of the colours of an image on which there is something; an empty scene is white all over."""
 NODES = {
     "sim_bridge.nodes.lwr_sim": {},
     "intent_recognition.nodes.mocap_ingest": {},
@@ -79,7 +81,7 @@ def test_page_shows_replays_and_teaches(cell, tmp_path):
         assert {url.split("/")[2] for url in outside} == {f"127.0.0.1:{cell['port']}"}
         assert not [text for text in person.console if "Content Security" in text]
         if os.environ.get("SCREENSHOTS"):
-            person.page.screenshot(path=f"{os.environ['SCREENSHOTS']}/page.png")
+            person.screenshot(path=f"{os.environ['SCREENSHOTS']}/page.png")
     folder = TaskFolder(tmp_path / "tasks", load_model(cell["model"]).dofs)
     taught = [change for change in folder.history() if change.action == LEARN]
     assert [change.task for change in taught] == ["wave"] * 3
@@ -88,6 +90,7 @@ def test_page_shows_replays_and_teaches(cell, tmp_path):
 def watch_a_replay(person):
     """The arm moves and the posterior changes while a recording is played."""
     before = person.scene()
+    assert np.std(before) > SEEN_STD
     person.tab("Replay")
     person.press("Play")
     person.tab("Watch")
