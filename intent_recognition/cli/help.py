@@ -12,6 +12,7 @@ GROUPS = {
     "files of others": ("import", "export"),
     "teach while the graph runs": ("teach", "keep", "undo"),
     "compose skills": ("via",),
+    "practise": ("improve",),
     "measure objects": ("warp",),
 }
 """The commands by purpose, in the order in which the help lists them."""

@@ -46,13 +46,11 @@ class CovarianceSearch:
         n_axes: number of coordinates k.
         seed: of the points it draws.
         step: standard deviation of the first points; 1 is the primitive's own.
-        adapt: whether the covariance is learned; else only the mean and the step are.
     """
 
     n_axes: int
     seed: int
     step: float = 1.0
-    adapt: bool = True
 
     def ask(self, points: Points, costs: Costs) -> NDArray[np.float64]:
         """The next point to try (k,), given those tried (n, k) and their costs (n,).
@@ -98,7 +96,6 @@ class CovarianceSearch:
         options = {
             "randn": lambda *shape: rng.standard_normal(shape),
             "seed": np.nan,  # no global random numbers
-            "CMA_on": float(self.adapt),
             "verbose": -9,
         }
         return cma.CMAEvolutionStrategy(np.zeros(self.n_axes), self.step, options)

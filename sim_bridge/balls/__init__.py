@@ -5,7 +5,7 @@ from sim_bridge.balls.collision import HULL_MARGIN_M, wall_pieces, write_obj
 from sim_bridge.balls.fluid import ball_radius_m, hollow_of, settled
 from sim_bridge.balls.hollow import Hollow, offset
 from sim_bridge.balls.table import TRIALS_FILE, Trials, read_trials
-from sim_bridge.balls.tilting import WallGuard, level_axes
+from sim_bridge.balls.tilting import Tilted, WallGuard, level_axes, tilt_along
 from sim_bridge.balls.trials import (
     COLUMNS,
     CONTAINER_SEED,
@@ -18,7 +18,7 @@ from sim_bridge.balls.trials import (
     container,
     make,
 )
-from sim_bridge.balls.world import CONTACT_BREAKING_M, DENSITY_KG_M3, BallWorld
+from sim_bridge.balls.world import CONTACT_BREAKING_M, DENSITY_KG_M3, STEP_S, BallWorld
 
 __all__ = [
     "COLUMNS",
@@ -30,10 +30,12 @@ __all__ = [
     "HULL_MARGIN_M",
     "POURING",
     "SECOND",
+    "STEP_S",
     "TRIALS_FILE",
     "TRIALS_PER_OBJECT",
     "BallWorld",
     "Hollow",
+    "Tilted",
     "TrialBlock",
     "Trials",
     "WallGuard",
@@ -45,6 +47,7 @@ __all__ = [
     "offset",
     "read_trials",
     "settled",
+    "tilt_along",
     "wall_pieces",
     "write_obj",
 ]

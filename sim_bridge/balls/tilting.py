@@ -66,12 +66,26 @@ def tilt(
         tilt_rad: angle to turn to.
         hold_s: time to wait there.
     """
+    turning = round(abs(tilt_rad) / TURN_RAD_S / STEP_S)
+    steps = range(turning + round(hold_s / STEP_S))
+    share = [min((k + 1) / turning, 1.0) if turning else 1.0 for k in steps]
+    return tilt_along(world, balls_m, tilt_rad * np.array(share))
+
+
+def tilt_along(
+    world: BallWorld, balls_m: NDArray[np.float64], tilts_rad: NDArray[np.float64]
+) -> Tilted:
+    """Fill a container and tilt it toward +x about its lip, until the end or until it is empty.
+
+    Args:
+        world: its balls are replaced.
+        balls_m: settled centres (N, 3).
+        tilts_rad: angle in each physics step (K,).
+    """
     world.fill(balls_m)
     world.step(round(CALM_S / STEP_S))
     watch = _FallWatch(world)
-    turning = round(abs(tilt_rad) / TURN_RAD_S / STEP_S)
-    for k in range(turning + round(hold_s / STEP_S)):
-        angle = tilt_rad * min((k + 1) / turning, 1.0) if turning else tilt_rad
+    for k, angle in enumerate(tilts_rad.tolist()):
         world.set_gravity(gravity_at(angle))
         world.step()
         if (k + 1) % _STEPS_PER_LOOK == 0:

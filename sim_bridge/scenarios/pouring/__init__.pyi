@@ -13,8 +13,9 @@ from .executed import (
     seen_as,
 )
 from .live import LivePouring, balls_above_m, start_posture
-from .novel import read_demonstrated, read_pour
+from .novel import learn_pouring, read_demonstrated, read_pour
 from .pour import Poured
+from .practice import PouringPractice, read_primitive, save_primitive
 from .task_space import PourPath
 
 __all__ = [
@@ -27,13 +28,17 @@ __all__ = [
     "PourOrder",
     "PourPath",
     "Poured",
+    "PouringPractice",
     "Skill",
     "balls_above_m",
     "execute",
+    "learn_pouring",
     "learn_skill",
     "planned",
     "read_demonstrated",
     "read_pour",
+    "read_primitive",
+    "save_primitive",
     "seen_as",
     "start_posture",
 ]

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent improve`: let the robot practise a task, and take over what it has come to."""
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+
+from intent_recognition.cli.console import print_facts, progress_bar
+from intent_recognition.cli.help import examples
+from intent_recognition.cli.options import Subparsers, number
+from intent_recognition.cli.output import (
+    PRINTED,
+    add_json_option,
+    check_json,
+    console_beside,
+    write_json,
+)
+from intent_recognition.errors import ModelError, describe
+from intent_recognition.share import share_path
+
+if TYPE_CHECKING:
+    from intent_recognition.warping import WarpedPrimitive
+    from sim_bridge.practice import Cost, PracticeSession, Rollout
+    from sim_bridge.scenarios.pouring import PouringPractice
+
+POURING, THUMBS = "pouring", "thumbs"
+PRIMITIVE, BEFORE = "primitive.npz", "primitive.before.npz"
+ROLLOUTS = 40
+"""Rollouts of a practice unless more are asked for. Convention: a person still watches as many."""
+CHECKS = 5
+"""Rollouts with which the start and what practice has come to are compared at the end."""
+
+
+def add_parser(subparsers: Subparsers) -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "improve",
+        help="let the robot practise a task until it costs less",
+        description="Let the robot practise: it tries paths within two standard deviations of what"
+        " was demonstrated and within the arm's limits, each is logged as a bag and costs what"
+        " --cost says. End it with Ctrl-C and give the same command to go on. Nothing is replaced"
+        " before --accept.",
+        **examples(
+            (
+                "spill less with a tea cup, 40 pours in simulation",
+                "intent improve pouring --cost spilled --cup tea_cup --into paper_cup",
+            ),
+            ("with a cost of one's own", "intent improve pouring --cost my_cost.py"),
+            ("say up or down after each pour", "intent improve pouring --cost thumbs"),
+            ("take over what it has come to", "intent improve pouring --accept"),
+        ),
+    )
+    parser.add_argument("task", choices=(POURING,), metavar="TASK", help="what: pouring")
+    parser.add_argument(
+        "--cost",
+        default="spilled",
+        metavar="FILE|NAME",
+        help="spilled, level, thumbs, or a Python file with one function of a rollout (default:"
+        " %(default)s)",
+    )
+    parser.add_argument("--cup", default="tea_cup", help="container in the hand (%(default)s)")
+    parser.add_argument("--into", default="paper_cup", help="the other one (%(default)s)")
+    parser.add_argument(
+        "--wanted",
+        type=number(int, 0, 40),
+        default=40,
+        metavar="N",
+        help="balls wanted in the other one, of 40 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--rollouts",
+        type=number(int, 1),
+        default=ROLLOUTS,
+        metavar="N",
+        help="in all, those of before included (default: %(default)s)",
+    )
+    parser.add_argument("--seed", type=number(int, 0), default=1, help="(default: %(default)s)")
+    parser.add_argument(
+        "--start",
+        type=Path,
+        metavar="BAGS|FILE",
+        help="demonstrations, or an accepted primitive, to begin with (default: the shipped ones)",
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("practice"),
+        metavar="DIR",
+        help="folder of rollouts and results (default: %(default)s)",
+    )
+    action = parser.add_mutually_exclusive_group()
+    action.add_argument(
+        "--accept", action="store_true", help=f"write what practice has come to as {PRIMITIVE}"
+    )
+    action.add_argument("--undo", action="store_true", help="take the last --accept back")
+    add_json_option(parser, "costs and outcomes")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Practise, accept or undo.
+
+    Raises:
+        ArgumentError: the cost cannot be used.
+        ModelError: there is nothing to accept or to take back.
+        ResourceBusyError: the folder holds another practice.
+    """
+    check_json(args.json)
+    console = console_beside(args.json)
+    if args.undo:
+        return _undo(args.output, console)
+    from intent_recognition.improvement import CovarianceSearch
+    from sim_bridge.practice import Cost, PracticeSession, load_cost
+    from sim_bridge.scenarios.pouring import PouringPractice
+
+    cost = Cost(THUMBS, _thumb) if args.cost == THUMBS else load_cost(args.cost)
+    with PouringPractice(_primitive(args.start), args.cup, args.into, args.wanted) as practice:
+        search = CovarianceSearch(practice.space.n_axes, args.seed)
+        about = {"task": args.task, "cup": args.cup, "second": args.into}
+        about |= {"wanted": args.wanted, "seed": args.seed}
+        session = PracticeSession(args.output, practice, search, cost, about)
+        if args.accept:
+            return _accept(args.output, session, practice, console)
+        _practise(session, args.rollouts, console)
+        _report(args, session, practice, cost, console)
+    return 0
+
+
+def _primitive(start: Path | None) -> "WarpedPrimitive":
+    from sim_bridge.scenarios.pouring import learn_skill, read_primitive
+
+    if start is not None and start.is_file():
+        return read_primitive(start)
+    return learn_skill(start or share_path("bags/pouring/train"), 1).primitive
+
+
+def _practise(session: "PracticeSession", rollouts: int, console: Console) -> None:
+    with progress_bar(console) as bar:
+        task = bar.add_task("practising", total=rollouts, completed=len(session.tried))
+        while len(session.tried) < rollouts:
+            tried = session.step()
+            bar.advance(task)
+            bar.update(task, description=f"practising, last cost {tried.cost:.3g}")
+
+
+def _report(
+    args: argparse.Namespace,
+    session: "PracticeSession",
+    practice: "PouringPractice",
+    cost: "Cost",
+    console: Console,
+) -> None:
+    """Print and write what came of it."""
+    numbers: dict[str, object] = {
+        "about": session.about,
+        "costs": session.costs.tolist(),
+        "outcomes": [dict(one.outcome) for one in session.tried],
+    }
+    facts = {"rollouts": f"{len(session.tried)}, {args.output / 'rollouts'}"}
+    facts["cost of the first, the cheapest"] = f"{session.costs[0]:.3g}, {session.costs.min():.3g}"
+    if cost.name != THUMBS:
+        means = {}
+        for name, weights in (("start", practice.space.mean), ("settled", session.settled())):
+            rolled = [
+                practice.rollout(weights, np.random.default_rng([args.seed, 1, k]))
+                for k in range(CHECKS)
+            ]
+            means[name] = float(np.mean([cost(one) for one in rolled]))
+        numbers["checked"] = means
+        facts[f"cost before, after ({CHECKS} fresh rollouts each)"] = (
+            f"{means['start']:.3g}, {means['settled']:.3g}"
+        )
+    facts["to take it over"] = "the same command with --accept"
+    if args.json != PRINTED:
+        print_facts(console, facts)
+    write_json(args.json, numbers)
+
+
+def _accept(
+    folder: Path, session: "PracticeSession", practice: "PouringPractice", console: Console
+) -> int:
+    from sim_bridge.scenarios.pouring import save_primitive
+
+    if not session.tried:
+        cure = "Practise first: the same command without --accept."
+        raise ModelError(describe(str(folder), "rollouts", "none", cure))
+    improved = replace(practice.primitive, mean=session.settled())
+    if (folder / PRIMITIVE).exists():
+        (folder / PRIMITIVE).replace(folder / BEFORE)
+    save_primitive(folder / PRIMITIVE, improved)
+    console.print(f"accepted: {folder / PRIMITIVE}", highlight=False, soft_wrap=True)
+    return 0
+
+
+def _undo(folder: Path, console: Console) -> int:
+    """Take the last accepted primitive back; the one before it returns, if there was one."""
+    if not (folder / PRIMITIVE).exists():
+        cure = "Accept first, or name the folder with --output."
+        raise ModelError(describe(str(folder), "an accepted primitive", "none", cure))
+    if (folder / BEFORE).exists():
+        (folder / BEFORE).replace(folder / PRIMITIVE)
+        said = "the primitive accepted before is back"
+    else:
+        (folder / PRIMITIVE).unlink()
+        said = "nothing is accepted now"
+    console.print(f"{folder}: {said}", highlight=False, soft_wrap=True)
+    return 0
+
+
+def _thumb(rollout: "Rollout") -> float:
+    """A person's answer: 0 for up, 1 for down."""
+    seen = ", ".join(f"{name} {value:g}" for name, value in rollout.outcome.items())
+    sys.stderr.write(f"{seen}\n")
+    while True:
+        sys.stderr.write("u: thumb up, d: down, q: stop and go on later > ")
+        sys.stderr.flush()
+        answer = sys.stdin.readline()
+        if answer.strip() in ("u", "d"):
+            return float(answer.strip() == "d")
+        if answer.strip() == "q" or not answer:
+            raise KeyboardInterrupt

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Practice from a deliberately poor start: demonstrations moved away from the second container."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.improvement import CovarianceSearch, Search, next_point, settled_point
+from intent_recognition.warping import WarpedPrimitive
+from sim_bridge.practice import COSTS
+from sim_bridge.scenarios.pouring import (
+    PouringPractice,
+    PourPath,
+    learn_pouring,
+    read_demonstrated,
+    seen_as,
+)
+
+COST = "spilled"
+N_ROLLOUTS = 40
+N_CHECKS = 3
+"""Fresh pours that the start and what a search has come to are compared with."""
+SHORT_RADII, SHORT_STD_RADII = 0.9, 0.3
+"""How much too short the moved demonstrations pour, and its standard deviation, in radii of the
+second opening: most of the balls fall before it."""
+OTHER_STD = np.array([0.0, 0.1, 0.08])
+"""How much they vary across and up, as ratios of the warped space."""
+METHODS = CMA, RANDOM = "CMA-ES", "random search"
+_STREAM, _CHECK = 71, 1_000_000
+
+
+@dataclass(frozen=True)
+class RandomSearch:
+    """Draws from the primitive itself, and keeps the cheapest."""
+
+    n_axes: int
+    seed: int
+
+    def ask(self, points: NDArray[np.float64], costs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The next point to try (k,); the first is the mean."""
+        if not len(costs):
+            return np.zeros(self.n_axes)
+        return np.random.default_rng([self.seed, len(costs)]).standard_normal(self.n_axes)
+
+    def favourite(
+        self, points: NDArray[np.float64], costs: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The cheapest point (k,) so far."""
+        return points[np.argmin(costs)] if len(costs) else np.zeros(self.n_axes)
+
+
+@dataclass(frozen=True)
+class Practised:
+    """One practice.
+
+    Attributes:
+        seed: of start, balls and search.
+        method: one of `METHODS`.
+        costs: of the rollouts, in order (n,).
+        start: mean cost of fresh pours with the start.
+        settled: the same with what practice has come to.
+        spilled: balls of 40 spilled in these, before and after.
+    """
+
+    seed: int
+    method: str
+    costs: NDArray[np.float64]
+    start: float
+    settled: float
+    spilled: tuple[float, float]
+
+    @property
+    def halved(self) -> bool:
+        """Whether practice halved the cost."""
+        return self.settled <= 0.5 * self.start
+
+
+def poor_primitive(demonstrations: Path, seed: int) -> tuple[WarpedPrimitive, str, str]:
+    """A primitive from demonstrations that pour too short, and the pair they were made with."""
+    shown = read_demonstrated(demonstrations)
+    cup, second = (seen_as(name, 1) for name in (shown.cup, shown.second))
+    radius, height = second.references.opening_radius_m, cup.references.height_m
+    rng = np.random.default_rng([seed, _STREAM])
+    pours = []
+    for pour in shown.pours:
+        ratios = np.append(-SHORT_RADII + SHORT_STD_RADII * rng.standard_normal(), [0.0, 0.0])
+        ratios += OTHER_STD * rng.standard_normal(3)
+        moved = pour.offset_m + ratios * [radius, radius, height]
+        pours.append(PourPath(pour.times_s, moved, pour.tilt_rad))
+    return learn_pouring(pours, cup, second), shown.cup, shown.second
+
+
+def search_of(method: str, n_axes: int, seed: int) -> Search:
+    """The search of a name."""
+    if method == RANDOM:
+        return RandomSearch(n_axes, seed)
+    return CovarianceSearch(n_axes, seed)
+
+
+def practise(practice: PouringPractice, method: str, seed: int, n_rollouts: int) -> Practised:
+    """Practise once; how the balls lie is the same for every method."""
+    space, cost = practice.space, COSTS[COST]
+    search = search_of(method, space.n_axes, seed)
+    points, costs = np.empty((0, space.n_axes)), np.empty(0)
+    for number in range(n_rollouts):
+        point = next_point(search, space, points, costs, practice.keeps_limits)
+        rollout = practice.rollout(space.weights(point), np.random.default_rng([seed, number]))
+        points, costs = np.vstack([points, point]), np.append(costs, cost(rollout))
+    settled = settled_point(search, space, points, costs, practice.keeps_limits)
+    checks = [
+        [
+            practice.rollout(weights, np.random.default_rng([seed, _CHECK + k]))
+            for k in range(N_CHECKS)
+        ]
+        for weights in (space.mean, space.weights(settled))
+    ]
+    before, after = (float(np.mean([cost(one) for one in some])) for some in checks)
+    spilled = tuple(float(np.mean([r.outcome["spilled"] for r in some])) for some in checks)
+    return Practised(seed, method, costs, before, after, (spilled[0], spilled[1]))
+
+
+def investigate(
+    demonstrations: Path,
+    seeds: Sequence[int],
+    methods: Sequence[str],
+    n_rollouts: int,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[Practised]:
+    """Practise with every seed by every method."""
+    done = []
+    for k, seed in enumerate(seeds):
+        primitive, cup, second = poor_primitive(demonstrations, seed)
+        with PouringPractice(primitive, cup, second) as practice:
+            for method in methods:
+                done.append(practise(practice, method, seed, n_rollouts))
+                progress((k + (len(done) - k * len(methods)) / len(methods)) / len(seeds))
+    return done
+
+
+def of_method(done: Sequence[Practised], method: str) -> list[Practised]:
+    """Those by one method, by seed."""
+    return sorted((one for one in done if one.method == method), key=lambda one: one.seed)
+
+
+def best_so_far(done: Sequence[Practised]) -> NDArray[np.float64]:
+    """Cheapest rollout so far over the first's cost, (practices, rollouts)."""
+    costs = np.array([one.costs for one in done])
+    return np.minimum.accumulate(costs, axis=1) / np.maximum(costs[:, :1], 1e-9)

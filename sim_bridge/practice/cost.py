@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a rollout costs: by name, or by a Python file of the user's."""
+
+import importlib.util
+import inspect
+import math
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError, describe
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """One execution, as a cost sees it.
+
+    Attributes:
+        times_s: since the start (T,).
+        joints_rad: of the arm (T, 7).
+        outcome: what came of it, by name; of a pour `balls`, `caught`, `spilled`, `kept` and
+            `wanted`, each a number of balls.
+    """
+
+    times_s: NDArray[np.float64]
+    joints_rad: NDArray[np.float64]
+    outcome: Mapping[str, float]
+
+
+CostOf: TypeAlias = Callable[[Rollout], float]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A cost and what it is called; lower is better."""
+
+    name: str
+    of: CostOf
+
+    def __call__(self, rollout: Rollout) -> float:
+        """The cost of a rollout.
+
+        Raises:
+            ArgumentError: the function failed, or returned no finite number.
+        """
+        try:
+            value = self.of(rollout)
+        except Exception as error:  # the user's own code may raise anything
+            where = traceback.extract_tb(error.__traceback__)[-1]
+            got = f"{type(error).__name__}: {error} (line {where.lineno} of {where.filename})"
+            cure = "Correct the function; the rollouts so far are kept."
+            expected = "a function that returns a number"
+            raise ArgumentError(describe(f"cost {self.name}", expected, got, cure)) from error
+        number = isinstance(value, (int, float, np.integer, np.floating))
+        if not number or isinstance(value, bool) or not math.isfinite(value):
+            cure = "Return one float; lower is better."
+            raise ArgumentError(describe(f"cost {self.name}", "a finite number", repr(value), cure))
+        return float(value)
+
+
+def spilled(rollout: Rollout) -> float:
+    """Balls that fell beside, and balls more or fewer than wanted in the second container.
+
+    One that is spilled is also missing: it counts twice, one left in the cup once.
+    """
+    return rollout.outcome["spilled"] + level(rollout)
+
+
+def level(rollout: Rollout) -> float:
+    """Balls more or fewer than wanted in the second container."""
+    return abs(rollout.outcome["wanted"] - rollout.outcome["caught"])
+
+
+COSTS: Mapping[str, CostOf] = {"spilled": spilled, "level": level}
+"""The costs that have a name."""
+
+
+def load_cost(name: str) -> Cost:
+    """The cost of a name, or of the one public function in a Python file.
+
+    Raises:
+        ArgumentError: there is no such cost, or the file cannot be run or has not one function.
+    """
+    if name in COSTS:
+        return Cost(name, COSTS[name])
+    path = Path(name)
+    if path.suffix != ".py" or not path.is_file():
+        expected = f"one of {', '.join(COSTS)}, or a Python file"
+        raise ArgumentError(describe("--cost", expected, name, "Correct the name or the path."))
+    module = _run(path)
+    own = [
+        found
+        for key, found in vars(module).items()
+        if inspect.isfunction(found) and found.__module__ == module.__name__ and key[0] != "_"
+    ]
+    if len(own) != 1:
+        got = ", ".join(function.__name__ for function in own) or "none"
+        cure = "Begin the names of helpers with an underscore."
+        raise ArgumentError(describe(f"--cost {name}", "one function in the file", got, cure))
+    return Cost(name, own[0])
+
+
+def _run(path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("cost_of_practice", path)
+    if spec is None or spec.loader is None:
+        cure = "Name a file that ends in .py."
+        raise ArgumentError(describe(f"--cost {path}", "a Python file", path.name, cure))
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # the user's own code may raise anything
+        got, cure = f"{type(error).__name__}: {error}", "Correct the file."
+        expected = "a Python file that runs"
+        raise ArgumentError(describe(f"--cost {path}", expected, got, cure)) from error
+    return module

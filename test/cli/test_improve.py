@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`intent improve`: practise, go on, accept, undo."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+
+from intent_recognition.cli.main import main
+from intent_recognition.experiments.practice.experiment import run
+from intent_recognition.experiments.settings import Settings
+from intent_recognition.share import share_path
+from sim_bridge.scenarios.pouring import learn_skill, read_primitive, save_primitive
+
+
+def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
+    start, folder = tmp_path / "start.npz", tmp_path / "practice"
+    save_primitive(start, learn_skill(share_path("bags/pouring/train"), 1).primitive)
+    base = ["improve", "pouring", "--start", str(start), "--output", str(folder)]
+    assert main([*base, "--accept"]) == 1
+    assert "Practise first" in capsys.readouterr().err
+    numbers = tmp_path / "n.json"
+    assert main([*base, "--rollouts", "1", "--json", str(numbers)]) == 0
+    first = json.loads(numbers.read_text())
+    assert main([*base, "--rollouts", "2", "--json", str(numbers)]) == 0
+    told = json.loads(numbers.read_text())
+    assert told["costs"][:1] == first["costs"] and len(told["costs"]) == 2
+    assert set(told["checked"]) == {"start", "settled"}
+    assert len(list((folder / "rollouts").iterdir())) == 2
+    assert not (folder / "primitive.npz").exists()
+    assert main([*base, "--accept"]) == 0
+    accepted = read_primitive(folder / "primitive.npz")
+    assert np.array_equal(accepted.spread, read_primitive(start).spread)
+    assert main([*base, "--accept"]) == 0 and (folder / "primitive.before.npz").exists()
+    assert main([*base, "--undo"]) == 0 and (folder / "primitive.npz").exists()
+    assert main([*base, "--undo"]) == 0 and not (folder / "primitive.npz").exists()
+    assert main([*base, "--undo"]) == 1
+    assert main([*base, "--cost", "level"]) == 1
+    assert "another cost" in capsys.readouterr().err
+
+    monkeypatch.setattr("sys.stdin", io.StringIO("what\nd\nu\nq\n"))
+    thumbs = [*base[:-1], str(tmp_path / "thumbs"), "--cost", "thumbs"]
+    assert main(thumbs) == 130
+    state = json.loads((tmp_path / "thumbs" / "practice.json").read_text())
+    assert [one["cost"] for one in state["tried"]] == [1.0, 0.0]
+
+
+@pytest.mark.slow
+def test_the_experiment_compares_both_searches_from_the_same_start():
+    outcome = run(Settings(quick=True))
+    numbers = json.loads(json.dumps(dict(outcome.numbers)))
+    cma, random = numbers["CMA-ES"][0], numbers["random search"][0]
+    assert cma["costs"][0] == random["costs"][0] and cma["start"] == random["start"] > 10.0
+    assert len(outcome.blocks) == 2 and all(one.remark for one in outcome.findings)
