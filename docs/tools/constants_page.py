@@ -22,6 +22,7 @@ ROOMS = (
     "kinematics",
     "gaussian",
     "warping",
+    "improvement",
     "nodes",
 )
 INTRODUCTION = """\
