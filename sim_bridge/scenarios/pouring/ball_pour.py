@@ -2,7 +2,7 @@
 """A pour without the arm's physics: the cup tilts along a path, and what leaves it flies.
 
 Gravity turns instead of the cup (`balls.tilting`); a ball that leaves the cup flies freely and is
-caught if it comes down through the second container's opening. It takes a thirtieth of the time of
+caught if it comes down through the second container's opening. It takes far less time than
 `pour`, and counts somewhat more spilled: no ball bounces off the rim into the container.
 """
 
