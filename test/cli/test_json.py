@@ -32,6 +32,7 @@ COMMANDS = {
     "segment": ("segment", "bag", "--model", "model.npz", "--output", "NEW"),
     "warp": ("warp", "mug", "bowl.stl"),
     "experiments": ("experiments", "stub", "--output", "NEW"),
+    "improve": ("improve", "pouring", "--rollouts", "1", "--output", "NEW"),
 }
 MORE = (("inspect", "bags"), ("inspect", "model.npz"))
 
