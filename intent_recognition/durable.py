@@ -4,10 +4,15 @@
 import fcntl
 import os
 import shutil
+import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from intent_recognition.errors import ResourceBusyError, describe
 
@@ -40,6 +45,24 @@ def write_text(path: Path, text: str) -> None:
     part = path.with_suffix(".part")
     part.write_text(text, encoding="utf-8")
     commit(part, path)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write an `.npz`, in a folder that is made where it is missing.
+
+    The file is the old one or the new one, whoever else writes it at the same time.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".npz.part")
+    part, everything = Path(name), dict[str, Any](arrays)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            np.savez_compressed(stream, **everything)
+        part.chmod(0o644)
+        commit(part, path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def append_line(path: Path, line: str) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of strangers: regular ones of bounded size, and YAML and JSON that cannot grow in memory.
+"""Files of strangers: regular ones of bounded size, and YAML, JSON and arrays that cannot grow.
 
 Whatever is wrong with a file is an `UntrustedError`, whose text says what came in place of what was
 expected; the caller adds which file, and the cure.
@@ -11,7 +11,9 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 MOST_TEXT = 4_000_000
 """Bytes of a YAML or JSON text. Convention: the metadata of a thousand topics take 0.7 MB."""
@@ -107,6 +109,23 @@ def check_archive(path: Path) -> None:
         raise UntrustedError("another file, or a damaged one") from error
     if total > MOST_ARRAYS:
         raise UntrustedError(f"arrays of {total} bytes, more than {MOST_ARRAYS}")
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """All arrays of an `.npz` without pickled objects.
+
+    Raises:
+        OSError: nothing is there, or it may not be read.
+        UntrustedError: it is another thing, damaged, or too large.
+    """
+    check_archive(path)
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            return {name: archive[name] for name in archive.files}
+    except OSError:
+        raise
+    except Exception as error:  # numpy and zipfile raise many kinds for what is no archive
+        raise UntrustedError("another file, or a damaged one") from error
 
 
 def _check_events(text: str) -> None:

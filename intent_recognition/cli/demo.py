@@ -101,6 +101,11 @@ def add_parser(subparsers: Subparsers) -> None:
         help="how much the scenario pouring pours: empty (default), full or millilitres",
     )
     session.add_argument(
+        "--pair",
+        metavar="CUP,SECOND",
+        help="only this pair of containers in the scenario pouring, such as tea_cup,paper_cup",
+    )
+    session.add_argument(
         "--task-list",
         default="habit",
         metavar="F",
@@ -162,7 +167,9 @@ def add_parser(subparsers: Subparsers) -> None:
         help="simulated time per real time, through /clock (default: "
         f"{DEFAULT_RATE}, with --dashboard {DASHBOARD_RATE})",
     )
-    session.add_argument("--model", type=Path, metavar="M.npz", help="use this model, do not train")
+    session.add_argument(
+        "--model", type=Path, metavar="M.npz", help="use this model (pouring: skill), do not train"
+    )
     written.add_argument(
         "--output",
         type=Path,

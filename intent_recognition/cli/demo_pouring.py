@@ -3,6 +3,7 @@
 
 import argparse
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,9 +13,10 @@ from rich.table import Table
 from intent_recognition.cli.console import busy, escape
 from intent_recognition.cli.output import PRINTED, write_json
 from intent_recognition.cli.pouring_session import ObservedPour, observe_pour
-from intent_recognition.model import save_pouring_skill
+from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.model import load_pouring_skill, save_pouring_skill
 from intent_recognition.share import share_path
-from intent_recognition.warping import PouringSkill, amount_to_leave
+from intent_recognition.warping import amount_to_leave
 
 DEFAULT_POURS = 2
 MANY_SPILLED = 2.0
@@ -36,17 +38,16 @@ class Done(NamedTuple):
 
 def run_pouring(args: argparse.Namespace, console: Console) -> int:
     """Learn from the shipped demonstrations and pour; 1 if more than two of 40 are spilled."""
-    from sim_bridge.scenarios.pouring import PAIRS, balls_above_m, learn_skill
+    from sim_bridge.scenarios.pouring import balls_above_m, learn_skill
 
-    started = time.monotonic()
-    with busy(console, "learning from ten demonstrations with another pair"):
-        learned = learn_skill(share_path("bags/pouring/train"), args.seed)
-        skill = PouringSkill(learned.primitive, learned.far)
-        path = save_pouring_skill(args.output / "pouring.npz", skill)
-    count = min(args.interactions or DEFAULT_POURS, len(PAIRS))
-    done = [
-        _pour(args, path, cup, second, balls_above_m(cup), console) for cup, second in PAIRS[:count]
-    ]
+    started, pairs = time.monotonic(), _pairs(args)
+    if args.model is None:
+        with busy(console, "learning from ten demonstrations with another pair"):
+            learned = learn_skill(share_path("bags/pouring/train"), args.seed)
+            path = save_pouring_skill(args.output / "pouring.npz", learned.pouring)
+    else:
+        load_pouring_skill(path := args.model)
+    done = [_pour(args, path, cup, second, balls_above_m(cup), console) for cup, second in pairs]
     if args.json != PRINTED:
         console.print(_table(done, args.pour))
     write_json(args.json, [_numbers(one, args.pour) for one in done])
@@ -57,6 +58,20 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
     )
     console.file.flush()
     return 1 if mean > MANY_SPILLED else 0
+
+
+def _pairs(args: argparse.Namespace) -> Sequence[tuple[str, str]]:
+    from sim_bridge.containers import CONTAINER_NAMES
+    from sim_bridge.scenarios.pouring import PAIRS
+
+    if args.pair is None:
+        return PAIRS[: args.interactions or DEFAULT_POURS]
+    cup, _, second = args.pair.partition(",")
+    if not {cup, second} <= set(CONTAINER_NAMES):
+        expected = f"two of {', '.join(CONTAINER_NAMES)}, with a comma"
+        cure = "Name the one in the hand first."
+        raise ArgumentError(describe("--pair", expected, args.pair, cure))
+    return [(cup, second)]
 
 
 def _pour(

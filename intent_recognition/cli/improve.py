@@ -3,7 +3,6 @@
 
 import argparse
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +19,9 @@ from intent_recognition.cli.output import (
     console_beside,
     write_json,
 )
+from intent_recognition.durable import copy
 from intent_recognition.errors import ModelError, describe
+from intent_recognition.model import load_pouring_skill, save_pouring_skill
 from intent_recognition.share import share_path
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from sim_bridge.scenarios.pouring import PouringPractice
 
 POURING, THUMBS = "pouring", "thumbs"
-PRIMITIVE, BEFORE = "primitive.npz", "primitive.before.npz"
+SKILL, BEFORE = "skill.npz", "skill.before.npz"
 ROLLOUTS = 40
 """Rollouts of a practice unless more are asked for. Convention: a person still watches as many."""
 CHECKS = 5
@@ -84,7 +85,7 @@ def add_parser(subparsers: Subparsers) -> None:
         "--start",
         type=Path,
         metavar="BAGS|FILE",
-        help="demonstrations, or an accepted primitive, to begin with (default: the shipped ones)",
+        help="demonstrations, or an accepted skill, to begin with (default: the shipped ones)",
     )
     parser.add_argument(
         "--output",
@@ -95,7 +96,7 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     action = parser.add_mutually_exclusive_group()
     action.add_argument(
-        "--accept", action="store_true", help=f"write what practice has come to as {PRIMITIVE}"
+        "--accept", action="store_true", help=f"write what practice has come to as {SKILL}"
     )
     action.add_argument("--undo", action="store_true", help="take the last --accept back")
     add_json_option(parser, "costs and outcomes")
@@ -125,17 +126,17 @@ def run(args: argparse.Namespace) -> int:
         about |= {"wanted": args.wanted, "seed": args.seed}
         session = PracticeSession(args.output, practice, search, cost, about)
         if args.accept:
-            return _accept(args.output, session, practice, console)
+            return _accept(args, session, practice, console)
         _practise(session, args.rollouts, console)
         _report(args, session, practice, cost, console)
     return 0
 
 
 def _primitive(start: Path | None) -> "WarpedPrimitive":
-    from sim_bridge.scenarios.pouring import learn_skill, read_primitive
+    from sim_bridge.scenarios.pouring import learn_skill
 
     if start is not None and start.is_file():
-        return read_primitive(start)
+        return load_pouring_skill(start).primitive
     return learn_skill(start or share_path("bags/pouring/train"), 1).primitive
 
 
@@ -182,31 +183,33 @@ def _report(
 
 
 def _accept(
-    folder: Path, session: "PracticeSession", practice: "PouringPractice", console: Console
+    args: argparse.Namespace,
+    session: "PracticeSession",
+    practice: "PouringPractice",
+    console: Console,
 ) -> int:
-    from sim_bridge.scenarios.pouring import save_primitive
-
+    skill = args.output / SKILL
     if not session.tried:
         cure = "Practise first: the same command without --accept."
-        raise ModelError(describe(str(folder), "rollouts", "none", cure))
-    improved = replace(practice.primitive, mean=session.settled())
-    if (folder / PRIMITIVE).exists():
-        (folder / PRIMITIVE).replace(folder / BEFORE)
-    save_primitive(folder / PRIMITIVE, improved)
-    console.print(f"accepted: {folder / PRIMITIVE}", highlight=False, soft_wrap=True)
+        raise ModelError(describe(str(args.output), "rollouts", "none", cure))
+    improved = practice.skill(session.settled(), args.seed)
+    if skill.exists():
+        copy(skill, args.output / BEFORE)
+    save_pouring_skill(skill, improved)
+    console.print(f"accepted: {skill}", highlight=False, soft_wrap=True)
     return 0
 
 
 def _undo(folder: Path, console: Console) -> int:
-    """Take the last accepted primitive back; the one before it returns, if there was one."""
-    if not (folder / PRIMITIVE).exists():
+    """Take the last accepted skill back; the one before it returns, if there was one."""
+    if not (folder / SKILL).exists():
         cure = "Accept first, or name the folder with --output."
-        raise ModelError(describe(str(folder), "an accepted primitive", "none", cure))
+        raise ModelError(describe(str(folder), "an accepted skill", "none", cure))
     if (folder / BEFORE).exists():
-        (folder / BEFORE).replace(folder / PRIMITIVE)
-        said = "the primitive accepted before is back"
+        (folder / BEFORE).replace(folder / SKILL)
+        said = "the skill accepted before is back"
     else:
-        (folder / PRIMITIVE).unlink()
+        (folder / SKILL).unlink()
         said = "nothing is accepted now"
     console.print(f"{folder}: {said}", highlight=False, soft_wrap=True)
     return 0

@@ -2,8 +2,6 @@
 """The model file: one `.npz` without pickled objects, checked on reading."""
 
 import json
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import zip_longest
@@ -15,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofEntry, DofSpec, reference_of
-from intent_recognition.durable import commit
+from intent_recognition.durable import write_arrays
 from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
 from intent_recognition.learning import Trained
 from intent_recognition.model.arrays import (
@@ -133,19 +131,8 @@ def save_model(path: str | Path, model: Model, trained: Trained | None = None) -
     if trained is not None:
         header["statistics"], statistics = pack_statistics(trained)
         arrays |= statistics
-    path = Path(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".npz.part")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                everything: dict[str, Any] = {"header": np.array(json.dumps(header)), **arrays}
-                np.savez_compressed(file, **everything)
-            Path(temporary).chmod(0o644)
-            commit(Path(temporary), path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        write_arrays(Path(path), {"header": np.array(json.dumps(header)), **arrays})
     except OSError as error:
         raise ModelError(
             describe(str(path), "a file that can be written", error, "Choose another --output.")

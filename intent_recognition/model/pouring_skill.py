@@ -5,31 +5,30 @@ from pathlib import Path
 
 import numpy as np
 
+from intent_recognition.durable import write_arrays
 from intent_recognition.errors import IntentError, ModelError, describe
 from intent_recognition.promp import NormalizedRBFBasis
-from intent_recognition.untrusted import UntrustedError, check_archive
+from intent_recognition.untrusted import read_arrays
 from intent_recognition.warping import N_WARPED, PouringSkill, Reached, WarpedPrimitive
 
 FORMAT_VERSION = 1
 """Of the file; others are not read."""
-CURE = "Write it again with `save_pouring_skill`."
+CURE = "Write it again: `intent improve pouring --accept`, or `save_pouring_skill`."
 
 
 def save_pouring_skill(path: str | Path, skill: PouringSkill) -> Path:
     """Write what was learned from demonstrated pours."""
-    target, primitive = Path(path), skill.primitive
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with target.open("wb") as stream:
-        np.savez_compressed(
-            stream,
-            format_version=np.array(FORMAT_VERSION),
-            basis=np.array([primitive.basis.n_basis, primitive.basis.width]),
-            mean=primitive.mean,
-            spread=primitive.spread,
-            duration_s=np.array(primitive.duration_s),
-            reached=np.array(skill.far),
-        )
-    return target
+    primitive = skill.primitive
+    arrays = {
+        "format_version": np.array(FORMAT_VERSION),
+        "basis": np.array([primitive.basis.n_basis, primitive.basis.width]),
+        "mean": primitive.mean,
+        "spread": primitive.spread,
+        "duration_s": np.array(primitive.duration_s),
+        "reached": np.array(skill.far),
+    }
+    write_arrays(Path(path), arrays)
+    return Path(path)
 
 
 def load_pouring_skill(path: str | Path) -> PouringSkill:
@@ -39,13 +38,10 @@ def load_pouring_skill(path: str | Path) -> PouringSkill:
         ModelError: it is not there, of another version, or an array is missing or bad.
     """
     try:
-        check_archive(Path(path))
-        with np.load(path, allow_pickle=False) as content:
-            found = {name: np.asarray(content[name], np.float64) for name in content.files}
-    except Exception as error:  # numpy and zipfile raise many kinds for what is no skill
-        known = isinstance(error, (OSError, UntrustedError))
-        got = error if known else "another file, or a damaged one"
-        raise ModelError(describe(str(path), "a pouring skill", got, CURE)) from error
+        arrays = read_arrays(Path(path))
+        found = {name: np.asarray(array, np.float64) for name, array in arrays.items()}
+    except (OSError, ValueError) as error:  # texts are no numbers
+        raise ModelError(describe(str(path), "a pouring skill", error, CURE)) from error
     version = found.pop("format_version", np.array(np.nan))
     if version.shape or version != FORMAT_VERSION:
         place = f"{path}: format_version"

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from intent_recognition.durable import write_arrays
 from intent_recognition.errors import IntentError, ModelError, describe
 from intent_recognition.share import share_path
-from intent_recognition.untrusted import UntrustedError, check_archive
+from intent_recognition.untrusted import UntrustedError, read_arrays
 from intent_recognition.warping import AnnotatedObject
 
 FORMAT_VERSION = 1
@@ -19,18 +20,15 @@ CURE = "Write it again with `save_object`; docs/warping.md says how."
 
 def save_object(path: str | Path, annotated: AnnotatedObject) -> Path:
     """Write an annotated object; positions and normals are rounded to 32 bits."""
-    target = Path(path)
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with target.open("wb") as stream:
-        np.savez_compressed(
-            stream,
-            format_version=np.array(FORMAT_VERSION),
-            name=np.array(annotated.name),
-            points=annotated.points.astype(np.float32),
-            normals=annotated.normals.astype(np.float32),
-            labels=annotated.labels.astype(np.uint8),
-        )
-    return target
+    arrays = {
+        "format_version": np.array(FORMAT_VERSION),
+        "name": np.array(annotated.name),
+        "points": annotated.points.astype(np.float32),
+        "normals": annotated.normals.astype(np.float32),
+        "labels": annotated.labels.astype(np.uint8),
+    }
+    write_arrays(Path(path), arrays)
+    return Path(path)
 
 
 def load_object(path: str | Path) -> AnnotatedObject:
@@ -40,13 +38,9 @@ def load_object(path: str | Path) -> AnnotatedObject:
         ModelError: it is not there, of another version, or an array is missing or bad.
     """
     try:
-        check_archive(Path(path))
-        with np.load(path, allow_pickle=False) as content:
-            arrays = {name: content[name] for name in content.files}
-    except Exception as error:  # numpy and zipfile raise many kinds for what is no object
-        known = isinstance(error, (OSError, UntrustedError))
-        found = error if known else "another file, or a damaged one"
-        raise ModelError(describe(str(path), "an annotated object", found, CURE)) from error
+        arrays = read_arrays(Path(path))
+    except (OSError, UntrustedError) as error:
+        raise ModelError(describe(str(path), "an annotated object", error, CURE)) from error
     version = arrays.get("format_version")
     if (
         version is None

@@ -2,7 +2,6 @@
 """Tables of every kind of file: by its suffix, CSV and NPZ here."""
 
 import csv
-import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from intent_recognition.errors import BagError, describe
 from intent_recognition.tables.c3d import open_c3d
 from intent_recognition.tables.parquet import open_lerobot, open_parquet
 from intent_recognition.tables.table import Table, Values, unusable
-from intent_recognition.untrusted import UntrustedError, check_archive, check_regular
+from intent_recognition.untrusted import UntrustedError, check_regular, read_arrays
 
 DELIMITERS = ",;\t "
 """What may separate the cells of a CSV, in order of preference where a header has none of them."""
@@ -103,10 +102,8 @@ def _rows(path: Path, skip_rows: int) -> Iterator[list[str]]:
 
 def _open_npz(path: Path) -> Table:
     try:
-        check_archive(path)
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (UntrustedError, OSError, ValueError, zipfile.BadZipFile) as error:
+        arrays = read_arrays(path)
+    except (UntrustedError, OSError) as error:
         cure = "Write it with numpy.savez, with arrays of numbers or texts."
         raise unusable(path, "an .npz of plain arrays", error, cure) from error
     columns: dict[str, Values] = {}

@@ -3,7 +3,7 @@
 
     practice.json       what is practised, and each point tried with its cost and outcome
     rollouts/000, ...   the rollouts as bags
-    primitive.npz       what was accepted; not there before
+    skill.npz           what was accepted; not there before
 
 The file is written to the disk and renamed after each rollout. Whoever ends the process at any
 instant loses at most the rollout under way, which is made again, alike.

@@ -10,13 +10,14 @@ import pytest
 from intent_recognition.cli.main import main
 from intent_recognition.experiments.practice.experiment import run
 from intent_recognition.experiments.settings import Settings
+from intent_recognition.model import load_pouring_skill, save_pouring_skill
 from intent_recognition.share import share_path
-from sim_bridge.scenarios.pouring import learn_skill, read_primitive, save_primitive
+from sim_bridge.scenarios.pouring import learn_skill
 
 
 def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
     start, folder = tmp_path / "start.npz", tmp_path / "practice"
-    save_primitive(start, learn_skill(share_path("bags/pouring/train"), 1).primitive)
+    save_pouring_skill(start, learn_skill(share_path("bags/pouring/train"), 1).pouring)
     base = ["improve", "pouring", "--start", str(start), "--output", str(folder)]
     assert main([*base, "--accept"]) == 1
     assert "Practise first" in capsys.readouterr().err
@@ -28,13 +29,13 @@ def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
     assert told["costs"][:1] == first["costs"] and len(told["costs"]) == 2
     assert set(told["checked"]) == {"start", "settled"}
     assert len(list((folder / "rollouts").iterdir())) == 2
-    assert not (folder / "primitive.npz").exists()
+    assert not (folder / "skill.npz").exists()
     assert main([*base, "--accept"]) == 0
-    accepted = read_primitive(folder / "primitive.npz")
-    assert np.array_equal(accepted.spread, read_primitive(start).spread)
-    assert main([*base, "--accept"]) == 0 and (folder / "primitive.before.npz").exists()
-    assert main([*base, "--undo"]) == 0 and (folder / "primitive.npz").exists()
-    assert main([*base, "--undo"]) == 0 and not (folder / "primitive.npz").exists()
+    accepted, shown = load_pouring_skill(folder / "skill.npz"), load_pouring_skill(start)
+    assert np.array_equal(accepted.primitive.spread, shown.primitive.spread)
+    assert main([*base, "--accept"]) == 0 and (folder / "skill.before.npz").exists()
+    assert main([*base, "--undo"]) == 0 and (folder / "skill.npz").exists()
+    assert main([*base, "--undo"]) == 0 and not (folder / "skill.npz").exists()
     assert main([*base, "--undo"]) == 1
     assert main([*base, "--cost", "level"]) == 1
     assert "another cost" in capsys.readouterr().err

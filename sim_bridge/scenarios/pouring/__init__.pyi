@@ -15,7 +15,7 @@ from .executed import (
 from .live import LivePouring, balls_above_m, start_posture
 from .novel import learn_pouring, read_demonstrated, read_pour
 from .pour import Poured
-from .practice import PouringPractice, read_primitive, save_primitive
+from .practice import PouringPractice
 from .task_space import PourPath
 
 __all__ = [
@@ -37,8 +37,6 @@ __all__ = [
     "planned",
     "read_demonstrated",
     "read_pour",
-    "read_primitive",
-    "save_primitive",
     "seen_as",
     "start_posture",
 ]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from intent_recognition.errors import KinematicsError, describe
-from intent_recognition.warping import EMPTY, Reached, WarpedPrimitive
+from intent_recognition.warping import EMPTY, PouringSkill, Reached, WarpedPrimitive
 from sim_bridge.balls import CONTAINER_SEED
 from sim_bridge.containers import (
     CONTAINER_NAMES,
@@ -134,6 +134,11 @@ class Skill(NamedTuple):
     second: Seen
     constraints: Constraints
     far: Reached
+
+    @property
+    def pouring(self) -> PouringSkill:
+        """What is needed to pour with other containers."""
+        return PouringSkill(self.primitive, self.far)
 
 
 class Planned(NamedTuple):

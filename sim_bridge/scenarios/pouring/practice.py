@@ -10,17 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from intent_recognition.durable import commit
-from intent_recognition.errors import KinematicsError, ModelError, describe
+from intent_recognition.errors import KinematicsError
 from intent_recognition.improvement import SearchSpace, search_space
 from intent_recognition.kinematics import LWR_LIMITS
-from intent_recognition.promp import NormalizedRBFBasis
-from intent_recognition.warping import WarpedPrimitive
+from intent_recognition.warping import PouringSkill, WarpedPrimitive
 from sim_bridge.balls import CONTAINER_SEED
 from sim_bridge.practice import Rollout
 from sim_bridge.scenarios.pouring.ball_pour import N_FILLS, BallPours
-from sim_bridge.scenarios.pouring.executed import container_named
-from sim_bridge.scenarios.pouring.novel import plan
+from sim_bridge.scenarios.pouring.executed import container_named, seen_as
+from sim_bridge.scenarios.pouring.novel import plan, reached_by
 from sim_bridge.scenarios.pouring.recordings import (
     N_BALLS,
     TASK,
@@ -96,6 +94,15 @@ class PouringPractice:
         outcome = {name: float(n) for name, n in count._asdict().items()}
         return Rollout(times, joints(times), {**outcome, "wanted": float(self._wanted)})
 
+    def skill(self, weights: NDArray[np.float64], seed: int) -> PouringSkill:
+        """What some weights (d,) pour, as learned with this cup, seen in a scan with this seed.
+
+        Raises:
+            ArgumentError: they do not empty the cup further than it is at first.
+        """
+        changed = replace(self.primitive, mean=weights)
+        return PouringSkill(changed, reached_by(changed, seen_as(self.names[0], seed)))
+
     def write(self, folder: Path, rollout: Rollout, labels: Mapping[str, str]) -> None:
         """Write a rollout as a bag, which `read_pour` reads.
 
@@ -138,37 +145,3 @@ class PouringPractice:
     def __exit__(self, *args: object) -> None:
         """End the physics."""
         self._pours.__exit__(*args)
-
-
-def save_primitive(path: Path, primitive: WarpedPrimitive) -> None:
-    """Write a primitive; the file is the old one or the new one."""
-    part = path.with_suffix(".part")
-    with part.open("wb") as stream:
-        np.savez(
-            stream,
-            mean=primitive.mean,
-            spread=primitive.spread,
-            duration_s=primitive.duration_s,
-            n_basis=primitive.basis.n_basis,
-        )
-    commit(part, path)
-
-
-def read_primitive(path: Path) -> WarpedPrimitive:
-    """Read what `save_primitive` wrote.
-
-    Raises:
-        ModelError: it is no such file.
-    """
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            mean, spread = stored["mean"], stored["spread"]
-            duration, n_basis = float(stored["duration_s"]), int(stored["n_basis"])
-    except (OSError, ValueError, KeyError) as error:
-        cure = "Make it with `intent improve pouring --accept`."
-        raise ModelError(describe(str(path), "a primitive of pouring", error, cure)) from error
-    fits = mean.ndim == 1 and mean.size % n_basis == 0 and spread.shape[:1] == mean.shape
-    if not (fits and np.isfinite(mean).all() and np.isfinite(spread).all() and duration > 0.0):
-        cure = "Make it with `intent improve pouring --accept`."
-        raise ModelError(describe(str(path), "finite weights that fit", mean.shape, cure))
-    return WarpedPrimitive(NormalizedRBFBasis(n_basis), mean, spread, duration)

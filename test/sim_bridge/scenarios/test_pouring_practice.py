@@ -6,17 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from intent_recognition.errors import ModelError
 from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.share import share_path
-from intent_recognition.warping import WarpedPrimitive
+from intent_recognition.warping import WarpedPrimitive, tilts_to_level
 from sim_bridge.practice import load_cost
 from sim_bridge.scenarios.pouring import (
     PouringPractice,
     read_demonstrated,
     read_pour,
-    read_primitive,
-    save_primitive,
+    seen_as,
 )
 from sim_bridge.scenarios.pouring.ball_pour import BallPours
 from sim_bridge.scenarios.pouring.executed import container_named
@@ -71,12 +69,12 @@ def test_a_rollout_is_logged_as_the_pour_it_was(primitive, tmp_path):
         np.testing.assert_allclose(path.offset_m[:, axis], there, atol=0.003)
 
 
-def test_a_primitive_is_kept_in_a_file(primitive, tmp_path):
-    save_primitive(tmp_path / "p.npz", primitive)
-    back = read_primitive(tmp_path / "p.npz")
-    phase = np.linspace(0.0, 1.0, 9)
-    np.testing.assert_array_equal(back.mean_path(phase), primitive.mean_path(phase))
-    assert back.duration_s == primitive.duration_s
-    (tmp_path / "p.npz").write_bytes(b"nothing")
-    with pytest.raises(ModelError, match=r"p\.npz"):
-        read_primitive(tmp_path / "p.npz")
+def test_what_was_practised_pours_through_the_skill_as_it_was_practised(primitive):
+    """To empty this cup, the levels ask for the tilts that the practised path has itself."""
+    with PouringPractice(primitive, "tea_cup", "paper_cup") as practice:
+        skill = practice.skill(practice.space.mean * 1.1, seed=1)
+        path = practice.path(skill.primitive.mean)
+    cup = seen_as("tea_cup", 1)
+    ratios = path.tilt_rad / true_references(container_named("tea_cup")).tilt_rad
+    tilts = tilts_to_level(ratios, skill.far, cup.emptying, 0.5, 0.0)
+    assert tilts.max() == pytest.approx(ratios.max() * cup.references.tilt_rad, abs=1e-3)
