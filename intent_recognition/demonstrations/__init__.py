@@ -20,6 +20,7 @@ from intent_recognition.demonstrations.fields import (
     reference_of,
     stamp_of,
 )
+from intent_recognition.demonstrations.folders import find_bags
 from intent_recognition.demonstrations.hand_poses import (
     HAND_LINK,
     JOINTS_TOPIC,
@@ -42,14 +43,17 @@ from intent_recognition.demonstrations.observations import (
     observation_readers,
 )
 from intent_recognition.demonstrations.reading import (
-    find_bags,
     iter_demonstrations,
     read_demonstrations,
-    read_task_sequences,
     read_whole,
-    settle_orientations,
 )
-from intent_recognition.demonstrations.sessions import MARKER_TOPIC, MARKER_TYPE, clock_shift_ns
+from intent_recognition.demonstrations.references import settle_orientations
+from intent_recognition.demonstrations.sessions import (
+    MARKER_TOPIC,
+    MARKER_TYPE,
+    clock_shift_ns,
+    read_task_sequences,
+)
 
 __all__ = [
     "CORRECTED",

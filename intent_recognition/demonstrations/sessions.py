@@ -6,8 +6,9 @@ recording of the running graph without markers tells its tasks by `intent/active
 recognized and served. Both topics carry a label when a task begins and an empty text when it ends.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,9 @@ from numpy.typing import NDArray
 from intent_recognition.bags import BagMessage, BagReader
 from intent_recognition.demonstrations.cleaning import TopicSamples
 from intent_recognition.demonstrations.dofs import relative_topic
+from intent_recognition.demonstrations.folders import NO_BAG, find_bags
 from intent_recognition.demonstrations.labels import check_label, label_problem
+from intent_recognition.errors import BagError
 from intent_recognition.signals import Rejection
 
 MARKER_TOPIC = "demonstration"
@@ -149,3 +152,37 @@ def _label(message: BagMessage) -> str:
 def _unended(source: str, marker: BagMessage, label: str, when: str) -> Rejection:
     reason = f"truncated: demonstration of {label!r} did not end {when}"
     return Rejection(source, marker.topic, marker.log_time_ns, reason)
+
+
+def read_task_sequences(
+    paths: Iterable[str | Path], forget_after_s: float
+) -> tuple[list[TaskSequence], list[Rejection]]:
+    """Which task followed which in all session bags below `paths`.
+
+    Args:
+        paths: session bags and folders of such, searched to any depth.
+        forget_after_s: a longer pause between two tasks ends a sequence [s].
+
+    Returns:
+        The sequences, and why other bags have none.
+
+    Raises:
+        BagError: a path does not exist.
+    """
+    sequences: list[TaskSequence] = []
+    rejections: list[Rejection] = []
+    for path in map(Path, paths):
+        bags = find_bags(path)
+        if not bags:
+            rejections.append(Rejection(str(path), "", 0, NO_BAG))
+        for bag in bags:
+            try:
+                found = list(task_sequences(BagReader(bag), forget_after_s))
+            except BagError as error:
+                rejections.append(Rejection(str(bag), "", 0, str(error)))
+                continue
+            sequences += found
+            if not found:
+                reason = f"no session: nothing on {MARKER_TOPIC} nor on {ACTIVE_TOPIC}"
+                rejections.append(Rejection(str(bag), "", 0, reason))
+    return sequences, rejections

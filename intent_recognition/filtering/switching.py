@@ -2,15 +2,8 @@
 """Changes of mind: hypotheses that are born while a movement is under way.
 
 As in interacting multiple models (Blom and Bar-Shalom 1988), the task of a movement may change on
-the way, at a rate that is relative to how long the tasks usually take. A hypothesis born at a time
-t follows the course w that its task would have had from the movement's start, plus an offset that
-begins where the hand is at t and fades:
-
-    y(t + s) = psi(z) w + (a (1 + r s) + b s + c s^2 / 2) exp(-r s) + noise.
-
-This is a critically damped spring of rate r (a and b: the offset and its velocity at birth) with
-an initial push that fades as fast (c). a, b and c are weights beside w, so that the same Gaussian
-update filters them (Maeda et al. 2014, Eq. 6); the rate is on a grid, as the duration is.
+the way, at a rate that is relative to how long the tasks usually take. What a born hypothesis says
+of the hand is in `newborn`; the rate at which its offset fades is on a grid, as the duration is.
 
 A born hypothesis takes its share of what all hypotheses are worth at its birth: a new task from all
 others, and the old task again, for a hesitation or a detour on its way. Its pace, the duration in
@@ -31,8 +24,14 @@ from intent_recognition.filtering.hypotheses import (
     duration_offsets,
     make_hypotheses,
 )
+from intent_recognition.filtering.newborn import (
+    FADINGS,
+    NewbornStates,
+    fading,
+    fading_velocity,
+)
 from intent_recognition.filtering.observation_model import Measurement
-from intent_recognition.gaussian import GaussianBatch, make_state, pending_shape, state_width
+from intent_recognition.gaussian import GaussianBatch, pending_shape, state_width
 from intent_recognition.promp import TaskLibrary
 
 SWITCHES = 0.04
@@ -43,14 +42,8 @@ DETOURS = 0.12
 STRAYS = 0.3
 """Rate at which a known movement becomes one of no task, likewise; its evidence counts beyond the
 library's margin only."""
-FADINGS = (12.0, 30.0)
-"""Rates at which an offset fades, likewise: gone after two fifths and a sixth of the duration
-(docs/decisions/change_of_mind.md)."""
 N_DURATIONS = 7
 """Durations per task at each birth. Convention: offsets make up for what lies between."""
-PUSH = 0.5
-"""Standard deviation of the push c, in standard deviations of the offset a times r^2.
-Convention."""
 BIRTHS_EVERY = 2
 """Used observations of each signal between births (docs/decisions/change_of_mind.md)."""
 SETTLING = 2
@@ -70,8 +63,6 @@ MAX_TASKS = 8
 NEGLIGIBLE_SHARE = 1e-4
 """Probability, as a share of the most probable one's, below which a born hypothesis is left out of
 a prediction. Convention."""
-OFFSET_BASIS = 3
-"""Weights of an offset: a, b and c."""
 
 
 class SwitchedBelief(NamedTuple):
@@ -116,7 +107,8 @@ class SwitchedHypotheses:
 
     def __init__(self, library: TaskLibrary, n_scales: int = N_SCALES):
         self.library = library
-        self._width = library.basis.n_basis + OFFSET_BASIS
+        self._newborn = NewbornStates(library)
+        self._width, self._usual_s = self._newborn.width, self._newborn.usual_s
         self._grid = _grid(min(library.n_tasks, MAX_TASKS) + 1, min(n_scales, N_DURATIONS))
         self._settling = SETTLING * len(library.observed_groups)
         self._births_every = BIRTHS_EVERY * len(library.observed_groups)
@@ -129,12 +121,6 @@ class SwitchedHypotheses:
         self._task, self._seen, self._duration = np.zeros((3, room), dtype=np.int64)
         self._duration_s, self._rate, self._birth_s, self._onset_s = np.zeros((4, room))
         self._log_joint = np.zeros(room)
-        none_variance = np.diag(library.none_covariance).reshape(library.n_observed, -1)
-        std = np.sqrt(none_variance.mean(axis=1))[:, None]
-        self._usual_s = float(np.exp(np.mean(library.log_duration_mean)))
-        rates = np.array(FADINGS)[:, None, None] / self._usual_s
-        self._offset_variance = (std * rates ** np.arange(OFFSET_BASIS)) ** 2  # (R, P, 3)
-        self._offset_variance[..., -1] *= PUSH**2
         self._log_mean = np.r_[library.log_duration_mean, library.none_log_duration[0]]
         self._log_std = np.r_[library.log_duration_std, library.none_log_duration[1]]
         self.start(make_hypotheses(library, n_scales=n_scales))
@@ -150,9 +136,7 @@ class SwitchedHypotheses:
         self._log_task_prior = known - np.logaddexp.reduce(known)
         self._n = 0
         self._batch = self._batch_of(0, 0)
-        self._first: list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]] = []
-        self._newborn: dict[tuple[int, ...], NDArray[np.float64]] = {}
-        self._started = np.zeros(self.library.n_observed, dtype=bool)
+        self._newborn.start()
         self._last_s, self._n_used = 0.0, 0
         self._last_birth_s, self._between_births_s = 0.0, 0.0
 
@@ -194,7 +178,7 @@ class SwitchedHypotheses:
             measurement: as the hypotheses of the onset took it.
             log_evidence: see `left`; this measurement is among the observations.
         """
-        self._remember_start(measurement)
+        self._newborn.remember_start(measurement)
         self._last_s = max(measurement.elapsed_s, self._last_s)
         self._n_used += 1
         if self._n_used % self._births_every == 0:
@@ -263,17 +247,6 @@ class SwitchedHypotheses:
     def _batch_of(self, n: int, n_pending: int) -> GaussianBatch:
         return GaussianBatch(self._state[:n], self._width, self._pending[:n], n_pending)
 
-    def _remember_start(self, measurement: Measurement) -> None:
-        """Keep where the movement began: the course of another task would have begun there, too."""
-        new = ~self._started[measurement.dofs]
-        if measurement.derivative or not new.any():
-            return
-        dofs = measurement.dofs[new]
-        self._started[dofs] = True
-        noise = measurement.noise_covariance[np.ix_(new, new)]
-        self._first.append((dofs, measurement.values[new], noise))
-        self._newborn.clear()
-
     def _log_pace(self, log_evidence: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log probability of duration and rate of newborn hypotheses of a task, and of none."""
         offsets, hypotheses = self._grid.offsets, self._hypotheses
@@ -299,7 +272,7 @@ class SwitchedHypotheses:
         tasks = np.r_[tasks, n_tasks]
         prior, duration, rate, offsets = self._grid
         born = slice(self._n, self._n + len(prior))
-        self._state[born] = self._newborn_states(tasks)[prior]
+        self._state[born] = self._newborn.states(tasks)[prior]
         self._pending[born] = 0.0  # what is pending for the others is nothing to these
         task = tasks[prior // len(FADINGS)]
         self._task[born], self._seen[born], self._birth_s[born] = task, 0, birth_s
@@ -309,34 +282,6 @@ class SwitchedHypotheses:
         self._rate[born], self._log_joint[born] = rate / self._usual_s, -np.inf
         self._n = born.stop
         self._batch = self._batch_of(self._n, self._batch.n_pending)
-
-    def _newborn_states(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
-        """States of some tasks by the rates of fading, before anything is seen of the offset."""
-        key = tuple(tasks)
-        if key not in self._newborn:
-            self._newborn = {key: self._make_newborn(tasks)}
-        return self._newborn[key]
-
-    def _make_newborn(self, tasks: NDArray[np.int64]) -> NDArray[np.float64]:
-        library, n_basis = self.library, self.library.basis.n_basis
-        mean, covariance = library.observed_mean[tasks], library.observed_covariance[tasks]
-        state = make_state(mean, covariance, n_basis)
-        known = GaussianBatch(state[:-1], n_basis)
-        row = library.basis.design_matrix(np.zeros(len(tasks) - 1))[:, None]
-        for dofs, values, noise in self._first:
-            known.condition(dofs, row, values, noise)
-        known.apply_downdates()
-        courses = GaussianBatch(state, n_basis)
-        shape, p = (len(tasks), len(FADINGS)), library.n_observed
-        mean = np.zeros((*shape, p, self._width))
-        mean[..., :n_basis] = courses.mean.reshape(shape[0], 1, p, n_basis)
-        covariance = np.zeros((*shape, p, self._width, p, self._width))
-        own = courses.covariance.reshape(shape[0], 1, p, n_basis, p, n_basis)
-        covariance[:, :, :, :n_basis, :, :n_basis] = own
-        dof, offset = np.arange(p)[:, None], n_basis + np.arange(OFFSET_BASIS)
-        covariance[:, :, dof, offset, dof, offset] = self._offset_variance
-        size = p * self._width
-        return make_state(mean.reshape(-1, size), covariance.reshape(-1, size, size), self._width)
 
     def _rows(self, measurement: Measurement) -> NDArray[np.float64]:
         """Row of the observation matrix of each hypothesis, (n, N + 3)."""
@@ -380,25 +325,6 @@ class SwitchedHypotheses:
         ):
             array[free] = array[moved]
         self._batch = self._batch_of(self._n, self._batch.n_pending)
-
-
-def fading(since_s: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What remains of an offset of one, of its velocity and of its push, (n, 3).
-
-    Args:
-        since_s: time since birth, (n,); less than zero counts as zero.
-        rate: of a critically damped spring [1/s], (n,).
-    """
-    s = np.maximum(since_s, 0.0)
-    shapes = np.stack([1.0 + rate * s, s, 0.5 * s**2], axis=1)
-    return shapes * np.exp(-rate * s)[:, None]
-
-
-def fading_velocity(since_s: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative of `fading` by the time [1/s], (n, 3)."""
-    s = np.maximum(since_s, 0.0)
-    shapes = np.stack([-(rate**2) * s, 1.0 - rate * s, s - 0.5 * rate * s**2], axis=1)
-    return shapes * np.exp(-rate * s)[:, None]
 
 
 def _grid(n_tasks: int, n_durations: int) -> _Grid:

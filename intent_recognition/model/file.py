@@ -5,7 +5,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import zip_longest
-from math import inf, isinf
+from math import isinf
 from pathlib import Path
 from typing import Any
 
@@ -14,27 +14,30 @@ from numpy.typing import NDArray
 
 from intent_recognition.demonstrations import DofEntry, DofSpec, reference_of
 from intent_recognition.durable import write_arrays
-from intent_recognition.errors import ArgumentError, DofError, IntentError, ModelError, describe
+from intent_recognition.errors import DofError, IntentError, ModelError, describe
 from intent_recognition.learning import Trained
 from intent_recognition.model.arrays import (
-    LARGEST,
     RETRAIN,
     check_arrays,
-    check_covariances,
-    check_positive,
+)
+from intent_recognition.model.checks import (
+    DEVIATION_STD,
+    SCALARS,
+    check_groups,
+    check_plausible,
+    check_values,
+    evidence_freedom,
+    labels_of,
+    phase_deviation,
+    shapes_of,
 )
 from intent_recognition.model.context import CONTEXT, context_arrays, read_context
 from intent_recognition.model.statistics import ARRAYS, pack_statistics, unpack_statistics
-from intent_recognition.promp import NONE, NormalizedRBFBasis, PhaseDeviation, TaskLibrary
+from intent_recognition.promp import NormalizedRBFBasis, TaskLibrary
 from intent_recognition.signals import OnsetSettings
 from intent_recognition.untrusted import UntrustedError, check_archive, load_json
 
 FORMAT_VERSION = 3
-DEVIATION_STD = "phase_deviation_std"
-LONGEST_LOG_S = 20.0
-"""Logarithm of a duration [log s]. Convention: neither nanoseconds nor years."""
-LARGEST_LOG_STD = 10.0
-"""Standard deviation of such a logarithm. Convention: from milliseconds to days."""
 NUMBERS = (
     "weight_mean",
     "weight_covariance",
@@ -55,14 +58,6 @@ NUMBERS = (
     "n_demonstrations",
     "observed_groups",
     "observed_weight_covariance",
-)
-SCALARS = (
-    "noise_scale",
-    "correlation_time_s",
-    "none_prior",
-    "none_margin",
-    "switch_margin",
-    "duration_evidence",
 )
 BEFORE_SWITCHES: dict[str, NDArray[Any]] = {"switch_margin": np.array(0.0)}
 """What models hold that were written before changes of mind were followed."""
@@ -150,7 +145,7 @@ def load_model(path: str | Path) -> Model:
     header = _header(path, content)
     try:
         dofs = DofSpec.from_dict(header["dofs"], f"{path}: dofs")
-        labels = _labels(header["labels"])
+        labels = labels_of(header["labels"])
         basis = NormalizedRBFBasis(**header["basis"])
         onset = tuple(OnsetSettings(**settings) for settings in header["onset"])
         provenance = dict(header["provenance"])
@@ -158,12 +153,12 @@ def load_model(path: str | Path) -> Model:
         if isinstance(error, IntentError):
             raise ModelError(f"{path}: {error}") from error
         raise ModelError(describe(f"{path}: header", "a complete one", error, RETRAIN)) from error
-    check_arrays(path, content, _shapes(len(labels), dofs, basis.n_basis), ("observed_groups",))
+    check_arrays(path, content, shapes_of(len(labels), dofs, basis.n_basis), ("observed_groups",))
     numbers: dict[str, Any] = {name: content[name] for name in NUMBERS}
-    _check_values(path, numbers)
-    _check_plausible(path, numbers)
-    deviation = _phase_deviation(path, header, content)
-    _check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
+    check_values(path, numbers)
+    check_plausible(path, numbers)
+    deviation = phase_deviation(path, header, content)
+    check_groups(path, numbers["observed_groups"], len(dofs.observed_names), len(onset))
     for name in SCALARS:
         numbers[name] = float(numbers[name])
     numbers["observed_groups"] = tuple(numbers["observed_groups"].tolist())
@@ -176,7 +171,7 @@ def load_model(path: str | Path) -> Model:
         controlled_units=tuple(entry.unit for entry in dofs.controlled for _ in entry.names),
         onset=onset,
         phase_deviation=deviation,
-        evidence_freedom=_freedom(path, header),
+        evidence_freedom=evidence_freedom(path, header),
         provenance=provenance,
         context=read_context(path, content, dofs, numbers),
         **numbers,
@@ -290,120 +285,3 @@ def _header(path: str | Path, content: dict[str, NDArray[Any]]) -> dict:
             )
         )
     return header
-
-
-def _phase_deviation(
-    path: str | Path, header: dict, content: dict[str, NDArray[Any]]
-) -> PhaseDeviation:
-    """The prior of the phase deviation, checked."""
-    n_phases = max(np.size(content.get(DEVIATION_STD, ())), 2)
-    check_arrays(path, content, {DEVIATION_STD: (n_phases,)})
-    try:
-        entry = header["phase_deviation"]
-        correlation, evidence = float(entry["correlation"]), float(entry["evidence"])
-        follows = entry["controlled_follows"]
-        if not isinstance(follows, bool):
-            raise TypeError(f"controlled_follows {follows!r}")
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ModelError(
-            describe(f"{path}: phase_deviation", "a complete header", error, RETRAIN)
-        ) from error
-    std = content[DEVIATION_STD]
-    if not (0.0 < correlation < np.inf and 0.0 < evidence <= 1.0 and np.all(std >= 0.0)):
-        raise ModelError(
-            describe(
-                f"{path}: phase_deviation",
-                "a correlation above 0, an evidence in (0, 1] and no std below zero",
-                f"{correlation}, {evidence} and {std.min()}",
-                RETRAIN,
-            )
-        )
-    return PhaseDeviation(std, correlation, evidence, follows)
-
-
-def _freedom(path: str | Path, header: dict) -> float:
-    """Degrees of freedom of the evidence; null stands for the normal density."""
-    found = header.get("evidence_freedom")
-    if found is None:
-        return inf
-    number = isinstance(found, (int, float)) and not isinstance(found, bool)
-    if not number or not 0.0 < found <= LARGEST:
-        expected = f"above zero and up to {LARGEST:g}, or null"
-        raise ModelError(describe(f"{path}: evidence_freedom", expected, found, RETRAIN))
-    return float(found)
-
-
-def _labels(labels: list) -> tuple[str, ...]:
-    named = isinstance(labels, list) and all(isinstance(label, str) for label in labels)
-    if not named or len({*labels, NONE}) != len(labels) + 1 or not labels:
-        raise ArgumentError(
-            describe("labels", f"different names other than {NONE!r}", labels, RETRAIN)
-        )
-    return tuple(labels)
-
-
-def _shapes(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int, ...]]:
-    observed = len(dofs.observed_names)
-    n_dofs = observed + len(dofs.controlled_names)
-    size, total = observed * n_basis, n_dofs * n_basis
-    return {
-        "weight_mean": (n_tasks, total),
-        "weight_covariance": (n_tasks, total, total),
-        "noise_variance": (n_dofs,),
-        "log_duration_mean": (n_tasks,),
-        "log_duration_std": (n_tasks,),
-        "task_prior": (n_tasks,),
-        "transition_prior": (n_tasks + 1, n_tasks),
-        "none_mean": (size,),
-        "none_covariance": (size, size),
-        "none_log_duration": (2,),
-        "n_demonstrations": (n_tasks,),
-        "observed_groups": (len(dofs.observed),),
-        "observed_weight_covariance": (n_tasks, size, size),
-        **dict.fromkeys(SCALARS, ()),
-    }
-
-
-def _check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
-    check_positive(
-        path,
-        numbers,
-        "noise_variance",
-        "noise_scale",
-        "correlation_time_s",
-        "log_duration_std",
-    )
-    for name in ("task_prior", "transition_prior"):
-        prior = numbers[name]
-        if np.any(prior < 0.0) or np.any(np.abs(prior.sum(axis=-1) - 1.0) > 1e-6):
-            raise ModelError(describe(f"{path}: {name}", "sums of one", prior, RETRAIN))
-    if not 0.0 < numbers["none_prior"] < 1.0:
-        raise ModelError(
-            describe(f"{path}: none_prior", "between 0 and 1", numbers["none_prior"], RETRAIN)
-        )
-
-
-def _check_plausible(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
-    """Durations that a movement can have, and covariances."""
-    for name, largest in (
-        ("log_duration_mean", LONGEST_LOG_S),
-        ("none_log_duration", LONGEST_LOG_S),
-        ("log_duration_std", LARGEST_LOG_STD),
-    ):
-        if np.any(np.abs(numbers[name]) > largest):
-            expected = f"at most {largest:g}"
-            raise ModelError(describe(f"{path}: {name}", expected, numbers[name], RETRAIN))
-    for name in ("weight_covariance", "none_covariance", "observed_weight_covariance"):
-        check_covariances(path, name, numbers[name])
-
-
-def _check_groups(path: str | Path, groups: NDArray[Any], n_observed: int, n_onset: int) -> None:
-    if (groups.sum(), n_onset) != (n_observed, len(groups)) or np.any(groups < 1):
-        raise ModelError(
-            describe(
-                f"{path}: observed_groups",
-                f"groups of {n_observed} DOFs, one onset setting each",
-                f"{groups.tolist()} and {n_onset} settings",
-                RETRAIN,
-            )
-        )

@@ -3,11 +3,8 @@
 
 from intent_recognition.tables.exporting import export_columns, export_map, write_table
 from intent_recognition.tables.import_map import ImportMap, load_map
-from intent_recognition.tables.importing import (
-    ImportedDemonstration,
-    import_demonstrations,
-    write_demonstration,
-)
+from intent_recognition.tables.imported import ImportedDemonstration, write_demonstration
+from intent_recognition.tables.importing import import_demonstrations
 
 __all__ = [
     "ImportMap",

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From tables to demonstrations, and from these to bags."""
+"""From tables to demonstrations."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.bags import JOINT_STATE, NANOSECONDS, POSE, BagWriter, message_class
-from intent_recognition.demonstrations import DofEntry, check_label
+from intent_recognition.bags import NANOSECONDS
+from intent_recognition.demonstrations import check_label
 from intent_recognition.errors import BagError, describe, one_line
 from intent_recognition.signals import Rejection
 from intent_recognition.tables.files import find_tables, open_table
@@ -24,6 +23,7 @@ from intent_recognition.tables.import_map import (
     Text,
     TimeSource,
 )
+from intent_recognition.tables.imported import ImportedDemonstration, Samples
 from intent_recognition.tables.table import (
     Table,
     Values,
@@ -37,39 +37,6 @@ from intent_recognition.tables.table import (
 LONGEST_NAME = 80
 """Characters of the name of a recording. Convention, as of labels."""
 NO_TIME = "Say under time in the map which column holds it, or at which rate samples come."
-
-
-class Samples(NamedTuple):
-    """What one entry of the DOF file gets.
-
-    Attributes:
-        entry: the entry.
-        stamps_ns: int64 (T,), strictly increasing.
-        values: (T, d) in the unit of the entry, NaN where nothing was measured.
-    """
-
-    entry: DofEntry
-    stamps_ns: NDArray[np.int64]
-    values: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ImportedDemonstration:
-    """One demonstration of a table, as it is written to a bag.
-
-    Attributes:
-        name: of its bag.
-        custom_data: its label `task`, where it has one, and further texts.
-        samples: for each entry of the DOF file.
-        frame: of poses.
-        n_dropped: samples whose time was missing, or not later than the one before.
-    """
-
-    name: str
-    custom_data: Mapping[str, str]
-    samples: tuple[Samples, ...]
-    frame: str = "world"
-    n_dropped: int = 0
 
 
 @dataclass(frozen=True)
@@ -121,22 +88,6 @@ def import_demonstrations(
                 yield found
         except BagError as error:
             yield Rejection(recording.name, "", 0, one_line(error))
-
-
-def write_demonstration(folder: Path, demonstration: ImportedDemonstration) -> Path:
-    """Write a demonstration as a bag below `folder`; gaps stay gaps.
-
-    Returns:
-        Directory of the bag.
-
-    Raises:
-        ResourceBusyError: it exists already.
-    """
-    path = folder / demonstration.name
-    with BagWriter(path, demonstration.custom_data, flush_period_s=None) as writer:
-        for stamp_ns, topic, kind, content in _messages(demonstration):
-            writer.write_message(topic, kind, content, stamp_ns)
-    return path
 
 
 def _find(source: Path, mapping: ImportMap) -> Iterator[_Recording | Rejection]:
@@ -335,86 +286,3 @@ def _check_name(name: str) -> None:
 def _doubled(name: str) -> BagError:
     cure = "Name each demonstration once, in the segments or by its file."
     return BagError(describe("recording", "names that differ", f"{name} twice", cure))
-
-
-def _messages(demonstration: ImportedDemonstration) -> Iterator[tuple[int, str, str, dict]]:
-    """Stamp, topic, type and content of all messages, in order of time."""
-    topics: dict[str, list[Samples]] = {}
-    for samples in demonstration.samples:
-        topics.setdefault(samples.entry.topic, []).append(samples)
-    found = []
-    for topic, parts in topics.items():
-        kind = parts[0].entry.type
-        make = _joint_state if kind == JOINT_STATE and parts[0].entry.joints else _fields
-        for stamp, rows in _at_each_stamp(parts).items():
-            content = make(rows)
-            if content is not None:
-                content = _with_header(content, kind, stamp, demonstration.frame)
-                found.append((stamp, topic, kind, content))
-    yield from sorted(found, key=lambda message: message[:2])
-
-
-def _at_each_stamp(
-    parts: Sequence[Samples],
-) -> dict[int, list[tuple[DofEntry, NDArray[np.float64]]]]:
-    """What the entries of one topic say at each stamp; NaN for what they do not."""
-    places = [{int(ns): k for k, ns in enumerate(part.stamps_ns)} for part in parts]
-    found = {}
-    for stamp in dict.fromkeys(ns for place in places for ns in place):
-        found[stamp] = [
-            (part.entry, part.values[place[stamp]] if stamp in place
-             else np.full(len(part.entry.names), np.nan))
-            for part, place in zip(parts, places, strict=True)
-        ]  # fmt: skip
-    return found
-
-
-def _joint_state(rows: Sequence[tuple[DofEntry, NDArray[np.float64]]]) -> dict[str, Any] | None:
-    """The joints that were measured; None where none was."""
-    found: dict[str, dict[str, float]] = {}
-    quantities: dict[str, None] = {}
-    for entry, values in rows:
-        for joint, value in zip(entry.joints, values.tolist(), strict=True):
-            if np.isfinite(value):
-                found.setdefault(joint, {})[entry.quantity] = value
-                quantities[entry.quantity] = None
-    if not found:
-        return None
-    content: dict[str, Any] = {"name": list(found)}
-    for quantity in quantities:
-        content[quantity] = [joint.get(quantity, np.nan) for joint in found.values()]
-    return content
-
-
-def _fields(rows: Sequence[tuple[DofEntry, NDArray[np.float64]]]) -> dict[str, Any] | None:
-    """Nested fields; None where one of them was not measured."""
-    content: dict[str, Any] = {}
-    for entry, values in rows:
-        if not np.all(np.isfinite(values)):
-            return None
-        for path, value in zip(entry.fields, values.tolist(), strict=True):
-            *parents, last = re.findall(r"\w+", path)
-            place = content
-            for parent in parents:
-                place = place.setdefault(parent, {})
-            place[last] = value
-    made = _lists(content)
-    return made if isinstance(made, dict) else None
-
-
-def _lists(content: object) -> object:
-    """Mappings from indices become lists."""
-    if not isinstance(content, dict):
-        return content
-    if content and all(key.isdigit() for key in content):
-        items = {int(key): _lists(value) for key, value in content.items()}
-        return [items.get(k) for k in range(max(items) + 1)]
-    return {key: _lists(value) for key, value in content.items()}
-
-
-def _with_header(content: dict[str, Any], kind: str, stamp_ns: int, frame: str) -> dict[str, Any]:
-    if "header" in getattr(message_class(kind), "__dataclass_fields__", {}):
-        content = {"header": {"stamp": stamp_ns, "frame_id": frame}, **content}
-    if kind == POSE and "orientation" not in content["pose"]:
-        content["pose"] = {**content["pose"], "orientation": {"w": 1.0}}
-    return content

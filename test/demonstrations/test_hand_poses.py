@@ -10,9 +10,9 @@ from bag_builder import JOINTS, POSE, START_NS, STEP_NS, joints, pose, write_bag
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.bags.writer import BagWriter
+from intent_recognition.demonstrations import read_demonstrations, settle_orientations
 from intent_recognition.demonstrations.dofs import DofSpec, load_dofs
 from intent_recognition.demonstrations.hand_poses import HAND_LINK, topics_of
-from intent_recognition.demonstrations.reading import read_demonstrations, settle_orientations
 from intent_recognition.errors import ArgumentError, DofError
 from intent_recognition.kinematics.forward import frame_poses, hand_position
 from intent_recognition.kinematics.lwr import DH

@@ -19,10 +19,10 @@ from bag_builder import (
 )
 
 from intent_recognition.bags.writer import BagWriter
+from intent_recognition.demonstrations import iter_demonstrations, read_task_sequences
+from intent_recognition.demonstrations import read_demonstrations as read
 from intent_recognition.demonstrations.dofs import load_dofs
 from intent_recognition.demonstrations.inspect import inspect_bag
-from intent_recognition.demonstrations.reading import iter_demonstrations, read_task_sequences
-from intent_recognition.demonstrations.reading import read_demonstrations as read
 from intent_recognition.errors import BagError
 
 DOFS = load_dofs()

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations import reading as module
+from intent_recognition.demonstrations import collecting as module
+from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import DofEntry, DofSpec, load_dofs
-from intent_recognition.demonstrations.reading import read_demonstrations
 
 DOFS = load_dofs()
 TURN = tuple(f"pose.orientation.{axis}" for axis in "wx")

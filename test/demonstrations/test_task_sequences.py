@@ -5,7 +5,7 @@ import pytest
 from bag_builder import write_bag
 
 from intent_recognition.bags.writer import BagWriter
-from intent_recognition.demonstrations.reading import read_task_sequences
+from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.errors import BagError
 from intent_recognition.recognition import FORGET_AFTER_S
 

@@ -3,8 +3,8 @@
 
 import pytest
 
+from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.experiments.toolbox.hardness import compare, compare_folds
 
 

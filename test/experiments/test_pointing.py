@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
+from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.experiments.pointing.experiment import (
     run,
 )

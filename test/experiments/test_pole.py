@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
+from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.experiments.pole import experiment as pole
 from intent_recognition.experiments.pole.study import draw
 from intent_recognition.experiments.settings import Settings

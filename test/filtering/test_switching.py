@@ -12,9 +12,11 @@ from intent_recognition.filtering import (
     MovementFilter,
     SwitchedHypotheses,
     make_hypotheses,
+    newborn,
     switching,
 )
-from intent_recognition.filtering.switching import fading, fading_velocity, shares
+from intent_recognition.filtering.newborn import fading, fading_velocity
+from intent_recognition.filtering.switching import shares
 from intent_recognition.recognition.posterior import task_posterior
 from intent_recognition.signals.observation import Observation
 
@@ -94,7 +96,8 @@ def test_nobody_turns_to_an_impossible_task_nor_to_another_one_where_there_is_on
 
 
 def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
-    monkeypatch.setattr(switching, "FADINGS", (12.0,))
+    for module in (newborn, switching):
+        monkeypatch.setattr(module, "FADINGS", (12.0,))
     monkeypatch.setattr(switching, "N_DURATIONS", 1)
     monkeypatch.setattr(switching, "NEGLIGIBLE", np.inf)
     monkeypatch.setattr(switching, "NEGLIGIBLE_SHARE", 0.0)
@@ -117,7 +120,7 @@ def test_a_born_hypothesis_equals_the_joint_gaussian(library, rng, monkeypatch):
     mean, covariance = np.zeros(size), np.zeros((size, size))
     mean[: p * n] = library.observed_mean[1]
     covariance[: p * n, : p * n] = library.observed_covariance[1]
-    scale = np.array([1.0, 6.0, switching.PUSH * 36.0])
+    scale = np.array([1.0, 6.0, newborn.PUSH * 36.0])
     covariance[p * n :, p * n :] = np.diag(np.outer(std, scale).ravel() ** 2)
 
     def rows(elapsed_s, offset):
@@ -211,8 +214,8 @@ def test_the_number_of_hypotheses_is_bounded(library, rng, monkeypatch):
     switched = SwitchedHypotheses(library)
     times_s = np.arange(0.0, 2.0, 0.05)
     filtered(library, times_s, changed(library, rng, (0, 1), 0.5, times_s), switched)
-    newborn = 4 * len(switching.FADINGS) * switching.N_DURATIONS
-    assert switched.n_hypotheses <= switching.MAX_HYPOTHESES + switching.SETTLING * newborn
+    born = 4 * len(switching.FADINGS) * switching.N_DURATIONS
+    assert switched.n_hypotheses <= switching.MAX_HYPOTHESES + switching.SETTLING * born
 
 
 def test_velocities_are_those_of_the_positions(library, rng):

@@ -12,7 +12,7 @@ from system.pacing import PacedPlayer
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.demonstrations.reading import read_demonstrations
+from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.evaluation.replaying import replay
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.model.file import Model, load_model, save_model

@@ -11,8 +11,8 @@ from system.pacing import PacedPlayer
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
+from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.learning.training import TrainingSettings, learn
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos

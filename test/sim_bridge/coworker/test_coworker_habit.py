@@ -8,7 +8,7 @@ import numpy as np
 from mcap.reader import make_reader
 
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.demonstrations.reading import read_task_sequences
+from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.learning.transitions import count_transitions, smoothed_transitions
 from sim_bridge.coworker.habit import FIRST, FOLLOWS, ORDER, habitual_tasks
 from sim_bridge.coworker.task_list import parse_task_list

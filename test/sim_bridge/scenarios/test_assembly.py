@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.forward import hand_position
 from intent_recognition.kinematics.limits import within_position_limits

@@ -9,8 +9,8 @@ import pytest
 from mcap.reader import make_reader
 
 from intent_recognition.bags.metadata import read_metadata
+from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.errors import ArgumentError, ResourceBusyError
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.coworker.styles import HOLD, PLATE, SCREW, TASKS

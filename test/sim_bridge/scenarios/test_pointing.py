@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from intent_recognition.demonstrations import read_demonstrations
 from intent_recognition.demonstrations.dofs import load_dofs
-from intent_recognition.demonstrations.reading import read_demonstrations
 from intent_recognition.errors import ArgumentError
 from intent_recognition.kinematics.forward import forward_kinematics
 from intent_recognition.kinematics.inverse import branch_of

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Samples of all topics of one recording, as far as it can be read."""
+
+from collections.abc import Mapping
+
+from intent_recognition.bags import BagMessage, BagReader
+from intent_recognition.demonstrations.cleaning import (
+    TopicSamples,
+    clean_columns,
+    clean_topic,
+    restamped,
+)
+from intent_recognition.demonstrations.dofs import DofSpec, relative_topic
+from intent_recognition.demonstrations.fields import ORIENTATION_FIELDS, has_columns
+from intent_recognition.demonstrations.paths import element_names
+from intent_recognition.errors import BagError, MessageError
+from intent_recognition.signals import Rejection
+
+
+def missing_topic(reader: BagReader, dofs: DofSpec) -> Rejection | None:
+    """Why a recording has not all topics with what the DOFs need; None where it has."""
+    recorded = {relative_topic(name): info for name, info in reader.topics.items()}
+    for topic, kind in dofs.topics.items():
+        if topic not in recorded:
+            has = ", ".join(sorted(recorded)) or "nothing"
+            reason = f"missing topic: the bag has {has}"
+        elif recorded[topic].type != kind:
+            reason = f"wrong schema: expected {kind}, recorded as {recorded[topic].type}"
+        elif recorded[topic].message_count == 0:
+            reason = "empty: no message was recorded on this topic"
+        else:
+            continue
+        return Rejection(str(reader.path), f"/{topic}", reader.start_ns, reason)
+    return None
+
+
+def collect(
+    reader: BagReader, dofs: DofSpec, marker: str | None, extrinsics: Mapping[str, tuple] | None
+) -> tuple[dict[str, TopicSamples], list[BagMessage], Rejection | None]:
+    """Samples by relative topic and markers before the first damage, and what is damaged."""
+    marker_topics = [marker] if marker else []
+    try:
+        samples = _columns(reader, dofs, extrinsics)
+        if samples is not None:
+            return samples, list(reader.messages(marker_topics)) if marker else [], None
+    except BagError:  # read message by message, to know how far the recording can be read
+        pass
+    messages: dict[str, list[BagMessage]] = {t: [] for t in [*dofs.topics, *marker_topics]}
+    last_ns, damage = 0, None
+    try:
+        for message in reader.messages(messages):
+            messages[relative_topic(message.topic)].append(message)
+            last_ns = message.log_time_ns
+    except MessageError as error:
+        damage = Rejection(str(reader.path), "", last_ns, f"wrong schema: {error}")
+    except BagError as error:
+        damage = Rejection(str(reader.path), "", last_ns, f"damaged: {error}")
+    samples = {}
+    for stream, entry in dofs.streams.items():
+        recorded = messages[entry.topic]
+        about = [m for m in (restamped(entry, message) for message in recorded) if m is not None]
+        if recorded and not about and damage is None:
+            has = {name for m in recorded for name in element_names(m.message, entry.fields)}
+            reason = (
+                f"no {', '.join(entry.fields)}: the topic has {', '.join(sorted(has)) or 'none'}"
+            )
+            damage = Rejection(str(reader.path), f"/{entry.topic}", 0, reason)
+        samples[stream] = clean_topic(entry.topic, entry.type, about, extrinsics)
+    return samples, messages[marker] if marker else [], damage
+
+
+def _columns(
+    reader: BagReader, dofs: DofSpec, extrinsics: Mapping[str, tuple] | None
+) -> dict[str, TopicSamples] | None:
+    """Samples of all topics read as columns; None if one of them cannot be."""
+    entries = dofs.recorded
+    if not all(map(has_columns, entries)):
+        return None
+    columns = reader.columns(dofs.topics)
+    if any(found is None for found in columns.values()):
+        return None
+    oriented = {
+        entry.topic for entry in entries if not set(entry.fields).isdisjoint(ORIENTATION_FIELDS)
+    }
+    return {
+        topic: clean_columns(topic, found, extrinsics, oriented=topic in oriented)
+        for topic, found in columns.items()
+        if found is not None
+    }

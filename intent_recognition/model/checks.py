@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the arrays and the header of a model file must be like."""
+
+from math import inf
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.demonstrations import DofSpec
+from intent_recognition.errors import ArgumentError, ModelError, describe
+from intent_recognition.model.arrays import (
+    LARGEST,
+    RETRAIN,
+    check_arrays,
+    check_covariances,
+    check_positive,
+)
+from intent_recognition.promp import NONE, PhaseDeviation
+
+DEVIATION_STD = "phase_deviation_std"
+LONGEST_LOG_S = 20.0
+"""Logarithm of a duration [log s]. Convention: neither nanoseconds nor years."""
+LARGEST_LOG_STD = 10.0
+"""Standard deviation of such a logarithm. Convention: from milliseconds to days."""
+SCALARS = (
+    "noise_scale",
+    "correlation_time_s",
+    "none_prior",
+    "none_margin",
+    "switch_margin",
+    "duration_evidence",
+)
+
+
+def shapes_of(n_tasks: int, dofs: DofSpec, n_basis: int) -> dict[str, tuple[int, ...]]:
+    """Shapes of the arrays of a model of so many tasks."""
+    observed = len(dofs.observed_names)
+    n_dofs = observed + len(dofs.controlled_names)
+    size, total = observed * n_basis, n_dofs * n_basis
+    return {
+        "weight_mean": (n_tasks, total),
+        "weight_covariance": (n_tasks, total, total),
+        "noise_variance": (n_dofs,),
+        "log_duration_mean": (n_tasks,),
+        "log_duration_std": (n_tasks,),
+        "task_prior": (n_tasks,),
+        "transition_prior": (n_tasks + 1, n_tasks),
+        "none_mean": (size,),
+        "none_covariance": (size, size),
+        "none_log_duration": (2,),
+        "n_demonstrations": (n_tasks,),
+        "observed_groups": (len(dofs.observed),),
+        "observed_weight_covariance": (n_tasks, size, size),
+        **dict.fromkeys(SCALARS, ()),
+    }
+
+
+def check_values(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
+    """Make sure that variances are positive and probabilities are some."""
+    check_positive(
+        path,
+        numbers,
+        "noise_variance",
+        "noise_scale",
+        "correlation_time_s",
+        "log_duration_std",
+    )
+    for name in ("task_prior", "transition_prior"):
+        prior = numbers[name]
+        if np.any(prior < 0.0) or np.any(np.abs(prior.sum(axis=-1) - 1.0) > 1e-6):
+            raise ModelError(describe(f"{path}: {name}", "sums of one", prior, RETRAIN))
+    if not 0.0 < numbers["none_prior"] < 1.0:
+        raise ModelError(
+            describe(f"{path}: none_prior", "between 0 and 1", numbers["none_prior"], RETRAIN)
+        )
+
+
+def check_plausible(path: str | Path, numbers: dict[str, NDArray[Any]]) -> None:
+    """Durations that a movement can have, and covariances."""
+    for name, largest in (
+        ("log_duration_mean", LONGEST_LOG_S),
+        ("none_log_duration", LONGEST_LOG_S),
+        ("log_duration_std", LARGEST_LOG_STD),
+    ):
+        if np.any(np.abs(numbers[name]) > largest):
+            expected = f"at most {largest:g}"
+            raise ModelError(describe(f"{path}: {name}", expected, numbers[name], RETRAIN))
+    for name in ("weight_covariance", "none_covariance", "observed_weight_covariance"):
+        check_covariances(path, name, numbers[name])
+
+
+def check_groups(path: str | Path, groups: NDArray[Any], n_observed: int, n_onset: int) -> None:
+    """Make sure that signals divide the observed DOFs among them."""
+    if (groups.sum(), n_onset) != (n_observed, len(groups)) or np.any(groups < 1):
+        raise ModelError(
+            describe(
+                f"{path}: observed_groups",
+                f"groups of {n_observed} DOFs, one onset setting each",
+                f"{groups.tolist()} and {n_onset} settings",
+                RETRAIN,
+            )
+        )
+
+
+def labels_of(labels: list) -> tuple[str, ...]:
+    """Names of the tasks, checked."""
+    named = isinstance(labels, list) and all(isinstance(label, str) for label in labels)
+    if not named or len({*labels, NONE}) != len(labels) + 1 or not labels:
+        raise ArgumentError(
+            describe("labels", f"different names other than {NONE!r}", labels, RETRAIN)
+        )
+    return tuple(labels)
+
+
+def evidence_freedom(path: str | Path, header: dict) -> float:
+    """Degrees of freedom of the evidence; null stands for the normal density."""
+    found = header.get("evidence_freedom")
+    if found is None:
+        return inf
+    number = isinstance(found, (int, float)) and not isinstance(found, bool)
+    if not number or not 0.0 < found <= LARGEST:
+        expected = f"above zero and up to {LARGEST:g}, or null"
+        raise ModelError(describe(f"{path}: evidence_freedom", expected, found, RETRAIN))
+    return float(found)
+
+
+def phase_deviation(
+    path: str | Path, header: dict, content: dict[str, NDArray[Any]]
+) -> PhaseDeviation:
+    """The prior of the phase deviation, checked."""
+    n_phases = max(np.size(content.get(DEVIATION_STD, ())), 2)
+    check_arrays(path, content, {DEVIATION_STD: (n_phases,)})
+    try:
+        entry = header["phase_deviation"]
+        correlation, evidence = float(entry["correlation"]), float(entry["evidence"])
+        follows = entry["controlled_follows"]
+        if not isinstance(follows, bool):
+            raise TypeError(f"controlled_follows {follows!r}")
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ModelError(
+            describe(f"{path}: phase_deviation", "a complete header", error, RETRAIN)
+        ) from error
+    std = content[DEVIATION_STD]
+    if not (0.0 < correlation < np.inf and 0.0 < evidence <= 1.0 and np.all(std >= 0.0)):
+        raise ModelError(
+            describe(
+                f"{path}: phase_deviation",
+                "a correlation above 0, an evidence in (0, 1] and no std below zero",
+                f"{correlation}, {evidence} and {std.min()}",
+                RETRAIN,
+            )
+        )
+    return PhaseDeviation(std, correlation, evidence, follows)
