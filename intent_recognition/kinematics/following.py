@@ -3,10 +3,11 @@
 
 The path is followed from its first pose: each solution begins at the one before, and glides a
 little along its self-motion toward the rest posture. Where a limit ends such a path although its
-poses can be reached, the search begins again at other solutions of the first pose.
+poses can be reached, the search begins again at other solutions of the first pose; not where a pose
+by itself is out of reach, and no further than it can still become the best.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -70,32 +71,43 @@ def follow(
         seed: where to begin (n,).
         rest: what redundant joints are drawn to (n,).
     """
-    best: FollowedPath | None = None
-    for start in _first_postures(search, targets[0], seed, rest):
-        path = _follow_from(search, targets, start, rest)
-        if best is None or _badness(path) < _badness(best):
+    first = search.solve(targets[0], seed, rest)
+    best = _follow_from(search, targets, first, rest, len(targets) + 1)
+    assert best is not None  # no path misses as many
+    if best.reached.all() and best.largest_jump_rad <= LARGEST_JUMP_RAD:
+        return best
+    worst = int(np.argmax(best.distance_m + best.angle_rad))
+    if search.solve(targets[worst], best.positions[worst], rest).error > REACHED:
+        return best
+    for start in search.starts(targets[0]):
+        first = search.slide(targets[0], search.descend(targets[0], start), rest)
+        path = _follow_from(search, targets, first, rest, int(np.sum(~best.reached)))
+        if path is not None and _badness(path) < _badness(best):
             best = path
         if best.reached.all() and best.largest_jump_rad <= LARGEST_JUMP_RAD:
             break
-    assert best is not None  # the first posture always is one
     return best
 
 
-def _first_postures(
-    search: PoseSearch, target: Target, seed: NDArray[np.float64], rest: NDArray[np.float64]
-) -> Iterator[Solution]:
-    yield search.solve(target, seed, rest)
-    for start in search.starts(target):
-        yield search.slide(target, search.descend(target, start), rest)
-
-
 def _follow_from(
-    search: PoseSearch, targets: Sequence[Target], first: Solution, rest: NDArray[np.float64]
-) -> FollowedPath:
-    solutions = [first]
+    search: PoseSearch,
+    targets: Sequence[Target],
+    first: Solution,
+    rest: NDArray[np.float64],
+    most_missed: int,
+) -> FollowedPath | None:
+    """The path from a posture at its first pose on; None where it misses more poses than that, or
+    as many and jumps.
+    """
+    solutions, missed, jumps = [first], int(first.error > REACHED), False
     for target in targets[1:]:
-        found = search.descend(target, solutions[-1].q)
-        solutions.append(search.slide(target, found, rest, 1, _GLIDE_RAD))
+        if missed + jumps > most_missed:
+            return None
+        before = solutions[-1].q
+        found = search.slide(target, search.descend(target, before), rest, 1, _GLIDE_RAD)
+        missed += found.error > REACHED
+        jumps |= bool(np.abs(found.q - before).max() > LARGEST_JUMP_RAD)
+        solutions.append(found)
     positions, distances, angles = zip(*solutions, strict=True)
     return FollowedPath(np.array(positions), np.array(distances), np.array(angles))
 

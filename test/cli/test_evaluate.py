@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent evaluate`: protocols, tables, JSON of the contract, report."""
 
+import inspect
 import io
 import json
 import math
@@ -13,8 +14,14 @@ from cli.recorded import spoil, write_all
 
 from intent_recognition.cli import evaluate as command
 from intent_recognition.cli.main import main
+from intent_recognition.demonstrations.hand_poses import hand_numbers
 from intent_recognition.errors import ArgumentError, BagError, ResourceBusyError
 from intent_recognition.evaluation import make_folds
+from intent_recognition.learning.context import fit_context
+from intent_recognition.promp import ContextModel
+from intent_recognition.recognition.context import KnownContext
+from intent_recognition.signals import orientation
+from intent_recognition.signals.orientation import to_tangent
 
 RECOGNITION = {"accuracy", "log_loss"}
 PREDICTION = {
@@ -46,15 +53,34 @@ class Run(NamedTuple):
     page: str
 
 
+def without_what_is_not_used(patch):
+    """Break the code of orientations, context and hands, under whatever name it was imported."""
+
+    def unused(*args, **kwargs):
+        raise AssertionError("used by a DOF file that has none of it")
+
+    functions = [
+        ContextModel.given,
+        ContextModel.tolerance.fget,
+        KnownContext.take,
+        fit_context,
+        hand_numbers,
+        *(one for _, one in inspect.getmembers(orientation, inspect.isfunction)),
+    ]
+    for one in functions:
+        patch.setattr(one, "__code__", unused.__code__)
+
+
 @pytest.fixture(scope="module")
 def scored(tmp_path_factory, recorded) -> Run:
-    """All there is to score, in four folds."""
+    """All there is to score, in four folds; what the DOF file has none of would fail."""
     folder, text = tmp_path_factory.mktemp("scored"), io.StringIO()
     numbers, page = folder / "scores.json", folder / "report" / "page.html"
     options = ["--dofs", recorded / "dofs.yaml", "--basis", 8, "--protocol", "kfold:4"]
     options += ["--start-posture", "both", "--json", numbers, "--report", page]
     words = ["evaluate", recorded / "bags", *options]
-    with redirect_stdout(text):
+    with redirect_stdout(text), pytest.MonkeyPatch.context() as patch:
+        without_what_is_not_used(patch)
         code = main([str(word) for word in words])
     return Run(code, text.getvalue(), json.loads(numbers.read_text()), page.read_text())
 
@@ -106,6 +132,16 @@ def test_folds_by_index(scored):
     for row in result["online"].values():
         assert set(row) == ONLINE
         assert row["recognised"] >= 0.75 and row["wrongly_acted_on"] == 0.0
+
+
+def test_numbers_of_plain_dofs_hang_on_nothing_else(scored, monkeypatch):
+    """Nothing failed or was left out although orientations, context and hands were broken."""
+    assert scored.code == 0 and scored.result["left_out"] == []
+    assert scored.result["n_demonstrations"] == 8
+    assert to_tangent([0, 0, 0, 1], [0, 0, 0, 1]).tolist() == [0, 0, 0]
+    without_what_is_not_used(monkeypatch)
+    with pytest.raises(AssertionError, match="none of it"):
+        to_tangent([0, 0, 0, 1], [0, 0, 0, 1])
 
 
 class AskedForError(Exception):
