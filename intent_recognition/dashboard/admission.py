@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+import numpy as np
 import zstandard
 
 from intent_recognition.errors import ArgumentError, describe
@@ -47,6 +48,10 @@ MOST_NUMBERS = 64
 """Numbers in one message from a browser. Convention."""
 _SCRIPT = re.compile(r"<script\b([^>]*)>(.*?)</script>", re.DOTALL | re.IGNORECASE)
 _PACKED = re.compile(r'data-c="([^"]+)"')
+"""What viser 1.1.0 runs."""
+_PACKED_AFTER_STYLES = re.compile(r'data-p="([^"]+)"\s+data-ss="(\d+)"')
+"""What viser 1.1.1 runs, in base 88, and how long the styles before it are."""
+_DIGITS = np.array([code for code in range(33, 127) if chr(code) not in "\"&'<>`"], dtype=np.uint8)
 
 
 class Admission:
@@ -259,13 +264,26 @@ def script_sources(index: Path) -> tuple[str, ...]:
     found = []
     for attributes, text in _SCRIPT.findall(index.read_text(encoding="utf-8")):
         found.append(text.encode())
-        packed = _PACKED.search(attributes)
-        if packed:
-            data = base64.b64decode(packed[1])
-            found.append(zstandard.ZstdDecompressor().decompressobj().decompress(data))
+        if packed := _PACKED.search(attributes):
+            found.append(_decompressed(base64.b64decode(packed[1])))
+        elif packed := _PACKED_AFTER_STYLES.search(attributes):
+            found.append(_decompressed(_from_base_88(packed[1]))[int(packed[2]) :])
     return tuple(
         f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'" for script in found
     )
+
+
+def _decompressed(data: bytes) -> bytes:
+    return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+
+
+def _from_base_88(text: str) -> bytes:
+    """Bytes of a text whose every five digits of base 88 are four of them."""
+    digits = np.searchsorted(_DIGITS, np.frombuffer(text.encode(), np.uint8)).astype(np.int64)
+    whole = len(digits) // 5 * 5
+    numbers = digits[:whole].reshape(-1, 5) @ (len(_DIGITS) ** np.arange(4, -1, -1))
+    rest = sum(int(n) * len(_DIGITS) ** k for k, n in enumerate(digits[whole:][::-1]))
+    return numbers.astype(">u4").tobytes() + rest.to_bytes(max(len(text) - whole - 1, 0), "big")
 
 
 def _same_origin(origin: str, host: str) -> bool:

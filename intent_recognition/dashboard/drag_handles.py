@@ -2,6 +2,7 @@
 """Handles to drag in the scene: two goals, or the wrist and the arm's hand directly."""
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 import viser
@@ -24,6 +25,8 @@ NAMES = {
     (DIRECT, HAND): "drag the robot's hand",
 }
 COLOURS = {WRIST: DARK, HAND: GREY}
+ANCHORS: dict[str, Literal["top-left", "top-right"]] = {WRIST: "top-left", HAND: "top-right"}
+"""Where names hang: seen with the robot on the left, neither covers the other."""
 
 Moved = Callable[[NDArray[np.float64]], None]
 
@@ -81,7 +84,7 @@ class DragHandles:
             position=place,
             visible=False,
         )
-        scene.add_label(f"{name}/name", NAMES[kind, body], anchor="top-center")
+        scene.add_label(f"{name}/name", NAMES[kind, body], anchor=ANCHORS[body])
         if kind == GOALS:
             scene.add_icosphere(f"{name}/ball", BALL_M, COLOURS[body], opacity=0.8)
         return handle

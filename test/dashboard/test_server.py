@@ -2,6 +2,8 @@
 """Who is let in, who operates, and what is sent and taken: by a real server."""
 
 import asyncio
+import base64
+import hashlib
 import resource
 import socket
 from pathlib import Path
@@ -9,11 +11,12 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+import zstandard
 from dashboard.guarded import TOKEN, eventually, guarded
 from websockets.exceptions import InvalidStatus
 
 from intent_recognition.dashboard import server as served
-from intent_recognition.dashboard.admission import IDLE_S
+from intent_recognition.dashboard.admission import IDLE_S, script_sources
 
 NEVER_SENT = (
     b"",
@@ -242,3 +245,31 @@ def test_a_browser_that_does_not_read_is_cut_off_and_holds_little(monkeypatch):
 def _resident_mb():
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * resource.getpagesize() / 1e6
+
+
+def in_base_88(data):
+    """Four bytes as five digits, and k as k + 1 at the end, as viser 1.1.1 writes them."""
+    digits = [chr(code) for code in range(33, 127) if chr(code) not in "\"&'<>`"]
+    text = ""
+    for k in range(0, len(data), 4):
+        number, n = int.from_bytes(data[k : k + 4], "big"), len(data[k : k + 4]) + 1
+        text += "".join(digits[number // 88**place % 88] for place in reversed(range(n)))
+    return text
+
+
+@pytest.mark.parametrize("n", range(4))
+def test_what_viser_packs_into_an_attribute_may_run(n, tmp_path, rng):
+    script, styles = rng.bytes(50 + n), b"a{}"
+    unpacker = b"unpack()"
+    wanted = [
+        f"'sha256-{base64.b64encode(hashlib.sha256(one).digest()).decode()}'"
+        for one in (unpacker, script)
+    ]
+    page, compress = tmp_path / "index.html", zstandard.ZstdCompressor().compress
+    attributes = (
+        f'data-c="{base64.b64encode(compress(script)).decode()}"',
+        f'data-p="{in_base_88(compress(styles + script))}" data-ss="3" data-cs="{50 + n}"',
+    )
+    for packed in attributes:
+        page.write_text(f"<script {packed}>{unpacker.decode()}</script>", encoding="utf-8")
+        assert list(script_sources(page)) == wanted
