@@ -25,12 +25,12 @@ from intent_recognition.model import load_pouring_skill, save_pouring_skill
 from intent_recognition.share import share_path
 
 if TYPE_CHECKING:
-    from intent_recognition.warping import WarpedPrimitive
+    from intent_recognition.warping import PouringSkill
     from sim_bridge.practice import Cost, PracticeSession, Rollout
     from sim_bridge.scenarios.pouring import PouringPractice
 
 POURING, THUMBS = "pouring", "thumbs"
-SKILL, BEFORE = "skill.npz", "skill.before.npz"
+START, SKILL, BEFORE = "start.npz", "skill.npz", "skill.before.npz"
 ROLLOUTS = 40
 """Rollouts of a practice unless more are asked for. Convention: a person still watches as many."""
 CHECKS = 5
@@ -48,8 +48,8 @@ def add_parser(subparsers: Subparsers) -> None:
         " before --accept.",
         **examples(
             (
-                "spill less with a tea cup, 40 pours in simulation",
-                "intent improve pouring --cost spilled --cup tea_cup --into paper_cup",
+                "spill less from a wide bowl, 40 pours in simulation",
+                "intent improve pouring --short 0.9",
             ),
             ("with a cost of one's own", "intent improve pouring --cost my_cost.py"),
             ("say up or down after each pour", "intent improve pouring --cost thumbs"),
@@ -64,8 +64,8 @@ def add_parser(subparsers: Subparsers) -> None:
         help="spilled, level, thumbs, or a Python file with one function of a rollout (default:"
         " %(default)s)",
     )
-    parser.add_argument("--cup", default="tea_cup", help="container in the hand (%(default)s)")
-    parser.add_argument("--into", default="paper_cup", help="the other one (%(default)s)")
+    parser.add_argument("--cup", default="mug", help="container in the hand (%(default)s)")
+    parser.add_argument("--into", default="tumbler", help="the other one (%(default)s)")
     parser.add_argument(
         "--wanted",
         type=number(int, 0, 40),
@@ -86,6 +86,14 @@ def add_parser(subparsers: Subparsers) -> None:
         type=Path,
         metavar="BAGS|FILE",
         help="demonstrations, or an accepted skill, to begin with (default: the shipped ones)",
+    )
+    parser.add_argument(
+        "--short",
+        type=number(float, 0.0, 2.0),
+        default=0.0,
+        metavar="RADII",
+        help="move the demonstrations on average so many radii of the opening too short, to have"
+        " something to practise (default: %(default)s)",
     )
     parser.add_argument(
         "--output",
@@ -120,24 +128,28 @@ def run(args: argparse.Namespace) -> int:
     from sim_bridge.scenarios.pouring import PouringPractice
 
     cost = Cost(THUMBS, _thumb) if args.cost == THUMBS else load_cost(args.cost)
-    with PouringPractice(_primitive(args.start), args.cup, args.into, args.wanted) as practice:
+    with PouringPractice(_skill(args), args.cup, args.into, args.wanted) as practice:
         search = CovarianceSearch(practice.space.n_axes, args.seed)
         about = {"task": args.task, "cup": args.cup, "second": args.into}
-        about |= {"wanted": args.wanted, "seed": args.seed}
+        about |= {"wanted": args.wanted, "seed": args.seed, "short": args.short}
         session = PracticeSession(args.output, practice, search, cost, about)
         if args.accept:
             return _accept(args, session, practice, console)
+        save_pouring_skill(args.output / START, practice.skill)
         _practise(session, args.rollouts, console)
         _report(args, session, practice, cost, console)
     return 0
 
 
-def _primitive(start: Path | None) -> "WarpedPrimitive":
-    from sim_bridge.scenarios.pouring import learn_skill
+def _skill(args: argparse.Namespace) -> "PouringSkill":
+    from sim_bridge.scenarios.pouring import learn_skill, read_demonstrated, short_skill
 
-    if start is not None and start.is_file():
-        return load_pouring_skill(start).primitive
-    return learn_skill(start or share_path("bags/pouring/train"), 1).primitive
+    if args.start is not None and args.start.is_file():
+        return load_pouring_skill(args.start)
+    bags = args.start or share_path("bags/pouring/train")
+    if args.short:
+        return short_skill(read_demonstrated(bags), args.short, args.seed)
+    return learn_skill(bags, 1).pouring
 
 
 def _practise(session: "PracticeSession", rollouts: int, console: Console) -> None:
@@ -192,7 +204,7 @@ def _accept(
     if not session.tried:
         cure = "Practise first: the same command without --accept."
         raise ModelError(describe(str(args.output), "rollouts", "none", cure))
-    improved = practice.skill(session.settled(), args.seed)
+    improved = practice.with_mean(session.settled())
     if skill.exists():
         copy(skill, args.output / BEFORE)
     save_pouring_skill(skill, improved)

@@ -28,6 +28,7 @@ from intent_recognition.warping.parts import Part
 from intent_recognition.warping.pour_level import (
     EMPTY,
     FULL,
+    FULL_SHARE,
     Emptying,
     Reached,
     amount_to_leave,
@@ -55,6 +56,7 @@ from intent_recognition.warping.wall_checks import check_wall
 __all__ = [
     "EMPTY",
     "FULL",
+    "FULL_SHARE",
     "NO_REFERENCES",
     "N_WARPED",
     "RIDGE",

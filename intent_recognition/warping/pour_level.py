@@ -126,8 +126,8 @@ def tilts_to_level(
 
     Where the demonstrated one began to pour, this one does; where that one was tilted most, this
     one is as far as it must be. Between these the tilt follows a monotone cubic without a kink. On
-    the way back it falls in proportion, so that what is left stays in. What is emptied is tilted as
-    far beyond as was demonstrated.
+    the way back it falls in proportion, so that what is left stays in, and so it rises beyond what
+    was demonstrated. What is emptied is tilted as far beyond as was demonstrated.
 
     Args:
         ratios: demonstrated tilts as ratios to the tilt reference (T,).
@@ -147,5 +147,5 @@ def tilts_to_level(
         end = min(end, cup.tilt_leaving(left))
     ratios, largest = np.maximum(ratios, 0.0), far.largest_ratio
     tilt = PchipInterpolator([0.0, far.begin_ratio, largest], [0.0, begin, end])
-    back = np.arange(len(ratios)) > np.argmax(ratios)
-    return np.where(back, end * ratios / largest, tilt(ratios))
+    in_proportion = (np.arange(len(ratios)) > np.argmax(ratios)) | (ratios > largest)
+    return np.where(in_proportion, end * ratios / largest, tilt(np.minimum(ratios, largest)))

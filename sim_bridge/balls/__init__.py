@@ -2,7 +2,7 @@
 """Containers with balls for a fluid: tilting, pouring and catching, each in a world of its own."""
 
 from sim_bridge.balls.collision import HULL_MARGIN_M, wall_pieces, write_obj
-from sim_bridge.balls.fluid import ball_radius_m, hollow_of, settled
+from sim_bridge.balls.fluid import ball_radius_m, balls_in, hollow_of, settled
 from sim_bridge.balls.hollow import Hollow, offset
 from sim_bridge.balls.table import TRIALS_FILE, Trials, read_trials
 from sim_bridge.balls.tilting import Tilted, WallGuard, level_axes, tilt_along
@@ -40,6 +40,7 @@ __all__ = [
     "Trials",
     "WallGuard",
     "ball_radius_m",
+    "balls_in",
     "container",
     "hollow_of",
     "level_axes",

@@ -44,6 +44,11 @@ def ball_radius_m(volume_m3: float, n_full: int) -> float:
     return float((3.0 * PACKING * volume_m3 / (4.0 * np.pi * n_full)) ** (1.0 / 3.0))
 
 
+def balls_in(volume_m3: float, ball_radius_m: float) -> float:
+    """How many balls of a radius fill a volume."""
+    return float(3.0 * PACKING * volume_m3 / (4.0 * np.pi * ball_radius_m**3))
+
+
 def settled(world: BallWorld, n_balls: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Fill the world's container and let the balls come to rest.
 

@@ -3,6 +3,7 @@
 
     practice.json       what is practised, and each point tried with its cost and outcome
     rollouts/000, ...   the rollouts as bags
+    start.npz           the skill it began with
     skill.npz           what was accepted; not there before
 
 The file is written to the disk and renamed after each rollout. Whoever ends the process at any

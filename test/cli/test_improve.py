@@ -33,6 +33,7 @@ def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
     assert main([*base, "--accept"]) == 0
     accepted, shown = load_pouring_skill(folder / "skill.npz"), load_pouring_skill(start)
     assert np.array_equal(accepted.primitive.spread, shown.primitive.spread)
+    assert accepted.far == shown.far
     assert main([*base, "--accept"]) == 0 and (folder / "skill.before.npz").exists()
     assert main([*base, "--undo"]) == 0 and (folder / "skill.npz").exists()
     assert main([*base, "--undo"]) == 0 and not (folder / "skill.npz").exists()

@@ -13,7 +13,6 @@ from intent_recognition.experiments.practice.study import (
     N_ROLLOUTS,
     RANDOM,
     SHORT_RADII,
-    SHORT_STD_RADII,
     Practised,
     best_so_far,
     investigate,
@@ -33,6 +32,7 @@ from intent_recognition.report import (
     styled,
     to_svg,
 )
+from sim_bridge.scenarios.pouring import SHORT_STD_RADII
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing

@@ -9,27 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.improvement import CovarianceSearch, Search, next_point, settled_point
-from intent_recognition.warping import WarpedPrimitive
 from sim_bridge.practice import COSTS
-from sim_bridge.scenarios.pouring import (
-    PouringPractice,
-    PourPath,
-    learn_pouring,
-    read_demonstrated,
-    seen_as,
-)
+from sim_bridge.scenarios.pouring import PouringPractice, read_demonstrated, short_skill
 
 COST = "spilled"
 N_ROLLOUTS = 40
 N_CHECKS = 3
 """Fresh pours that the start and what a search has come to are compared with."""
-SHORT_RADII, SHORT_STD_RADII = 0.9, 0.3
-"""How much too short the moved demonstrations pour, and its standard deviation, in radii of the
-second opening: most of the balls fall before it."""
-OTHER_STD = np.array([0.0, 0.1, 0.08])
-"""How much they vary across and up, as ratios of the warped space."""
+SHORT_RADII = 0.9
+"""How much too short the moved demonstrations pour, in radii of the second opening: most of the
+balls fall before it."""
 METHODS = CMA, RANDOM = "CMA-ES", "random search"
-_STREAM, _CHECK = 71, 1_000_000
+_CHECK = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -78,21 +69,6 @@ class Practised:
         return self.settled <= 0.5 * self.start
 
 
-def poor_primitive(demonstrations: Path, seed: int) -> tuple[WarpedPrimitive, str, str]:
-    """A primitive from demonstrations that pour too short, and the pair they were made with."""
-    shown = read_demonstrated(demonstrations)
-    cup, second = (seen_as(name, 1) for name in (shown.cup, shown.second))
-    radius, height = second.references.opening_radius_m, cup.references.height_m
-    rng = np.random.default_rng([seed, _STREAM])
-    pours = []
-    for pour in shown.pours:
-        ratios = np.append(-SHORT_RADII + SHORT_STD_RADII * rng.standard_normal(), [0.0, 0.0])
-        ratios += OTHER_STD * rng.standard_normal(3)
-        moved = pour.offset_m + ratios * [radius, radius, height]
-        pours.append(PourPath(pour.times_s, moved, pour.tilt_rad))
-    return learn_pouring(pours, cup, second), shown.cup, shown.second
-
-
 def search_of(method: str, n_axes: int, seed: int) -> Search:
     """The search of a name."""
     if method == RANDOM:
@@ -131,9 +107,10 @@ def investigate(
 ) -> list[Practised]:
     """Practise with every seed by every method."""
     done = []
+    shown = read_demonstrated(demonstrations)
     for k, seed in enumerate(seeds):
-        primitive, cup, second = poor_primitive(demonstrations, seed)
-        with PouringPractice(primitive, cup, second) as practice:
+        skill = short_skill(shown, SHORT_RADII, seed)
+        with PouringPractice(skill, shown.cup, shown.second) as practice:
             for method in methods:
                 done.append(practise(practice, method, seed, n_rollouts))
                 progress((k + (len(done) - k * len(methods)) / len(methods)) / len(seeds))

@@ -15,13 +15,14 @@ from .executed import (
 from .live import LivePouring, balls_above_m, start_posture
 from .novel import learn_pouring, read_demonstrated, read_pour
 from .pour import Poured
-from .practice import PouringPractice
+from .practice import SHORT_STD_RADII, PouringPractice, short_skill
 from .task_space import PourPath
 
 __all__ = [
     "MEAN",
     "PAIRS",
     "SAMPLE",
+    "SHORT_STD_RADII",
     "UNWARPED",
     "LivePouring",
     "Planned",
@@ -38,5 +39,6 @@ __all__ = [
     "read_demonstrated",
     "read_pour",
     "seen_as",
+    "short_skill",
     "start_posture",
 ]

@@ -2,8 +2,8 @@
 """A pour without the arm's physics: the cup tilts along a path, and what leaves it flies.
 
 Gravity turns instead of the cup (`balls.tilting`); a ball that leaves the cup flies freely and is
-caught if it comes down through the second container's opening. It takes far less time than
-`pour`, and counts somewhat more spilled: no ball bounces off the rim into the container.
+caught if its centre comes down through the second container's opening, which holds no more than
+`FULL_SHARE` of its volume. It takes far less time than `pour`; no ball bounces off the rim.
 """
 
 from functools import lru_cache
@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.warping import FULL_SHARE
 from sim_bridge import GRAVITY_M_S2
-from sim_bridge.balls import STEP_S, BallWorld, Tilted, hollow_of, settled, tilt_along
+from sim_bridge.balls import STEP_S, BallWorld, Tilted, balls_in, hollow_of, settled, tilt_along
 from sim_bridge.containers import Container
 from sim_bridge.scenarios.pouring.task_space import PourPath
 
@@ -50,6 +51,7 @@ class BallPours:
         self._world = BallWorld(hollow_of(cup), ball_radius_m)
         self._second, self._opening_m = hollow_of(second), second.opening_centre
         self._n_balls = n_balls
+        self._capacity = int(FULL_SHARE * balls_in(second.inner_volume_m3, ball_radius_m))
         self._fill = lru_cache(maxsize=N_FILLS)(self._settled)
 
     def pour(self, path: PourPath, fill: int) -> BallCount:
@@ -64,14 +66,19 @@ class BallPours:
         end = min(path.times_s[np.argmax(path.tilt_rad)] + AFTER_S, path.times_s[-1])
         times = np.arange(start, end, STEP_S)
         tilted = tilt_along(self._world, inside, np.interp(times, path.times_s, path.tilt_rad))
-        caught, left = int(self._caught(path, start, tilted).sum()), int(tilted.left.sum())
+        left = int(tilted.left.sum())
+        caught = min(int(self._caught(path, start, tilted).sum()), self._capacity)
         return BallCount(len(inside), caught, left - caught, len(inside) - left)
 
     def _settled(self, fill: int) -> NDArray[np.float64]:
         return settled(self._world, self._n_balls, np.random.default_rng(fill))
 
     def _caught(self, path: PourPath, start_s: float, tilted: Tilted) -> NDArray[np.bool_]:
-        """Which of the balls that left come down through the opening."""
+        """Which of the balls that left come down through the opening.
+
+        A ball has left when it is some way below the lip, at times already below the opening: then
+        it is followed back to the opening's plane.
+        """
         left = tilted.left
         times = start_s + tilted.exit_time_s[left]
         speed = np.gradient(path.offset_m, path.times_s, axis=0)
@@ -85,7 +92,7 @@ class BallPours:
         falling = np.sqrt(np.maximum(up**2 + 2.0 * GRAVITY_M_S2 * place[:, 2], 0.0))
         landing = place + ((up + falling) / GRAVITY_M_S2)[:, None] * velocity + self._opening_m
         landing[:, 2] = self._second.rim_height_m
-        return (self._second.clearance_m(landing) > 0.0) & (place[:, 2] > 0.0)
+        return self._second.clearance_m(landing) > 0.0
 
     def __enter__(self) -> "BallPours":
         """Return itself."""

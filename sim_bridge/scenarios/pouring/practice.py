@@ -13,17 +13,23 @@ from scipy.interpolate import CubicSpline
 from intent_recognition.errors import KinematicsError
 from intent_recognition.improvement import SearchSpace, search_space
 from intent_recognition.kinematics import LWR_LIMITS
-from intent_recognition.warping import PouringSkill, WarpedPrimitive
+from intent_recognition.warping import PouringSkill
 from sim_bridge.balls import CONTAINER_SEED
 from sim_bridge.practice import Rollout
 from sim_bridge.scenarios.pouring.ball_pour import N_FILLS, BallPours
 from sim_bridge.scenarios.pouring.executed import container_named, seen_as
-from sim_bridge.scenarios.pouring.novel import plan, reached_by
+from sim_bridge.scenarios.pouring.novel import (
+    HALF_FULL,
+    DemonstratedPours,
+    Level,
+    learn_pouring,
+    plan,
+    reached_by,
+)
 from sim_bridge.scenarios.pouring.recordings import (
     N_BALLS,
     TASK,
     half_full_radius_m,
-    true_references,
 )
 from sim_bridge.scenarios.pouring.task_space import OPENING_M, Grasp, PourPath
 from sim_bridge.teaching import (
@@ -40,42 +46,64 @@ N_PHASES = 50
 """Phases at which paths are compared. Convention."""
 LOGGED_NS = 20_000_000
 """Time between two samples of a logged rollout [ns]. Convention."""
+SHORT_STD_RADII = 0.3
+"""Standard deviation of how much too short moved demonstrations pour, in radii of the opening. It
+leaves practice some room to find the opening in."""
+OTHER_STD = np.array([0.0, 0.1, 0.08])
+"""How much they vary across and up, as ratios of the warped space. Convention."""
+_STREAM = 71
 
 
 class PouringPractice:
-    """Rollouts of one primitive with one pair of containers; use as a context.
+    """Rollouts of one skill with one pair of containers; use as a context.
 
-    The arm is not simulated: a path has to be within its reach and its limits of position and
-    velocity.
+    They pour as the graph does, with the parameters of the containers as they are seen. The arm is
+    not simulated: a path has to be within its reach and its limits of position and velocity.
 
     Args:
-        primitive: in the warped space.
+        skill: what was learned.
         cup, second: names of the containers.
-        wanted: balls that are to be in the second one.
+        wanted: balls that are to be in the second one; all of them unless told otherwise.
+        seed: of the scans of the containers.
+
+    Raises:
+        ArgumentError: so many cannot be poured.
     """
 
     def __init__(
-        self, primitive: WarpedPrimitive, cup: str, second: str, wanted: int = N_BALLS
+        self, skill: PouringSkill, cup: str, second: str, wanted: int = N_BALLS, *, seed: int = 1
     ) -> None:
-        self.primitive, self.names, self._wanted = primitive, (cup, second), wanted
-        self._cup, self._second = container_named(cup), container_named(second)
-        radius = half_full_radius_m(self._cup)
-        self._pours = BallPours(self._cup, self._second, radius, N_BALLS)
+        self.skill, self.names, self._wanted = skill, (cup, second), wanted
+        self._cup = container_named(cup)
+        self._seen, self._seen_second = (seen_as(name, seed) for name in self.names)
+        left = HALF_FULL * (1.0 - wanted / N_BALLS)
+        self._level = Level(skill.far, self._seen.emptying, HALF_FULL, left)
+        self._pours = BallPours(
+            self._cup, container_named(second), half_full_radius_m(self._cup), N_BALLS
+        )
 
     @cached_property
     def space(self) -> SearchSpace:
         """The primitive's own spread."""
-        basis = self.primitive.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
-        mean, n_dofs = self.primitive.mean, self.primitive.mean.size // basis.shape[1]
+        primitive = self.skill.primitive
+        basis = primitive.basis.design_matrix(np.linspace(0.0, 1.0, N_PHASES))
+        mean, n_dofs = primitive.mean, primitive.mean.size // basis.shape[1]
         design = np.einsum("qp,mn->qmpn", np.eye(n_dofs), basis)
-        return search_space(
-            mean, self.primitive.spread, design.reshape(n_dofs, N_PHASES, mean.size)
-        )
+        return search_space(mean, primitive.spread, design.reshape(n_dofs, N_PHASES, mean.size))
 
     def path(self, weights: NDArray[np.float64]) -> PourPath:
         """The path of the lip of some weights (d,)."""
-        changed = replace(self.primitive, mean=weights)
-        return plan(changed, true_references(self._cup), true_references(self._second))
+        return plan(
+            self.with_mean(weights).primitive,
+            self._seen.references,
+            self._seen_second.references,
+            level=self._level,
+        )
+
+    def with_mean(self, weights: NDArray[np.float64]) -> PouringSkill:
+        """The skill with other weights (d,) in the mean."""
+        primitive, far = self.skill
+        return PouringSkill(replace(primitive, mean=weights), far)
 
     def keeps_limits(self, weights: NDArray[np.float64]) -> bool:
         """Whether the arm reaches all of the path, and is nowhere faster than it can be."""
@@ -93,15 +121,6 @@ class PouringPractice:
         times = np.arange(0.0, joints.x[-1], LOGGED_NS * 1e-9)
         outcome = {name: float(n) for name, n in count._asdict().items()}
         return Rollout(times, joints(times), {**outcome, "wanted": float(self._wanted)})
-
-    def skill(self, weights: NDArray[np.float64], seed: int) -> PouringSkill:
-        """What some weights (d,) pour, as learned with this cup, seen in a scan with this seed.
-
-        Raises:
-            ArgumentError: they do not empty the cup further than it is at first.
-        """
-        changed = replace(self.primitive, mean=weights)
-        return PouringSkill(changed, reached_by(changed, seen_as(self.names[0], seed)))
 
     def write(self, folder: Path, rollout: Rollout, labels: Mapping[str, str]) -> None:
         """Write a rollout as a bag, which `read_pour` reads.
@@ -145,3 +164,24 @@ class PouringPractice:
     def __exit__(self, *args: object) -> None:
         """End the physics."""
         self._pours.__exit__(*args)
+
+
+def short_skill(shown: DemonstratedPours, short_radii: float, seed: int) -> PouringSkill:
+    """What demonstrations would teach that pour too short: something to practise on.
+
+    Args:
+        shown: the demonstrations, which are moved.
+        short_radii: how far on average, in radii of the second opening.
+        seed: of how far each one is moved.
+    """
+    cup, second = (seen_as(name, 1) for name in (shown.cup, shown.second))
+    radius, height = second.references.opening_radius_m, cup.references.height_m
+    rng = np.random.default_rng([seed, _STREAM])
+    pours = []
+    for pour in shown.pours:
+        ratios = np.append(-short_radii + SHORT_STD_RADII * rng.standard_normal(), [0.0, 0.0])
+        ratios += OTHER_STD * rng.standard_normal(3)
+        moved = pour.offset_m + ratios * [radius, radius, height]
+        pours.append(PourPath(pour.times_s, moved, pour.tilt_rad))
+    primitive = learn_pouring(pours, cup, second)
+    return PouringSkill(primitive, reached_by(primitive, cup))
