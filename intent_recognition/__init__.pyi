@@ -63,6 +63,7 @@ from .signals import (
 )
 from .warping import (
     AnnotatedObject,
+    Grasp,
     ObjectCloud,
     ObjectModel,
     Part,
@@ -70,6 +71,7 @@ from .warping import (
     WarpedObject,
     WarpedPrimitive,
     pouring_parameters,
+    warp_grasp,
     warp_object,
 )
 
@@ -95,6 +97,7 @@ __all__ = [
     "Estimate",
     "Gaussian",
     "GaussianMixture",
+    "Grasp",
     "IntentError",
     "IntentEstimator",
     "InteractionProMP",
@@ -153,5 +156,6 @@ __all__ = [
     "smooth_switch",
     "to_tangent",
     "via_point",
+    "warp_grasp",
     "warp_object",
 ]

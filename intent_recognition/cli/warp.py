@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, make_console
@@ -17,12 +18,14 @@ from intent_recognition.cli.output import PRINTED, add_json_option, check_json, 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
 from intent_recognition.warping import (
+    Grasp,
     ObjectModel,
     Part,
     PouringParameters,
     WarpedObject,
     check_wall,
     pouring_parameters,
+    warp_grasp,
     warp_object,
 )
 
@@ -42,11 +45,13 @@ def add_parser(subparsers: Subparsers) -> None:
         "warp",
         help="measure a container with the help of an annotated one",
         description="Warp an annotated object onto a mesh or a cloud, and print its parameters"
-        " (opening, volume, height, lip, tilt) in the target's own coordinates. The shipped"
-        " mug is one annotated object; docs/warping.md describes how to annotate others.",
+        " (opening, volume, height, lip, tilt) and the grasp annotated on the source, all in the"
+        " target's own coordinates. The shipped mug is one annotated object; docs/warping.md"
+        " describes how to annotate others.",
         **examples(
             ("a mesh, with the shipped mug", "intent warp mug bowl.obj"),
             ("in millimetres, for a script", "intent warp mug cup.stl --scale 0.001 --json"),
+            ("the grasp for a script", "intent warp mug bowl.obj --grasp --json"),
             ("a cloud without normals", "intent warp mug seen.ply --viewpoint 0.5 0 0.6"),
         ),
     )
@@ -97,6 +102,11 @@ def add_parser(subparsers: Subparsers) -> None:
         help="where the camera was [m], for clouds without normals",
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the points sampled on a mesh")
+    parser.add_argument(
+        "--grasp",
+        action="store_true",
+        help="carry the source's grasp to the target: where, from where, how wide",
+    )
     parser.set_defaults(run=run)
 
 
@@ -121,13 +131,22 @@ def run(args: argparse.Namespace) -> int:
             check_wall(warped, target.surface)
         toward = None if args.toward is None else np.array(args.toward)
         parameters = pouring_parameters(warped, toward)
+        grasp = warp_grasp(source, warped) if args.grasp else None
     except ArgumentError as error:
         raise ArgumentError(f"{args.target}: {error}") from error
     taken_s = time.perf_counter() - start_s
     content = as_json(args, warped, parameters)
+    if grasp is not None:
+        content["grasp"] = {
+            "position": grasp.centre.tolist(),
+            "orientation": Rotation.from_matrix(grasp.pose[:3, :3]).as_quat().tolist(),
+            "approach": grasp.approach.tolist(),
+            "closing": grasp.closing.tolist(),
+            "width_m": grasp.width_m,
+        }
     write_json(args.json, content)
     if args.json != PRINTED:
-        make_console().print(_table(args, warped, parameters, taken_s))
+        make_console().print(_table(args, warped, parameters, grasp, taken_s))
     if args.report:
         from intent_recognition.report import write_warp_report
 
@@ -159,7 +178,11 @@ def as_json(
 
 
 def _table(
-    args: argparse.Namespace, warped: WarpedObject, parameters: PouringParameters, taken_s: float
+    args: argparse.Namespace,
+    warped: WarpedObject,
+    parameters: PouringParameters,
+    grasp: Grasp | None,
+    taken_s: float,
 ) -> Table:
     counts = np.bincount(warped.labels, minlength=len(Part))
     parts = ", ".join(f"{counts[part]} {part.name.lower()}" for part in Part)
@@ -170,7 +193,16 @@ def _table(
     table.add_column("parameter")
     table.add_column("value", justify="right")
     table.add_column("unit")
-    for title, name, factor, unit in ROWS:
-        value = np.atleast_1d(getattr(parameters, name)) * factor
-        table.add_row(title, "  ".join(f"{number:.1f}" for number in value), unit)
+    rows = [(title, getattr(parameters, name), factor, unit) for title, name, factor, unit in ROWS]
+    if grasp is not None:
+        rows += [
+            ("grasp: middle of the pads", grasp.centre, 1e3, "mm"),
+            ("grasp: width", grasp.width_m, 1e3, "mm"),
+            ("grasp: the hand approaches", grasp.approach, 1.0, ""),
+            ("grasp: the fingers close", grasp.closing, 1.0, ""),
+        ]
+    for title, value, factor, unit in rows:
+        digits = 1 if unit else 2
+        shown = (f"{number:.{digits}f}" for number in np.atleast_1d(value) * factor)
+        table.add_row(title, "  ".join(shown), unit)
     return table

@@ -50,6 +50,7 @@ EXPERIMENTS = tuple(
         ("skills", "no paper", "skills that grow: corrected by hand"),
         ("practice", "no paper", "a pour that spills much gets better by practice"),
         ("constraints", f"{WP}, Fig. 3", "when a cup pours and where it spills, told of others"),
+        ("grasps", "no paper", "the mug's grasp lifts other cups and bowls"),
         ("pouring", f"{WP}, Fig. 4-5", "the arm pours with containers never demonstrated"),
     )
 )

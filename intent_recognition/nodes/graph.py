@@ -101,7 +101,7 @@ def _warper(name: str, **toward: str) -> NodeSpec:
     )
 
 
-_SEEN = ("cloud", "labelled_cloud", "parameters", "pose")
+_SEEN = ("cloud", "grasp", "labelled_cloud", "parameters", "pose")
 NODES = {
     "lwr_sim": NodeSpec(
         "sim_bridge.nodes.lwr_sim",

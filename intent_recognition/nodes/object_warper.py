@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node: warps an annotated object onto each seen one.
 
-`object/cloud` gives `object/labelled_cloud`, `object/parameters` and `object/pose`; its lip is
-toward `object/toward`, where that is known.
+`object/cloud` gives `object/labelled_cloud`, `object/parameters` and `object/pose`, and
+`object/grasp` if a grasp is annotated; its lip is toward `object/toward`, where that is known.
 """
 
 import time
@@ -30,6 +30,7 @@ from intent_recognition.warping import (
     ObjectModel,
     emptying,
     pouring_parameters,
+    warp_grasp,
     warp_object,
     with_estimated_normals,
 )
@@ -38,6 +39,9 @@ INPUT = "object/cloud"
 CLOUD = "object/labelled_cloud"
 PARAMETERS = "object/parameters"
 POSE = "object/pose"
+GRASP = "object/grasp"
+GRASP_WIDTH = "grasp_width_m"
+"""Name of the grasp's width among the parameters."""
 TOWARD = "object/toward"
 
 
@@ -88,6 +92,7 @@ class ObjectWarper(Node):
         self._cloud = self.create_publisher(PointCloud2, CLOUD, qos.STATE)
         self._vector = self.create_publisher(JointState, PARAMETERS, qos.STATE)
         self._pose = self.create_publisher(PoseStamped, POSE, qos.STATE)
+        self._grasp = self.create_publisher(PoseStamped, GRASP, qos.STATE)
         self.create_subscription(PoseStamped, TOWARD, self._on_toward, qos.STATE)
         self._input = self.create_subscription(PointCloud2, INPUT, self._on_cloud, qos.SENSOR)
 
@@ -99,13 +104,21 @@ class ObjectWarper(Node):
             warped = warp_object(self._source, target, self._mapping, self._neighbours)
             parameters = pouring_parameters(warped, self._other_m(message.header.frame_id))
             holds = emptying(warped, parameters.lip_point, self._above_m)
+            annotated = self._source.annotated.grasp
+            grasp = None if annotated is None else warp_grasp(self._source, warped)
         except IntentError as error:
             self._diagnostics.reject(type(error).__name__, one_line(error))
             return
         self._cloud.publish(
             to_labelled_cloud(message.header, warped.points, warped.normals, warped.labels)
         )
-        self._vector.publish(to_named_vector(message.header, parameters, holds))
+        vector = to_named_vector(message.header, parameters, holds)
+        if grasp is not None:
+            vector.name.append(GRASP_WIDTH)
+            vector.position.append(grasp.width_m)
+            held = to_pose(grasp.centre, Rotation.from_matrix(grasp.pose[:3, :3]).as_quat())
+            self._grasp.publish(PoseStamped(header=message.header, pose=held))
+        self._vector.publish(vector)
         outward = warped.rim.outward(parameters.lip_point)
         axes = np.column_stack([outward, np.cross(warped.rim.up, outward), warped.rim.up])
         turn = Rotation.from_matrix(axes).as_quat()

@@ -67,7 +67,7 @@ _ARM = Interface(
 )
 _WARPER = Interface(
     ("object/cloud", "object/toward"),
-    ("object/labelled_cloud", "object/parameters", "object/pose"),
+    ("object/grasp", "object/labelled_cloud", "object/parameters", "object/pose"),
 )
 INTERFACES = {
     **dict.fromkeys(("cup_warper", "second_warper"), _WARPER),

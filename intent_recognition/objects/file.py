@@ -9,10 +9,12 @@ from intent_recognition.durable import write_arrays
 from intent_recognition.errors import IntentError, ModelError, describe
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import UntrustedError, read_arrays
-from intent_recognition.warping import AnnotatedObject
+from intent_recognition.warping import AnnotatedObject, Grasp
 
-FORMAT_VERSION = 1
-"""Of the file; others are not read."""
+FORMAT_VERSION = 2
+"""Of the file that is written."""
+KNOWN_VERSIONS = (1, 2)
+"""Versions that are read. 1 has no grasp."""
 FOLDER = "config/objects"
 """Where the shipped objects are, in the share directory."""
 CURE = "Write it again with `save_object`; docs/warping.md says how."
@@ -27,6 +29,11 @@ def save_object(path: str | Path, annotated: AnnotatedObject) -> Path:
         "normals": annotated.normals.astype(np.float32),
         "labels": annotated.labels.astype(np.uint8),
     }
+    if annotated.grasp is not None:
+        arrays |= {
+            "grasp": annotated.grasp.pose,
+            "grasp_width_m": np.array(annotated.grasp.width_m),
+        }
     write_arrays(Path(path), arrays)
     return Path(path)
 
@@ -46,18 +53,20 @@ def load_object(path: str | Path) -> AnnotatedObject:
         version is None
         or version.shape
         or version.dtype.kind not in "iu"
-        or version != FORMAT_VERSION
+        or version not in KNOWN_VERSIONS
     ):
         place = f"{path}: format_version"
-        raise ModelError(describe(place, str(FORMAT_VERSION), version, CURE))
+        raise ModelError(describe(place, f"one of {KNOWN_VERSIONS}", version, CURE))
     missing = {"name", "points", "normals", "labels"} - arrays.keys()
     if missing:
         raise ModelError(describe(str(path), "all arrays", f"no {sorted(missing)}", CURE))
     try:
-        return AnnotatedObject(
-            arrays["points"], arrays["normals"], arrays["labels"], str(arrays["name"])
-        )
-    except (IntentError, TypeError, ValueError) as error:
+        grasp = None
+        if "grasp" in arrays:
+            grasp = Grasp(arrays["grasp"], float(arrays["grasp_width_m"]))
+        name, surface = str(arrays["name"]), (arrays["points"], arrays["normals"])
+        return AnnotatedObject(*surface, arrays["labels"], name, grasp)
+    except (IntentError, KeyError, TypeError, ValueError) as error:
         raise ModelError(f"{path}: {error}") from error
 
 

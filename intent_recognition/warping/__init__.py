@@ -14,6 +14,8 @@ from intent_recognition.warping.constraints import (
     references,
     spill_risk,
 )
+from intent_recognition.warping.grasp import Grasp
+from intent_recognition.warping.grasp_warp import carried_grasp, warp_grasp
 from intent_recognition.warping.logistic import fit_logistic
 from intent_recognition.warping.normals import with_estimated_normals
 from intent_recognition.warping.object_model import AnnotatedObject, ObjectCloud
@@ -64,6 +66,7 @@ __all__ = [
     "Emptying",
     "FillingConstraint",
     "FillingState",
+    "Grasp",
     "Mapping",
     "ObjectCloud",
     "ObjectModel",
@@ -80,6 +83,7 @@ __all__ = [
     "WarpedObject",
     "WarpedPrimitive",
     "amount_to_leave",
+    "carried_grasp",
     "check_wall",
     "conditioned",
     "emptying",
@@ -96,6 +100,7 @@ __all__ = [
     "tilts_to_level",
     "to_warped",
     "volume_below",
+    "warp_grasp",
     "warp_object",
     "warped_scale",
     "with_estimated_normals",

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.parts import Part
 
 MIN_POINTS = 100
@@ -58,6 +59,7 @@ class AnnotatedObject(ObjectCloud):
         normals: outward unit normals, (n, 3).
         labels: part (n,) of each point, values of `Part`.
         name: what it is.
+        grasp: where two fingers hold it; None if that is not annotated.
 
     Raises:
         ShapeError: the arrays do not fit each other.
@@ -66,6 +68,7 @@ class AnnotatedObject(ObjectCloud):
 
     labels: NDArray[np.integer] = field(default_factory=lambda: np.zeros(0, dtype=int))
     name: str = "object"
+    grasp: Grasp | None = None
 
     def __post_init__(self) -> None:
         """Check the labels as well."""

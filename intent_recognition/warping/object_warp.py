@@ -129,7 +129,8 @@ def warp_object(
         cure = "Cut the cloud into objects and warp one at a time."
         got = f"points that lie {aside / frame.radius_m:.1f} radii beside the opening"
         raise ArgumentError(describe("points", "one container", got, cure))
-    points, normals, labels = _aligned_source(source, frame)
+    points, normals, kept = aligned_source(source, frame)
+    points, normals, labels = points[kept], normals[kept], source.annotated.labels[kept]
     seen, seen_normals = frame.to_local(target.points), target.normals @ frame.axes.T
     if mapping == "label":
         near = agreeing_neighbours(seen, seen_normals, points, normals, k)
@@ -162,18 +163,20 @@ def _frame(cloud: ObjectCloud, classifiers: PartClassifiers) -> ObjectFrame:
     raise ArgumentError(describe("points", "a container with an open rim", got, cure))
 
 
-def _aligned_source(
+def aligned_source(
     source: ObjectModel, target: ObjectFrame
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.integer]]:
-    """Points, normals and labels of the source, scaled to the target's size in its axes.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Points (n, 3) and normals (n, 3) of the source, scaled to the target's size in its axes.
 
     Height and radius are scaled apart, the radius level by level as the walls are wide. A handle
-    is stretched to the target's reach, and left out where the target has none.
+    is stretched to the target's reach.
+
+    Returns:
+        Points, normals, and which of them (n,) the target has: not a handle where it has none.
     """
     own = source.frame
     points = own.to_local(source.annotated.points)
     normals = source.annotated.normals @ own.axes.T
-    labels = source.annotated.labels
     tall = target.height_m / own.height_m
     levels = ((np.arange(N_LEVELS) + 0.5) / N_LEVELS - 1.0) * own.height_m
     widths = target.wall * target.radius_m / (own.wall * own.radius_m)
@@ -188,12 +191,12 @@ def _aligned_source(
     )
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     points = np.column_stack([tall * points[:, 0], wide[:, None] * points[:, 1:]])
-    handle = labels == Part.HANDLE
+    handle = source.annotated.labels == Part.HANDLE
     if own.has_handle and target.has_handle:
         scale = target.radius_m / own.radius_m
         stretch = (target.reach_m - target.radius_m) / (scale * (own.reach_m - own.radius_m))
         radius = np.linalg.norm(points[handle, 1:], axis=1)
         longer = np.maximum(radius - target.radius_m, 0.0) * (stretch - 1.0)
         points[handle, 1:] *= (1.0 + longer / radius)[:, None]
-        return points, normals, labels
-    return points[~handle], normals[~handle], labels[~handle]
+        return points, normals, np.ones(len(points), dtype=bool)
+    return points, normals, ~handle

@@ -5,6 +5,7 @@ from sim_bridge.containers.container import Container
 from sim_bridge.containers.generate import CONTAINER_NAMES, SHAPES, build_container, make_container
 from sim_bridge.containers.measured import Measured, measure_mesh
 from sim_bridge.containers.scanning import scan
+from sim_bridge.containers.shells import shell_pieces
 from sim_bridge.containers.surfaces import TUBE_CORNERS
 
 __all__ = [
@@ -17,4 +18,5 @@ __all__ = [
     "make_container",
     "measure_mesh",
     "scan",
+    "shell_pieces",
 ]

@@ -7,7 +7,8 @@ import numpy as np
 
 from intent_recognition.objects import FOLDER, save_object
 from intent_recognition.share import share_path
-from intent_recognition.warping import AnnotatedObject
+from intent_recognition.warping import AnnotatedObject, Grasp
+from sim_bridge.containers.container import Container
 from sim_bridge.containers.generate import make_container
 from sim_bridge.containers.scanning import Camera, scan
 
@@ -18,6 +19,11 @@ N_INTO, STRAIGHT_INTO = 4, Camera(elevation_rad=(1.3, 1.55))
 SHARE_INTO = 0.25
 """From the side a camera hardly sees the floor, and where the source has no points no target
 point has a counterpart."""
+
+GRASP_TURN = 0.25
+"""Where on the wall the grasp is, in turns from the lip: beside the lip and beside the handle."""
+GRASP_DEPTH_M = 0.014
+"""How far below the crest the middle of the pads is [m]: the pads are below the rim."""
 
 
 def annotated(name: str = "mug", seed: int = 0, n_points: int = 2000) -> AnnotatedObject:
@@ -32,7 +38,29 @@ def annotated(name: str = "mug", seed: int = 0, n_points: int = 2000) -> Annotat
     points, normals = (
         np.concatenate([getattr(one, part) for one in seen]) for part in ("points", "normals")
     )
-    return AnnotatedObject(points, normals, container.labels(points), name)
+    return AnnotatedObject(points, normals, container.labels(points), name, wall_grasp(container))
+
+
+def wall_grasp(container: Container) -> Grasp:
+    """A pinch of the wall from above, along the wall, one finger inside."""
+    sections = container.sections
+    corner = round(GRASP_TURN * sections.inner.shape[1])
+    walls = (sections.outer[:, corner], sections.inner[:, corner])
+    level = sections.heights_m[-1] - GRASP_DEPTH_M
+    above, below = (
+        np.array([np.interp(level + step, sections.heights_m, wall[:, 1]) for wall in walls])
+        for step in (0.003, -0.003)
+    )
+    outward = np.array([0.0, 1.0, 0.0])
+    down = np.array([0.0, below.mean() - above.mean(), -0.006])
+    down /= np.linalg.norm(down)
+    closing = outward - (outward @ down) * down
+    closing /= np.linalg.norm(closing)
+    middle = 0.5 * (above + below)
+    pose = np.eye(4)
+    pose[:3, :3] = np.column_stack([np.cross(closing, down), closing, down])
+    pose[:3, 3] = [0.0, middle.mean(), level]
+    return Grasp(pose, float((middle[0] - middle[1]) * closing[1]))
 
 
 if __name__ == "__main__":

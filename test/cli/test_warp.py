@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from intent_recognition.cli.main import main
 from sim_bridge.containers.generate import make_container
@@ -23,7 +24,7 @@ def bowl(tmp_path):
 def test_json_is_near_the_truth(bowl, capsys):
     """Metres, cubic metres and radians; both mappings."""
     container, path = bowl
-    for options in ([], ["--mapping", "point", "--neighbours", "3"]):
+    for options in (["--grasp"], ["--grasp", "--mapping", "point", "--neighbours", "3"]):
         assert main(["warp", "mug", str(path), "--json", "--toward", "1", "0", "0", *options]) == 0
         found = json.loads(capsys.readouterr().out)
         assert found["volume_m3"] == pytest.approx(container.inner_volume_m3, rel=0.05)
@@ -31,13 +32,19 @@ def test_json_is_near_the_truth(bowl, capsys):
         assert found["tilt_reference_rad"] == pytest.approx(container.tilt_reference_rad, abs=0.04)
         np.testing.assert_allclose(found["up"], [0.0, 0.0, 1.0], atol=0.03)
         assert not found["has_handle"]
+        grasp = found["grasp"]
+        turn = Rotation.from_quat(grasp["orientation"]).as_matrix()
+        np.testing.assert_allclose(turn[:, 1:].T, [grasp["closing"], grasp["approach"]])
+        distance = np.linalg.norm(grasp["position"][:2])
+        assert distance == pytest.approx(container.opening_radius_m, rel=0.06)
 
 
 def test_a_table_and_a_report(bowl, tmp_path, capsys):
     """The page holds both figures and needs no network."""
     report = tmp_path / "page.html"
-    assert main(["warp", "mug", str(bowl[1]), "--report", str(report)]) == 0
+    assert main(["warp", "mug", str(bowl[1]), "--grasp", "--report", str(report)]) == 0
     shown = capsys.readouterr().out
+    assert "grasp: width" in shown
     assert "tilt that leaves half" in shown
     assert str(report.name) in shown
     page = report.read_text(encoding="utf-8")

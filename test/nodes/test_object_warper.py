@@ -21,8 +21,11 @@ from intent_recognition.nodes.conversions import (
     to_pose,
     to_stamp,
 )
+from intent_recognition.nodes.graph import NODES as GRAPH_NODES
 from intent_recognition.nodes.object_warper import ObjectWarper
+from intent_recognition.nodes.security import INTERFACES
 from intent_recognition.objects.file import find_object, load_object
+from intent_recognition.warping.grasp_warp import warp_grasp
 from intent_recognition.warping.object_model import ObjectCloud
 from intent_recognition.warping.object_warp import ObjectModel, warp_object
 from intent_recognition.warping.parameters import pouring_parameters
@@ -91,15 +94,19 @@ def test_parameters_and_labels_are_those_of_the_library(harness):
     """
     node = ObjectWarper()
     harness.add(node)
+    offered = {p.topic_name[1:] for p in node.publishers if p.topic_name.startswith("/object/")}
+    assert offered == set(INTERFACES["cup_warper"].publishes)
+    assert offered <= set(GRAPH_NODES["cup_warper"].topics)  # where there are two
     cloud = scanned("tall_mug")
     clouds = harness.collect(PointCloud2, "object/labelled_cloud", qos.STATE)
     vectors = harness.collect(JointState, "object/parameters", qos.STATE)
     poses = harness.collect(PoseStamped, "object/pose", qos.STATE)
+    grasps = harness.collect(PoseStamped, "object/grasp", qos.STATE)
     publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
     toward = harness.publisher(PoseStamped, "object/toward", qos.STATE)
     harness.connect(publisher, toward)
     publisher.publish(message_of(cloud))
-    harness.spin_until(lambda: clouds and vectors and poses, what="parameters")
+    harness.spin_until(lambda: clouds and vectors and poses and grasps, what="parameters")
     source = ObjectModel.learn(load_object(find_object("mug")))
     sent = ObjectCloud(*cloud_arrays(message_of(cloud)))
     warped = warp_object(source, sent)
@@ -116,6 +123,12 @@ def test_parameters_and_labels_are_those_of_the_library(harness):
     frame = Rotation.from_quat(orientation_array(poses[0].pose)).as_matrix()
     np.testing.assert_allclose(position_array(poses[0].pose), expected.opening_centre)
     np.testing.assert_allclose(frame[:, 2], warped.rim.up)
+    grasp = warp_grasp(source, warped)
+    assert found["grasp_width_m"] == grasp.width_m
+    np.testing.assert_allclose(position_array(grasps[0].pose), grasp.centre)
+    turn = Rotation.from_quat(orientation_array(grasps[0].pose)).as_matrix()
+    np.testing.assert_allclose(turn, grasp.pose[:3, :3], atol=1e-12)
+    assert grasps[0].header == vectors[0].header
     holds = emptying(warped, expected.lip_point)
     assert found["tilt_leaving_40_percent_rad"] == pytest.approx(holds.tilt_leaving(0.4))
     there = np.array([0.1, 0.5, 0.1])

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Any open mesh as convex pieces: wall and floor by rays from its axis, the handle by sectors.
+
+Bullet collides moving bodies by convex shapes alone, and the hull of a cup has no inside.
+"""
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from intent_recognition.errors import ArgumentError, describe
+
+N_RINGS, N_CORNERS = 9, 32
+"""Rings and corners of a wall: 256 pieces, a few millimetres wide on a cup. Convention."""
+LEVEL_M = 0.0005
+"""Steps in which the uppermost ring is looked for [m]. Convention."""
+MIN_WALL_SHARE = 0.9
+"""Share of the rays of a ring that have to meet the wall: scans have pinholes."""
+FLOOR_SHARE = 0.05
+"""Depth of the cavity below the lowest ring, which is filled, as a share of its depth."""
+BEYOND_M = 0.003
+"""Vertices so far outside of the wall belong to a handle [m]: above the unevenness of a scan."""
+MIN_ONE_SIDED = 0.9
+"""Length of the mean direction of a handle, seen from the axis: a wider thing is the rim's lip."""
+N_SECTORS = 12
+"""Pieces of a handle, by direction from its middle. Convention."""
+OVERLAP = 1.3
+"""Width of such a sector in twelfths of a turn, so that the pieces touch. Convention."""
+THINNEST_M = 1e-4
+"""Pieces thinner than this are left out, and walls are at least so thick [m]: hulls need a body."""
+
+
+def shell_pieces(mesh: trimesh.Trimesh) -> list[NDArray[np.float64]]:
+    """Corners (V, 3) of convex pieces that together are an open container.
+
+    Args:
+        mesh: in metres, z up, wound outward; from its axis every ray meets the wall but once.
+
+    Raises:
+        ArgumentError: there is no wall around a floor.
+    """
+    low, high = mesh.bounds
+    turns = np.arange(N_CORNERS) * 2.0 * np.pi / N_CORNERS
+    directions = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(N_CORNERS)])
+    axis = 0.5 * (low[:2] + high[:2])
+    # A handle moves the middle of the bounds, and not that of the wall.
+    radii = _walls(mesh, axis, [0.2 * low[2] + 0.8 * high[2]], directions)[0, :, 0]
+    met = np.isfinite(radii)
+    if met.any():
+        axis = axis + (radii[met, None] * directions[met, :2]).mean(0)
+    top = _top(mesh, axis, directions)
+    floor = _floor(mesh, axis)
+    heights = np.linspace(floor + FLOOR_SHARE * (top - floor), top, N_RINGS)
+    walls = _filled(_walls(mesh, axis, heights, directions))
+    inner, outer = (
+        np.dstack([axis + walls[..., k, None] * directions[:, :2], _spread(heights)])
+        for k in (0, 1)
+    )
+    pieces = [
+        np.concatenate([ring[low : low + 2][:, [k, (k + 1) % N_CORNERS]].reshape(-1, 3)
+                        for ring in (inner, outer)])
+        for low in range(N_RINGS - 1)
+        for k in range(N_CORNERS)
+    ]  # fmt: skip
+    vertices = np.asarray(mesh.vertices, dtype=float)
+    flat = vertices[:, :2] - axis
+    radius, turn = np.hypot(*flat.T), np.arctan2(flat[:, 1], flat[:, 0])
+    level = np.clip(vertices[:, 2], heights[0], heights[-1])
+    wall = _outer_radius(walls[..., 1], heights, turns, level, turn)
+    under = (vertices[:, 2] < heights[0]) & (radius < wall + BEYOND_M)
+    pieces.append(np.concatenate([outer[0], vertices[under]]))
+    return pieces + _handle_pieces(vertices[radius > wall + BEYOND_M], axis)
+
+
+def _spread(heights: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.repeat(heights[:, None], N_CORNERS, axis=1)
+
+
+def _walls(
+    mesh: trimesh.Trimesh,
+    axis: NDArray[np.float64],
+    heights: NDArray[np.float64] | list[float],
+    directions: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Distance (R, S, 2) of the wall's inner and outer side from the axis; NaN where none is."""
+    rays = np.tile(directions, (len(heights), 1))
+    starts = np.column_stack(
+        [np.tile(axis, (len(rays), 1)), np.repeat(np.asarray(heights), len(directions))]
+    )
+    points, ray, face = mesh.ray.intersects_location(starts, rays, multiple_hits=True)
+    distance = np.linalg.norm(points - starts[ray], axis=1)
+    out = (mesh.face_normals[face] * rays[ray]).sum(1) > 0.0
+    found = np.full((len(rays), 2), np.inf)
+    np.minimum.at(found[:, 0], ray[~out], distance[~out])
+    behind = out & (distance > found[ray, 0])
+    np.minimum.at(found[:, 1], ray[behind], distance[behind])
+    found[~np.isfinite(found).all(1)] = np.nan
+    return found.reshape(len(heights), len(directions), 2)
+
+
+def _top(
+    mesh: trimesh.Trimesh, axis: NDArray[np.float64], directions: NDArray[np.float64]
+) -> float:
+    """The greatest height at which there is a wall all around [m]."""
+    low, high = mesh.bounds[:, 2]
+    heights = np.arange(high, low, -LEVEL_M)
+    seen = np.isfinite(_walls(mesh, axis, heights, directions)[..., 0]).mean(1)
+    if seen.max() < MIN_WALL_SHARE:
+        cure = "Stand it upright, z up, and close holes in a mesh editor."
+        got = f"one over {100.0 * seen.max():.0f} % of a turn"
+        raise ArgumentError(describe("mesh", "a wall all around its axis", got, cure))
+    return float(heights[np.argmax(seen >= MIN_WALL_SHARE)]) - LEVEL_M
+
+
+def _floor(mesh: trimesh.Trimesh, axis: NDArray[np.float64]) -> float:
+    """Height of the cavity's floor on the axis [m]."""
+    start = [[*axis, mesh.bounds[1, 2] + 1.0]]
+    points, _, _ = mesh.ray.intersects_location(start, [[0.0, 0.0, -1.0]], multiple_hits=True)
+    if not len(points):
+        cure = "Close its floor in a mesh editor."
+        raise ArgumentError(describe("mesh", "a floor", "none on its axis", cure))
+    return float(points[:, 2].max())
+
+
+def _filled(walls: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Walls (R, S, 2) with gaps bridged along each ring."""
+    corners = np.arange(walls.shape[1])
+    for ring in walls:
+        known = np.isfinite(ring[:, 0])
+        for side in (0, 1):
+            ring[:, side] = np.interp(
+                corners, corners[known], ring[known, side], period=len(corners)
+            )
+    walls[..., 1] = np.maximum(walls[..., 1], walls[..., 0] + THINNEST_M)
+    return walls
+
+
+def _outer_radius(
+    radii: NDArray[np.float64],
+    heights: NDArray[np.float64],
+    turns: NDArray[np.float64],
+    level: NDArray[np.float64],
+    turn: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Outer radius (n,) of rings (R, S) at levels (n,) and turns (n,)."""
+    row = np.interp(level, heights, np.arange(len(heights)))
+    column = (turn % (2.0 * np.pi)) / (turns[1] - turns[0])
+    low, left = np.minimum(row.astype(int), len(heights) - 2), column.astype(int) % len(turns)
+    up, right = row - low, column - column.astype(int)
+    after = (left + 1) % len(turns)
+    near = (1.0 - right) * radii[low, left] + right * radii[low, after]
+    far = (1.0 - right) * radii[low + 1, left] + right * radii[low + 1, after]
+    return (1.0 - up) * near + up * far
+
+
+def _handle_pieces(
+    vertices: NDArray[np.float64], axis: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """What stands out of the wall to one side, in sectors about its middle."""
+    flat = vertices[:, :2] - axis
+    units = flat / np.linalg.norm(flat, axis=1, keepdims=True)
+    if not len(units) or np.linalg.norm(units.mean(0)) < MIN_ONE_SIDED:
+        return []
+    reach = flat @ units.mean(0) / np.linalg.norm(units.mean(0))
+    middle = 0.5 * (vertices[:, 2].min() + vertices[:, 2].max())
+    turn = np.arctan2(vertices[:, 2] - middle, reach - reach.min())
+    width = OVERLAP * np.pi / N_SECTORS
+    sectors = -np.pi / 2.0 + (np.arange(N_SECTORS) + 0.5) * np.pi / N_SECTORS
+    near = [vertices[np.abs(turn - sector) < 0.5 * width] for sector in sectors]
+    return [some for some in near if _thickness(some) > THINNEST_M]
+
+
+def _thickness(points: NDArray[np.float64]) -> float:
+    """Least standard deviation of points (n, 3) in any direction; 0 of too few."""
+    if len(points) <= points.shape[1]:
+        return 0.0
+    return float(
+        np.linalg.svd(points - points.mean(0), compute_uv=False)[-1] / np.sqrt(len(points))
+    )
