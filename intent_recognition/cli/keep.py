@@ -16,7 +16,7 @@ def add_parser(subparsers: Subparsers) -> None:
         "keep",
         help="keep the last correction by hand: its task moves",
         description="Keep the last execution that a person corrected by hand as a demonstration:"
-        " the robot's part of the task moves half the way to it, a running estimator loads the"
+        " the robot's part of the task moves there, a running estimator loads the"
         " model, and other tasks stay as they are. `intent undo` takes it back. Executions are"
         " recorded by a running task_teacher.",
         **examples(

@@ -17,7 +17,7 @@ NOTHING = "Nothing was taught or executed yet, or no teacher runs."
 HOW = (
     "Push or guide the arm while it executes: it yields, and goes on from where you leave it."
     " It does where `primitive_activation` has `correction: lwr`.",
-    "Keep it: the task moves half the way. Undo takes the last change back.",
+    "Keep it: the task moves there. Undo takes the last change back.",
 )
 UNKNOWN = ("", "-")
 HEAD = ("change", "done", "arrived", "corrected", "good / bad", "spilled")

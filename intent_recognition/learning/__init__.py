@@ -18,7 +18,7 @@ from intent_recognition.learning.components import (
     score,
     smallest_within_one_error,
 )
-from intent_recognition.learning.correcting import GAIN, keep_correction, move_task
+from intent_recognition.learning.correcting import correction_gain, keep_correction, move_task
 from intent_recognition.learning.examples import (
     TrainingExample,
     cut_one,
@@ -69,7 +69,6 @@ from intent_recognition.learning.unlabelled import (
 __all__ = [
     "BASIS",
     "BATCH",
-    "GAIN",
     "MAX_COMPONENTS",
     "MIN_MEMBERS",
     "NAMES_KEPT",
@@ -97,6 +96,7 @@ __all__ = [
     "choose_again",
     "choose_components",
     "cluster",
+    "correction_gain",
     "count_transitions",
     "cut_one",
     "cut_to_movement",

@@ -2,96 +2,227 @@
 """A correction that is kept: the robot's part of a task moves, the person's stays as it is.
 
 A demonstration says how a task is done, and adds to the others. A correction says that the others
-are wrong: the rule by which the robot follows from the person has moved. With w_c = A w_o + b + e,
-the correction's residual r = w_c - A w_o - b tells b apart from what it was,
+are wrong: the rule by which the robot follows from the person has moved,
 
-    b <- b + g r.
+    w_c = A w_o + b + W x + e,   x = (1, (w_o - m) / s),   s^2 = tr S_oo,
 
-This is the Kalman filter of a rule that drifts, with its stationary gain g: for a drift between two
-corrections of variance q, in parts of the variance of one correction, g^2 / (1 - g) = q. What is
-recognised, how surely, and all other tasks are left alone to the last bit.
+with mean m and covariance S_oo of the observed weights. All controlled weights share x, so that W
+has one covariance P in parts of that of e, and one gain k. Each correction, with its residual
+r = w_c - A w_o - b, makes
+
+    k = P x / (x^T P x + 1),   W = r k^T,   P <- P - k x^T P + Q,
+
+recursive least squares for coefficients that drift (Ljung 1999, Section 11.2), and A and b take W
+over. The first correction counts whole; of the later ones each counts less than the one before, so
+that what is off in a single one is averaged out, but never less than the drift Q asks for.
+
+w_o is what the filter infers from the person's movement, as when the robot's path was predicted.
+What is recognised, how surely, and all other tasks are left alone to the last bit.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import TrainingError, describe
-from intent_recognition.learning.examples import TrainingExample, scored_phases
-from intent_recognition.learning.fitting import learned_from
+from intent_recognition.gaussian import Gaussian, symmetrize
+from intent_recognition.learning.examples import (
+    SAMPLES_PER_MOVEMENT,
+    SAMPLES_USED,
+    TrainingExample,
+    sample_phases,
+    scored_phases,
+)
 from intent_recognition.learning.preprocessing import example_of
 from intent_recognition.learning.statistics import TaskStatistics
 from intent_recognition.learning.training import Trained
-from intent_recognition.promp import NormalizedRBFBasis
+from intent_recognition.promp import InteractionProMP, NormalizedRBFBasis, TaskLibrary
 from intent_recognition.signals import Demonstration
 
-GAIN = 0.5
-"""Share g of a correction that a task takes over. Convention: each halves the error, so that three
-leave an eighth of it, and one that was a mistake moves the task half the way (q = 0.5)."""
+OFFSET_VARIANCE = 20.0
+"""Variance of the rule's offset before the first correction, in parts of that of one correction.
+Convention: a person corrects what is off by several times what corrections differ among
+themselves."""
+SLOPE_VARIANCE = 1.0
+"""The same of how the offset depends on where the person reaches. Measurement:
+docs/correcting.md."""
+DRIFT = 0.5
+"""Variance by which the offset drifts from one correction to the next, in the same parts.
+Measurement: docs/correcting.md."""
 
 
-def keep_correction(trained: Trained, corrected: Demonstration, gain: float = GAIN) -> Trained:
+class RuleChange(NamedTuple):
+    """The controlled weights change by `slopes` (w_o - m) + `offset`.
+
+    Attributes:
+        slopes: (Q N, P N).
+        offset: (Q N,).
+    """
+
+    slopes: NDArray[np.float64]
+    offset: NDArray[np.float64]
+
+
+def keep_correction(
+    trained: Trained, corrected: Demonstration, earlier: Sequence[Demonstration] = ()
+) -> Trained:
     """Move the robot's part of a known task towards a corrected execution.
 
     Args:
         trained: what to change; it stays as it is.
         corrected: what the person did, and how the robot was wanted to move, labelled.
-        gain: share g of the difference that is taken over, in [0, 1].
+        earlier: corrections of the same task that were kept before, the oldest first.
 
     Raises:
-        TrainingError: the task is not known, or the execution cannot be used; says why.
+        TrainingError: the task is not known, or an execution cannot be used; says why.
     """
-    example = example_of(corrected, trained.preprocessing)
-    return move_task(trained, example, gain)
+    examples = [example_of(one, trained.preprocessing) for one in (*earlier, corrected)]
+    return move_task(trained, examples[-1], examples[:-1])
 
 
-def move_task(trained: Trained, example: TrainingExample, gain: float = GAIN) -> Trained:
-    """As `keep_correction`, from an example of the same preprocessing."""
+def move_task(
+    trained: Trained, example: TrainingExample, earlier: Sequence[TrainingExample] = ()
+) -> Trained:
+    """As `keep_correction`, from examples of the same preprocessing."""
     library, label = trained.library, example.task
     if label not in library.labels:
         cure = "Teach it first."
         raise TrainingError(describe("task", f"one of {library.labels}", label, cure))
-    aligned = trained.chosen.aligned
-    chosen = example.aligned if aligned and example.aligned is not None else example
-    n_observed = library.n_observed
-    rule = library.regressions[library.labels.index(label)]
-    observed, controlled = chosen.weights[:n_observed], chosen.weights[n_observed:]
-    residual = controlled.ravel() - rule.matrix @ observed.ravel() - rule.offset
-    change = gain * residual.reshape(controlled.shape)
-    task = trained.tasks[label]
-    moved = _moved(task, change, library.basis, trained.preprocessing.basis_of(False))
-    if task.aligned is not None:
-        other = _moved(task.aligned, change, library.basis, trained.preprocessing.basis_of(True))
-        moved = replace(moved, aligned=other)
-    tasks = {**trained.tasks, label: moved}
-    means = learned_from(tasks, trained.preprocessing, trained.chosen)["weight_mean"]
-    return replace(trained, library=replace(library, weight_mean=means), tasks=tasks)
+    task, n = library.labels.index(label), library.n_observed_weights
+    seen = [_observed_weights(trained, one) for one in (*earlier, example)]
+    mean, covariance = library.weight_mean[task], library.weight_covariance[task]
+    scale = np.sqrt(np.trace(covariance[:n, :n]))
+    gain = correction_gain([(one - mean[:n]) / scale for one in seen])
+    rule = library.regressions[task]
+    controlled = _chosen(trained, example).weights[library.n_observed :].ravel()
+    residual = controlled - rule.matrix @ seen[-1] - rule.offset
+    change = RuleChange(np.outer(residual, gain[1:] / scale), gain[0] * residual)
+    statistics, bases = trained.tasks[label], trained.preprocessing.basis_of
+    moved = _moved(statistics, change, library.basis, bases(False))
+    if statistics.aligned is not None:
+        aligned = _moved(statistics.aligned, change, library.basis, bases(True))
+        moved = replace(moved, aligned=aligned)
+    return replace(
+        trained,
+        library=_with_rule(library, task, change),
+        tasks={**trained.tasks, label: moved},
+    )
+
+
+def correction_gain(places: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The gain k of the last of some corrections of a task, (1 + M,), the offset's first.
+
+    Args:
+        places: where the person reached in each, the oldest first: (w_o - m) / s, (M,).
+    """
+    covariance = np.diag(np.r_[OFFSET_VARIANCE, np.full(len(places[-1]), SLOPE_VARIANCE)])
+    gain = np.empty(0)
+    for k, place in enumerate(places):
+        if k:
+            covariance[0, 0] += DRIFT
+        x = np.r_[1.0, place]
+        along = covariance @ x
+        gain = along / (x @ along + 1.0)
+        covariance -= np.outer(gain, along)
+    return gain
+
+
+def _chosen(trained: Trained, example: TrainingExample) -> TrainingExample:
+    """The example over the phase of the library."""
+    aligned = example.aligned if trained.chosen.aligned else None
+    return example if aligned is None else aligned
+
+
+def _observed_weights(trained: Trained, example: TrainingExample) -> NDArray[np.float64]:
+    """What the filter infers of the person's movement once it was seen, (P N,)."""
+    library, n_observed = trained.library, trained.library.n_observed
+    task = library.labels.index(example.task)
+    interval_s = library.correlation_time_s * SAMPLES_PER_MOVEMENT / SAMPLES_USED
+    person = InteractionProMP(
+        library.basis,
+        Gaussian(library.observed_mean[task], library.observed_covariance[task]),
+        n_observed,
+        np.diag(library.noise_covariance(np.arange(n_observed), interval_s)),
+        example.duration_s,
+    )
+    seen, _ = person.condition(sample_phases(), _chosen(trained, example).observed)
+    return seen.weights.mean
+
+
+def _with_rule(library: TaskLibrary, task: int, change: RuleChange) -> TaskLibrary:
+    """The library with one changed rule: A + slopes, and what it leaves uncertain as before."""
+    n = library.n_observed_weights
+    means, covariances = library.weight_mean.copy(), library.weight_covariance.copy()
+    means[task, n:] += change.offset
+    covariances[task] = _sheared(covariances[task], change.slopes)
+    context = library.context
+    if context is not None:
+        gain = context.gain.copy()
+        gain[task, n:] += change.slopes @ gain[task, :n]
+        context = replace(context, gain=gain)
+    return replace(library, weight_mean=means, weight_covariance=covariances, context=context)
+
+
+def _sheared(matrix: NDArray[np.float64], slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """T M T^T with T = [[1, 0], [slopes, 1]]; the observed block stays to the last bit."""
+    n, out = slopes.shape[1], matrix.copy()
+    out[n:, :n] += slopes @ matrix[:n, :n]
+    out[:n, n:] = out[n:, :n].T
+    out[n:, n:] = symmetrize(matrix[n:, n:] + slopes @ matrix[:n, n:] + out[n:, :n] @ slopes.T)
+    return out
 
 
 def _moved(
-    task: TaskStatistics,
-    change: NDArray[np.float64],
-    basis: NormalizedRBFBasis,
-    own: NormalizedRBFBasis,
+    task: TaskStatistics, change: RuleChange, basis: NormalizedRBFBasis, own: NormalizedRBFBasis
 ) -> TaskStatistics:
-    """The statistics of demonstrations whose controlled weights are all changed alike.
+    """The statistics of demonstrations whose controlled weights all follow the changed rule.
 
     Args:
         task: of the demonstrations.
-        change: (Q, N) in `basis`.
+        change: in `basis`.
         basis: of the change.
         own: of the statistics.
     """
     if own != basis:
-        phases = np.linspace(0.0, 1.0, 201)
-        curve = basis.design_matrix(phases) @ change.T
-        change = np.linalg.lstsq(own.design_matrix(phases), curve, rcond=None)[0].T
-    offset = np.zeros_like(task.mean)
-    offset[-len(change) :] = change
-    scored = own.design_matrix(scored_phases()) @ change.T
-    examples = tuple(
-        one._replace(weights=one.weights + offset, controlled=one.controlled + scored)
-        for one in task.examples
+        change = _onto(own, basis, change)
+    slopes, n_basis = change.slopes, own.n_basis
+    n, design = slopes.shape[1], own.design_matrix(scored_phases())
+    centre = task.mean.ravel()[:n]
+
+    def follow(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The change of a demonstration's controlled weights, (Q, N)."""
+        return (slopes @ (weights.ravel()[:n] - centre) + change.offset).reshape(-1, n_basis)
+
+    def raised(weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.vstack([weights[: n // n_basis], weights[n // n_basis :] + follow(weights)])
+
+    cross = task.context_cross.copy()
+    cross[n:] += slopes @ cross[:n]
+    return replace(
+        task,
+        mean=raised(task.mean),
+        scatter=_sheared(task.scatter, slopes),
+        context_cross=cross,
+        examples=tuple(
+            one._replace(
+                weights=raised(one.weights),
+                controlled=one.controlled + design @ follow(one.weights).T,
+            )
+            for one in task.examples
+        ),
     )
-    return replace(task, mean=task.mean + offset, examples=examples)
+
+
+def _onto(target: NormalizedRBFBasis, source: NormalizedRBFBasis, change: RuleChange) -> RuleChange:
+    """The change of one basis' weights as that of another's, by least squares over the phase."""
+    phases = np.linspace(0.0, 1.0, 201)
+    designs = [basis.design_matrix(phases) for basis in (target, source)]
+    there, back = (np.linalg.lstsq(a, b, rcond=None)[0] for a, b in (designs, designs[::-1]))
+    n_own, n_observed = (size // source.n_basis for size in change.slopes.shape)
+    forth = np.kron(np.eye(n_own), there)
+    return RuleChange(
+        forth @ change.slopes @ np.kron(np.eye(n_observed), back), forth @ change.offset
+    )

@@ -21,6 +21,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import datetime
+from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from intent_recognition.bags import BagReader
@@ -41,6 +43,7 @@ from intent_recognition.errors import (
 )
 from intent_recognition.learning import (
     Trained,
+    TrainingExample,
     TrainingSettings,
     add_statistics,
     is_outdated,
@@ -59,6 +62,9 @@ START, LEARN, WAIT, UNDO, KEEP = "start", "learn", "wait", "undo", "keep"
 ACTIONS = (START, LEARN, WAIT, UNDO, KEEP)
 DAMAGED, LOCK = "history.damaged", ".lock"
 METADATA = "metadata.yaml"
+MOST_CORRECTIONS = 10
+"""Earlier corrections of a task that tell how much one more counts. Convention: each is read, in
+some 50 ms."""
 
 
 def now() -> datetime:
@@ -251,18 +257,29 @@ class TaskFolder:
     def _more(self, bag: Path) -> Trained:
         model, trained = load_trained(self.model_path)
         preprocessing = trained.preprocessing
-        found = accumulate_bags(
-            [bag], model.dofs, preprocessing.settings, preprocessing=preprocessing
+        read = partial(
+            accumulate_bags,
+            dofs=model.dofs,
+            settings=preprocessing.settings,
+            preprocessing=preprocessing,
         )
+        found = read([bag])
         _check(found, bag)
         if _is_correction(bag):
-            (task,) = found.accumulated.tasks.values()
-            return move_task(trained, task.examples[0])
+            known = [read([kept]) for kept in self._kept_of(bag.parent.name)]
+            *earlier, corrected = chain.from_iterable(map(_read, (*known, found)))
+            return move_task(trained, corrected, earlier)
         more = add_statistics(trained, found.accumulated.tasks, found.accumulated.used)
         before, now = ({label: s.n for label, s in t.tasks.items()} for t in (trained, more))
         if not is_outdated(before, now):
             return more
         return with_margins(more)
+
+    def _kept_of(self, task: str) -> list[Path]:
+        """The newest corrections of a task that are in force, the oldest first."""
+        kept = [change for change in self._standing() if change.action == KEEP]
+        bags = [self.path / change.bag for change in kept if change.task == task]
+        return [bag for bag in bags[-MOST_CORRECTIONS:] if bag.exists()]
 
     def _first(self) -> Trained | None:
         """Learn from all recordings, if there are enough by now."""
@@ -402,6 +419,11 @@ def _change(line: str) -> Change | None:
 def _kept(execution: Path) -> Path:
     """Where the demonstration made of an execution is, below a folder of bags."""
     return Path(execution.parent.name) / f"{execution.name}_kept"
+
+
+def _read(found: FromBags) -> list[TrainingExample]:
+    """The recordings that can be used."""
+    return [one for task in found.accumulated.tasks.values() for one in task.examples]
 
 
 def _is_correction(bag: Path) -> bool:

@@ -24,6 +24,7 @@ from intent_recognition.motion import (
     scaled_limits,
 )
 from intent_recognition.promp import TaskLibrary
+from intent_recognition.signals import Demonstration
 
 if TYPE_CHECKING:
     from sim_bridge.arm import SimulatedArm
@@ -32,9 +33,10 @@ if TYPE_CHECKING:
 MOVED_M = 0.08
 """How far a task's rule has moved."""
 FALSE_ALARM_RATE = 0.1
-N_CALIBRATED, N_UNDISTURBED, N_BUMPED, N_TESTED = 18, 12, 8, 2
-"""Executions that give the detector, that it is scored on, with bumps, and per task and library."""
-N_QUICK = (4, 1, 1, 1)
+N_CALIBRATED, N_UNDISTURBED, N_BUMPED, N_TESTED, N_MOVES = 18, 12, 8, 4, 3
+"""Executions that give the detector, that it is scored on, with bumps, and after each correction;
+moves of each task's rule."""
+N_QUICK = (4, 1, 1, 1, 1)
 N_CORRECTIONS = 3
 LARGEST_BLOW_N, LONGEST_BLOW_S = 60.0, 0.2
 RESTS_M_S, RESTS_S, AWAY_M = 0.02, 0.3, 0.12
@@ -42,7 +44,7 @@ RESTS_M_S, RESTS_S, AWAY_M = 0.02, 0.3, 0.12
 
 
 class Session(NamedTuple):
-    """One task whose rule has moved.
+    """One task whose rule has moved once.
 
     Attributes:
         task: which.
@@ -64,12 +66,6 @@ class Session(NamedTuple):
     rad_s: float
     force_n: tuple[float, float]
 
-    @property
-    def fall(self) -> float:
-        """Share by which the error fell."""
-        means = self.error_m.mean(axis=1)
-        return float(1.0 - means[-1] / means[0])
-
 
 class CorrectingStudy(NamedTuple):
     """What came out.
@@ -79,7 +75,7 @@ class CorrectingStudy(NamedTuple):
         n_undisturbed, n_false: executions that nobody touched, and those taken for pushed.
         n_bumped, n_yielded, n_lasting: executions with a blow, those in which the arm yielded, and
             those that it changed.
-        sessions: one for each task.
+        sessions: task after task, some moves of each.
     """
 
     detector: DeviationDetector
@@ -89,6 +85,22 @@ class CorrectingStudy(NamedTuple):
     n_yielded: int
     n_lasting: int
     sessions: tuple[Session, ...]
+
+    @property
+    def tasks(self) -> tuple[str, ...]:
+        """Labels of the tasks, in order."""
+        return tuple(dict.fromkeys(one.task for one in self.sessions))
+
+    def of(self, task: str, name: str) -> NDArray[np.float64]:
+        """An array of all sessions of a task, put side by side."""
+        return np.concatenate(
+            [getattr(one, name) for one in self.sessions if one.task == task], axis=-1
+        )
+
+    def fall(self, task: str) -> float:
+        """Share by which the mean error of a task fell."""
+        means = self.of(task, "error_m").mean(axis=1)
+        return float(1.0 - means[-1] / means[0])
 
 
 class Corrects:
@@ -148,9 +160,9 @@ class _Cell:
         self.n_drawn = 0
 
     @property
-    def n(self) -> tuple[int, int, int, int]:
-        """Numbers of executions."""
-        numbers = (N_CALIBRATED, N_UNDISTURBED, N_BUMPED, N_TESTED)
+    def n(self) -> tuple[int, int, int, int, int]:
+        """Numbers of executions, and of moves."""
+        numbers = (N_CALIBRATED, N_UNDISTURBED, N_BUMPED, N_TESTED, N_MOVES)
         return N_QUICK if self.settings.quick else numbers
 
     def rng(self, k: int) -> np.random.Generator:
@@ -167,7 +179,7 @@ def investigate(settings: Settings) -> CorrectingStudy:
     cell = _Cell(settings)
     trained = learn_with_report(toolbox_recordings(settings)).trained
     library = trained.library
-    n_calibrated, n_undisturbed, n_bumped, _ = cell.n
+    n_calibrated, n_undisturbed, n_bumped, _, n_moves = cell.n
     undisturbed = []
     for k in range(n_calibrated):
         settings.progress(0.05 + 0.35 * k / n_calibrated, "undisturbed executions")
@@ -185,10 +197,11 @@ def investigate(settings: Settings) -> CorrectingStudy:
         done = _execute(cell, library, 3000 + k, correction, bumps)
         yielded += done.counts.get("yielded", 0) > 0
         lasting += done.counts.get("corrected", 0) > 0
-    sessions = []
     tasks = TASKS[:1] if settings.quick else TASKS
-    for number, task in enumerate(tasks):
-        settings.progress(0.6 + 0.4 * number / len(tasks), f"corrections: {task}")
+    moves = [(task, number) for task in tasks for number in range(n_moves)]
+    sessions = []
+    for k, (task, number) in enumerate(moves):
+        settings.progress(0.6 + 0.4 * k / len(moves), f"corrections: {task}")
         sessions.append(_session(cell, trained, task, number, detector))
     return CorrectingStudy(
         detector, n_undisturbed, false, n_bumped, yielded, lasting, tuple(sessions)
@@ -217,20 +230,22 @@ def _execute(
 def _session(
     cell: _Cell, trained: Trained, task: str, number: int, detector: DeviationDetector
 ) -> Session:
-    """Correct one task three times, and test it before and after each."""
+    """Move the rule of a task, correct it three times, and test it before and after each."""
     from sim_bridge.coworker import TASKS
     from sim_bridge.scenarios.toolbox import handover_point
 
-    rng = np.random.default_rng([cell.settings.seed, 165, number])
+    place = TASKS.index(task)
+    rng = np.random.default_rng([cell.settings.seed, 165, place, number])
     direction = np.append(rng.normal(size=2), 0.3 * rng.normal())
     moved = MOVED_M * direction / np.linalg.norm(direction)
-    place = TASKS.index(task)
     before, n_tested = trained, cell.n[3]
+    kept: list[Demonstration] = []
+    first = 100 * number  # of the reaches of this move
 
     def errors(library: TaskLibrary) -> list[float]:
         found = []
         for k in range(n_tested):
-            watched = cell.watch(library, 4002 + 3 * k + place)
+            watched = cell.watch(library, 4002 + 3 * (first + k) + place)
             done = execute(watched, library, cell.limits, None, cell.rng(k))
             found.append(_error(done, handover_point(task, watched.goal_m) + moved))
         return found
@@ -239,7 +254,7 @@ def _session(
     led: dict[bool, list[float]] = {False: [], True: []}
     for k in range(N_CORRECTIONS):
         library = trained.library
-        watched = cell.watch(library, 5001 + 3 * k + place)
+        watched = cell.watch(library, 6000 + 3 * (first + k) + place)
         there = handover_point(task, watched.goal_m) + moved
         for feature in (False, True):
             hand = Corrects(there)
@@ -249,8 +264,9 @@ def _session(
             led[feature].append(_error(done, there))
         jumps.append(done.largest_jump)
         if done.corrected is not None:
-            kept = as_demonstration(watched, done.corrected, library, f"{task}_{k}")
-            trained = keep_correction(trained, kept)
+            one = as_demonstration(watched, done.corrected, library, f"{task}_{k}")
+            trained = keep_correction(trained, one, kept)
+            kept.append(one)
         error.append(errors(trained.library))
     return Session(
         task,

@@ -50,7 +50,8 @@ def run(settings: Settings) -> Part:
 
 def _findings(study: CorrectingStudy) -> tuple[Finding, ...]:
     sessions = study.sessions
-    falls = [one.fall for one in sessions]
+    falls = [study.fall(task) for task in study.tasks]
+    n_moves = len(sessions) // len(study.tasks)
     changed = max(one.others_changed for one in sessions)
     led_m = np.concatenate([one.corrected_m for one in sessions])
     without_m = np.concatenate([one.without_m for one in sessions])
@@ -62,7 +63,7 @@ def _findings(study: CorrectingStudy) -> tuple[Finding, ...]:
             f">= {100 * LEAST_FALL:g}",
             f"{100 * np.mean(falls):.0f} ({100 * min(falls):.0f} to {100 * max(falls):.0f})",
             min(falls) >= LEAST_FALL,
-            "Mean, and range over the tasks.",
+            f"Mean, and range over the tasks; each is the mean of {n_moves} moves.",
         ),
         Finding(
             "largest change of any number of other tasks, or of what is recognised",
@@ -117,19 +118,17 @@ def _blocks(study: CorrectingStudy) -> tuple[Figure | Table, ...]:
         Column("led to", "cm"),
         Column("without", "cm"),
     )
-    rows = tuple(
-        (
-            readable(one.task),
-            *(f"{100 * np.mean(errors):.1f}" for errors in one.error_m),
-            f"{100 * one.fall:.0f}",
-            f"{100 * np.mean(one.corrected_m):.1f}",
-            f"{100 * np.mean(one.without_m):.1f}",
+    rows = []
+    for task in study.tasks:
+        errors, led, without = (
+            study.of(task, name).mean(axis=-1) for name in ("error_m", "corrected_m", "without_m")
         )
-        for one in study.sessions
-    )
+        centimetres = [f"{100 * value:.1f}" for value in (*errors, led, without)]
+        fall = f"{100 * study.fall(task):.0f}"
+        rows.append((readable(task), *centimetres[:-2], fall, *centimetres[-2:]))
     caption = "Mean error of the hand at the new place, of executions that nobody touched."
     figure = Figure(to_svg(errors_figure(study)), "Each dot is an execution; lines are means.")
-    return figure, Table(columns, rows, caption=caption)
+    return figure, Table(columns, tuple(rows), caption=caption)
 
 
 @styled
@@ -137,13 +136,13 @@ def errors_figure(study: CorrectingStudy) -> "MatplotlibFigure":
     """Error at the new place over kept corrections, a line for each task."""
     figure = new_figure(6.0, 3.6)
     axes = figure.subplots()
-    colours = task_colours({one.task for one in study.sessions})
-    for k, one in enumerate(study.sessions):
-        kept = np.arange(len(one.error_m))
-        colour = colours[one.task]
-        axes.plot(kept, 100 * one.error_m.mean(axis=1), color=colour, label=readable(one.task))
-        x = np.repeat(kept + 0.05 * (k - 1), one.error_m.shape[1])
-        axes.plot(x, 100 * one.error_m.ravel(), "o", markersize=4.0, color=colour)
+    colours = task_colours(set(study.tasks))
+    for k, task in enumerate(study.tasks):
+        errors = 100 * study.of(task, "error_m")
+        kept = np.arange(len(errors))
+        axes.plot(kept, errors.mean(axis=1), color=colours[task], label=readable(task))
+        x = np.repeat(kept + 0.05 * (k - 1), errors.shape[1])
+        axes.plot(x, errors.ravel(), "o", markersize=3.0, alpha=0.5, color=colours[task])
     axes.axhline(100 * (1 - LEAST_FALL) * MOVED_M, color="0.6", linewidth=0.8, linestyle="--")
     axes.set_xticks(range(len(study.sessions[0].error_m)))
     axes.set_xlabel("corrections kept")
@@ -162,6 +161,7 @@ def _numbers(study: CorrectingStudy) -> dict[str, object]:
             "explained_rad": detector.explained.tolist(),
             "false_alarm_rate": detector.false_alarm_rate,
         },
+        "fall": {task: study.fall(task) for task in study.tasks},
         "undisturbed": study.n_undisturbed,
         "false_alarms": study.n_false,
         "bumped": study.n_bumped,
@@ -171,7 +171,6 @@ def _numbers(study: CorrectingStudy) -> dict[str, object]:
             {
                 "task": one.task,
                 "error_m": one.error_m.tolist(),
-                "fall": one.fall,
                 "corrected_m": one.corrected_m.tolist(),
                 "without_m": one.without_m.tolist(),
                 "others_changed": one.others_changed,

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How much a kept correction counts, and what it changes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from model_builder import make_dofs, perform, true_library
+
+from intent_recognition.learning import correction_gain, keep_correction, learn_with_report
+from intent_recognition.learning.correcting import DRIFT, OFFSET_VARIANCE, SLOPE_VARIANCE
+
+TRUTH = true_library(make_dofs())
+
+
+def test_the_gain_is_that_of_one_regression_on_all_corrections():
+    """Against the joint Gaussian of all corrections at once."""
+    rng = np.random.default_rng(0)
+    places = rng.normal(size=(4, 3))
+    offset = OFFSET_VARIANCE + DRIFT * np.minimum.outer(np.arange(4), np.arange(4))
+    covariance = offset + SLOPE_VARIANCE * places @ places.T + np.eye(4)
+    last = np.vstack([offset[3], SLOPE_VARIANCE * places.T])  # of the last offset and slopes
+    residuals = rng.normal(size=4)
+    drift = np.zeros(4)
+    for k in range(4):
+        x = np.r_[1.0, places[k]]
+        drift += correction_gain(places[: k + 1]) * (residuals[k] - x @ drift)
+    np.testing.assert_allclose(drift, last @ np.linalg.solve(covariance, residuals), rtol=1e-9)
+
+
+def test_the_first_counts_whole_and_none_less_than_the_drift_asks_for():
+    gains = [correction_gain([np.zeros(2)] * k)[0] for k in range(1, 12)]
+    assert gains[0] > 0.9
+    assert np.all(np.diff(gains) < 0.0)
+    assert gains[-1] ** 2 / (1.0 - gains[-1]) == pytest.approx(DRIFT, rel=1e-3)
+
+
+@pytest.fixture(scope="module")
+def trained():
+    recordings = [perform(TRUTH, task, 10 * task + k) for k in range(6) for task in (0, 1)]
+    return learn_with_report(recordings).trained
+
+
+def moved(recording, offset):
+    """The recording, the robot elsewhere."""
+    (robot,) = recording.controlled
+    return replace(
+        recording,
+        controlled=(replace(robot, values=robot.values + offset),),
+    )
+
+
+def test_person_and_other_tasks_stay_to_the_last_bit_and_the_statistics_go_along(trained):
+    offset = np.linspace(0.3, -0.2, 7)
+    kept = [moved(perform(TRUTH, 0, seed), offset) for seed in (70, 71, 72)]
+    after = trained
+    for k, one in enumerate(kept):
+        after = keep_correction(after, one, kept[:k])
+    first, last = trained.library, after.library
+    task, n = first.labels.index(kept[0].task), first.n_observed_weights
+    for name in ("observed_mean", "observed_covariance", "noise_variance", "none_margin"):
+        assert np.array_equal(getattr(first, name), getattr(last, name)), name
+    assert np.array_equal(first.weight_mean[1 - task], last.weight_mean[1 - task])
+    assert np.array_equal(first.weight_covariance[1 - task], last.weight_covariance[1 - task])
+    before, now = first.regressions[task], last.regressions[task]
+    np.testing.assert_allclose(now.covariance, before.covariance, atol=1e-9)
+    assert np.abs(now.matrix - before.matrix).max() > 1e-3
+    shift = last.basis.design_matrix(np.ones(1)) @ (
+        (last.weight_mean - first.weight_mean)[task, n:].reshape(7, -1).T
+    )
+    np.testing.assert_allclose(shift[0], offset, atol=0.05)
+    statistics = after.tasks[kept[0].task]
+    for own in (statistics, statistics.aligned):
+        weights = np.array([example.weights.ravel() for example in own.examples])
+        apart = weights - weights.mean(axis=0)
+        np.testing.assert_allclose(own.mean.ravel(), weights.mean(axis=0), atol=1e-9)
+        np.testing.assert_allclose(own.scatter, apart.T @ apart, atol=1e-7)
