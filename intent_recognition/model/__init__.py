@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Model files, and folders of tasks that grow by one recording at a time."""
 
-from intent_recognition.model.executions import ARRIVED, DOWN, UP, Execution, Executions
+from intent_recognition.model.executions import ARRIVED, DOWN, SPILLED, UP, Execution, Executions
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.model.pouring_skill import load_pouring_skill, save_pouring_skill
@@ -19,6 +19,7 @@ __all__ = [
     "ARRIVED",
     "DOWN",
     "SKILL_COLUMNS",
+    "SPILLED",
     "UP",
     "WAIT",
     "Change",

@@ -62,7 +62,7 @@ class Interface(NamedTuple):
 
 _ARM = Interface(
     ("intent/active_task", "intent/robot_trajectory", "joint_trajectory", "~/push"),
-    ("balls", "cup/cloud", "joint_states", "robot_description", "second/cloud"),
+    ("balls", "cup/cloud", "intent/feedback", "joint_states", "robot_description", "second/cloud"),
     ("~/gravity_compensation",),
 )
 _WARPER = Interface(

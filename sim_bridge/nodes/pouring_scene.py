@@ -5,15 +5,17 @@ from collections.abc import Callable
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header
 
 from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.model import SPILLED
 from intent_recognition.nodes.clouds import to_labelled_cloud
 from intent_recognition.nodes.parameters import fixed_parameter
-from intent_recognition.nodes.qos import SENSOR, STATE
+from intent_recognition.nodes.qos import FEEDBACK, SENSOR, STATE
 from sim_bridge.arm import SimulatedArm
 from sim_bridge.scenarios.toolbox import Gripper, make_gripper
 
@@ -30,7 +32,8 @@ COUNT_STEPS, CLOUD_STEPS = 100, 1000
 class PouringScene:
     """Declares what stands where; `begin` puts it into the arm's world and publishes it.
 
-    Out: `balls`, a named vector of counts; `cup/cloud` and `second/cloud` while no task is active.
+    Out: `balls`, a named vector of counts; `cup/cloud` and `second/cloud` while no task is active;
+    `intent/feedback`: how many balls an execution spilled.
 
     Args:
         node: of the arm.
@@ -50,6 +53,7 @@ class PouringScene:
             f"{of_scene} centre of the second opening [m], world.",
         )
         self._task = ""
+        self._lay_beside = 0
 
     @property
     def posture(self) -> NDArray[np.float64]:
@@ -78,6 +82,7 @@ class PouringScene:
         self._arm, self._stamp = arm, stamp
         self._world = LivePouring(arm, self.cup, self.second, np.array(self._opening), seed)
         self._counts = self._node.create_publisher(JointState, BALLS, STATE)
+        self._feedback = self._node.create_publisher(DiagnosticStatus, "intent/feedback", FEEDBACK)
         self._clouds = [
             self._node.create_publisher(PointCloud2, f"{name}/cloud", SENSOR)
             for name in ("cup", "second")
@@ -85,8 +90,14 @@ class PouringScene:
         return self
 
     def set_task(self, task: str) -> None:
-        """Take note of the task being executed, "" when idle."""
-        self._task = task
+        """Take note of the task being executed, "" when idle; tell what the one before spilled."""
+        if task == self._task:
+            return
+        beside = self._world.look().spilled
+        if self._task:
+            spilled = KeyValue(key=SPILLED, value=str(beside - self._lay_beside))
+            self._feedback.publish(DiagnosticStatus(name=self._task, values=[spilled]))
+        self._task, self._lay_beside = task, beside
 
     def update(self) -> None:
         """Look at the balls, and publish what is due; call it every few milliseconds."""

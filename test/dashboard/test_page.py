@@ -9,11 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dashboard.browser import chromium, free_port, visitor
+from dashboard.test_drag_handles import drag
 from ros_harness import NodeProcess
 
 from intent_recognition.dashboard.scene_file import load_scene
+from intent_recognition.model.executions import THUMBS, UP, Executions
 from intent_recognition.model.file import load_model
-from intent_recognition.model.task_folder import LEARN, TaskFolder
+from intent_recognition.model.task_folder import LEARN, UNDO, TaskFolder, now
 
 pytestmark = pytest.mark.slow
 
@@ -77,14 +79,20 @@ def test_page_shows_replays_and_teaches(cell, tmp_path):
         watch_a_replay(person)
         see_the_cell(person)
         teach_a_task(person)
+        lead_the_path_elsewhere(person)
+        judge_and_undo(person)
         outside = {url for url in person.requests if url.startswith("http")}
         assert {url.split("/")[2] for url in outside} == {f"127.0.0.1:{cell['port']}"}
         assert not [text for text in person.console if "Content Security" in text]
         if os.environ.get("SCREENSHOTS"):
+            person.page.set_viewport_size({"width": 1280, "height": 1100})
             person.screenshot(path=f"{os.environ['SCREENSHOTS']}/page.png")
     folder = TaskFolder(tmp_path / "tasks", load_model(cell["model"]).dofs)
     taught = [change for change in folder.history() if change.action == LEARN]
     assert [change.task for change in taught] == ["wave"] * 3
+    assert folder.history()[-1].action == UNDO
+    executions = Executions(folder.path, now).all()
+    assert UP in {one.values.get(THUMBS) for one in executions if one.task == "wave"}
 
 
 def watch_a_replay(person):
@@ -126,3 +134,25 @@ def teach_a_task(person):
         if person.catches("robot: wave", REACH_S):
             return
     raise AssertionError(f"wave was not recognised in {REACHES} reaches; page: {person.text()}")
+
+
+def lead_the_path_elsewhere(person):
+    """Drag the handle on the predicted path: the estimator takes the via point, and gives it up."""
+    person.tab("Watch")
+    person.page.get_by_label("Drag the robot's path").check()
+    person.wait_until(lambda: person.pixel("/via/handle") is not None, "the handle is drawn")
+    drag(person, "/via/handle")
+    person.wait_until(lambda: person.pixel("/via/point0") is not None, "the via point is in force")
+    person.press("Remove it")
+    person.wait_until(lambda: person.pixel("/via/point0") is None, "it is taken back")
+
+
+def judge_and_undo(person):
+    """Like the last execution; there is nothing to keep; take the last demonstration back."""
+    person.tab("Skills")
+    person.press("Good")
+    person.wait_for("1 / 0")
+    person.press("Keep the last correction")
+    person.wait_for("a corrected execution")
+    person.press("Undo")
+    person.wait_for("took wave_02 back")

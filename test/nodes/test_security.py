@@ -13,7 +13,7 @@ from intent_recognition.nodes.security import INTERFACES, main, policy
 
 TOLD = {"joint_states_topic": "/arm/states", "command_topic": "/arm/command"}
 ALL_ON = {"record": "bag", "dashboard": True, "coworker": True, "namespace": "cell1"}
-OF_POURING = {"balls", "cup/cloud", "second/cloud"}
+OF_POURING = {"balls", "cup/cloud", "intent/feedback", "second/cloud"}
 LATER = {
     **dict.fromkeys(("arm_sim", "lwr_sim"), OF_POURING),
     "intent_estimator": {"human/wrist", "joint_states"},  # once it has a model
