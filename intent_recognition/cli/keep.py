@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent keep`: what a person corrected by hand becomes a part of the task."""
 
-import argparse
-
-from intent_recognition.cli.console import make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.teach import add_library_options
@@ -24,15 +21,4 @@ def add_parser(subparsers: Subparsers) -> None:
         ),
     )
     add_library_options(parser)
-    parser.set_defaults(run=run)
-
-
-def run(args: argparse.Namespace) -> int:
-    """Keep it.
-
-    Raises:
-        BagError: no execution was corrected and has not been kept before.
-        TrainingError: it cannot be learned from.
-    """
-    change_library(args, make_console(), lambda teacher: teacher.keep())
-    return 0
+    parser.set_defaults(run=change_library)

@@ -2,18 +2,11 @@
 """`intent undo`: take the last demonstration back, also from the running graph."""
 
 import argparse
-from collections.abc import Callable
-from typing import TYPE_CHECKING
-
-from rich.console import Console
 
 from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.options import Subparsers
 from intent_recognition.cli.teach import add_library_options, teacher_node, wait_until_used
-
-if TYPE_CHECKING:
-    from intent_recognition.nodes.task_teacher import TaskTeacher
 
 FOUND_S = 2.0
 """Longest wait for a running estimator [s]. Convention."""
@@ -32,24 +25,21 @@ def add_parser(subparsers: Subparsers) -> None:
         ),
     )
     add_library_options(parser)
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=change_library)
 
 
-def run(args: argparse.Namespace) -> int:
-    """Take it back.
+def change_library(args: argparse.Namespace) -> int:
+    """Change the library as the command says, and give the model to a running estimator.
 
     Raises:
+        BagError: no execution was corrected and has not been kept before.
         ModelError: there is nothing to take back.
+        TrainingError: the correction cannot be learned from.
     """
-    change_library(args, make_console(), lambda teacher: teacher.undo())
-    return 0
-
-
-def change_library(
-    args: argparse.Namespace, console: Console, change: Callable[["TaskTeacher"], str]
-) -> None:
-    """Change the library, give the model to a running estimator, and print how it went."""
+    console = make_console()
     with teacher_node(args) as (teacher, spin):
         with busy(console, "looking for the estimator"):
             spin(teacher.estimator_runs, FOUND_S)
-        wait_until_used(teacher, spin, console, change(teacher))
+        change = {"keep": teacher.keep, "undo": teacher.undo}[args.command]
+        wait_until_used(teacher, spin, console, change())
+    return 0
