@@ -20,6 +20,7 @@ HOW = (
     "Keep it: the task moves there. Undo takes the last change back.",
 )
 UNKNOWN = ("", "-")
+THUMBS = {"Good": UP, "Bad": DOWN}
 HEAD = ("change", "done", "arrived", "corrected", "good / bad", "spilled")
 
 
@@ -43,14 +44,12 @@ class SkillsTab:
             "Keep the last correction", icon=viser.Icon.HAND_GRAB, color=rgb(markup.GOOD)
         )
         self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
-        self._up = gui.add_button("Good", icon=viser.Icon.THUMB_UP, color="gray")
-        self._down = gui.add_button("Bad", icon=viser.Icon.THUMB_DOWN, color="gray")
-        self._status = gui.add_html("")
+        self._last = gui.add_html("")
+        self._thumbs = gui.add_button_group("How was it?", tuple(THUMBS))
         self._table = gui.add_html("")
         self._keep.on_click(lambda _: do(lambda: commands.trigger(f"{TEACHER}/keep")))
         self._undo.on_click(lambda _: do(lambda: commands.trigger(f"{TEACHER}/undo")))
-        self._up.on_click(lambda _: do(lambda: self._judge(UP)))
-        self._down.on_click(lambda _: do(lambda: self._judge(DOWN)))
+        self._thumbs.on_click(lambda event: do(lambda: self._judge(THUMBS[event.target.value])))
 
     def update(self, state: CellState) -> None:
         """Show what changed, and what can be done now."""
@@ -58,10 +57,9 @@ class SkillsTab:
         teacher = self._commands.offers(f"{TEACHER}/keep")
         for button in (self._keep, self._undo):
             button.disabled = not teacher
-        for button in (self._up, self._down):
-            button.disabled = not (teacher and self._task)
-        judged = f"Good or bad: the last {readable(self._task)}." if self._task else ""
-        set_content(self._status, markup.remark(judged))
+        self._thumbs.visible = teacher and bool(self._task)
+        last = f"Last execution: {readable(self._task)}" if self._task else ""
+        set_content(self._last, markup.heading(last))
         set_content(self._table, skills_table(state.skills))
 
     def _judge(self, thumbs: str) -> None:
@@ -73,7 +71,7 @@ def skills_table(skills: dict[str, list[SkillRow]]) -> str:
     if not skills:
         return markup.remark(NOTHING)
     return "".join(
-        markup.heading(readable(task)) + _task_table([_cells(task, row) for row in reversed(rows)])
+        markup.heading(readable(task)) + _task_table([_cells(row) for row in reversed(rows)])
         for task, rows in sorted(skills.items())
     )
 
@@ -84,11 +82,11 @@ def _task_table(rows: list[tuple[str, ...]]) -> str:
     return markup.table(HEAD[:known], [row[:known] for row in rows])
 
 
-def _cells(task: str, row: SkillRow) -> tuple[str, ...]:
+def _cells(row: SkillRow) -> tuple[str, ...]:
     value = row.values.get
     since = value("since", "")[5:16].replace("T", " ")
     return (
-        f"{since}\n{readable(row.what.replace(f'{task}_', ''))}".strip(),
+        f"{since}\n{readable(row.what)}".strip(),
         *(value(name, "") for name in ("executions", "arrived", "corrected")),
         f"{value('thumbs up', '')} / {value('thumbs down', '')}",
         value("spilled", ""),

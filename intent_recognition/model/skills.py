@@ -108,7 +108,7 @@ def _counted(
 
 
 def _words(change: Change) -> str:
-    name = change.bag.rpartition("/")[2]
+    name = change.bag.rpartition("/")[2].removeprefix(f"{change.task}_")
     said = {
         START: "the model begun with",
         LEARN: f"learned {name}",

@@ -53,7 +53,7 @@ def test_what_is_dragged_on_the_page_moves_in_the_graph(cell, harness):
             follower.wait_until_moved(before, along)
 
 
-def drag(person: Visitor, node: str) -> int:
+def drag(person: Visitor, node: str, far_pixels: float = FAR_PIXELS) -> int:
     """Drag a control along that of its axes which is seen longest; returns which."""
     person.wait_until(lambda: steady(person, node), f"{node} is where it will be")
     origin = person.pixel(node)
@@ -61,7 +61,7 @@ def drag(person: Visitor, node: str) -> int:
     along = int(np.argmax([np.linalg.norm(shaft) for shaft in shafts]))
     way = shafts[along] / np.linalg.norm(shafts[along])
     pressed = origin + shafts[along]
-    person.drag(pressed, pressed + FAR_PIXELS * way)
+    person.drag(pressed, pressed + far_pixels * way)
     return along
 
 

@@ -47,8 +47,8 @@ def test_labels_and_messages_are_escaped():
 
 
 def test_a_table_of_skills_is_as_narrow_as_can_be():
-    """It names neither the task again nor what is spilled where nothing is."""
-    rows = [SkillRow("kept give_cup_0003", {"spilled": "-"}), SkillRow("begun", {"spilled": "-"})]
+    """It does not say what is spilled where nothing is."""
+    rows = [SkillRow("kept 0003", {"spilled": "-"}), SkillRow("begun", {"spilled": "-"})]
     text = skills_table({"give_cup": rows})
     assert "kept 0003" in text and text.count("give") == 1
     assert "spilled" not in text

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 MOVED_M = 0.08
 """How far a task's rule has moved."""
 FALSE_ALARM_RATE = 0.1
-N_CALIBRATED, N_UNDISTURBED, N_BUMPED, N_TESTED, N_MOVES = 18, 12, 8, 4, 3
+N_CALIBRATED, N_UNDISTURBED, N_BUMPED, N_TESTED, N_MOVES = 18, 12, 8, 3, 2
 """Executions that give the detector, that it is scored on, with bumps, and after each correction;
 moves of each task's rule."""
 N_QUICK = (4, 1, 1, 1, 1)
