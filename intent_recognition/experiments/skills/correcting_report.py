@@ -61,7 +61,7 @@ def _findings(study: CorrectingStudy) -> tuple[Finding, ...]:
         Finding(
             "error at the new place falls by, three corrections kept [%]",
             f">= {100 * LEAST_FALL:g}",
-            f"{100 * np.mean(falls):.0f} ({100 * min(falls):.0f} to {100 * max(falls):.0f})",
+            f"{100 * np.mean(falls):.1f} ({100 * min(falls):.1f} to {100 * max(falls):.1f})",
             min(falls) >= LEAST_FALL,
             f"Mean, and range over the tasks; each is the mean of {n_moves} moves.",
         ),
@@ -126,8 +126,10 @@ def _blocks(study: CorrectingStudy) -> tuple[Figure | Table, ...]:
         centimetres = [f"{100 * value:.1f}" for value in (*errors, led, without)]
         fall = f"{100 * study.fall(task):.0f}"
         rows.append((readable(task), *centimetres[:-2], fall, *centimetres[-2:]))
+    most = 100 * (1 - LEAST_FALL) * MOVED_M
+    caption = f"Each dot is an execution; lines are means; {most:.1f} cm (dashed) are wanted at most."
+    figure = Figure(to_svg(errors_figure(study)), caption)
     caption = "Mean error of the hand at the new place, of executions that nobody touched."
-    figure = Figure(to_svg(errors_figure(study)), "Each dot is an execution; lines are means.")
     return figure, Table(columns, tuple(rows), caption=caption)
 
 
