@@ -127,7 +127,7 @@ def _blocks(study: CorrectingStudy) -> tuple[Figure | Table, ...]:
         fall = f"{100 * study.fall(task):.0f}"
         rows.append((readable(task), *centimetres[:-2], fall, *centimetres[-2:]))
     most = 100 * (1 - LEAST_FALL) * MOVED_M
-    caption = f"Each dot is an execution; lines are means; {most:.1f} cm (dashed) are wanted at most."
+    caption = f"Dots: executions; lines: means; dashed: {most:.1f} cm, wanted at most."
     figure = Figure(to_svg(errors_figure(study)), caption)
     caption = "Mean error of the hand at the new place, of executions that nobody touched."
     return figure, Table(columns, tuple(rows), caption=caption)
