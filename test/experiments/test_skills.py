@@ -3,10 +3,10 @@
 
 import numpy as np
 
-from intent_recognition.experiments.clearance.study import toolbox_recordings, watch_reach
+from intent_recognition.experiments.execution import as_demonstration, execute
+from intent_recognition.experiments.reaches import toolbox_recordings, watch_reach
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.experiments.skills.correcting import Corrects, correction_of
-from intent_recognition.experiments.skills.world import as_demonstration, execute
 from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.learning import keep_correction, learn_with_report
 from intent_recognition.motion import scaled_limits

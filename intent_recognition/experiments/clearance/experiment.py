@@ -27,15 +27,15 @@ from intent_recognition.report import (
 
 LEAST_TOUCHING, LARGEST_LOSS_S = 20, 0.3
 """What is wanted: runs in which the unguarded arm touches, and time lost in the median [s]."""
-OUTCOMES = ("as before", "bent", "partly", "refused")
+OUTCOMES = ("as before", "bent", "refused")
 N_SHOWN = 3
 CONDITIONS = (
     "No paper gives figures of this; what stands in the column of the paper is what is wanted.",
     "Reaches are the simulated coworker's, recognised and predicted on line; one or two boxes of 5"
     " to 20 cm stand at random beside or in the hand's way, none where it begins or ends.",
-    f"The guard keeps {100 * CLEARANCE_M:g} cm, and bends by 3 standard deviations at most. The arm"
-    " follows its commands exactly.",
-    "Whether a box is touched is PyBullet's answer, every 10 ms; the guard asks coal.",
+    f"The guard keeps {100 * CLEARANCE_M:g} cm, and bends by 3 standard deviations at most.",
+    "The arm is the simulated LWR with its low gains and noisy sensors, which boxes stop; touches"
+    " are its own contacts at 1 kHz. Distances are PyBullet's, every 10 ms; the guard asks coal.",
 )
 
 
@@ -56,8 +56,8 @@ def run(settings: Settings) -> ExperimentResult:
 
 def _findings(study: ClearanceStudy) -> tuple[Finding, ...]:
     runs = study.runs
-    touching = [one for one in runs if one.free_m <= 0.0]
-    touched = sum(one.guarded_m <= 0.0 for one in runs)
+    touching = [one for one in runs if one.unguarded.touches]
+    touched = sum(one.guarded.touches > 0 for one in runs)
     counts = Counter(one.outcome for one in touching)
     loss = _median([one.lost_s for one in runs])
     moved = [one.lost_s for one in runs if one.outcome == "bent"]
@@ -91,9 +91,9 @@ def _findings(study: ClearanceStudy) -> tuple[Finding, ...]:
             f"{len(moved)} runs.",
         ),
         Finding(
-            "of those that would touch: bent / refused, wholly or on the way",
+            "of those that would touch: bent / refused",
             "",
-            f"{counts['bent'] + counts['as before']} / {counts['refused'] + counts['partly']}",
+            f"{counts['bent'] + counts['as before']} / {counts['refused']}",
             None,
             "What lies beyond the spread of what was taught is refused, not planned around.",
         ),
@@ -104,40 +104,43 @@ def _median(values: Sequence[float]) -> float:
     return float(np.median(values)) if values else math.nan
 
 
+def _row(outcome: str, runs: Sequence[Run]) -> tuple[str, ...]:
+    there = [one for one in runs if one.guarded.interacting]
+    return (
+        outcome,
+        str(len(runs)),
+        str(sum(one.unguarded.touches > 0 for one in runs)),
+        str(sum(one.guarded.touches > 0 for one in runs)),
+        f"{100 * min(one.guarded_m for one in runs):.1f}",
+        f"{_median([one.lost_s for one in there]):.2f}" if there else "never there",
+        f"{100 * max(one.off_m for one in there):.1f}" if there else "-",
+    )
+
+
 def _blocks(runs: Sequence[Run]) -> tuple[Block, ...]:
-    rows = []
-    for outcome in OUTCOMES:
-        own = [one for one in runs if one.outcome == outcome]
-        rows.append(
-            (
-                outcome,
-                str(len(own)),
-                str(sum(one.free_m <= 0.0 for one in own)),
-                str(sum(one.guarded_m <= 0.0 for one in own)),
-                f"{100 * min((one.guarded_m for one in own), default=math.nan):.1f}",
-                f"{_median([one.lost_s for one in own]):.2f}",
-            )
-        )
+    of_outcome = {name: [one for one in runs if one.outcome == name] for name in OUTCOMES}
+    rows = [_row(name, own) for name, own in of_outcome.items() if own]
     columns = (
         Column("outcome", align="left"),
         Column("runs"),
-        Column("would touch"),
-        Column("touch"),
+        Column("unguarded arm touches"),
+        Column("guarded arm touches"),
         Column("nearest", "cm"),
         Column("lost, median", "s"),
+        Column("end off, largest", "cm"),
     )
     nearest = Figure(
         to_svg(nearest_figure(runs, CLEARANCE_M)),
         "Least distance between the arm and a box in each run, by PyBullet. Left of the line the"
-        " unguarded arm touches; no guarded one is below it.",
+        " arm would be inside a box.",
     )
-    bent = sorted((one for one in runs if one.outcome == "bent"), key=lambda one: one.free_m)
+    bent = sorted(of_outcome["bent"], key=lambda one: one.free_m)
     table = Table(columns, tuple(rows), caption="What became of the runs.")
     if not bent:
         return nearest, table
     courses = Figure(
         to_svg(courses_figure(bent[:N_SHOWN])),
-        "The hand's way to the handover in the runs that were bent although the unguarded arm"
+        "The hand's way to the handover in the runs that were bent although without boxes it"
         " went deepest; the boxes are seen through the arm, whose links have a width of their own.",
     )
     return nearest, table, courses
@@ -151,8 +154,11 @@ def _numbers(study: ClearanceStudy) -> Mapping[str, object]:
             {
                 "task": one.task,
                 "outcome": one.outcome,
-                "unguarded_nearest_m": one.free_m,
+                "without_boxes_nearest_m": one.free_m,
                 "guarded_nearest_m": one.guarded_m,
+                "unguarded_touches": one.unguarded.touches,
+                "guarded_touches": one.guarded.touches,
+                "end_off_m": one.off_m if math.isfinite(one.off_m) else None,
                 "lost_s": one.lost_s if math.isfinite(one.lost_s) else None,
                 "boxes": [box._asdict() for box in one.boxes],
                 "refusals": list(one.guarded.refusals),

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.experiments.clearance.study import Run
-from intent_recognition.kinematics import Box, hand_position
+from intent_recognition.kinematics import Box
 from intent_recognition.report import (
     DASHED,
     INK,
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 COLOURS = {
     "as before": NONE_COLOUR,
     "bent": PALETTE[2],
-    "partly": PALETTE[3],
     "refused": PALETTE[1],
 }
 """Colour of each outcome."""
@@ -34,7 +33,7 @@ COLOURS = {
 
 @styled
 def nearest_figure(runs: Sequence[Run], clearance_m: float) -> "Figure":
-    """Least distance from a box in each run: of the guarded arm over that of the unguarded one."""
+    """Least distance from a box in each run: of the guarded arm over that without boxes."""
     figure = new_figure(6.4, 4.6)
     axes = figure.subplots()
     for outcome, colour in COLOURS.items():
@@ -46,7 +45,7 @@ def nearest_figure(runs: Sequence[Run], clearance_m: float) -> "Figure":
     axes.axvline(0.0, color=INK, linewidth=0.8)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.axhline(100 * clearance_m, color=INK, linestyle=DASHED, linewidth=0.8, label="clearance")
-    axes.set_xlabel("unguarded: least distance from a box [cm]; it touches left of 0")
+    axes.set_xlabel("without boxes: least distance from where they stand [cm]")
     axes.set_ylabel("guarded: least distance [cm]")
     axes.legend(loc="upper left")
     return figure
@@ -54,7 +53,7 @@ def nearest_figure(runs: Sequence[Run], clearance_m: float) -> "Figure":
 
 @styled
 def courses_figure(runs: Sequence[Run]) -> "Figure":
-    """The hand's way to the handover without and with the guard, among the boxes, from above and
+    """The hand's way to the handover without boxes and with the guard, among them, from above and
     from the side; one row for each of some runs.
     """
     figure = new_figure(8.2, 2.9 * len(runs))
@@ -64,10 +63,10 @@ def courses_figure(runs: Sequence[Run]) -> "Figure":
             for box in run.boxes:
                 _fill(axes, box, x, y)
             for name, done, style in (
-                ("unguarded", run.free, DASHED),
+                ("without boxes", run.free, DASHED),
                 ("guarded", run.guarded, "-"),
             ):
-                hand = hand_position(done.positions[: done.interacting])
+                hand = done.hand_m[: done.interacting]
                 colour = INK if done is run.free else COLOURS["bent"]
                 axes.plot(hand[:, x], hand[:, y], color=colour, linestyle=style, label=name)
             axes.set_xlabel("hand x [m]")

@@ -1,142 +1,79 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reaches of the coworker before estimator and activation, with boxes put in the arm's way.
+"""Reaches of the coworker before estimator, activation and arm, with boxes put in the arm's way.
 
-A run is one reach and one or two boxes. The arm follows its commands exactly; nothing else differs
-from what the nodes do, with a clock of 100 Hz.
+A run is one reach and one or two boxes, executed in physics without and with the guard. Nothing
+else differs from what the nodes do, with a clock of 100 Hz.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.activation import (
-    Activation,
-    ActivationSettings,
-    Command,
-    PredictedInteraction,
+from intent_recognition.experiments.execution import Executed, execute
+from intent_recognition.experiments.reaches import (
+    REST_S,
+    STEP_NS,
+    toolbox_recordings,
+    watch_reach,
 )
-from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.toolbox.session import watch
-from intent_recognition.kinematics import (
-    LWR_LIMITS,
-    Bodies,
-    Box,
-    JointLimits,
-    hand_position,
-)
+from intent_recognition.kinematics import LWR_LIMITS, Bodies, Box
 from intent_recognition.learning import learn
-from intent_recognition.motion import Clearance, Spread, make_path, scaled_limits
-from intent_recognition.promp import NONE, TaskLibrary
-from intent_recognition.recognition import IntentEstimator, decision_settings
-from intent_recognition.signals import Demonstration
+from intent_recognition.motion import Clearance, Spread, scaled_limits
 
 if TYPE_CHECKING:
     from sim_bridge.arm import Robot
-    from sim_bridge.coworker import WristSamples
 
 N_REACHES, N_BOXES = 40, 5
 """Reaches, and draws of boxes for each of them."""
 N_QUICK = (3, 2)
 CLEARANCE_M = 0.02
-REST_S, AFTER_S, HOME_S = 1.0, 1.0, 8.0
-"""Rest before a reach, watching after it, and time to go home then [s]. Convention."""
-STEP_NS = 10_000_000
-PREDICTED_EVERY = 4
-"""Observations from one prediction to the next: 25 Hz."""
 ARRIVED_M = 0.01
 """The hand has arrived when it stays this near to where it will rest [m]. Convention."""
 
 
-class Frame(NamedTuple):
-    """What the activation gets at one time.
-
-    Attributes:
-        now_ns: when.
-        probabilities: of the labels and none; None where nothing was observed.
-        log_evidence: likewise.
-        prediction: where one is due.
-    """
-
-    now_ns: int
-    probabilities: NDArray[np.float64] | None
-    log_evidence: NDArray[np.float64] | None
-    prediction: PredictedInteraction | None
-
-
-class Watched(NamedTuple):
-    """A reach as estimator and tracker see it.
-
-    Attributes:
-        task: of the reach.
-        onset_s: when it begins, after the first sample.
-        goal_m: where the wrist stops (3,), world.
-        labels: of the tasks and none.
-        samples: of the wrist, at rest before and after.
-        frames: what the activation gets.
-    """
-
-    task: str
-    onset_s: float
-    goal_m: NDArray[np.float64]
-    labels: tuple[str, ...]
-    samples: "WristSamples"
-    frames: tuple[Frame, ...]
-
-
-class Executed(NamedTuple):
-    """What the arm did.
-
-    Attributes:
-        positions: what it was asked for, every 10 ms (T, 7) [rad].
-        interacting: until which sample it took part, before it went home.
-        arrived_s: when the hand was where it stayed, after the onset; infinite if it never left.
-        counts: of the activation.
-        refusals: what it said about motions that would touch.
-    """
-
-    positions: NDArray[np.float64]
-    interacting: int
-    arrived_s: float
-    counts: dict[str, int]
-    refusals: tuple[str, ...]
-
-
 class Run(NamedTuple):
-    """One reach with boxes: unguarded and guarded, and the least distance from a box by PyBullet.
+    """One reach with boxes, in physics.
 
     Attributes:
         task: of the reach.
         boxes: in the way.
-        free: without boxes being known.
-        guarded: with them.
-        free_m: least distance of the unguarded arm from a box [m]; negative inside.
+        free: without boxes.
+        unguarded: with boxes of which nothing is known.
+        guarded: with boxes that are known.
+        free_m: least distance of the arm without boxes from where they stand [m], by PyBullet;
+            negative inside.
         guarded_m: likewise of the guarded one.
     """
 
     task: str
     boxes: tuple[Box, ...]
     free: Executed
+    unguarded: Executed
     guarded: Executed
     free_m: float
     guarded_m: float
 
     @property
     def outcome(self) -> str:
-        """`as before`, `bent`, `partly` (begun, then refused to follow) or `refused`."""
-        counts = self.guarded.counts
-        if not counts.get("planned"):
+        """`as before`, `bent` or `refused`."""
+        if not self.guarded.interacting:
             return "refused"
-        if self.guarded.arrived_s == np.inf:
-            return "partly"
-        return "bent" if counts.get("bent") else "as before"
+        return "bent" if self.guarded.counts.get("bent") else "as before"
 
     @property
     def lost_s(self) -> float:
-        """How much later the guarded arm arrives; infinite if it does not."""
-        return self.guarded.arrived_s - self.free.arrived_s
+        """How much later the guarded arm arrives than without boxes; infinite if it does not."""
+        return arrival_s(self.guarded) - arrival_s(self.free)
+
+    @property
+    def off_m(self) -> float:
+        """How far from there the guarded hand ends [m]; NaN if it took no part."""
+        ends = [done.hand_m[done.interacting - 1] for done in (self.free, self.guarded)]
+        return float(np.linalg.norm(ends[1] - ends[0])) if self.guarded.interacting else np.nan
 
 
 class ClearanceStudy(NamedTuple):
@@ -159,130 +96,35 @@ def investigate(settings: Settings) -> ClearanceStudy:
     for k in range(n_reaches):
         rng = np.random.default_rng([settings.seed, 91, k])
         watched = watch_reach(library, k, rng, limits)
-        free = execute(watched, library, limits, None)
+        perform = partial(execute, watched, library, limits, None, goes_home=True)
+        free = perform(_noise(settings, k))
         for j in range(n_boxes):
             settings.progress(0.05 + 0.9 * (k + j / n_boxes) / n_reaches, f"reach {k + 1}")
             boxes = draw_boxes(rng, robot, free)
             bodies = Bodies(robot.description, robot.joint_names, boxes, clearance_m=CLEARANCE_M)
-            guarded = execute(watched, library, limits, Clearance(bodies, spreads))
+            unguarded = perform(_noise(settings, k), boxes=boxes)
+            guard = Clearance(bodies, spreads)
+            guarded = perform(_noise(settings, k), boxes=boxes, clearance=guard)
             self_contacts += len(itself.contacts(guarded.positions))
             nearest = nearest_m(robot, boxes, (free.positions, guarded.positions))
-            runs.append(Run(watched.task, boxes, free, guarded, *nearest))
+            runs.append(Run(watched.task, boxes, free, unguarded, guarded, *nearest))
     return ClearanceStudy(tuple(runs), self_contacts)
 
 
-def toolbox_recordings(settings: Settings) -> list[Demonstration]:
-    """The shipped demonstrations."""
-    folders = sorted(settings.recordings("toolbox/train").glob("*_*"))
-    recordings, _ = read_demonstrations(folders[::4] if settings.quick else folders, load_dofs())
-    return recordings
+def _noise(settings: Settings, k: int) -> np.random.Generator:
+    """Of the arm's sensors in reach number k, the same in all its runs."""
+    return np.random.default_rng([settings.seed, 92, k])
 
 
-def watch_reach(
-    library: TaskLibrary, k: int, rng: np.random.Generator, limits: JointLimits
-) -> Watched:
-    """Show reach number k, of the tasks in turn, to a new estimator.
-
-    Args:
-        library: of the toolbox.
-        k: number of the reach.
-        rng: draws it and what the tracker sees.
-        limits: what predicted paths are bent inside.
+def arrival_s(done: Executed) -> float:
+    """When the hand is where it will rest, before it goes home, from the beginning of the reach;
+    infinite if it never left.
     """
-    from sim_bridge.coworker import TASKS, draw_reach, draw_rest, sample_wrist
-
-    task = TASKS[k % len(TASKS)]
-    reach = draw_reach(rng, task, draw_rest(rng))
-    until_s = REST_S + reach.duration_s + AFTER_S
-    samples = sample_wrist(rng, [(REST_S, reach)], until_s, gaps_per_s=0.1)
-    estimator = IntentEstimator(library)
-    frames = []
-    for n, seen in enumerate(watch(estimator, samples)):
-        prediction = None
-        if seen.estimate.moving and n % PREDICTED_EVERY == 0:
-            prediction = _prediction(estimator, limits)
-        estimate = seen.estimate
-        evidence = estimate.log_evidence
-        frames.append(Frame(estimate.stamp_ns, estimate.probabilities, evidence, prediction))
-    labels = (*library.labels, NONE)
-    return Watched(task, REST_S, reach.goal_m, labels, samples, tuple(frames))
-
-
-def _prediction(estimator: IntentEstimator, limits: JointLimits) -> PredictedInteraction | None:
-    """What `primitive_activation` reads from `intent/robot_trajectory`."""
-    found = estimator.predict_controlled()
-    if found is None:
-        return None
-    means = found.trajectory
-    path = make_path(means.times_s, means.positions, limits, means.velocities)
-    onset_ns = found.onset_ns + round(float(means.times_s[0]) * 1e9)
-    return PredictedInteraction(found.task, onset_ns, path, {"rad": float(means.std[-1].max())})
-
-
-def execute(
-    watched: Watched, library: TaskLibrary, limits: JointLimits, clearance: Clearance | None
-) -> Executed:
-    """Let the activation act on what was watched, with an arm that follows exactly."""
-    from sim_bridge.scenarios.toolbox import HOME
-
-    refusals: list[str] = []
-
-    def reject(reason: str, text: str) -> None:
-        if reason == "would_touch":
-            refusals.append(text)
-
-    activation = Activation(
-        ActivationSettings(
-            limits=limits, decision=decision_settings(library), home=HOME, clearance=clearance
-        ),
-        reject,
-    )
-    commands: list[Command] = []
-    positions, interacting = [], 0
-    for frame in ticks(watched):
-        begun = (one for one in reversed(commands) if one.start_ns <= frame.now_ns)
-        in_force = next(begun, None)
-        q = HOME if in_force is None else in_force.at(frame.now_ns).position
-        positions.append(q)
-        activation.take_joint_state(frame.now_ns, q, np.zeros_like(q))
-        if frame.probabilities is not None:
-            activation.take_tasks(
-                frame.now_ns, frame.now_ns, watched.labels, frame.probabilities, frame.log_evidence
-            )
-        if frame.prediction is not None:
-            activation.take_prediction(frame.now_ns, frame.prediction)
-        command = activation.step(frame.now_ns)
-        if command is not None:
-            commands.append(command)
-        if commands and commands[-1].plan.kind == "interaction":
-            interacting = len(positions)
-    way = np.array(positions)
-    return Executed(
-        way,
-        interacting,
-        _arrival_s(way, interacting) - watched.onset_s,
-        dict(activation.counts),
-        tuple(dict.fromkeys(refusals)),
-    )
-
-
-def ticks(watched: Watched, home_s: float = HOME_S) -> Iterator[Frame]:
-    """Every 10 ms of the reach, and of some time to go home, in which the person rests."""
-    frames = {frame.now_ns: frame for frame in watched.frames}
-    first, last = watched.frames[0], watched.frames[-1]
-    rests = np.eye(len(watched.labels))[-1]
-    for now_ns in range(first.now_ns, last.now_ns + round(home_s * 1e9), STEP_NS):
-        nothing = Frame(now_ns, rests if now_ns > last.now_ns else None, None, None)
-        yield frames.get(now_ns, nothing)
-
-
-def _arrival_s(way: NDArray[np.float64], interacting: int) -> float:
-    """When the hand is where it will rest, before it goes home; infinite if it never left."""
-    if not interacting:
+    if not done.interacting:
         return np.inf
-    hand = hand_position(way[:interacting])
+    hand = done.hand_m[: done.interacting]
     far = np.flatnonzero(np.linalg.norm(hand - hand[-1], axis=1) > ARRIVED_M)
-    return (far[-1] + 1) * STEP_NS * 1e-9 if far.size else np.inf
+    return (far[-1] + 1) * STEP_NS * 1e-9 - REST_S if far.size else np.inf
 
 
 def draw_boxes(rng: np.random.Generator, robot: "Robot", free: Executed) -> tuple[Box, ...]:
@@ -291,9 +133,9 @@ def draw_boxes(rng: np.random.Generator, robot: "Robot", free: Executed) -> tupl
     Args:
         rng: draws them.
         robot: the arm.
-        free: what it did without boxes.
+        free: what it does without boxes.
     """
-    hand = hand_position(free.positions[: free.interacting])
+    hand = free.hand_m[: free.interacting]
     ends = free.positions[[0, free.interacting - 1]]
     moved = np.cumsum(np.r_[0.0, np.linalg.norm(np.diff(hand, axis=0), axis=1)])
     boxes: list[Box] = []

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.activation import Mode
-from intent_recognition.experiments.clearance.study import Watched, toolbox_recordings, watch_reach
+from intent_recognition.experiments.execution import Executed, Person, as_demonstration, execute
+from intent_recognition.experiments.reaches import Watched, toolbox_recordings, watch_reach
 from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.skills.world import Executed, Person, as_demonstration, execute
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.learning import Trained, keep_correction, learn_with_report
 from intent_recognition.motion import (

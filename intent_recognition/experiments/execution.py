@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interactions executed in physics: estimator, activation, arm, and a person who may lead it.
+"""Interactions executed in physics: activation, arm, boxes, and a person who may lead it.
 
 What the nodes do, with one clock of 100 Hz: `lwr_sim`'s arm with its noisy sensors and its gripper
 takes the trajectories that `primitive_activation` sends.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -18,9 +18,9 @@ from intent_recognition.activation import (
     Mode,
     PredictedInteraction,
 )
-from intent_recognition.experiments.clearance.study import STEP_NS, Watched, ticks
-from intent_recognition.kinematics import JOINT_NAMES, JointLimits
-from intent_recognition.motion import Correction, JointReference, TrackedMotion
+from intent_recognition.experiments.reaches import STEP_NS, Watched, ticks
+from intent_recognition.kinematics import JOINT_NAMES, Box, JointLimits
+from intent_recognition.motion import Clearance, Correction, JointReference, TrackedMotion
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import decision_settings
 from intent_recognition.signals import Demonstration
@@ -39,7 +39,7 @@ Person = Callable[["SimulatedArm", Mode], None]
 
 
 class Executed(NamedTuple):
-    """An execution, every 10 ms until the arm sets out for home.
+    """An execution, every 10 ms until the arm sets out for home, or is there.
 
     Attributes:
         positions: measured (T, 7) [rad].
@@ -49,6 +49,9 @@ class Executed(NamedTuple):
         commands: in the order in which they were sent.
         corrected: what was followed in the end, if a person corrected it.
         counts: of the activation.
+        refusals: what it said about motions that would touch.
+        touches: how often a link began to touch a box.
+        touched: the two that touched last; empty if nothing did.
     """
 
     positions: NDArray[np.float64]
@@ -58,6 +61,16 @@ class Executed(NamedTuple):
     commands: tuple[Command, ...]
     corrected: PredictedInteraction | None
     counts: dict[str, int]
+    refusals: tuple[str, ...]
+    touches: int
+    touched: tuple[str, str]
+
+    @property
+    def interacting(self) -> int:
+        """Samples before the arm went home; 0 if it took no part."""
+        if Mode.EXECUTING not in self.modes:
+            return 0
+        return self.modes.index(Mode.HOMING) if Mode.HOMING in self.modes else len(self.modes)
 
     @property
     def tracked(self) -> TrackedMotion:
@@ -84,8 +97,12 @@ def execute(
     correction: Correction | None,
     rng: np.random.Generator,
     person: Person | None = None,
+    *,
+    boxes: Sequence[Box] = (),
+    clearance: Clearance | None = None,
+    goes_home: bool = False,
 ) -> Executed:
-    """Let estimator and activation act on a reach with the arm in physics.
+    """Let the activation act on a reach with the arm in physics.
 
     Args:
         watched: the reach.
@@ -94,9 +111,24 @@ def execute(
         correction: how pushes are found; None: they are not.
         rng: of the arm's sensors.
         person: beside the arm; None: nobody.
+        boxes: stand there and stop the arm.
+        clearance: what the activation knows of them; None: nothing.
+        goes_home: whether the way home is executed, too.
     """
-    from sim_bridge.arm import STEPS_PER_SAMPLE, SensorNoise, SimulatedArm, TrajectoryFollower
+    from sim_bridge.arm import (
+        STEPS_PER_SAMPLE,
+        SensorNoise,
+        SimulatedArm,
+        Surroundings,
+        TrajectoryFollower,
+    )
     from sim_bridge.scenarios.toolbox import HOME, make_gripper
+
+    refusals: list[str] = []
+
+    def reject(reason: str, text: str) -> None:
+        if reason == "would_touch":
+            refusals.append(text)
 
     activation = Activation(
         ActivationSettings(
@@ -104,13 +136,15 @@ def execute(
             decision=decision_settings(library),
             home=HOME,
             correction=correction,
+            clearance=clearance,
         ),
-        lambda reason, text: None,
+        reject,
     )
     rows: list[tuple[NDArray, JointReference, NDArray, Mode]] = []
     commands: list[Command] = []
     corrected = None
     with SimulatedArm(HOME, noise=SensorNoise(), rng=rng) as arm:
+        surroundings = Surroundings(arm, boxes)
         gripper = make_gripper(arm, "toolbox")
         follower = TrajectoryFollower(arm.reference.q, arm.limits)
 
@@ -136,7 +170,8 @@ def execute(
             if frame.prediction is not None:
                 activation.take_prediction(frame.now_ns, frame.prediction)
             command = activation.step(frame.now_ns)
-            if activation.mode is Mode.HOMING:
+            ended = Mode.IDLE if goes_home else Mode.HOMING
+            if commands and activation.mode is ended:
                 break
             if command is not None:
                 commands.append(command)
@@ -158,6 +193,9 @@ def execute(
         tuple(commands),
         corrected,
         dict(activation.counts),
+        tuple(dict.fromkeys(refusals)),
+        surroundings.touches,
+        surroundings.last,
     )
 
 
