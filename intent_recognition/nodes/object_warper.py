@@ -26,8 +26,10 @@ from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.seen_container import to_named_vector
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.warping import (
+    Grasp,
     ObjectCloud,
     ObjectModel,
+    WarpedObject,
     emptying,
     pouring_parameters,
     warp_grasp,
@@ -104,8 +106,6 @@ class ObjectWarper(Node):
             warped = warp_object(self._source, target, self._mapping, self._neighbours)
             parameters = pouring_parameters(warped, self._other_m(message.header.frame_id))
             holds = emptying(warped, parameters.lip_point, self._above_m)
-            annotated = self._source.annotated.grasp
-            grasp = None if annotated is None else warp_grasp(self._source, warped)
         except IntentError as error:
             self._diagnostics.reject(type(error).__name__, one_line(error))
             return
@@ -113,6 +113,7 @@ class ObjectWarper(Node):
             to_labelled_cloud(message.header, warped.points, warped.normals, warped.labels)
         )
         vector = to_named_vector(message.header, parameters, holds)
+        grasp = self._grasp_on(warped)
         if grasp is not None:
             vector.name.append(GRASP_WIDTH)
             vector.position.append(grasp.width_m)
@@ -126,6 +127,16 @@ class ObjectWarper(Node):
         self._pose.publish(PoseStamped(header=message.header, pose=pose))
         self._diagnostics.tick(PARAMETERS)
         self._diagnostics.latency(time.perf_counter() - start_s)
+
+    def _grasp_on(self, warped: WarpedObject) -> Grasp | None:
+        """The annotated grasp on what is seen; None without one, or where it does not fit."""
+        if self._source.annotated.grasp is None:
+            return None
+        try:
+            return warp_grasp(self._source, warped)
+        except ArgumentError as error:
+            self._diagnostics.reject("no_grasp", one_line(error))
+            return None
 
     def _on_toward(self, message: PoseStamped) -> None:
         self._diagnostics.tick(TOWARD)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node object_warper on its topics."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -24,7 +26,8 @@ from intent_recognition.nodes.conversions import (
 from intent_recognition.nodes.graph import NODES as GRAPH_NODES
 from intent_recognition.nodes.object_warper import ObjectWarper
 from intent_recognition.nodes.security import INTERFACES
-from intent_recognition.objects.file import find_object, load_object
+from intent_recognition.objects.file import find_object, load_object, save_object
+from intent_recognition.warping.grasp import Grasp
 from intent_recognition.warping.grasp_warp import warp_grasp
 from intent_recognition.warping.object_model import ObjectCloud
 from intent_recognition.warping.object_warp import ObjectModel, warp_object
@@ -176,6 +179,30 @@ def test_bad_clouds_are_counted_and_harm_nothing(harness):
     values = harness.spin_until(rejected, what="diagnostics")
     assert values["rejected MessageError"] == "2"
     assert values["rejected ArgumentError"] == "1"
+
+
+def test_a_grasp_that_does_not_fit_costs_no_parameters(harness, tmp_path):
+    """The mug held by its handle, and a tumbler."""
+    mug = load_object(find_object("mug"))
+    pose = np.eye(4)
+    pose[:3, :3] = np.column_stack([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    grip = mug.points[np.argmin(mug.points[:, 0])]
+    pose[:3, 3] = [grip[0] + 0.004, 0.0, grip[2]]
+    path = save_object(tmp_path / "held.npz", replace(mug, grasp=Grasp(pose, 0.009)))
+    harness.add(ObjectWarper(parameter_overrides=[Parameter("source", value=str(path))]))
+    vectors = harness.collect(JointState, "object/parameters", qos.STATE)
+    reports = harness.collect(DiagnosticArray, "/diagnostics", 10)
+    publisher = harness.publisher(PointCloud2, "object/cloud", qos.STATE)
+    harness.connect(publisher)
+    publisher.publish(message_of(scanned("tumbler")))
+    harness.spin_until(lambda: vectors, what="parameters")
+    assert "volume_m3" in vectors[0].name and "grasp_width_m" not in vectors[0].name
+
+    def counted():
+        pairs = (pair for report in reports for s in report.status for pair in s.values)
+        return any((pair.key, pair.value) == ("rejected no_grasp", "1") for pair in pairs)
+
+    harness.spin_until(counted, what="diagnostics")
 
 
 @pytest.mark.parametrize(
