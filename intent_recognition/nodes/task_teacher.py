@@ -206,7 +206,8 @@ class TaskTeacher(TopicRecorder):
                 change = self.folder.learn(self.folder.correct(bag))
                 return self._changed(change, f"kept the correction of {bag.name}")
         cure = "Lead the arm by hand while it executes, then keep that."
-        raise BagError(describe("~/keep", "a corrected execution", "none", cure))
+        wanted = "an execution that was corrected and not kept before"
+        raise BagError(describe("~/keep", wanted, "none", cure))
 
     def heard(self, topic: str, kind: str, data: bytes, received_ns: int, sent_ns: int) -> None:
         """Record executions."""

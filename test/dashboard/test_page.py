@@ -155,6 +155,6 @@ def judge_and_undo(person):
     person.press("Good")
     person.wait_for("1 / 0")
     person.press("Keep the last correction")
-    person.wait_for("a corrected execution")
+    person.wait_for("corrected and not kept before")
     person.press("Undo")
     person.wait_for("took wave_02 back")
