@@ -173,6 +173,11 @@ class Activation:
         """Take the newest prediction; it is used if its task is the active one."""
         self._inbox.take_prediction(now_ns, prediction)
 
+    @property
+    def ordered(self) -> bool:
+        """Whether a task waits that was ordered."""
+        return self._inbox.ordered is not None
+
     def order(self, prediction: PredictedInteraction | None) -> None:
         """Begin a task that is not recognised, once none is; None takes that back.
 
@@ -280,7 +285,7 @@ class Activation:
         if self._arm.phase(now_ns) >= _ARRIVED_PHASE:
             if not (interaction.over or interaction.ordered):
                 self._inbox.mark_served(interaction)
-            return self._from_arrived(Arrived(interaction, now_ns), now_ns)
+            return Transition(Arrived(interaction, now_ns))
         expected = now_ns < interaction.prediction.end_ns and not interaction.over
         withdrawn = expected and not (self.decision.active or interaction.ordered)
         reason = self._reason_to_halt(now_ns) or ("withdrawn" if withdrawn else "")
@@ -364,9 +369,10 @@ class Activation:
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = self._arm.start_reference(now_ns, start_ns)
-        self._inbox.unused, self._inbox.ordered = False, None
+        self._inbox.unused = False
         if start is None:
             return None
+        self._inbox.ordered = None
         if self._home is None:
             self._home = start.position
         command = self._motions.interact(now_ns, prediction, start_ns, start)

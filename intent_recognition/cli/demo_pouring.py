@@ -38,13 +38,14 @@ class Done(NamedTuple):
 
 def run_pouring(args: argparse.Namespace, console: Console) -> int:
     """Learn from the shipped demonstrations and pour; 1 if more than two of 40 are spilled."""
-    from sim_bridge.scenarios.pouring import balls_above_m, learn_skill
+    from sim_bridge.scenarios.pouring import balls_above_m, learn_pouring_skill
 
+    _check(args)
     started, pairs = time.monotonic(), _pairs(args)
     if args.model is None:
         with busy(console, "learning from ten demonstrations with another pair"):
-            learned = learn_skill(share_path("bags/pouring/train"), args.seed)
-            path = save_pouring_skill(args.output / "pouring.npz", learned.pouring)
+            skill = learn_pouring_skill(share_path("bags/pouring/train"), args.seed)
+            path = save_pouring_skill(args.output / "pouring.npz", skill)
     else:
         load_pouring_skill(path := args.model)
     done = [_pour(args, path, cup, second, balls_above_m(cup), console) for cup, second in pairs]
@@ -58,6 +59,23 @@ def run_pouring(args: argparse.Namespace, console: Console) -> int:
     )
     console.file.flush()
     return 1 if mean > MANY_SPILLED else 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what only the other scenarios take, before anything is learned or started."""
+    defaults: dict[str, object] = {
+        "record": None,
+        "dashboard": False,
+        "sequences": None,
+        "arm": "lwr",
+    }
+    defaults |= {"changes": 0, "task_list": "habit"}
+    for option, default in defaults.items():
+        if getattr(args, option) != default:
+            name = f"--{option.replace('_', '-')}"
+            cure = "Leave it out, or choose another --scenario."
+            raise ArgumentError(describe(name, "none with pouring", getattr(args, option), cure))
+    amount_to_leave(args.pour, 1.0, 1.0)
 
 
 def _pairs(args: argparse.Namespace) -> Sequence[tuple[str, str]]:

@@ -20,7 +20,7 @@ from intent_recognition.cli.output import (
     write_json,
 )
 from intent_recognition.durable import copy
-from intent_recognition.errors import ModelError, describe
+from intent_recognition.errors import ArgumentError, ModelError, describe
 from intent_recognition.model import load_pouring_skill, save_pouring_skill
 from intent_recognition.share import share_path
 
@@ -68,7 +68,7 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument("--into", default="tumbler", help="the other one (%(default)s)")
     parser.add_argument(
         "--wanted",
-        type=number(int, 0, 40),
+        type=number(int, 1, 40),
         default=40,
         metavar="N",
         help="balls wanted in the other one, of 40 (default: %(default)s)",
@@ -142,17 +142,24 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _skill(args: argparse.Namespace) -> "PouringSkill":
-    from sim_bridge.scenarios.pouring import learn_skill, read_demonstrated, short_skill
+    from sim_bridge.scenarios.pouring import learn_pouring_skill, read_demonstrated, short_skill
 
     if args.start is not None and args.start.is_file():
+        if args.short:
+            cure = "Give a folder of demonstrations to --start, or leave --short out."
+            raise ArgumentError(describe("--short", "demonstrations to move", args.start, cure))
         return load_pouring_skill(args.start)
     bags = args.start or share_path("bags/pouring/train")
     if args.short:
         return short_skill(read_demonstrated(bags), args.short, args.seed)
-    return learn_skill(bags, 1).pouring
+    return learn_pouring_skill(bags, 1)
 
 
 def _practise(session: "PracticeSession", rollouts: int, console: Console) -> None:
+    if session.about["cost"] == THUMBS:  # the question has the terminal for itself
+        while len(session.tried) < rollouts:
+            session.step()
+        return
     with progress_bar(console) as bar:
         task = bar.add_task("practising", total=rollouts, completed=len(session.tried))
         while len(session.tried) < rollouts:
@@ -179,10 +186,7 @@ def _report(
     if cost.name != THUMBS:
         means = {}
         for name, weights in (("start", practice.space.mean), ("settled", session.settled())):
-            rolled = [
-                practice.rollout(weights, np.random.default_rng([args.seed, 1, k]))
-                for k in range(CHECKS)
-            ]
+            rolled = practice.check(weights, CHECKS)
             means[name] = float(np.mean([cost(one) for one in rolled]))
         numbers["checked"] = means
         facts[f"cost before, after ({CHECKS} fresh rollouts each)"] = (
@@ -204,8 +208,17 @@ def _accept(
     if not session.tried:
         cure = "Practise first: the same command without --accept."
         raise ModelError(describe(str(args.output), "rollouts", "none", cure))
-    improved = practice.with_mean(session.settled())
+    weights = session.settled()
+    if np.array_equal(weights, practice.space.mean):
+        got = f"none after {len(session.tried)} rollouts"
+        cure = "Practise on: the same command with more --rollouts."
+        raise ModelError(describe(str(args.output), "a better path than the first", got, cure))
+    improved = practice.with_mean(weights)
     if skill.exists():
+        before = load_pouring_skill(skill).primitive.mean
+        if np.array_equal(before, weights):
+            console.print(f"accepted before: {skill}", highlight=False, soft_wrap=True)
+            return 0
         copy(skill, args.output / BEFORE)
     save_pouring_skill(skill, improved)
     console.print(f"accepted: {skill}", highlight=False, soft_wrap=True)

@@ -2,6 +2,7 @@
 """`intent via`: where the robot shall pass, told to a running estimator."""
 
 import argparse
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -157,6 +158,10 @@ def change_via_points(node: Any, executor: Any, change: Change) -> tuple[ViaPoin
 
 
 def _add(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[ViaPoint]:
+    names = [name for name, _ in args.dof or ()]
+    if doubled := sorted({name for name in names if names.count(name) > 1}):
+        cure = "Give each DOF once."
+        raise ArgumentError(describe("--dof", "different names", ", ".join(doubled), cure))
     values = {"hand": tuple(args.hand)} if args.hand else {n: (v,) for n, v in args.dof}
     std = (args.std,) * sum(map(len, values.values()))
     new = ViaPoint(args.name, values, std, args.phase, args.time, args.task)
@@ -177,6 +182,10 @@ def _remove(args: argparse.Namespace, points: tuple[ViaPoint, ...]) -> Sequence[
 
 def _dof(text: str) -> tuple[str, float]:
     name, _, value = text.rpartition("=")
-    if not name:
-        raise argparse.ArgumentTypeError(f"expected NAME=VALUE, got {text}")
-    return name, float(value)
+    try:
+        number = float(value)
+    except ValueError:
+        name, number = "", math.nan
+    if not name or not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"expected NAME=NUMBER, got {text}")
+    return name, number

@@ -48,20 +48,20 @@ def check_via_points(
             `LARGEST_DISTANCE` from what the task does, or two contradict each other.
         KinematicsError: the hand cannot reach a point.
     """
-    bent = bend_all(library, points, arm)
+    asked = _asked(library, points, arm)
+    bent = through(library, _by_task(asked))
     for reference, cure in (
         (library, "Bring it nearer, give it a larger std, or demonstrate that way."),
         (bent, "It contradicts another via point: give one a larger std, or remove it."),
     ):
-        for point in points:
-            for task in _tasks(library, point):
-                control = control_point(library, task, point, arm)
-                distance = distance_to(reference, task, control)
-                if not distance <= LARGEST_DISTANCE:
-                    expected = f"at most {LARGEST_DISTANCE:g} standard deviations"
-                    expected += f" from what {library.labels[task]} does at that phase"
-                    got = f"{distance:.1f}"
-                    raise ArgumentError(describe(f"via point {point.name}", expected, got, cure))
+        for name, task, control in asked:
+            distance = distance_to(reference, task, control)
+            if not distance <= LARGEST_DISTANCE:
+                expected = f"at most {LARGEST_DISTANCE:g} standard deviations"
+                expected += f" from what {library.labels[task]} does at that phase"
+                raise ArgumentError(
+                    describe(f"via point {name}", expected, f"{distance:.1f}", cure)
+                )
 
 
 def bend_all(
@@ -72,11 +72,25 @@ def bend_all(
     Raises:
         IntentError: a task cannot pass through one; see `check_via_points`.
     """
-    asked: dict[int, list[ControlPoint]] = {}
-    for point in points:
-        for task in _tasks(library, point):
-            asked.setdefault(task, []).append(control_point(library, task, point, arm))
-    return through(library, asked)
+    return through(library, _by_task(_asked(library, points, arm)))
+
+
+def _asked(
+    library: TaskLibrary, points: Sequence[ViaPoint], arm: Arm | None
+) -> list[tuple[str, int, ControlPoint]]:
+    """What each point asks of each of its tasks, with the point's name."""
+    return [
+        (point.name, task, control_point(library, task, point, arm))
+        for point in points
+        for task in _tasks(library, point)
+    ]
+
+
+def _by_task(asked: Sequence[tuple[str, int, ControlPoint]]) -> dict[int, list[ControlPoint]]:
+    found: dict[int, list[ControlPoint]] = {}
+    for _, task, control in asked:
+        found.setdefault(task, []).append(control)
+    return found
 
 
 class BentLibrary:

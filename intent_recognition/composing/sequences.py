@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
@@ -234,7 +235,7 @@ def read_sequences(text: str, labels: Sequence[str] | None = None) -> dict[str, 
 
 def write_sequence(name: str, labels: Sequence[str]) -> str:
     """The YAML of a sequence whose steps are recognised, as `read_sequences` takes it."""
-    return "\n".join([f"{name}:", *(f"- task: {label}" for label in labels)]) + "\n"
+    return str(yaml.safe_dump({name: [{"task": label} for label in labels]}, sort_keys=False))
 
 
 def _steps(name: str, content: Any) -> tuple[Step, ...]:

@@ -79,12 +79,11 @@ class CovarianceSearch:
     def _replayed(self, points: Points, costs: Costs) -> tuple[Any, list, int]:
         """The strategy, its present generation, and how many of that have been tried."""
         check_tried(points, costs, self.n_axes)
-        ranked = finite(costs)
         strategy = self._strategy()
         done, size = 1, strategy.popsize
         generation = strategy.ask()
         while done + size <= len(costs):
-            strategy.tell(list(points[done : done + size]), ranked[done : done + size].tolist())
+            strategy.tell(list(points[done : done + size]), costs[done : done + size].tolist())
             generation = strategy.ask()
             done += size
         return strategy, generation, len(costs) - done
@@ -110,7 +109,7 @@ def next_point(
         search: how to look.
         space: where to look.
         points: tried so far (n, k).
-        costs: of these (n,); infinite for what could not be done.
+        costs: of these (n,).
         limits: what else has to hold, such as joint limits.
 
     Raises:
@@ -137,13 +136,6 @@ def settled_point(
             return point
         point = 0.5 * point
     return np.zeros(space.n_axes)
-
-
-def finite(costs: Costs) -> NDArray[np.float64]:
-    """Costs (n,) with what could not be done a little dearer than all that could."""
-    known = costs[np.isfinite(costs)]
-    worst = known.max() + max(np.ptp(known), 1.0) if len(known) else 1.0
-    return np.where(np.isfinite(costs), costs, worst)
 
 
 def check_tried(points: Points, costs: Costs, n_axes: int) -> None:

@@ -11,6 +11,7 @@ recording.
 """
 
 import json
+import os
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -96,8 +97,8 @@ class Executions:
         check_label(task)
         names = [p.name for p in (self.path / EXECUTIONS / task).glob("*")]
         names += [Path(one.bag).name for one in self.all() if one.task == task]
-        numbers = [int(end) for name in names if (end := name.rpartition("_")[2]).isdigit()]
-        return self.path / EXECUTIONS / task / f"{task}_{max(numbers, default=-1) + 1:04d}"
+        number = max((_number(Path(name)) for name in names), default=-1) + 1
+        return self.path / EXECUTIONS / task / f"{task}_{number:04d}"
 
     def add(self, bag: Path, values: Mapping[str, str], model: str = "") -> None:
         """Note something about an execution.
@@ -113,14 +114,28 @@ class Executions:
         name = bag.relative_to(self.path).as_posix()
         line = Execution(now, bag.parent.name, name, model, kept)
         file = self.path / OUTCOMES
-        torn = file.exists() and not file.read_bytes().endswith(b"\n")
-        append_line(file, ("\n" if torn else "") + json.dumps(asdict(line)))
+        append_line(file, ("\n" if _is_torn(file) else "") + json.dumps(asdict(line)))
 
     def thin(self, task: str, most: int) -> None:
         """Remove the oldest recordings of a task; what became of them stays known."""
-        found = sorted((self.path / EXECUTIONS / task).glob("*_[0-9]*"))
+        found = sorted((self.path / EXECUTIONS / task).glob("*_[0-9]*"), key=_number)
         for bag in found[: max(len(found) - most, 0)]:
             shutil.rmtree(bag, ignore_errors=True)
+
+
+def _number(bag: Path) -> int:
+    """The number at the end of a recording's name; -1 where there is none."""
+    end = bag.name.rpartition("_")[2]
+    return int(end) if end.isdecimal() else -1
+
+
+def _is_torn(file: Path) -> bool:
+    """Whether a file's last line was not written to its end."""
+    if not file.exists() or not file.stat().st_size:
+        return False
+    with file.open("rb") as stream:
+        stream.seek(-1, os.SEEK_END)
+        return stream.read() != b"\n"
 
 
 def _execution(line: str) -> Execution | None:

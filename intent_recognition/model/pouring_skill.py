@@ -52,6 +52,11 @@ def load_pouring_skill(path: str | Path) -> PouringSkill:
             raise ModelError(describe(str(path), "finite arrays", "NaN or infinity", CURE))
         if not all(found[name].shape == shape for name, shape in needed.items()):
             raise ModelError(describe(str(path), "arrays of the right shape", "others", CURE))
+        begin, largest, _ = found["reached"].tolist()
+        if not (found["duration_s"] > 0.0 and 0.0 < begin < largest):
+            expected = "a duration above 0, and 0 < begin < largest in reached"
+            got = f"{found['duration_s']:g} s, {found['reached'].tolist()}"
+            raise ModelError(describe(str(path), expected, got, CURE))
         basis = NormalizedRBFBasis(int(found["basis"][0]), float(found["basis"][1]))
         mean, spread = found["mean"], found["spread"]
         rows = N_WARPED * basis.n_basis

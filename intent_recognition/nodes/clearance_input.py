@@ -57,6 +57,7 @@ class ClearanceInput:
             raise ArgumentError(describe("clearance", "above 0 m with boxes", 0.0, cure))
         self.clearance: Clearance | None = None
         self._description = ""
+        self._arm: Arm | None = None
         self._rejection: RejectionError | None = None
 
     def update(
@@ -83,9 +84,9 @@ class ClearanceInput:
             return False
         if not description:
             raise RejectionError("no_robot_description", "clearance is set, but for which arm?")
-        changed = description != self._description
+        changed = description != self._description or arm is not self._arm
         if changed:
-            self._description, self._rejection = description, None
+            self._description, self._arm, self._rejection = description, arm, None
             try:
                 self._make(description, names, library, arm, reference)
             except IntentError as error:

@@ -40,7 +40,7 @@ class CorrectionInput:
         )
         self._detector = load_detector(name) if name else None
         self.correction: Correction | None = None
-        self._library: TaskLibrary | None = None
+        self._made_for: tuple[TaskLibrary | None, Arm | None] = None, None
 
     def update(
         self,
@@ -69,9 +69,10 @@ class CorrectionInput:
             raise ArgumentError(
                 describe("correction", expected, f"{detector.explained.size}", cure)
             )
-        if self.correction is not None and self._library is library:
+        before, self._made_for = self._made_for, (library, arm)
+        if self.correction is not None and before[0] is library and before[1] is arm:
             return
-        self._library, spreads = library, {}
+        spreads = {}
         if library is not None:
             spreads = {
                 label: Spread.given_person(library.primitive(k), arm, reference)

@@ -114,6 +114,10 @@ class PersonInput:
             times_s, positions, rest = trajectory_arrays(message)
             names = list(message.joint_names)
             columns = [names.index(name) for name in self._dofs]
+            if not len(times_s) or np.any(np.diff(times_s) <= 0.0):
+                got = f"{len(times_s)} that do not" if len(times_s) else "none"
+                cure = "Check the sender."
+                raise ArgumentError(describe(TOPIC, "points whose times increase", got, cure))
             mean, std = positions[:, columns], rest["effort"][:, columns]
             if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(std))):
                 raise ArgumentError(describe(TOPIC, "finite numbers", "NaN", "Check the sender."))

@@ -12,7 +12,7 @@ from std_msgs.msg import String
 
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns
-from intent_recognition.nodes.warped_primitive import OBJECTS, REQUEST
+from intent_recognition.nodes.warped_primitive import OBJECTS, REFUSED, REQUEST
 
 BALLS = "balls"
 SETTLED = 2
@@ -39,6 +39,7 @@ class PouringObserver(Node):
         self.parameters: dict[str, dict[str, float]] = {}
         self.balls: dict[str, float] = {}
         self.active = self.refused = ""
+        self._asked = False
         self._heard = dict.fromkeys(OBJECTS, 0)
         self._joints_ns = self._tasks_ns = 0
         for name in OBJECTS:
@@ -65,6 +66,7 @@ class PouringObserver(Node):
 
     def ask(self, amount: str) -> None:
         """Ask for a pour: "empty", "full" or millilitres."""
+        self._asked = True
         self._pour.publish(String(data=amount))
 
     def lag_s(self) -> float:
@@ -91,5 +93,5 @@ class PouringObserver(Node):
         for status in message.status:
             self._on_report(status.name)
             if status.name == "warped_primitive":
-                rejected = [row for row in status.values if row.key.startswith("rejected ")]
-                self.refused = ", ".join(f"{row.key}: {row.value}" for row in rejected)
+                said = {row.key: row.value for row in status.values}
+                self.refused = said.get(REFUSED, "") if self._asked else ""

@@ -19,7 +19,13 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.activation import Activation, Command, Mode, PredictedInteraction
 from intent_recognition.demonstrations import numbers_of
-from intent_recognition.errors import ArgumentError, IntentError, TrajectoryError, describe
+from intent_recognition.errors import (
+    ArgumentError,
+    IntentError,
+    MessageError,
+    TrajectoryError,
+    describe,
+)
 from intent_recognition.kinematics import Arm
 from intent_recognition.motion import (
     JointPath,
@@ -144,6 +150,7 @@ class PrimitiveActivation(ManagedNode):
 
     def deactivate(self) -> None:
         """Brake the arm along its path and forget the interaction."""
+        self._sequences.forget()
         if self.activation is not None:
             self._publish(self.activation.halt(self._now_ns()))
         self._publish_task()
@@ -202,8 +209,11 @@ class PrimitiveActivation(ManagedNode):
         except RejectionError as error:
             self.diagnostics.reject(error.reason, str(error))
             return None
-        except IntentError as error:
+        except MessageError as error:
             self.diagnostics.reject("wrong_size", str(error))
+            return None
+        except IntentError as error:
+            self.diagnostics.reject("bad_prediction", str(error))
             return None
         end_std = std_by_unit(rest["effort"][-1], of_hand) if "effort" in rest else None
         onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(onset_s) * 1e9)
@@ -289,6 +299,9 @@ class PrimitiveActivation(ManagedNode):
             velocity = None
             if message.velocity:
                 velocity = joint_values(message, self.joint_names, "velocity")
+        except RejectionError as error:
+            self.diagnostics.reject(error.reason, str(error))
+            return
         except IntentError as error:
             self.diagnostics.reject("joint_states_incomplete", str(error))
             return
@@ -316,6 +329,7 @@ class PrimitiveActivation(ManagedNode):
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self.activation is not None and self.active:
             self._publish(self.activation.reset(self._now_ns()))
+            self._sequences.forget()
             self._publish_outcomes(self.activation)
             self._publish_task()
         response.success = self.active

@@ -12,6 +12,8 @@ from intent_recognition.errors import MessageError, describe
 from intent_recognition.nodes.conversions import orientation_array, position_array
 from intent_recognition.warping import Emptying, PouringParameters, References, SeenContainer
 
+SHORTEST_QUATERNION = 1e-6
+"""Norm below which a quaternion is no rotation. Convention."""
 PERCENTS = tuple(range(100, 0, -5))
 """Shares of the volume whose tilts are told [%]. Convention: between them 0.5 % of it are lost."""
 EMPTY_NAME = "tilt_empty_rad"
@@ -56,14 +58,19 @@ def seen_container(vector: JointState, pose: PoseStamped) -> SeenContainer:
             raise MessageError(describe("object/parameters", f"{missing[0]}", "none", cure))
         return found
 
+    turn, place = orientation_array(pose.pose), position_array(pose.pose)
+    if not (np.isfinite([*turn, *place]).all() and np.linalg.norm(turn) > SHORTEST_QUATERNION):
+        cure = "Take that of object_warper."
+        got = f"{place.tolist()}, {turn.tolist()}"
+        raise MessageError(describe("object/pose", "a finite place and a rotation", got, cure))
     scalars = read("opening_radius_m", "volume_m3", "height_m", "tilt_reference_rad")
     tilts = read(*(_leaving(percent) for percent in PERCENTS))
     shares = 0.01 * np.array(PERCENTS, dtype=np.float64)
     return SeenContainer(
         References(*scalars.tolist()),
-        position_array(pose.pose),
+        place,
         read(*("lip_point" + ending for ending in _ENDINGS)),
-        Rotation.from_quat(orientation_array(pose.pose)).as_matrix()[:, 2],
+        Rotation.from_quat(turn).as_matrix()[:, 2],
         Emptying(tilts, shares, float(read(EMPTY_NAME)[0])),
     )
 

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sequences of tasks in the activation node: topics to what is known, and orders to the arm."""
 
+import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -32,11 +34,15 @@ from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import fixed_parameter
+from intent_recognition.nodes.runtime import when_clock_goes_back
 from intent_recognition.promp import TaskLibrary, Trajectory, largest_by_unit
 from intent_recognition.untrusted import UntrustedError, read_text
 
 FRESH_S = 0.5
 """A place that was measured longer ago is not known any more [s]. Convention."""
+AGAIN_S = 1.0
+"""A step that could not begin is ordered again after this [s]. Convention: often enough for a
+person, rare enough for the log."""
 N_POINTS = 50
 """Points of a path that is executed without being recognised. Convention: as of a prediction."""
 
@@ -66,11 +72,13 @@ class SequenceRunner:
         self._progress = Progress()
         self._places: dict[str, tuple[float, NDArray[np.float64]]] = {}
         self._rest_since_s: float | None = None
+        self._tried_s = -math.inf
         self._told: tuple | None = None
         if self._path:
             self._publisher = node.create_publisher(
                 DiagnosticStatus, "intent/sequence", qos.LATCHED
             )
+            when_clock_goes_back(node, self.forget)
             node.create_subscription(String, "intent/via_points", self._take_points, qos.LATCHED)
 
     def configure(self, library: TaskLibrary | None) -> None:
@@ -107,13 +115,22 @@ class SequenceRunner:
         if not self._sequences or self._library is None:
             return
         before = self._progress
-        self._progress = advance(self._sequences, before, self._moment(activation))
+        moment = self._moment(activation)
+        self._progress = advance(self._sequences, before, moment)
         if self._progress.ordered != before.ordered:
             activation.order(None)
-            step = awaited(self._sequences, self._progress)
-            if self._progress.ordered and step is not None:
-                activation.order(self._prediction(self._library, step.task, make_path, arm))
+            self._tried_s = -math.inf
+        step = awaited(self._sequences, self._progress)
+        lost = self._progress.ordered and not activation.ordered
+        if step is not None and lost and moment.now_s - self._tried_s >= AGAIN_S:
+            self._tried_s = moment.now_s
+            activation.order(self._prediction(self._library, step.task, make_path, arm))
         self._tell()
+
+    def forget(self) -> None:
+        """Be in no sequence, at the beginning of time: after a reset, or a clock that went back."""
+        self._progress, self._rest_since_s, self._tried_s = Progress(), None, -math.inf
+        self._places.clear()
 
     def _moment(self, activation: Activation) -> Moment:
         now_s = self._node.get_clock().now().nanoseconds * 1e-9
@@ -141,7 +158,9 @@ class SequenceRunner:
         """What a task does on average, through the via points; None where that cannot be."""
         try:
             number = library.labels.index(task)
-            points = [point for point in self._points if point.task in ("", task)]
+            points = [
+                replace(point, task=task) for point in self._points if point.task in ("", task)
+            ]
             bent = bend_all(library, points, arm() if points else None)
             trajectory = bent.primitive(number).predict_controlled(N_POINTS)
             end_std = largest_by_unit(trajectory.std[-1], library.controlled_units)

@@ -16,6 +16,7 @@ from intent_recognition.kinematics import Arm
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import parameter
+from intent_recognition.promp import TaskLibrary
 from intent_recognition.recognition import IntentEstimator
 
 VIA_POINTS = "via_points"
@@ -46,8 +47,8 @@ class ViaPointInput:
             "Where the controlled agent shall pass: a YAML list of via points.",
         )
         self._points = read_via_points(text)
-        self._refused: tuple[ViaPoint, ...] | None = None
-        self._shown: str | None = None
+        self._refused: tuple[tuple[ViaPoint, ...], TaskLibrary] | None = None
+        self._shown: tuple[tuple[ViaPoint, ...], tuple[str, ...]] | None = None
 
     def check(self, text: str, estimator: IntentEstimator | None, arm: Arm | None) -> None:
         """Make sure that a value of the parameter can be taken.
@@ -65,24 +66,27 @@ class ViaPointInput:
 
     def use(self, estimator: IntentEstimator, arm: Arm | None) -> None:
         """Put the points in force, if other ones are, and tell which are."""
-        if self._points not in (estimator.bent.points, self._refused):
+        library = estimator.bent.taught
+        refused = self._refused is not None and (
+            self._refused[0] == self._points and self._refused[1] is library
+        )
+        if self._points != estimator.bent.points and not refused:
             waits = arm is None and not hand_columns(estimator.library.controlled_names)
             if waits and any(point.of_hand for point in self._points):
                 return
             try:
                 estimator.set_via_points(self._points, arm)
             except IntentError as error:
-                self._refused = self._points
+                self._refused = self._points, library
                 self._diagnostics.reject("bad_via_points", str(error))
         self._tell(estimator)
 
     def _tell(self, estimator: IntentEstimator) -> None:
-        left_out = estimator.bent.not_passed
-        points: list[ViaPoint] = [p for p in estimator.bent.points if p.name not in left_out]
-        text = write_via_points(points)
-        if text != self._shown:
-            self._shown = text
-            self._publisher.publish(String(data=text))
-            self._diagnostics.value("via points", ", ".join(p.name for p in points) or "none")
-        if left_out:
-            self._diagnostics.value("via points left out", ", ".join(left_out))
+        shown = tuple(estimator.bent.points), tuple(estimator.bent.not_passed)
+        if shown == self._shown:
+            return
+        self._shown, (asked, left_out) = shown, shown
+        points = [point for point in asked if point.name not in left_out]
+        self._publisher.publish(String(data=write_via_points(points)))
+        self._diagnostics.value("via points", ", ".join(p.name for p in points) or "none")
+        self._diagnostics.value("via points left out", ", ".join(left_out) or "none")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from numpy.typing import NDArray
 from rclpy.node import Node
@@ -26,12 +27,12 @@ from intent_recognition.kinematics import (
     inverse_kinematics,
     jacobian,
 )
-from intent_recognition.model import load_pouring_skill
+from intent_recognition.model import ARRIVED, load_pouring_skill
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import TrajectoryBuilder, joint_values, to_joint_state
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.parameters import fixed_parameter
-from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.runtime import run, when_clock_goes_back
 from intent_recognition.nodes.seen_container import seen_container
 from intent_recognition.promp import NONE
 from intent_recognition.share import share_path
@@ -39,6 +40,8 @@ from intent_recognition.warping import PourPlan, SeenContainer, plan_pour
 
 CUP, SECOND = OBJECTS = ("cup", "second")
 REQUEST = "pour"
+REFUSED = "refused"
+"""Key of the diagnostics: why the last pour asked for was refused; empty where it was not."""
 SHIPPED = "config/skills/pouring.npz"
 """What was learned from `bags/pouring/train`."""
 RATE_HZ = 25.0
@@ -66,7 +69,7 @@ class WarpedPrimitiveNode(Node):
         self._vectors: dict[str, JointState] = {}
         self._poses: dict[str, PoseStamped] = {}
         self._joints: NDArray[np.float64] | None = None
-        self._end_ns, self._left = 0, self._fluid
+        self._end_ns, self._left, self._arrived = 0, self._fluid, False
         self._builder = TrajectoryBuilder(JOINT_NAMES)
         for name in OBJECTS:
             self.create_subscription(
@@ -80,6 +83,10 @@ class WarpedPrimitiveNode(Node):
         )
         self._diagnostics.watch(states, "joint_states")
         self.create_subscription(String, REQUEST, self._on_request, qos.STATE)
+        self.create_subscription(
+            DiagnosticStatus, "intent/feedback", self._on_feedback, qos.FEEDBACK
+        )
+        when_clock_goes_back(self, self._forget)
         self._tasks = self.create_publisher(JointState, "intent/tasks", qos.STATE)
         self._trajectory = self.create_publisher(
             JointTrajectory, "intent/robot_trajectory", qos.COMMAND
@@ -100,6 +107,16 @@ class WarpedPrimitiveNode(Node):
         if np.isfinite(joints).all():
             self._joints = joints
 
+    def _on_feedback(self, message: DiagnosticStatus) -> None:
+        """What became of an execution; others than this node's task are none of its business."""
+        said = {row.key: row.value for row in message.values}
+        if message.name == self._task and "outcome" in said:
+            self._arrived = said["outcome"] == ARRIVED
+
+    def _forget(self) -> None:
+        """No pour is under way: the clock went back."""
+        self._end_ns, self._arrived = 0, False
+
     def _on_request(self, message: String) -> None:
         self._diagnostics.tick(REQUEST)
         try:
@@ -108,10 +125,12 @@ class WarpedPrimitiveNode(Node):
             plan, joints = self._plan(message.data)
         except IntentError as error:
             self._diagnostics.reject(type(error).__name__, one_line(error))
+            self._diagnostics.value(REFUSED, one_line(error))
             return
+        self._diagnostics.value(REFUSED, "")
         onset_ns = self._now_ns() + DELAY_NS
         self._end_ns = onset_ns + round(float(plan.times_s[-1]) * 1e9) + WATCH_NS
-        self._left = plan.left
+        self._left, self._arrived = plan.left, False
         trajectory = self._builder.build(
             onset_ns, plan.times_s, joints, None, joint_std(plan, joints)
         )
@@ -151,7 +170,11 @@ class WarpedPrimitiveNode(Node):
         if now_ns <= 0:
             return
         if self._busy and now_ns > self._end_ns:
-            self._end_ns, self._fluid = 0, self._left
+            self._end_ns = 0
+            if self._arrived:
+                self._fluid = self._left
+            else:
+                self._diagnostics.reject("not_poured", "the arm did not get to the pour's end")
         pours = float(self._busy)
         message = to_joint_state(
             (self._task, NONE), (pours, 1.0 - pours), (0.0, 0.0), time_ns=now_ns

@@ -113,9 +113,15 @@ def reached(ratios: NDArray[np.float64], tilt_reference_rad: float, shown: Empty
         ratios: tilts (T,).
         tilt_reference_rad: of the demonstrated container.
         shown: that container.
+
+    Raises:
+        ArgumentError: they do not tilt it so far that it begins to pour.
     """
     largest = float(np.max(ratios))
     begin = shown.tilt_leaving(SHOWN_SHARE) / tilt_reference_rad
+    if not begin < largest:
+        expected, got = f"a tilt ratio above {begin:.2f}, at which it begins", f"{largest:.2f}"
+        raise ArgumentError(describe("pours", expected, got, "Tilt the container further."))
     return Reached(begin, largest, largest * tilt_reference_rad - shown.empty_rad)
 
 

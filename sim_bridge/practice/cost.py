@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a rollout costs: by name, or by a Python file of the user's."""
 
+import hashlib
 import importlib.util
 import inspect
 import math
@@ -38,10 +39,17 @@ CostOf: TypeAlias = Callable[[Rollout], float]
 
 @dataclass(frozen=True)
 class Cost:
-    """A cost and what it is called; lower is better."""
+    """A cost and what it is called; lower is better.
+
+    Attributes:
+        name: how it was asked for.
+        of: the function.
+        version: tells one content of a user's file from another; empty for the others.
+    """
 
     name: str
     of: CostOf
+    version: str = ""
 
     def __call__(self, rollout: Rollout) -> float:
         """The cost of a rollout.
@@ -103,7 +111,7 @@ def load_cost(name: str) -> Cost:
         got = ", ".join(function.__name__ for function in own) or "none"
         cure = "Begin the names of helpers with an underscore."
         raise ArgumentError(describe(f"--cost {name}", "one function in the file", got, cure))
-    return Cost(name, own[0])
+    return Cost(path.name, own[0], hashlib.sha256(path.read_bytes()).hexdigest()[:16])
 
 
 def _run(path: Path) -> ModuleType:

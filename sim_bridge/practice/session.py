@@ -24,10 +24,12 @@ from numpy.typing import NDArray
 from intent_recognition.durable import write_text
 from intent_recognition.errors import ModelError, ResourceBusyError, describe
 from intent_recognition.improvement import Search, SearchSpace, next_point, settled_point
-from intent_recognition.untrusted import UntrustedError, load_json
+from intent_recognition.untrusted import UntrustedError, load_json, read_text
 from sim_bridge.practice.cost import Cost, Rollout
 
 STATE, ROLLOUTS = "practice.json", "rollouts"
+MOST_TEXT = 100_000_000
+"""Bytes of the file. Convention: a hundred thousand rollouts."""
 FORMAT = 1
 """Version of the file; another one is not read."""
 
@@ -83,7 +85,11 @@ class PracticeSession:
         about: Mapping[str, str | int],
     ) -> None:
         self.folder, self._practice, self._search, self._cost = folder, practice, search, cost
-        self.about = {**about, "cost": cost.name, "primitive": _digest(practice.space)}
+        self.about = {
+            **about,
+            "cost": f"{cost.name} {cost.version}".strip(),
+            "primitive": _digest(practice.space),
+        }
         self.tried = self._read()
 
     @property
@@ -133,16 +139,19 @@ class PracticeSession:
         path = self.folder / STATE
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            text = path.read_text(encoding="utf-8") if path.exists() else ""
+            text = read_text(path, MOST_TEXT) if path.exists() else ""
         except OSError as error:
             cure = "Choose another folder."
             expected = "a folder that can be made and read"
             raise ResourceBusyError(describe(str(self.folder), expected, error, cure)) from error
+        except UntrustedError as error:
+            cure = "Choose another folder."
+            raise ModelError(describe(str(path), "a file of practice", error, cure)) from error
         if not text:
             return []
         try:
             content = load_json(text)
-            about, known = content["about"], content["format"] == FORMAT
+            about, known = dict(content["about"]), content["format"] == FORMAT
             tried = [
                 Tried(tuple(map(float, t["point"])), float(t["cost"]), t["bag"], t["outcome"])
                 for t in content["tried"]

@@ -12,12 +12,22 @@ from intent_recognition.experiments.practice.experiment import run
 from intent_recognition.experiments.settings import Settings
 from intent_recognition.model import load_pouring_skill, save_pouring_skill
 from intent_recognition.share import share_path
-from sim_bridge.scenarios.pouring import learn_skill
+from sim_bridge.scenarios.pouring import learn_pouring_skill
+
+
+def pretend_more(folder, count):
+    """Tell a folder of practice that so many rollouts more were made."""
+    state = json.loads((folder / "practice.json").read_text())
+    one, rng = state["tried"][-1], np.random.default_rng(count)
+    for _ in range(count):
+        point = (0.5 * rng.standard_normal(len(one["point"]))).tolist()
+        state["tried"].append({**one, "point": point, "cost": rng.random()})
+    (folder / "practice.json").write_text(json.dumps(state))
 
 
 def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
     start, folder = tmp_path / "start.npz", tmp_path / "practice"
-    save_pouring_skill(start, learn_skill(share_path("bags/pouring/train"), 1).pouring)
+    save_pouring_skill(start, learn_pouring_skill(share_path("bags/pouring/train"), 1))
     base = ["improve", "pouring", "--start", str(start), "--output", str(folder)]
     assert main([*base, "--accept"]) == 1
     assert "Practise first" in capsys.readouterr().err
@@ -30,10 +40,15 @@ def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
     assert set(told["checked"]) == {"start", "settled"}
     assert len(list((folder / "rollouts").iterdir())) == 2
     assert not (folder / "skill.npz").exists()
+    assert main([*base, "--accept"]) == 1
+    assert "more --rollouts" in capsys.readouterr().err
+    pretend_more(folder, 12)
     assert main([*base, "--accept"]) == 0
     accepted, shown = load_pouring_skill(folder / "skill.npz"), load_pouring_skill(start)
     assert np.array_equal(accepted.primitive.spread, shown.primitive.spread)
     assert accepted.far == shown.far
+    assert main([*base, "--accept"]) == 0 and not (folder / "skill.before.npz").exists()
+    pretend_more(folder, 24)
     assert main([*base, "--accept"]) == 0 and (folder / "skill.before.npz").exists()
     assert main([*base, "--undo"]) == 0 and (folder / "skill.npz").exists()
     assert main([*base, "--undo"]) == 0 and not (folder / "skill.npz").exists()

@@ -31,12 +31,11 @@ from intent_recognition.share import share_path
 from intent_recognition.warping import (
     ObjectCloud,
     ObjectModel,
-    PouringSkill,
     emptying,
     pouring_parameters,
     warp_object,
 )
-from sim_bridge.scenarios.pouring import learn_skill, start_posture
+from sim_bridge.scenarios.pouring import learn_pouring_skill, start_posture
 from sim_bridge.scenarios.pouring.live import STAND_M
 from sim_bridge.scenarios.pouring.task_space import OPENING_M
 
@@ -64,9 +63,8 @@ def told(name, lip_m=None, opening_m=None):
 
 @pytest.fixture(scope="module")
 def skill(tmp_path_factory):
-    learned = learn_skill(share_path("bags/pouring/train"), 1)
     path = tmp_path_factory.mktemp("skill") / "pouring.npz"
-    return save_pouring_skill(path, PouringSkill(learned.primitive, learned.far))
+    return save_pouring_skill(path, learn_pouring_skill(share_path("bags/pouring/train"), 1))
 
 
 def test_a_container_survives_its_messages():

@@ -20,7 +20,6 @@ SHORT_RADII = 0.9
 """How much too short the moved demonstrations pour, in radii of the second opening: most of the
 balls fall before it."""
 METHODS = CMA, RANDOM = "CMA-ES", "random search"
-_CHECK = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -86,16 +85,10 @@ def practise(practice: PouringPractice, method: str, seed: int, n_rollouts: int)
         rollout = practice.rollout(space.weights(point), np.random.default_rng([seed, number]))
         points, costs = np.vstack([points, point]), np.append(costs, cost(rollout))
     settled = settled_point(search, space, points, costs, practice.keeps_limits)
-    checks = [
-        [
-            practice.rollout(weights, np.random.default_rng([seed, _CHECK + k]))
-            for k in range(N_CHECKS)
-        ]
-        for weights in (space.mean, space.weights(settled))
-    ]
-    before, after = (float(np.mean([cost(one) for one in some])) for some in checks)
-    spilled = tuple(float(np.mean([r.outcome["spilled"] for r in some])) for some in checks)
-    return Practised(seed, method, costs, before, after, (spilled[0], spilled[1]))
+    before, after = (practice.check(w, N_CHECKS) for w in (space.mean, space.weights(settled)))
+    spilled = [float(np.mean([r.outcome["spilled"] for r in some])) for some in (before, after)]
+    start, end = (float(np.mean([cost(one) for one in some])) for some in (before, after))
+    return Practised(seed, method, costs, start, end, (spilled[0], spilled[1]))
 
 
 def investigate(

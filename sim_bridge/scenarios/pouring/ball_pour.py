@@ -35,6 +35,11 @@ class BallCount(NamedTuple):
     kept: int
 
 
+def capacity(container: Container, ball_radius_m: float) -> int:
+    """How many balls a container takes before it overflows."""
+    return int(FULL_SHARE * balls_in(container.inner_volume_m3, ball_radius_m))
+
+
 class BallPours:
     """Pours with one pair of containers; use as a context, leaving it ends the physics.
 
@@ -51,7 +56,7 @@ class BallPours:
         self._world = BallWorld(hollow_of(cup), ball_radius_m)
         self._second, self._opening_m = hollow_of(second), second.opening_centre
         self._n_balls = n_balls
-        self._capacity = int(FULL_SHARE * balls_in(second.inner_volume_m3, ball_radius_m))
+        self._capacity = capacity(second, ball_radius_m)
         self._fill = lru_cache(maxsize=N_FILLS)(self._settled)
 
     def pour(self, path: PourPath, fill: int) -> BallCount:
@@ -59,7 +64,7 @@ class BallPours:
 
         Args:
             path: of the lip, from the opening's centre.
-            fill: how the balls lie, one of `N_FILLS` ways.
+            fill: number of how the balls lie; `N_FILLS` of them are remembered.
         """
         inside = self._fill(fill)
         start = path.times_s[np.argmax(path.tilt_rad > QUIET_TILT_RAD)]

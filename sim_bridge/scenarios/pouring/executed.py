@@ -135,11 +135,6 @@ class Skill(NamedTuple):
     constraints: Constraints
     far: Reached
 
-    @property
-    def pouring(self) -> PouringSkill:
-        """What is needed to pour with other containers."""
-        return PouringSkill(self.primitive, self.far)
-
 
 class Planned(NamedTuple):
     """A path for one pair, and what is known before it is executed.
@@ -200,9 +195,21 @@ def learn_skill(demonstrations: Path, seed: int) -> Skill:
     shown = read_demonstrated(demonstrations)
     cup, second = (seen_as(name, seed) for name in (shown.cup, shown.second))
     constraints = learn_constraints(shown.cup, lambda name: seen_as(name, seed))
-    primitive = learn_pouring(shown.pours, cup, second)
-    far = reached_by(primitive, cup)
+    primitive, far = learn_pouring_skill(demonstrations, seed)
     return Skill(primitive, cup, second, constraints, far)
+
+
+@cache
+def learn_pouring_skill(demonstrations: Path, seed: int) -> PouringSkill:
+    """What is needed to pour with other containers, from a folder of bags.
+
+    Raises:
+        BagError: there are no pours in it.
+    """
+    shown = read_demonstrated(demonstrations)
+    cup, second = (seen_as(name, seed) for name in (shown.cup, shown.second))
+    primitive = learn_pouring(shown.pours, cup, second)
+    return PouringSkill(primitive, reached_by(primitive, cup))
 
 
 def planned(order: PourOrder, skill: Skill) -> Planned:

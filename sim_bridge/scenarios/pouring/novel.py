@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.bags import BagReader
+from intent_recognition.errors import BagError, describe
 from intent_recognition.objects import find_object, load_object
 from intent_recognition.promp import NormalizedRBFBasis
 from intent_recognition.warping import (
@@ -112,7 +113,11 @@ def look_at(source: ObjectModel, container: Container, rng: np.random.Generator)
 
 
 def read_pour(folder: Path) -> tuple[PourPath, dict[str, str]]:
-    """The pour that a bag's joints made, and the bag's labels."""
+    """The pour that a bag's joints made, and the bag's labels.
+
+    Raises:
+        BagError: it is no recorded pour.
+    """
     reader = BagReader(folder)
     stamps_ns, postures = [], []
     for recorded in reader.messages([JOINT_TOPIC]):
@@ -121,13 +126,24 @@ def read_pour(folder: Path) -> tuple[PourPath, dict[str, str]]:
         postures.append(joint_state.position)
     stamps = np.array(stamps_ns)
     labels = reader.custom_data
+    if len(stamps) < 2 or not {"cup", "second"} <= labels.keys():
+        expected = f"{JOINT_TOPIC}, and cup and second among the labels"
+        got = f"{len(stamps)} messages, labels {', '.join(sorted(labels)) or 'none'}"
+        raise BagError(describe(str(folder), expected, got, "Give a recorded pour."))
     times = (stamps - stamps[0]) * 1e-9
     return pour_of(times, np.array(postures), labels), labels
 
 
 def read_demonstrated(folder: Path) -> DemonstratedPours:
-    """All demonstrations below a folder, which are of one pair of containers."""
+    """All demonstrations below a folder, which are of one pair of containers.
+
+    Raises:
+        BagError: there are none.
+    """
     found = [read_pour(path.parent) for path in sorted(folder.glob("*/metadata.yaml"))]
+    if not found:
+        cure = "Name a folder of recorded pours."
+        raise BagError(describe(str(folder), "a folder of bags", "none in it", cure))
     labels = found[0][1]
     return DemonstratedPours([pour for pour, _ in found], labels["cup"], labels["second"])
 

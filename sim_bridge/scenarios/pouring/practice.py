@@ -5,18 +5,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from intent_recognition.errors import KinematicsError
+from intent_recognition.errors import ArgumentError, KinematicsError, describe
 from intent_recognition.improvement import SearchSpace, search_space
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.warping import PouringSkill
 from sim_bridge.balls import CONTAINER_SEED
 from sim_bridge.practice import Rollout
-from sim_bridge.scenarios.pouring.ball_pour import N_FILLS, BallPours
+from sim_bridge.scenarios.pouring.ball_pour import N_FILLS, BallPours, capacity
 from sim_bridge.scenarios.pouring.executed import container_named, seen_as
 from sim_bridge.scenarios.pouring.novel import (
     HALF_FULL,
@@ -54,6 +55,13 @@ OTHER_STD = np.array([0.0, 0.1, 0.08])
 _STREAM = 71
 
 
+class _Planned(NamedTuple):
+    """A path of the lip, and the arm's joints along it."""
+
+    path: PourPath
+    joints: CubicSpline
+
+
 class PouringPractice:
     """Rollouts of one skill with one pair of containers; use as a context.
 
@@ -67,20 +75,24 @@ class PouringPractice:
         seed: of the scans of the containers.
 
     Raises:
-        ArgumentError: so many cannot be poured.
+        ArgumentError: there is no such container, or so many balls cannot be poured.
     """
 
     def __init__(
         self, skill: PouringSkill, cup: str, second: str, wanted: int = N_BALLS, *, seed: int = 1
     ) -> None:
         self.skill, self.names, self._wanted = skill, (cup, second), wanted
-        self._cup = container_named(cup)
+        self._cup, poured_into = container_named(cup), container_named(second)
+        radius_m = half_full_radius_m(self._cup)
+        most = min(N_BALLS, capacity(poured_into, radius_m))
+        if not 1 <= wanted <= most:
+            cure = f"{second} holds no more. Ask for fewer, or name a larger one."
+            raise ArgumentError(describe("wanted", f"1 to {most} balls", wanted, cure))
         self._seen, self._seen_second = (seen_as(name, seed) for name in self.names)
         left = HALF_FULL * (1.0 - wanted / N_BALLS)
         self._level = Level(skill.far, self._seen.emptying, HALF_FULL, left)
-        self._pours = BallPours(
-            self._cup, container_named(second), half_full_radius_m(self._cup), N_BALLS
-        )
+        self._pours = BallPours(self._cup, poured_into, radius_m, N_BALLS)
+        self._last: tuple[NDArray[np.float64], _Planned] | None = None
 
     @cached_property
     def space(self) -> SearchSpace:
@@ -108,7 +120,7 @@ class PouringPractice:
     def keeps_limits(self, weights: NDArray[np.float64]) -> bool:
         """Whether the arm reaches all of the path, and is nowhere faster than it can be."""
         try:
-            joints = self._joints(weights)
+            joints = self._planned(weights).joints
         except KinematicsError:
             return False
         fastest = np.abs(joints(joints.x, 1)).max(axis=0)
@@ -116,10 +128,17 @@ class PouringPractice:
 
     def rollout(self, weights: NDArray[np.float64], rng: np.random.Generator) -> Rollout:
         """Pour once; how the balls lie is drawn."""
-        count = self._pours.pour(self.path(weights), int(rng.integers(N_FILLS)))
-        joints = self._joints(weights)
+        return self._rollout(weights, int(rng.integers(N_FILLS)))
+
+    def check(self, weights: NDArray[np.float64], count: int) -> list[Rollout]:
+        """Pour with balls that lie as they never do in `rollout`."""
+        return [self._rollout(weights, N_FILLS + k) for k in range(count)]
+
+    def _rollout(self, weights: NDArray[np.float64], fill: int) -> Rollout:
+        path, joints = self._planned(weights)
+        counts = self._pours.pour(path, fill)
         times = np.arange(0.0, joints.x[-1], LOGGED_NS * 1e-9)
-        outcome = {name: float(n) for name, n in count._asdict().items()}
+        outcome = {name: float(n) for name, n in counts._asdict().items()}
         return Rollout(times, joints(times), {**outcome, "wanted": float(self._wanted)})
 
     def write(self, folder: Path, rollout: Rollout, labels: Mapping[str, str]) -> None:
@@ -152,10 +171,15 @@ class PouringPractice:
         )
         write_recording(folder, metadata, said)
 
-    def _joints(self, weights: NDArray[np.float64]) -> CubicSpline:
+    def _planned(self, weights: NDArray[np.float64]) -> _Planned:
+        """The path of some weights; the last one is remembered."""
         from sim_bridge.scenarios.pouring.pour import plan_joints
 
-        return plan_joints(self.path(weights), Grasp(self._cup.lip_point, self._cup.height_m))
+        if self._last is None or not np.array_equal(self._last[0], weights):
+            path = self.path(weights)
+            joints = plan_joints(path, Grasp(self._cup.lip_point, self._cup.height_m))
+            self._last = weights.copy(), _Planned(path, joints)
+        return self._last[1]
 
     def __enter__(self) -> "PouringPractice":
         """Return itself."""

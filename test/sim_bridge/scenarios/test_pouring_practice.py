@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from intent_recognition.errors import ArgumentError, BagError
 from intent_recognition.share import share_path
 from sim_bridge.practice import load_cost
 from sim_bridge.scenarios.pouring import (
     PouringPractice,
-    learn_skill,
+    learn_pouring_skill,
+    read_demonstrated,
     read_pour,
     seen_as,
 )
@@ -22,7 +24,7 @@ from sim_bridge.scenarios.pouring.recordings import half_full_radius_m
 @pytest.fixture(scope="module")
 def skill():
     """From the shipped demonstrations, by what a scan of the containers tells."""
-    return learn_skill(share_path("bags/pouring/train"), 1).pouring
+    return learn_pouring_skill(share_path("bags/pouring/train"), 1)
 
 
 @pytest.mark.parametrize(
@@ -44,9 +46,6 @@ def test_a_rollout_is_logged_as_the_pour_it_was(skill, tmp_path):
     with PouringPractice(skill, "mug", "tumbler", wanted=30) as practice:
         space = practice.space
         assert practice.keeps_limits(space.mean)
-        practice.skill = skill._replace(primitive=replace(skill.primitive, duration_s=0.5))
-        assert not practice.keeps_limits(space.mean)
-        practice.skill = skill
         assert not practice.keeps_limits(space.mean + 50.0)  # radii away: out of reach
         weights = space.weights(space.within(np.full(space.n_axes, 0.3)))
         rollout = practice.rollout(weights, np.random.default_rng(1))
@@ -55,6 +54,9 @@ def test_a_rollout_is_logged_as_the_pour_it_was(skill, tmp_path):
         path, labels = read_pour(tmp_path / "000")
         assert (labels["task"], labels["caught"]) == ("pouring", f"{rollout.outcome['caught']:g}")
         wanted = practice.path(weights)
+    hasty = skill._replace(primitive=replace(skill.primitive, duration_s=0.5))
+    with PouringPractice(hasty, "mug", "tumbler") as practice:
+        assert not practice.keeps_limits(space.mean)
     for axis in range(3):
         there = np.interp(path.times_s, wanted.times_s, wanted.offset_m[:, axis])
         np.testing.assert_allclose(path.offset_m[:, axis], there, atol=0.003)
@@ -79,3 +81,11 @@ def test_a_small_container_overflows():
     cup, small = container_named("tumbler"), container_named("espresso_cup")
     with BallPours(cup, small, half_full_radius_m(cup), 40) as pours:
         assert pours.pour(path, 0).caught <= 20
+
+
+def test_what_cannot_be_practised_is_said_before_anything_is_poured(skill, tmp_path):
+    for cup, second, wanted in (("cup", "mug", 1), ("mug", "cup", 1), ("mug", "espresso_cup", 40)):
+        with pytest.raises(ArgumentError):
+            PouringPractice(skill, cup, second, wanted)
+    with pytest.raises(BagError, match="recorded pours"):
+        read_demonstrated(tmp_path)
