@@ -243,6 +243,26 @@ def test_an_order_is_taken_back_waits_for_a_recognised_task_and_must_be_certain(
     assert world.tasks_seen == ["", "plate", ""]
 
 
+def test_an_order_waits_while_the_arm_cannot_be_seen():
+    world = at_the_plate()
+    world.measures = False
+    world.run(0.4)
+    world.activation.order(prediction("screw", 0))
+    world.run(0.1)
+    assert world.activation.ordered and world.activation.active_task != "screw"
+    world.measures = True
+    world.run(0.2)
+    assert not world.activation.ordered and world.activation.active_task == "screw"
+
+
+def test_an_arm_that_holds_nothing_has_arrived_all_the_same():
+    world = World(hold_s=0.0)
+    world.begin("plate", already_s=0.2)
+    world.run(0.5)
+    world.run_until(Mode.HOMING)
+    assert [outcome.what for outcome in world.activation.outcomes] == ["arrived"]
+
+
 def test_the_shipped_example_is_one_of_the_toolbox():
     text = share_path("config/examples/toolbox_sequence.yaml").read_text(encoding="utf-8")
     found = read_sequences(text, ("hold_screwdriver", "plate_handover", "screw_handover"))

@@ -126,6 +126,16 @@ def test_outcomes_add_up_and_a_torn_line_never_happened(tmp_path):
     assert (first.name, second.name) == ("cup_0000", "cup_0001")
 
 
+def test_the_newest_recording_stays_when_numbers_get_longer(tmp_path):
+    executions = Executions(tmp_path, lambda: NOON)
+    bags = [tmp_path / "executions/cup" / f"cup_{number}" for number in (9998, 9999, 10000)]
+    for bag in bags:
+        bag.mkdir(parents=True)
+    assert executions.new_bag("cup").name == "cup_10001"
+    executions.thin("cup", 2)
+    assert [bag.exists() for bag in bags] == [False, True, True]
+
+
 def test_old_recordings_go_and_what_became_of_them_stays(tmp_path):
     executions = Executions(tmp_path, lambda: NOON)
     for _ in range(3):
