@@ -14,7 +14,7 @@ from intent_recognition.model.executions import (
     UP,
     Execution,
 )
-from intent_recognition.model.task_folder import LEARN, START, UNDO, WAIT, Change
+from intent_recognition.model.history import LEARN, START, UNDO, WAIT, Change
 
 SKILL_COLUMNS = ("executions", "arrived", "corrected", "thumbs up", "thumbs down", "spilled")
 

@@ -19,7 +19,7 @@ import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import datetime
 from functools import partial
 from itertools import chain
@@ -54,12 +54,20 @@ from intent_recognition.learning import (
 from intent_recognition.model.executions import OUTCOMES
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, accumulate_bags
-from intent_recognition.untrusted import UntrustedError, load_json
+from intent_recognition.model.history import (
+    HISTORY,
+    KEEP,
+    LEARN,
+    START,
+    UNDO,
+    WAIT,
+    Change,
+    history_lines,
+    read_history,
+)
 
-MODEL, HISTORY = "model.npz", "history.jsonl"
+MODEL = "model.npz"
 BAGS, UNDONE, MODELS = "bags", "undone", "models"
-START, LEARN, WAIT, UNDO, KEEP = "start", "learn", "wait", "undo", "keep"
-ACTIONS = (START, LEARN, WAIT, UNDO, KEEP)
 DAMAGED, LOCK = "history.damaged", ".lock"
 METADATA = "metadata.yaml"
 MOST_CORRECTIONS = 10
@@ -70,28 +78,6 @@ some 50 ms."""
 def now() -> datetime:
     """The local time, with its offset."""
     return datetime.now().astimezone()
-
-
-@dataclass(frozen=True)
-class Change:
-    """One line of the history.
-
-    Attributes:
-        time: ISO 8601, local time with its offset.
-        action: "start" (a model to begin with), "learn", "wait" (recorded, too few yet to learn
-            from), "keep" (a correction, which moved its task) or "undo".
-        task: label of the recording, empty where there is none.
-        bag: the recording, relative to the folder, empty where there is none.
-        model: the model since then, relative to the folder, empty where there is none yet.
-        tasks: demonstrations per task of that model.
-    """
-
-    time: str
-    action: str
-    task: str
-    bag: str
-    model: str
-    tasks: Mapping[str, int]
 
 
 class TaskFolder:
@@ -332,7 +318,7 @@ class TaskFolder:
         """Make up for a kill at any instant; nothing that was recorded is removed."""
         for part in (*self.path.glob("*.part"), *(self.path / MODELS).glob("*.part")):
             part.unlink()
-        lines = _lines(self.path)
+        lines = history_lines(self.path)
         if any(change is None for _, change in lines):
             damaged = [line for line, change in lines[:-1] if change is None]
             for line in damaged:  # the last one was not written to its end: it never happened
@@ -375,20 +361,6 @@ def is_task_folder(path: Path) -> bool:
     return (path / HISTORY).is_file() or (path / OUTCOMES).is_file()
 
 
-def read_history(path: Path) -> list[Change]:
-    """All changes of a folder of tasks, the oldest first; nothing in it is touched."""
-    return [change for _, change in _lines(path) if change is not None]
-
-
-def _lines(path: Path) -> list[tuple[str, Change | None]]:
-    """Lines of the history, each with its change; None for what is not whole."""
-    try:
-        text = (path / HISTORY).read_bytes().decode(errors="replace")
-    except FileNotFoundError:
-        return []
-    return [(line, _change(line)) for line in text.split("\n") if line]
-
-
 def _check(found: FromBags, bag: Path) -> None:
     """Say why nothing of a recording can be used."""
     if found.accumulated.n_used:
@@ -402,18 +374,6 @@ def _check(found: FromBags, bag: Path) -> None:
             "Record it again; this one is kept in `undone`.",
         )
     )
-
-
-def _change(line: str) -> Change | None:
-    """The change of a line, None where it is not a whole one."""
-    try:
-        change = Change(**load_json(line))
-    except (TypeError, UntrustedError):
-        return None
-    texts = (change.time, change.action, change.task, change.bag, change.model)
-    inside = not any(".." in Path(name).parts or name[:1] == "/" for name in texts[3:5] if name)
-    sound = all(isinstance(text, str) for text in texts) and isinstance(change.tasks, dict)
-    return change if sound and inside and change.action in ACTIONS else None
 
 
 def _kept(execution: Path) -> Path:

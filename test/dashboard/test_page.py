@@ -15,7 +15,8 @@ from ros_harness import NodeProcess
 from intent_recognition.dashboard.scene_file import load_scene
 from intent_recognition.model.executions import THUMBS, UP, Executions
 from intent_recognition.model.file import load_model
-from intent_recognition.model.task_folder import LEARN, UNDO, TaskFolder, now
+from intent_recognition.model.history import LEARN, UNDO
+from intent_recognition.model.task_folder import TaskFolder, now
 
 pytestmark = pytest.mark.slow
 

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The history of a folder of tasks: one line per change, written at once at the file's end."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from intent_recognition.untrusted import UntrustedError, load_json
+
+HISTORY = "history.jsonl"
+START, LEARN, WAIT, UNDO, KEEP = "start", "learn", "wait", "undo", "keep"
+ACTIONS = (START, LEARN, WAIT, UNDO, KEEP)
+
+
+@dataclass(frozen=True)
+class Change:
+    """One line of the history.
+
+    Attributes:
+        time: ISO 8601, local time with its offset.
+        action: "start" (a model to begin with), "learn", "wait" (recorded, too few yet to learn
+            from), "keep" (a correction, which moved its task) or "undo".
+        task: label of the recording, empty where there is none.
+        bag: the recording, relative to the folder, empty where there is none.
+        model: the model since then, relative to the folder, empty where there is none yet.
+        tasks: demonstrations per task of that model.
+    """
+
+    time: str
+    action: str
+    task: str
+    bag: str
+    model: str
+    tasks: Mapping[str, int]
+
+
+def read_history(path: Path) -> list[Change]:
+    """All changes of a folder of tasks, the oldest first; nothing in it is touched."""
+    return [change for _, change in history_lines(path) if change is not None]
+
+
+def history_lines(path: Path) -> list[tuple[str, Change | None]]:
+    """Lines of the history, each with its change; None for what is not whole."""
+    try:
+        text = (path / HISTORY).read_bytes().decode(errors="replace")
+    except FileNotFoundError:
+        return []
+    return [(line, _change(line)) for line in text.split("\n") if line]
+
+
+def _change(line: str) -> Change | None:
+    """The change of a line, None where it is not a whole one."""
+    try:
+        change = Change(**load_json(line))
+    except (TypeError, UntrustedError):
+        return None
+    texts = (change.time, change.action, change.task, change.bag, change.model)
+    inside = not any(".." in Path(name).parts or name[:1] == "/" for name in texts[3:5] if name)
+    sound = all(isinstance(text, str) for text in texts) and isinstance(change.tasks, dict)
+    return change if sound and inside and change.action in ACTIONS else None
