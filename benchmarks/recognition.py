@@ -13,7 +13,7 @@ PROTOCOL = "kfold:3"
 
 def unknown_tasks(demonstrations: Sequence[Demonstration]) -> Iterator[Result]:
     """Area of known against unknown movements, activations, and what none costs known tasks."""
-    folds = make_folds(len(demonstrations), PROTOCOL)
+    folds = make_folds(demonstrations, PROTOCOL)
     settings = TrainingSettings(segmentation="movement")
     none = evaluate(demonstrations, folds, settings, unknown_tasks=True)["none"]
     of = f"{none['n_known']} known and {none['n_unknown']} unknown movements, {PROTOCOL}"

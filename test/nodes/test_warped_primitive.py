@@ -78,9 +78,10 @@ def test_a_container_survives_its_messages():
     short = JointState(header=vector.header, name=vector.name[:5], position=vector.position[:5])
     with pytest.raises(MessageError, match="object/parameters"):
         seen_container(short, pose)
-    pose.pose.orientation.w, pose.pose.orientation.z = 0.0, 0.0
+    no_rotation = PoseStamped(header=pose.header)
+    no_rotation.pose.position, no_rotation.pose.orientation.w = pose.pose.position, 0.0
     with pytest.raises(MessageError, match="rotation"):
-        seen_container(vector, pose)
+        seen_container(vector, no_rotation)
     with pytest.raises(MessageError, match="frames"):
         seen_container(vector, PoseStamped(header=Header(frame_id="camera"), pose=pose.pose))
 
