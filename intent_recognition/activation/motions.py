@@ -160,12 +160,12 @@ class Motions:
 
         Where the arm is faster than that already, it brakes along the path.
         """
-        limits, settings = self.settings.limits, self.settings.plan
+        limits = self.settings.limits
 
         def plan(rate_ceiling: NDArray[np.float64] | None) -> JointPlan | None:
             if rate_ceiling is not None and progress[1] > 0.0:
                 phase, rate, acceleration = progress
-                brake = stop_plan(path, start, phase, rate, limits, settings, acceleration)
+                brake = stop_plan(path, start, phase, rate, limits, acceleration)
                 grid = np.linspace(0.0, 1.0, len(rate_ceiling))
                 braking = np.interp(grid, brake.phase, brake.phase_rate, left=rate)
                 rate_ceiling = np.maximum(rate_ceiling, braking)
@@ -175,7 +175,6 @@ class Motions:
                 start,
                 *progress[:2],
                 limits,
-                settings,
                 phase_acceleration=progress[2],
                 rate_ceiling=rate_ceiling,
             )
@@ -267,7 +266,7 @@ class Motions:
     ) -> "_Way | None":
         """To a posture, slowed near the person; None where no plan keeps the limits."""
         settings = self.settings
-        plan = home_plan(start, target, settings.limits, settings.plan)
+        plan = home_plan(start, target, settings.limits)
         if plan is None or settings.separation is None:
             return None if plan is None else _Way(kind, plan)
         rate = 1.0 / plan.duration_s
@@ -353,7 +352,7 @@ class Motions:
         """Take the reference to where a person leads the arm; None if no plan keeps the limits."""
         start_ns = self._arm.switch_ns(now_ns)
         start, settings = self._arm.in_force().at(start_ns), self.settings
-        plan = home_plan(start, target, settings.limits, settings.plan)
+        plan = home_plan(start, target, settings.limits)
         if plan is None:
             return None
         done, still = np.full_like(plan.phase, phase), np.zeros_like(plan.phase)
@@ -376,10 +375,8 @@ class Motions:
         current = self._arm.in_force()
         start = current.at(start_ns)
         phase, rate, acceleration = current.phase_at(start_ns)
-        limits, settings = self.settings.limits, self.settings.plan
+        limits = self.settings.limits
         followed = self._followed
         if executed is None or followed is None or current.plan.kind in _OFF_THE_PATH:
-            return brake_plan(start, phase, limits, settings)
-        return stop_plan(
-            followed.path, start, phase, rate, limits, settings, phase_acceleration=acceleration
-        )
+            return brake_plan(start, phase, limits)
+        return stop_plan(followed.path, start, phase, rate, limits, acceleration)

@@ -14,7 +14,6 @@ from intent_recognition.motion import (
     Correction,
     JointPlan,
     JointReference,
-    PlanSettings,
     Separation,
 )
 from intent_recognition.recognition import DecisionSettings
@@ -22,12 +21,11 @@ from intent_recognition.recognition import DecisionSettings
 
 @dataclass(frozen=True, eq=False)
 class ActivationSettings:
-    """How to act; see `PlanSettings`, `DecisionSettings` and `PretriggerSettings` for the others.
+    """How to act; see `DecisionSettings` and `PretriggerSettings` for the others.
 
     Attributes:
         limits: joint limits plans are held to, already scaled.
         decision: when a task activates.
-        plan: how plans are made.
         pretrigger: when to go ahead to where the next task begins.
         home: posture to return to, (n,) [rad]; None for the one the arm had at first.
         return_home: whether to return at all.
@@ -54,7 +52,6 @@ class ActivationSettings:
 
     limits: JointLimits
     decision: DecisionSettings = field(default_factory=DecisionSettings)
-    plan: PlanSettings = field(default_factory=PlanSettings)
     pretrigger: PretriggerSettings = field(default_factory=PretriggerSettings)
     home: NDArray[np.float64] | None = None
     return_home: bool = True

@@ -104,7 +104,6 @@ class CellState:
     """
 
     joints: dict[str, float] = field(default_factory=dict)
-    joints_at_s: float = -np.inf
     wrist: NDArray[np.float64] | None = None
     wrist_at_s: float = -np.inf
     posterior: Posterior | None = None
@@ -128,12 +127,11 @@ class CellState:
         """The task that the person does: the truth where it is published, else what is active."""
         return self.active if self.truth is None else self.truth
 
-    def take_joints(self, names: Sequence[str], positions: Sequence[float], now_s: float) -> None:
+    def take_joints(self, names: Sequence[str], positions: Sequence[float]) -> None:
         """A joint state, of all joints or some; names that keep changing are forgotten."""
         self.joints.update(zip(names, positions, strict=False))
         while len(self.joints) > MOST_JOINTS:
             del self.joints[next(iter(self.joints))]
-        self.joints_at_s = now_s
 
     def take_wrist(self, position: NDArray[np.float64], now_s: float) -> None:
         """A position of the wrist (3,) [m]."""

@@ -66,11 +66,6 @@ class ReplayTab:
         if self._bags:
             self._describe()
 
-    @property
-    def playing(self) -> bool:
-        """Whether a recording is being played."""
-        return self._player is not None
-
     def update(self) -> None:
         """Show how far it is; end what is over."""
         present = self._commands.offers(f"{ESTIMATOR}/reset") or not self._bags

@@ -4,10 +4,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
-from intent_recognition.errors import ArgumentError, ShapeError, describe
+from intent_recognition.errors import ShapeError, describe
 from intent_recognition.gaussian.linalg import cholesky, log_normalizer, solve_lower, symmetrize
 
 
@@ -16,35 +16,6 @@ class Gaussian(NamedTuple):
 
     mean: NDArray[np.float64]
     covariance: NDArray[np.float64]
-
-
-def gaussian(mean: ArrayLike, covariance: ArrayLike) -> Gaussian:
-    """The normal distribution of a mean (d,) and a covariance (d, d), checked and copied.
-
-    Raises:
-        ShapeError: the covariance does not fit the mean.
-        ArgumentError: a value is not finite or the covariance is not symmetric.
-    """
-    mean = np.array(mean, dtype=np.float64)
-    covariance = np.array(covariance, dtype=np.float64)
-    if mean.ndim != 1 or covariance.shape != (mean.size, mean.size):
-        raise ShapeError(
-            describe(
-                "covariance",
-                f"shape ({mean.size}, {mean.size}) to go with a mean of shape {mean.shape}",
-                covariance.shape,
-                "Pass one row and one column per element of the mean.",
-            )
-        )
-    if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance))):
-        raise ArgumentError(
-            describe("mean, covariance", "finite numbers", "NaN or infinity", "Clean the input.")
-        )
-    if not np.allclose(covariance, covariance.T, rtol=1e-9, atol=1e-12 * np.abs(covariance).max()):
-        raise ArgumentError(
-            describe("covariance", "a symmetric matrix", "an asymmetric one", "Symmetrise it.")
-        )
-    return Gaussian(mean, covariance)
 
 
 def log_density(distribution: Gaussian, value: NDArray[np.float64]) -> NDArray[np.float64]:

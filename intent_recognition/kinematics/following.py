@@ -45,17 +45,6 @@ class FollowedPath(NamedTuple):
         """The furthest that a joint turns between two poses."""
         return float(np.abs(np.diff(self.positions, axis=0)).max(initial=0.0))
 
-    def unreached(self) -> str:
-        """Which poses are not reached, and by how much; empty if all are."""
-        missed = np.flatnonzero(~self.reached)
-        if not missed.size:
-            return ""
-        parts = np.split(missed, np.flatnonzero(np.diff(missed) > 1) + 1)
-        worst = float(self.distance_m.max()), float(self.angle_rad.max())
-        where = ", ".join(f"{p[0]}-{p[-1]}" if p.size > 1 else f"{p[0]}" for p in parts)
-        turned = f" and {worst[1]:.3f} rad" if worst[1] > REACHED else ""
-        return f"poses {where} of {len(self.reached)}: up to {worst[0]:.4f} m{turned} out of reach"
-
 
 def follow(
     search: PoseSearch,

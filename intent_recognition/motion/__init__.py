@@ -43,7 +43,7 @@ from intent_recognition.motion.separation import (
     permitted_speed,
     phase_times_ns,
 )
-from intent_recognition.motion.settings import PlanSettings, scaled_limits
+from intent_recognition.motion.settings import scaled_limits
 
 __all__ = [
     "HAND_FIELDS",
@@ -60,7 +60,6 @@ __all__ = [
     "NominalTiming",
     "Obstruction",
     "Offset",
-    "PlanSettings",
     "PredictedPerson",
     "Separation",
     "SeparationSettings",

@@ -17,6 +17,10 @@ _BASIS = np.array(
     ]
 )
 _POWERS = np.arange(6)
+_LONGEST_S = 8.0
+"""Longest decay [s], taken when none keeps the bounds. Convention."""
+_N_DURATIONS = 28
+"""Durations tried up to the longest, in a geometric series. Convention."""
 _FIRST = _BASIS[:, 1:] * _POWERS[1:]
 _SECOND = _FIRST[:, 1:] * _POWERS[1:5]
 
@@ -94,8 +98,6 @@ def decay(
     max_velocity: NDArray[np.float64],
     max_acceleration: NDArray[np.float64],
     shortest_s: float,
-    longest_s: float = 8.0,
-    n_candidates: int = 28,
 ) -> Offset:
     """The quickest decay of an offset that keeps within a speed and an acceleration, per joint.
 
@@ -110,10 +112,8 @@ def decay(
         max_velocity: bound on its speed, (n,).
         max_acceleration: bound on its acceleration, (n,).
         shortest_s: the shortest duration to try.
-        longest_s: the longest one, taken when none keeps the bounds.
-        n_candidates: durations tried between the two, in a geometric series.
     """
-    durations = np.geomspace(shortest_s, max(longest_s, shortest_s), n_candidates)
+    durations = np.geomspace(shortest_s, _LONGEST_S, _N_DURATIONS)
     speed_bound = np.maximum(max_velocity, np.abs(velocity)) * (1.0 + 1e-9)
     acceleration = np.clip(acceleration, -0.5 * max_acceleration, 0.5 * max_acceleration)
     for start in (acceleration, np.zeros_like(acceleration)):

@@ -32,7 +32,7 @@ from intent_recognition.motion.retiming import (
     run,
     speed_limits,
 )
-from intent_recognition.motion.settings import DEFAULT_SETTINGS, PlanSettings, plan_step
+from intent_recognition.motion.settings import plan_step
 
 _N_ATTEMPTS = 8
 """Plans tried with a tighter and tighter budget before giving up. Convention: nearly all that can
@@ -51,6 +51,15 @@ _STRETCH = 1.25
 _LEAST_SHARE = 0.1
 """Share of the limits the path keeps, however much the offset takes. Convention: it never stands
 still for good."""
+_OFFSET_SHARE = 0.4
+"""Share of the acceleration limit an offset may use. Convention: the path keeps more than half."""
+_OFFSET_VELOCITY_SHARE = 0.35
+"""Share of the velocity limit an offset may use. Convention: likewise."""
+_SHORTEST_OFFSET_S = 0.25
+"""Shortest decay of an offset [s]. Convention: several updates of a running plan."""
+_JOIN_WITHIN_RAD = 0.15
+"""The path waits until every joint of the offset is below this [rad]. Convention: about 10 cm at
+the hand."""
 _NEIGHBOURS = 2
 """Grid intervals slowed on each side of an excess. Convention: two of 100."""
 
@@ -62,7 +71,6 @@ def plan_interaction(
     phase: float,
     phase_rate: float,
     limits: JointLimits,
-    settings: PlanSettings = DEFAULT_SETTINGS,
     phase_acceleration: float = 0.0,
     rate_ceiling: NDArray[np.float64] | None = None,
 ) -> JointPlan | None:
@@ -75,7 +83,6 @@ def plan_interaction(
         phase: how much of the interaction is done, in [0, 1].
         phase_rate: its rate [1/s].
         limits: position, velocity and acceleration limits, as scaled as wanted.
-        settings: see `PlanSettings`.
         phase_acceleration: the rate's derivative [1/s^2] in the plan before; what it explains
             of the start's acceleration is not left to the offset.
         rate_ceiling: largest phase rate at each point of the path's grid (G + 1,) [1/s].
@@ -85,7 +92,7 @@ def plan_interaction(
         rest and is safe to go on with.
     """
     phase_state = _PhaseState(phase, phase_rate, phase_acceleration)
-    return _along(path, nominal, start, phase_state, limits, settings, rate_ceiling)
+    return _along(path, nominal, start, phase_state, limits, rate_ceiling)
 
 
 def stop_plan(
@@ -94,13 +101,12 @@ def stop_plan(
     phase: float,
     phase_rate: float,
     limits: JointLimits,
-    settings: PlanSettings = DEFAULT_SETTINGS,
     phase_acceleration: float = 0.0,
 ) -> JointPlan:
     """Slow to a stand along the path as fast as the limits allow; always gives a plan."""
     phase_state = _PhaseState(phase, phase_rate, phase_acceleration)
-    plan = _along(path, None, start, phase_state, limits, settings)
-    return plan if plan is not None else brake_plan(start, phase, limits, settings)
+    plan = _along(path, None, start, phase_state, limits)
+    return plan if plan is not None else brake_plan(start, phase, limits)
 
 
 class _PhaseState(NamedTuple):
@@ -152,7 +158,6 @@ def _along(
     start: JointReference,
     phase: _PhaseState,
     limits: JointLimits,
-    settings: PlanSettings,
     rate_ceiling: NDArray[np.float64] | None = None,
 ) -> JointPlan | None:
     """A plan along the path, in time with the nominal timing or (None) to a stand.
@@ -162,7 +167,7 @@ def _along(
     """
     budget = _Budget() if nominal is None else _Budget(np.full(N_GRID, _FIRST_SHARE))
     for attempt in range(_N_ATTEMPTS):
-        tried = _attempt(path, nominal, start, phase, limits, settings, budget, rate_ceiling)
+        tried = _attempt(path, nominal, start, phase, limits, budget, rate_ceiling)
         if tried is None:
             return None
         plan, offset = tried
@@ -179,19 +184,18 @@ def _attempt(
     start: JointReference,
     phase: _PhaseState,
     limits: JointLimits,
-    settings: PlanSettings,
     budget: _Budget,
     rate_ceiling: NDArray[np.float64] | None,
 ) -> tuple[JointPlan, Offset] | None:
     """A plan within the budget, and its offset; None where the path takes too long."""
-    step_s = plan_step(0.0 if nominal is None else nominal.duration_s, limits, settings)
-    offset = _join(path, start, phase, limits, settings)
-    bounds = _path_bounds(path, offset, limits, settings, budget.share, rate_ceiling)
+    step_s = plan_step(0.0 if nominal is None else nominal.duration_s, limits)
+    offset = _join(path, start, phase, limits)
+    bounds = _path_bounds(path, offset, limits, budget.share, rate_ceiling)
     rate = min(phase.rate, largest_rate(bounds, phase.phase))
     if rate < phase.rate:
-        offset = _join(path, start, phase._replace(rate=rate), limits, settings)
+        offset = _join(path, start, phase._replace(rate=rate), limits)
     offset = offset._replace(duration_s=offset.duration_s * budget.stretch)
-    hold_s = _hold(offset, settings) if phase.rate <= 0.0 else 0.0
+    hold_s = _hold(offset) if phase.rate <= 0.0 else 0.0
     progress = run(bounds, phase.phase, rate, nominal, step_s=step_s, hold_s=hold_s)
     if progress is None:
         return None
@@ -204,7 +208,6 @@ def _join(
     start: JointReference,
     phase: _PhaseState,
     limits: JointLimits,
-    settings: PlanSettings,
 ) -> Offset:
     """The offset between a reference and the path at this phase."""
     slope, bend = path.derivative(phase.phase), path.derivative(phase.phase, 1)
@@ -212,9 +215,9 @@ def _join(
         start.position - path.spline(phase.phase),
         start.velocity - slope * phase.rate,
         start.acceleration - bend * phase.rate**2 - slope * phase.acceleration,
-        max_velocity=settings.offset_velocity_share * limits.velocity,
-        max_acceleration=settings.offset_share * limits.acceleration,
-        shortest_s=settings.shortest_offset_s,
+        max_velocity=_OFFSET_VELOCITY_SHARE * limits.velocity,
+        max_acceleration=_OFFSET_SHARE * limits.acceleration,
+        shortest_s=_SHORTEST_OFFSET_S,
     )
 
 
@@ -222,7 +225,6 @@ def _path_bounds(
     path: JointPath,
     offset: Offset,
     limits: JointLimits,
-    settings: PlanSettings,
     share: NDArray[np.float64],
     rate_ceiling: NDArray[np.float64] | None,
 ) -> SpeedLimits:
@@ -233,16 +235,15 @@ def _path_bounds(
         np.maximum(limits.velocity - speed, _LEAST_SHARE * limits.velocity),
         np.maximum(limits.acceleration - acceleration, _LEAST_SHARE * limits.acceleration),
         share=share,
-        max_rate_ratio=settings.max_rate_ratio,
         rate_ceiling=rate_ceiling,
     )
 
 
-def _hold(offset: Offset, settings: PlanSettings) -> float:
+def _hold(offset: Offset) -> float:
     """When the offset is small enough to move on along the path [s]."""
     times = np.linspace(0.0, offset.duration_s, 33)
     q, _ = offset.sample(times)
-    far = np.flatnonzero(np.abs(q).max(axis=1) > settings.join_within_rad)
+    far = np.flatnonzero(np.abs(q).max(axis=1) > _JOIN_WITHIN_RAD)
     return float(times[far[-1]]) if far.size else 0.0
 
 

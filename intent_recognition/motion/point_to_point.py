@@ -28,8 +28,7 @@ from intent_recognition.motion.plan import (
     position_range,
 )
 from intent_recognition.motion.settings import (
-    DEFAULT_SETTINGS,
-    PlanSettings,
+    STEP_S,
     plan_step,
     sample_times,
     scaled_limits,
@@ -52,7 +51,6 @@ def home_plan(
     start: JointReference,
     home: NDArray[np.float64],
     limits: JointLimits,
-    settings: PlanSettings = DEFAULT_SETTINGS,
 ) -> JointPlan | None:
     """Go to a posture, all joints together; straight in joint space when starting from rest.
 
@@ -61,7 +59,6 @@ def home_plan(
         home: where to go, (n,) [rad]; held inside the position limits (reported as clamped).
         limits: position, velocity and acceleration limits; a motion uses `HOME_SHARE` of the last
             two unless a moving start needs more.
-        settings: see `PlanSettings`.
 
     Returns:
         The quickest plan that keeps the limits, or None (brake first) if there is none.
@@ -72,11 +69,11 @@ def home_plan(
     target = np.clip(home, limits.lower + 1e-6, limits.upper - 1e-6)
     clamped = tuple(int(j) for j in np.flatnonzero(target != np.asarray(home, dtype=np.float64)))
     for share in (HOME_SHARE, 1.0):
-        motion = _input(start, limits, scaled_limits(limits, share, share), settings)
+        motion = _input(start, limits, scaled_limits(limits, share, share))
         motion.target_position = target
         if not (start.velocity.any() or start.acceleration.any()):
             _make_straight(motion, target - start.position)
-        plan = _sampled(motion, limits, settings, "home", 0.0)
+        plan = _sampled(motion, limits, "home", 0.0)
         if keeps_limits(plan, start, limits):
             return replace(plan, clamped=clamped)
     return None
@@ -86,7 +83,6 @@ def brake_plan(
     start: JointReference,
     phase: float,
     limits: JointLimits,
-    settings: PlanSettings = DEFAULT_SETTINGS,
 ) -> JointPlan:
     """Brake all joints to a stand: together, or each on its own if it would leave its limits.
 
@@ -99,11 +95,11 @@ def brake_plan(
     """
     speeds_up = start.acceleration * start.velocity > 0.0
     start = start._replace(acceleration=np.where(speeds_up, 0.0, start.acceleration))
-    motion = _input(start, limits, limits, settings)
+    motion = _input(start, limits, limits)
     motion.control_interface = ControlInterface.Velocity
     for synchronization in (Synchronization.Phase, Synchronization.No):
         motion.synchronization = synchronization
-        plan = _sampled(motion, limits, settings, "stop", phase)
+        plan = _sampled(motion, limits, "stop", phase)
         reached = np.stack(position_range(plan.times_s, plan.positions, plan.velocities))
         allowed = position_violation(start.position, limits) + POSITION_TOLERANCE_RAD
         outside = np.flatnonzero(position_violation(reached, limits).max(axis=0) > allowed)
@@ -112,9 +108,7 @@ def brake_plan(
     return replace(plan, outside=tuple(int(j) for j in outside))
 
 
-def _input(
-    start: JointReference, limits: JointLimits, bounds: JointLimits, settings: PlanSettings
-) -> InputParameter:
+def _input(start: JointReference, limits: JointLimits, bounds: JointLimits) -> InputParameter:
     """A motion from the start within bounds, to rest.
 
     What interpolation between samples adds to accelerations is taken off the limits. A start
@@ -122,7 +116,7 @@ def _input(
     acceleration, never in position or velocity.
     """
     jerk = limits.acceleration / RISE_TIME_S
-    largest = limits.acceleration - _INTERPOLATION * jerk * settings.step_s
+    largest = limits.acceleration - _INTERPOLATION * jerk * STEP_S
     room_up = np.sqrt(2.0 * jerk * np.maximum(limits.velocity - start.velocity, 0.0))
     room_down = np.sqrt(2.0 * jerk * np.maximum(limits.velocity + start.velocity, 0.0))
     motion = InputParameter(start.position.size)
@@ -150,9 +144,7 @@ def _make_straight(motion: InputParameter, way: NDArray[np.float64]) -> None:
         setattr(motion, name, np.where(moves, rate * distance, limit))
 
 
-def _sampled(
-    motion: InputParameter, limits: JointLimits, settings: PlanSettings, kind: str, phase: float
-) -> JointPlan:
+def _sampled(motion: InputParameter, limits: JointLimits, kind: str, phase: float) -> JointPlan:
     """Ruckig's motion as a plan.
 
     Raises:
@@ -168,8 +160,8 @@ def _sampled(
         ) from error
     if result not in (Result.Working, Result.Finished):
         raise TrajectoryError(describe("start", "a state to move from", result.name, cure))
-    duration_s = max(trajectory.duration, settings.step_s)
-    times = sample_times(duration_s, plan_step(duration_s, limits, settings))
+    duration_s = max(trajectory.duration, STEP_S)
+    times = sample_times(duration_s, plan_step(duration_s, limits))
     rows = [trajectory.at_time(time) for time in times]
     positions, velocities = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
     if motion.control_interface == ControlInterface.Position:

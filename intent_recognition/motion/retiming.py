@@ -16,6 +16,11 @@ from intent_recognition.motion.path import JointPath
 
 N_GRID = 100
 """Intervals of the grid over the phase. Convention: 1 % of an interaction each."""
+_MAX_RATE_RATIO = 6.0
+"""Largest multiple of the predicted speed when catching up; bounds s' where no joint moves.
+Convention."""
+_RATE_RATIO_PER_S = 15.0
+"""That multiple changes by at most this per second; bounds s'' where no joint moves. Convention."""
 _TINY = 1e-6
 """Slope of a joint over the phase [rad] below which it counts as standing still. Convention."""
 
@@ -58,8 +63,6 @@ def speed_limits(
     max_acceleration: NDArray[np.float64],
     *,
     share: NDArray[np.float64] | float = 1.0,
-    max_rate_ratio: float = 6.0,
-    rate_ratio_per_s: float = 15.0,
     rate_ceiling: NDArray[np.float64] | None = None,
 ) -> SpeedLimits:
     """Bounds on the speed along a path.
@@ -69,10 +72,6 @@ def speed_limits(
         max_velocity: (n,) [rad/s] left for the path.
         max_acceleration: (n,) [rad/s^2] left for the path.
         share: share of both bounds to use, (G,) one per interval or one for all.
-        max_rate_ratio: never faster than this times the nominal rate; bounds s' where no joint
-            moves.
-        rate_ratio_per_s: the ratio changes by at most this per second; bounds s'' where no joint
-            moves.
         rate_ceiling: largest rate at each point of the grid (G + 1,) [1/s].
     """
     grid = np.linspace(0.0, 1.0, N_GRID + 1)
@@ -80,12 +79,12 @@ def speed_limits(
     slope = np.maximum(np.abs(first), _TINY)
     a = max_acceleration / slope
     b = second * np.where(first < 0.0, -1.0, 1.0) / slope
-    own = np.full((N_GRID, 1), rate_ratio_per_s / path.duration_s)
+    own = np.full((N_GRID, 1), _RATE_RATIO_PER_S / path.duration_s)
     share = np.broadcast_to(share, (N_GRID,))
-    room = _largest_with_room(a, b, rate_ratio_per_s / path.duration_s)
+    room = _largest_with_room(a, b, _RATE_RATIO_PER_S / path.duration_s)
     a = np.hstack([a[:-1], a[1:], own]) * share[:, None]
     b = np.hstack([b[:-1], b[1:], np.zeros_like(own)])
-    fastest = np.minimum((max_velocity / slope).min(axis=1), max_rate_ratio / path.duration_s) ** 2
+    fastest = np.minimum((max_velocity / slope).min(axis=1), _MAX_RATE_RATIO / path.duration_s) ** 2
     if rate_ceiling is not None:
         fastest = np.minimum(fastest, rate_ceiling**2)
     fastest = np.minimum(fastest[:-1], fastest[1:]) * share**2

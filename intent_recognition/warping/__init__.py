@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Warped parameters: what one annotated object tells about the next."""
 
-from intent_recognition.warping.clipping import half_volume_angle, surface_volume, volume_below
+from intent_recognition.warping.clipping import half_volume_angle, surface_volume
 from intent_recognition.warping.constraints import (
     NO_REFERENCES,
     RIDGE,
@@ -99,7 +99,6 @@ __all__ = [
     "surface_volume",
     "tilts_to_level",
     "to_warped",
-    "volume_below",
     "warp_grasp",
     "warp_object",
     "warped_scale",

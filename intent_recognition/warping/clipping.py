@@ -22,30 +22,6 @@ def surface_volume(vertices: NDArray[np.float64], faces: NDArray[np.float64]) ->
     return float(_signed_volumes(triangles).sum())
 
 
-def volume_below(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.float64],
-    point: NDArray[np.float64],
-    normal: NDArray[np.float64],
-) -> float:
-    """Volume of the part of a closed surface below the plane through `point`.
-
-    Every triangle is cut at the plane and what is left of it spans a signed tetrahedron with
-    `point`. The lid lies in the plane of `point` and therefore adds nothing.
-
-    Args:
-        vertices: points (n, 3) in metres.
-        faces: vertex indices (m, 3), counter-clockwise seen from outside.
-        point: a point (3,) of the plane.
-        normal: the plane's normal (3,); below is where the scalar product is negative.
-
-    Returns:
-        The volume in cubic metres.
-    """
-    triangles = (vertices - point)[faces]
-    return _below(triangles, _signed_volumes(triangles), normal)
-
-
 def shares_left(
     vertices: NDArray[np.float64],
     faces: NDArray[np.float64],

@@ -61,10 +61,7 @@ class ObjectFrame:
 
 
 def coarse_frame(
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    opening: OpeningPlane,
-    handle_probability: NDArray[np.float64] | None = None,
+    points: NDArray[np.float64], normals: NDArray[np.float64], opening: OpeningPlane
 ) -> ObjectFrame:
     """Frame of an object whose opening is known.
 
@@ -75,7 +72,6 @@ def coarse_frame(
         points: (n, 3) [m].
         normals: outward unit normals (n, 3).
         opening: of the object.
-        handle_probability: (n,) first guess of the handle; all alike when None.
 
     Returns:
         The frame.
@@ -91,9 +87,7 @@ def coarse_frame(
     handle = protruding(level / height, radius, wall)
     direction, reach = np.zeros(3), 0.0
     if handle.mean() > MIN_HANDLE_SHARE:
-        weight = 1.0 if handle_probability is None else 0.1 + handle_probability[handle]
-        units = flat[handle] / radius[handle, None] * np.reshape(weight, (-1, 1))
-        direction = units.sum(0) / np.sum(weight * np.ones(len(units)))
+        direction = (flat[handle] / radius[handle, None]).mean(0)
         # The corners of a square bowl stand out as well, but to all sides.
         if np.linalg.norm(direction) > 0.7:
             reach = float(np.quantile(radius[handle], 0.98))

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.kinematics import JointLimits, check_position
+from intent_recognition.kinematics import check_position
 from sim_bridge import GRAVITY_M_S2
 from sim_bridge.arm.controllers import (
-    ControllerGains,
     guiding_torque,
     impedance_torque,
     limit_torque,
@@ -25,7 +24,7 @@ from sim_bridge.arm.robots import Robot, derived_gains, lwr
 from sim_bridge.arm.state import ArmState, HandPose, SensorNoise
 from sim_bridge.arm.trajectory_follower import ArmReference
 from sim_bridge.arm.urdf_loading import Joint, free_joints, load_urdf, stop_at_fixtures
-from sim_bridge.physics import BulletClient, end_world, pybullet, start_world
+from sim_bridge.physics import end_world, pybullet, start_world
 
 TIME_STEP_S = 0.001
 """Physics step of the arm's world [s]; torques are computed anew in each, as the real arm does."""
@@ -62,11 +61,8 @@ class SimulatedArm:
         initial_position: joint angles at the start (n,) [rad]; ready by default.
         robot: which arm; the LWR by default.
         stiffness_scale: factor on the joint stiffness.
-        gains: stiffness, damping and friction; the robot's by default.
-        limits: joint limits; torques are clipped to `limits.torque`; the robot's by default.
         noise: standard deviations of the sensors; None measures exactly.
         rng: random generator of the sensor noise; required with `noise`.
-        client: a world to join; a new headless one by default.
         headless: False opens PyBullet's window (needs a display).
 
     Raises:
@@ -80,22 +76,18 @@ class SimulatedArm:
         *,
         robot: Robot | None = None,
         stiffness_scale: float = 1.0,
-        gains: ControllerGains | None = None,
-        limits: JointLimits | None = None,
         noise: SensorNoise | None = None,
         rng: np.random.Generator | None = None,
-        client: BulletClient | None = None,
         headless: bool = True,
     ) -> None:
         if noise is not None and rng is None:
             raise ArgumentError(describe("rng", "a Generator with noise", None, "Pass one."))
         self.robot = robot if robot is not None else lwr()
-        self.limits = limits if limits is not None else self.robot.limits
+        self.limits = self.robot.limits
         self.before_step: list[Callable[[SimulatedArm], None]] = []
         self.saturated_steps = 0
         self._noise, self._rng = noise, rng
-        self._owns_client = client is None
-        self.client = client if client is not None else start_world(headless=headless)
+        self.client = start_world(headless=headless)
         self.body = load_urdf(self.client, self.robot.urdf, self.robot.base_position_m)
         names = self.robot.joint_names
         self.joint_indices, self.hand_link, moving = free_joints(
@@ -115,10 +107,8 @@ class SimulatedArm:
         self._law: AccelerationLaw | None = None
         self.reset(initial_position)
         self.fixtures = stop_at_fixtures(self.client, self.body, self.robot.urdf)
-        chosen = gains if gains is not None else self.robot.gains
-        if chosen is None:
-            chosen = derived_gains(self.limits.torque, self._joint_inertia())
-        self.gains = chosen.scaled(stiffness_scale)
+        gains = self.robot.gains or derived_gains(self.limits.torque, self._joint_inertia())
+        self.gains = gains.scaled(stiffness_scale)
 
     @property
     def other_joints(self) -> tuple[str, ...]:
@@ -275,9 +265,8 @@ class SimulatedArm:
         self._pushes.append(_Push(link, tuple(force.tolist()), point, int(n_steps)))
 
     def close(self) -> None:
-        """Disconnect from the world if this arm made it."""
-        if self._owns_client:
-            end_world(self.client)
+        """Disconnect from the world."""
+        end_world(self.client)
 
     def __enter__(self) -> "SimulatedArm":
         """Return the arm."""

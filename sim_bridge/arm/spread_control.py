@@ -25,16 +25,11 @@ class SpreadControl:
 
     Args:
         joint_names: joints of the arm.
-        settings: disturbance and bandwidth the gains are designed for.
     """
 
-    def __init__(
-        self,
-        joint_names: Sequence[str] = JOINT_NAMES,
-        settings: FeedbackSettings | None = None,
-    ) -> None:
+    def __init__(self, joint_names: Sequence[str] = JOINT_NAMES) -> None:
         self._names = tuple(joint_names)
-        self._settings = settings or FeedbackSettings()
+        self._settings = FeedbackSettings()
         self._times_s = np.array([-np.inf])
         self._gains = np.zeros((1, 2, len(self._names)))
 

@@ -9,7 +9,6 @@ current reference, the difference fades out with bounded acceleration instead of
 """
 
 from bisect import bisect_right
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +22,13 @@ from sim_bridge.arm.trajectory_command import TrajectoryCommand
 _OFFSET_ACCELERATION = 10.0 / np.sqrt(3.0)
 _VELOCITY_ACCELERATION = 3.941
 _OFFSET_VELOCITY = 1.875
+ACCELERATION_SHARE = 0.5
+"""Share of the joints' acceleration limit that a difference to a new trajectory may use to fade
+out, on top of the trajectory's own acceleration. Convention."""
+VELOCITY_SHARE = 0.5
+"""Share of the velocity limit an offset in position may use. Convention."""
+SHORTEST_FADE_S = 0.05
+"""A difference takes at least this long to fade out [s]. Convention."""
 
 
 class ArmReference(NamedTuple):
@@ -31,22 +37,6 @@ class ArmReference(NamedTuple):
     q: NDArray[np.float64]
     qd: NDArray[np.float64]
     qdd: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class BlendSettings:
-    """How a difference to a new trajectory fades out.
-
-    Attributes:
-        acceleration_fraction: share of the joints' acceleration limit it may use on top of the
-            new trajectory's own acceleration.
-        velocity_fraction: share of the velocity limit an offset in position may use.
-        shortest_s: a blend never takes less.
-    """
-
-    acceleration_fraction: float = 0.5
-    velocity_fraction: float = 0.5
-    shortest_s: float = 0.05
 
 
 class _Curve:
@@ -93,24 +83,21 @@ class TrajectoryFollower:
     """Gives the reference at any time from the commands accepted so far; no clock, no ROS.
 
     Position and velocity of the reference are continuous; its acceleration is at most that of
-    the trajectory in force plus `acceleration_fraction` of the limit (plus what a blend cut
+    the trajectory in force plus `ACCELERATION_SHARE` of the limit (plus what a blend cut
     short by a further command had left). Times are seconds of any one clock, and must not run
     backward.
 
     Args:
         position: where to hold until a command comes (n_joints,) [rad].
         limits: limits the blend is planned with.
-        blend: how differences fade out.
     """
 
     def __init__(
         self,
         position: NDArray[np.float64],
         limits: JointLimits = LWR_LIMITS,
-        blend: BlendSettings | None = None,
     ) -> None:
         self._limits = limits
-        self._blend = blend if blend is not None else BlendSettings()
         self._entries: list[_Entry] = []
         self.hold(position)
 
@@ -161,18 +148,18 @@ class TrajectoryFollower:
             self._entries.pop(0)
 
     def _fade_time(self, offset: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
-        """Return the shortest fade [s] whose acceleration stays within the blend's share.
+        """Return the shortest fade [s] whose acceleration stays within its share.
 
         Solves c1 |offset| / T^2 + c2 |velocity| / T <= a for each joint; the slowest counts.
         """
-        bound = self._blend.acceleration_fraction * self._limits.acceleration
+        bound = ACCELERATION_SHARE * self._limits.acceleration
         by_offset = _OFFSET_ACCELERATION * np.abs(offset)
         by_velocity = _VELOCITY_ACCELERATION * np.abs(velocity)
         root = np.sqrt(by_velocity**2 + 4.0 * bound * by_offset)
         fade = (by_velocity + root) / (2.0 * bound)
-        speed = self._blend.velocity_fraction * self._limits.velocity
+        speed = VELOCITY_SHARE * self._limits.velocity
         fade = np.maximum(fade, _OFFSET_VELOCITY * np.abs(offset) / speed)
-        return max(float(fade.max()), self._blend.shortest_s)
+        return max(float(fade.max()), SHORTEST_FADE_S)
 
 
 def _polynomial(*coefficients: NDArray[np.float64]) -> NDArray[np.float64]:

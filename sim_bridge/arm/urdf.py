@@ -70,17 +70,10 @@ def link_inertia(index: int, rotor_inertia: float) -> NDArray[np.float64]:
     return LINK_BODIES[index].inertia() + rotor_inertia * np.array([0.5, 0.5, 1.0])
 
 
-def lwr_urdf(
-    *,
-    rotor_inertia: tuple[float, ...] = ROTOR_INERTIA_KG_M2,
-    fingers: bool = True,
-    world: bool = False,
-) -> str:
+def lwr_urdf(*, world: bool = False) -> str:
     """Return the arm's URDF as text.
 
     Args:
-        rotor_inertia: reflected rotor inertia per joint [kg m^2].
-        fingers: draw two closed fingers at the flange (visual only, no mass, no collision).
         world: begin at the link `world`, to which the base is fixed: for robot_state_publisher,
             whose tree then reaches the frame of all positions and has no root with an inertia.
     """
@@ -94,8 +87,8 @@ def lwr_urdf(
     for i, name in enumerate(LINK_NAMES):
         link = ET.SubElement(robot, "link", name=name)
         body = LINK_BODIES[i]
-        _add_inertial(link, body.mass, body.centre, link_inertia(i, rotor_inertia[i]))
-        shapes = LINK_SHAPES[i] + (HAND_SHAPES if fingers and i == N_JOINTS - 1 else ())
+        _add_inertial(link, body.mass, body.centre, link_inertia(i, ROTOR_INERTIA_KG_M2[i]))
+        shapes = LINK_SHAPES[i] + (HAND_SHAPES if i == N_JOINTS - 1 else ())
         _add_shapes(link, shapes)
         _add_joint(robot, i)
     # Without an inertial, PyBullet would give the frame a mass of 1 kg.

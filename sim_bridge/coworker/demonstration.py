@@ -10,6 +10,8 @@ from sim_bridge.coworker.timeline import WristSamples, sample_wrist
 
 OCCLUSION_PROBABILITY = 0.4
 """Share of demonstrations in which the tracker loses the marker now and then. Convention."""
+SETTLE_S = 0.5
+"""How long the recording goes on after the robot's arrival [s]. Convention."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +33,7 @@ class WristDemonstration:
     samples: WristSamples
 
 
-def plan_demonstration(
-    rng: np.random.Generator, task: str, *, idle_s: float | None = None, settle_s: float = 0.5
-) -> WristDemonstration:
+def plan_demonstration(rng: np.random.Generator, task: str) -> WristDemonstration:
     """Draw one demonstration of a task.
 
     The robot arrives about a quarter of the movement's duration after its end, 0.3 to 0.95 s.
@@ -41,18 +41,15 @@ def plan_demonstration(
     Args:
         rng: source of all variation; the same state gives the same demonstration.
         task: label of the task.
-        idle_s: rest before the onset; drawn from 0.65 to 1.0 s if None.
-        settle_s: how long the recording goes on after the robot's arrival.
 
     Raises:
         ArgumentError: the task is unknown.
     """
-    drawn_idle = rng.uniform(0.65, 1.0)
-    onset = round(drawn_idle if idle_s is None else idle_s, 3)
+    onset = round(rng.uniform(0.65, 1.0), 3)
     reach = draw_reach(rng, task, draw_rest(rng))
     end = onset + reach.duration_s
     arrival = end + float(np.clip(rng.normal(0.24, 0.02) * reach.duration_s, 0.3, 0.95))
     occluded = rng.uniform() < OCCLUSION_PROBABILITY
-    gaps_per_s = 1.5 / (arrival + settle_s) if occluded else 0.0
-    samples = sample_wrist(rng, [(onset, reach)], arrival + settle_s, gaps_per_s=gaps_per_s)
+    gaps_per_s = 1.5 / (arrival + SETTLE_S) if occluded else 0.0
+    samples = sample_wrist(rng, [(onset, reach)], arrival + SETTLE_S, gaps_per_s=gaps_per_s)
     return WristDemonstration(reach, onset, end, arrival, samples)

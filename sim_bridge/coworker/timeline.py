@@ -21,6 +21,8 @@ from sim_bridge.coworker.reach import Movement
 
 RATE_HZ = 100.0
 """Samples of the tracker per second. Convention."""
+DROP_RATE = 0.002
+"""Probability that a single sample is lost. Convention."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,6 @@ def sample_wrist(
     length_s: float,
     *,
     gaps_per_s: float,
-    drop_rate: float = 0.002,
     rest: NDArray[np.float64] = REST_QUATERNION,
 ) -> WristSamples:
     """Sample the wrist over `length_s` seconds of rest, movements and holds.
@@ -59,7 +60,6 @@ def sample_wrist(
             before ended, after which the wrist rests, or where and as it is on its way.
         length_s: length of the whole in seconds.
         gaps_per_s: occlusions per second, on average.
-        drop_rate: probability that a single sample is lost.
         rest: the wrist's orientation at rest, quaternion xyzw (4,).
     """
     count = round(length_s * RATE_HZ) + 1
@@ -80,5 +80,5 @@ def sample_wrist(
     true = planned + sway + tremor(rng, count, RATE_HZ)
     measured = true + MARKER_STD_M * rng.standard_normal((count, 3))
     rotation = rotation + MARKER_ANGLE_STD_RAD * rng.standard_normal((count, 3))
-    visible = occlusions(rng, count, RATE_HZ, gaps_per_s, drop_rate)
+    visible = occlusions(rng, count, RATE_HZ, gaps_per_s, DROP_RATE)
     return WristSamples(times, measured, quaternions(rotation, rest), visible, true)

@@ -63,18 +63,13 @@ class CoworkerSim(Node):
         self._next_sample = 0
         self._labels = _label_schedule(self.plan)
         self._next_label = 0
-        self._first_ns = 0
+        self.first_stamp_ns = 0
         self._timer: Timer | None = None
         self._message = PoseStamped()
         self._message.header.frame_id = self._frame
         self._start_timer = self.create_timer(
             POLL_S, self._start, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
-
-    @property
-    def first_stamp_ns(self) -> int:
-        """Stamp of the session's first sample; 0 before it has begun."""
-        return self._first_ns
 
     def _make_plan(self) -> SessionPlan:
         """Declare the parameters of the session and plan it."""
@@ -132,7 +127,7 @@ class CoworkerSim(Node):
                 self.diagnostics.status(Level.WARN, f"waiting for {waits_for}")
             return
         self._start_timer.cancel()
-        self._first_ns = now_ns
+        self.first_stamp_ns = now_ns
         self._timer = self.create_timer(SAMPLE_NS * 1e-9, self._tick)
         self.diagnostics.status(Level.OK, "running")
         self._tick()
@@ -148,7 +143,7 @@ class CoworkerSim(Node):
 
     def _tick(self) -> None:
         """Publish the samples whose time has come."""
-        elapsed_ns = self.get_clock().now().nanoseconds - self._first_ns
+        elapsed_ns = self.get_clock().now().nanoseconds - self.first_stamp_ns
         samples = self.plan.samples
         due = min((elapsed_ns + EARLY_NS) // SAMPLE_NS + 1, len(samples.times_s))
         last = min(due, self._next_sample + BURST)
@@ -174,7 +169,7 @@ class CoworkerSim(Node):
 
     def _publish(self, k: int) -> None:
         message, samples = self._message, self.plan.samples
-        message.header.stamp = Time(nanoseconds=self._first_ns + k * SAMPLE_NS).to_msg()
+        message.header.stamp = Time(nanoseconds=self.first_stamp_ns + k * SAMPLE_NS).to_msg()
         position, turn = message.pose.position, message.pose.orientation
         position.x, position.y, position.z = samples.positions_m[k].tolist()
         turn.x, turn.y, turn.z, turn.w = samples.orientations[k].tolist()

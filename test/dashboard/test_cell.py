@@ -57,8 +57,8 @@ def test_a_task_that_was_learned_later_has_no_past():
 
 def test_joint_states_may_come_in_parts():
     state = CellState()
-    state.take_joints(["a", "b"], [1.0, 2.0], 0.0)
-    state.take_joints(["b"], [3.0], 1.0)
+    state.take_joints(["a", "b"], [1.0, 2.0])
+    state.take_joints(["b"], [3.0])
     assert state.joints == {"a": 1.0, "b": 3.0}
 
 

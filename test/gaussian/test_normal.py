@@ -11,7 +11,6 @@ from intent_recognition.errors import ArgumentError, ShapeError
 from intent_recognition.gaussian.normal import (
     Gaussian,
     condition,
-    gaussian,
     log_density,
     marginal,
     regression,
@@ -149,34 +148,6 @@ def test_regression_after_filtering_the_source_equals_conditioning_the_whole(see
     recovered = covariance + matrix @ source.covariance @ matrix.T
     np.testing.assert_allclose(recovered, whole.covariance[3:, 3:], atol=1e-7)
     assert log_source == pytest.approx(log_whole, rel=1e-9)
-
-
-def test_gaussian_copies_what_it_checks():
-    mean, covariance = np.zeros(2), np.eye(2)
-    checked = gaussian(mean, covariance)
-    mean[0] = covariance[0, 0] = 5.0
-    assert checked.mean[0] == 0.0
-    assert checked.covariance[0, 0] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("mean", "covariance", "error", "words"),
-    [
-        ([0.0, 0.0], np.eye(3), ShapeError, r"covariance: expected shape \(2, 2\).*got \(3, 3\)"),
-        ([[0.0]], np.eye(1), ShapeError, r"covariance: .*mean of shape \(1, 1\)"),
-        ([0.0, np.nan], np.eye(2), ArgumentError, "mean, covariance: expected finite.*Clean"),
-        ([0.0, 0.0], [[1.0, np.inf], [np.inf, 1.0]], ArgumentError, "expected finite"),
-        (
-            [0.0, 0.0],
-            [[1.0, 0.5], [0.0, 1.0]],
-            ArgumentError,
-            "covariance: .*symmetric.*Symmetrise",
-        ),
-    ],
-)
-def test_gaussian_says_what_is_wrong(mean, covariance, error, words):
-    with pytest.raises(error, match=words):
-        gaussian(mean, covariance)
 
 
 @pytest.mark.parametrize(

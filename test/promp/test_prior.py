@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from intent_recognition.gaussian.normal import gaussian, log_density
+from intent_recognition.gaussian.normal import Gaussian, log_density
 from intent_recognition.promp import prior
 from intent_recognition.promp.prior import (
     Scatter,
@@ -136,7 +136,7 @@ def left_out_log_density(rng, n: int) -> float:
     density = []
     for _ in range(30):
         draws = rng.multivariate_normal(np.zeros(24), true, size=n + 1)
-        learned = gaussian(draws[1:].mean(axis=0), shrunk(draws[1:].reshape(n, 2, 12), 1.0))
+        learned = Gaussian(draws[1:].mean(axis=0), shrunk(draws[1:].reshape(n, 2, 12), 1.0))
         density.append(log_density(learned, draws[0]))
     return float(np.mean(density))
 

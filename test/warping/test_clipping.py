@@ -8,9 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from intent_recognition.errors import ArgumentError
-from intent_recognition.warping.clipping import half_volume_angle, surface_volume, volume_below
+from intent_recognition.warping.clipping import half_volume_angle, shares_left, surface_volume
 
 UP, OUT = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+
+
+def volume_below(mesh, point, up):
+    """What an untilted container with its lip at the point holds."""
+    (share,) = shares_left(mesh.vertices, mesh.faces, point, up, np.zeros(3), np.zeros(1))
+    return share * surface_volume(mesh.vertices, mesh.faces)
 
 
 @settings(max_examples=40, deadline=None)
@@ -21,8 +27,7 @@ def test_both_sides_of_a_plane_are_the_whole(level, seed):
     normal = np.random.default_rng(seed).normal(size=3)
     normal /= np.linalg.norm(normal)
     point = level * normal + np.cross(normal, [0.3, 0.1, 0.2])
-    below = volume_below(ball.vertices, ball.faces, point, normal)
-    above = volume_below(ball.vertices, ball.faces, point, -normal)
+    below, above = (volume_below(ball, point, up) for up in (normal, -normal))
     assert below + above == pytest.approx(surface_volume(ball.vertices, ball.faces), rel=1e-9)
     height = np.clip(level + 0.5, 0.0, 1.0)
     cap = np.pi * height**2 * (1.5 - height) / 3.0
@@ -33,7 +38,7 @@ def test_a_box_is_cut_where_it_should_be():
     """A cube of side 2 cut at a height."""
     box = trimesh.creation.box((2.0, 2.0, 2.0))
     for level, expected in ((-2.0, 0.0), (-0.5, 2.0), (0.0, 4.0), (2.0, 8.0)):
-        cut = volume_below(box.vertices, box.faces, np.array([0.3, 0.2, level]), UP)
+        cut = volume_below(box, np.array([0.3, 0.2, level]), UP)
         assert cut == pytest.approx(expected)
 
 

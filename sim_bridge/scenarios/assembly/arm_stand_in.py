@@ -49,7 +49,6 @@ class StoodIn:
         asked_m: where the command in force had it, (T, 3).
         tasks: what the arm took the interaction for, one after the other; empty if it never moved.
         began_s: when the first command took over; NaN if none did.
-        n_plans: how many were made.
         largest_torque: share of the torque limits used at the worst moment.
         again: whether a pause was taken for the end, and what followed for another movement.
     """
@@ -59,7 +58,6 @@ class StoodIn:
     asked_m: NDArray[np.float64]
     tasks: tuple[str, ...]
     began_s: float
-    n_plans: int
     largest_torque: float
     again: bool
 
@@ -200,7 +198,6 @@ class _Run:
             asked,
             tuple(self._tasks),
             began[0] if began else float("nan"),
-            len(began),
             self._largest_torque,
             self._again,
         )

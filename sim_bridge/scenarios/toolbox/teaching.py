@@ -23,6 +23,8 @@ RELEASE_AFTER_S = 0.3
 """The object is let go so long after the arrival [s]."""
 SENSOR_NOISE = SensorNoise(position_std_rad=1e-4, velocity_std_rad_s=2e-3, torque_std_nm=0.05)
 """Noise of the arm's sensors when it is taught. Convention."""
+GRIP = Grip()
+"""How firmly the arm is held."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +55,8 @@ class TaughtArm:
 class _Lesson:
     """One demonstration in progress: the arm, the object and the leading hand."""
 
-    def __init__(
-        self, arm: SimulatedArm, path: TeachingPath, wrist_m: NDArray[np.float64], grip: Grip
-    ) -> None:
-        self.arm, self.path, self.grip = arm, path, grip
+    def __init__(self, arm: SimulatedArm, path: TeachingPath, wrist_m: NDArray[np.float64]) -> None:
+        self.arm, self.path = arm, path
         self.objects = ToolboxObjects(arm)
         if path.task == HOLD:
             self.objects.worker_brings(HOLD)
@@ -79,7 +79,7 @@ class _Lesson:
             self._follow(now)
             return
         arm.set_gravity_compensation(True)
-        self.strongest_pull_n = max(self.strongest_pull_n, pull(arm, self._target(now), self.grip))
+        self.strongest_pull_n = max(self.strongest_pull_n, pull(arm, self._target(now), GRIP))
 
     def _follow(self, now: float) -> None:
         """Let the controller run the hand-coded part."""
@@ -116,7 +116,6 @@ def teach(
     rng: np.random.Generator,
     path: TeachingPath,
     wrist_m: NDArray[np.float64],
-    grip: Grip | None = None,
 ) -> TaughtArm:
     """Teach the arm one path in a fresh physics world and record what its sensors say.
 
@@ -125,7 +124,6 @@ def teach(
         path: where the demonstrator leads the hand.
         wrist_m: where the worker's wrist is every 10 ms from the start on (T, 3), world; T - 1
             intervals make the length of the recording.
-        grip: how firmly the arm is held.
 
     Raises:
         KinematicsError: the start is outside the joint limits.
@@ -133,7 +131,7 @@ def teach(
     start = HOME + HOME_STD_RAD * rng.standard_normal(7)
     rows = []
     with SimulatedArm(start) as arm:
-        lesson = _Lesson(arm, path, wrist_m, grip or Grip())
+        lesson = _Lesson(arm, path, wrist_m)
         for k in range(len(wrist_m)):
             if k:
                 arm.step(STEPS_PER_SAMPLE)

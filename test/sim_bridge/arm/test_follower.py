@@ -9,7 +9,7 @@ from hypothesis.strategies import composite, floats, integers, lists, none, one_
 from intent_recognition.errors import ShapeError
 from intent_recognition.kinematics.lwr import JOINT_NAMES, LWR_LIMITS
 from sim_bridge.arm.trajectory_command import TrajectoryCommand
-from sim_bridge.arm.trajectory_follower import BlendSettings, TrajectoryFollower
+from sim_bridge.arm.trajectory_follower import ACCELERATION_SHARE, TrajectoryFollower
 
 REST = np.zeros(7)
 
@@ -153,8 +153,7 @@ def scripts(draw):
 @given(scripts())
 def test_replacement_is_continuous_and_its_acceleration_bounded(script):
     """Position and velocity at every switch agree from both sides; acceleration has a bound."""
-    blend = BlendSettings()
-    follower = TrajectoryFollower(REST, blend=blend)
+    follower = TrajectoryFollower(REST)
     switches, own = [], 0.0
     for now, begin, goal, duration, n, delay in script:
         times, q, qd, qdd = quintic_rows(begin, goal, duration, n)
@@ -176,7 +175,7 @@ def test_replacement_is_continuous_and_its_acceleration_bounded(script):
         # What is still to come is smooth everywhere, across switches that wait as well.
         grid = np.arange(now, now + 8.0, 0.005)
         found_q, found_qd, found_qdd = samples(follower, grid)
-        bound = own * len(switches) + blend.acceleration_fraction * 8.0 * len(switches) + 1e-6
+        bound = own * len(switches) + ACCELERATION_SHARE * 8.0 * len(switches) + 1e-6
         assert np.abs(found_qdd).max() <= bound
         assert np.abs(np.diff(found_qd, axis=0)).max() <= bound * 0.005 + 1e-9
         speed = np.abs(found_qd).max()
@@ -185,12 +184,12 @@ def test_replacement_is_continuous_and_its_acceleration_bounded(script):
 
 
 @settings(max_examples=40, deadline=None)
-@given(lists(floats(-1.5, 1.5), min_size=7, max_size=7), floats(0.1, 1.0))
-def test_blend_alone_keeps_its_share_of_the_acceleration(goal, fraction):
-    follower = TrajectoryFollower(REST, blend=BlendSettings(acceleration_fraction=fraction))
+@given(lists(floats(-1.5, 1.5), min_size=7, max_size=7))
+def test_blend_alone_keeps_its_share_of_the_acceleration(goal):
+    follower = TrajectoryFollower(REST)
     follower.accept(command([0.0], [goal]), 0.0)
     _, _, qdd = samples(follower, np.linspace(0.0, 5.0, 2000))
-    assert np.all(np.abs(qdd) <= fraction * LWR_LIMITS.acceleration * (1.0 + 1e-9))
+    assert np.all(np.abs(qdd) <= ACCELERATION_SHARE * LWR_LIMITS.acceleration * (1.0 + 1e-9))
 
 
 def test_a_stream_of_updates_is_smooth():
