@@ -71,8 +71,7 @@ def _accuracy(rng: np.random.Generator) -> tuple[Result, list[Warp]]:
 
 
 def _demonstrations(rng: np.random.Generator, **made: float) -> Timed:
-    sizes = {"n": N_DEMONSTRATIONS, "n_samples": N_SAMPLES, "n_dofs": N_DOFS}
-    return demonstrations(rng, **sizes, **made)
+    return demonstrations(rng, N_DEMONSTRATIONS, N_SAMPLES, N_DOFS, **made)
 
 
 def _smooth(trajectories: np.ndarray) -> list[Warp]:

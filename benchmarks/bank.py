@@ -83,7 +83,7 @@ class Stream:
         if not self._rows_given:
             return partial(_each, self.run.observe, [(observation,) for observation in taken])
         dofs = np.arange(N_OBSERVED)
-        elapsed_s = [(observation.stamp_ns - self._start_ns) * 1e-9 for observation in taken]
+        elapsed_s = np.array([(one.stamp_ns - self._start_ns) * 1e-9 for one in taken])
         rows = self._library.basis.design_matrix(self._hypotheses.phase(elapsed_s))
         work = [
             (Step(dofs, row[:, None], observation.values, self._noise, None, 1.0, np.inf),)

@@ -5,7 +5,10 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 FLAGS = (
     "--no-sandbox",
@@ -67,11 +70,11 @@ class OpenPage:
     """The page, as a headless Chromium shows it.
 
     Args:
-        browser: of playwright.
-        page: of playwright.
+        browser: that shows it.
+        page: one of its tabs.
     """
 
-    def __init__(self, browser, page):
+    def __init__(self, browser: "Browser", page: "Page"):
         self._page = page
         self._session = page.context.new_cdp_session(page)
         processes = browser.new_browser_cdp_session().send("SystemInfo.getProcessInfo")
@@ -96,7 +99,7 @@ class OpenPage:
         self._page.wait_for_timeout(1e3 * seconds)
 
 
-def calm(page, frames_hz: float) -> None:
+def calm(page: "Page", frames_hz: float) -> None:
     """Let a page draw so often, before it is opened: by itself it takes what the processor has."""
     page.add_init_script(CALM.replace("RATE", str(frames_hz)))
 

@@ -59,7 +59,8 @@ def clearance(library: TaskLibrary) -> Iterator[Result]:
 
 def _bends(library: TaskLibrary) -> Result:
     """Mean paths with a box beside them, bent or refused."""
-    robot, rng, times = find_robot("lwr"), np.random.default_rng(0), []
+    robot, rng = find_robot("lwr"), np.random.default_rng(0)
+    times: list[float] = []
     spreads = {label: Spread.of(library.primitive(k)) for k, label in enumerate(library.labels)}
     n_bent = 0
     while len(times) < N_MOTIONS:

@@ -141,5 +141,6 @@ def send(seconds: float) -> None:
 if __name__ == "__main__" and sys.argv[1] == "--send":
     send(float(sys.argv[2]))
 elif __name__ == "__main__":
-    found = after_flood(Path(sys.argv[1]), float(([*sys.argv, FLOOD_S])[2]), Path("out/flood"))
+    length_s = float(sys.argv[2]) if len(sys.argv) > 2 else FLOOD_S
+    found = after_flood(Path(sys.argv[1]), length_s, Path("out/flood"))
     sys.stdout.write("current after {:.2f} s; {} sent; behind by {:.2f} s\n".format(*found))

@@ -49,7 +49,9 @@ class StartedMixture(GaussianMixture):
         super().__init__(n_components, reg_covar=FLOOR, tol=TOLERANCE)
         self.labels = labels
 
-    def _initialize_parameters(self, X, random_state, xp=None):
+    def _initialize_parameters(
+        self, X: np.ndarray, random_state: object, xp: object = None
+    ) -> None:
         self._initialize(X, one_hot(self.labels, self.n_components))
 
 
@@ -129,7 +131,8 @@ def _starts(vectors: np.ndarray) -> dict[int, np.ndarray]:
 
 def _ours(vectors: np.ndarray, starts: dict[int, np.ndarray]) -> Labels:
     """Labels of all by the fit without number i, for each number of components."""
-    points, n, labels = affine_span(vectors).coordinates, len(vectors), {}
+    points, n = affine_span(vectors).coordinates, len(vectors)
+    labels: Labels = {}
     for k, start in starts.items():
         folds = one_hot(start, k) * (1.0 - np.eye(n))[..., None]
         fits = fit_mixture(points, folds, CovariancePrior(FLOOR), tolerance=TOLERANCE)

@@ -10,9 +10,10 @@ changes from pose to pose, so that neither finds the processor's caches as the o
 import os
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -20,6 +21,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -65,7 +67,7 @@ class _Graph:
         for one in nodes:
             self.executor.add_node(one)
 
-    def spin_until(self, happened, timeout_s: float) -> bool:
+    def spin_until(self, happened: Callable[[], bool], timeout_s: float) -> bool:
         end_s = time.perf_counter() + timeout_s
         while not happened():
             left_s = end_s - time.perf_counter()
@@ -90,7 +92,7 @@ class _Chain:
     trajectory_topic: str
     arrivals: list[float] = field(default_factory=list)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.publisher = self.probe.create_publisher(PoseStamped, self.pose_topic, qos.SENSOR)
         self.probe.create_subscription(
             JointTrajectory, self.trajectory_topic, self._on_trajectory, qos.COMMAND
@@ -111,13 +113,22 @@ class _Chain:
 class _Relay(Node):
     """Answers each message with a ready one, as fast as rclpy can."""
 
-    def __init__(self, name: str, kind: type, topic: str, in_qos, answer, out: str, out_qos):
+    def __init__(
+        self,
+        name: str,
+        kind: type,
+        topic: str,
+        in_qos: QoSProfile,
+        answer: Any,
+        out: str,
+        out_qos: QoSProfile,
+    ):
         super().__init__(name)
         self._answer = answer
         self._publisher = self.create_publisher(type(answer), out, out_qos)
         self.create_subscription(kind, topic, self._on_message, in_qos)
 
-    def _on_message(self, message) -> None:
+    def _on_message(self, message: Any) -> None:
         self._answer.header.stamp = message.header.stamp
         self._publisher.publish(self._answer)
 
@@ -187,8 +198,9 @@ def _latency(model: Path, recordings: list[Demonstration]) -> Iterator[Result]:
                 if moving:
                     asked += 1
                     chains = (ours, bare) if asked % 2 else (bare, ours)
-                    took_s = [chain.ask(graph, pose) for chain in chains]
-                    if None in took_s:
+                    answers = [chain.ask(graph, pose) for chain in chains]
+                    took_s = [one for one in answers if one is not None]
+                    if len(took_s) < len(answers):
                         unanswered += 1
                     else:
                         for kept, one in zip(times, took_s[:: 1 if asked % 2 else -1], strict=True):

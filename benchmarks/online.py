@@ -40,7 +40,9 @@ def online(library: TaskLibrary, recorded: Demonstration) -> Iterator[Result]:
 
 
 def _plan(estimator: IntentEstimator) -> Result:
-    times, positions, velocities, _ = estimator.predict_controlled().trajectory
+    prediction = estimator.predict_controlled()
+    assert prediction is not None, "the reach is over"
+    times, positions, velocities, _ = prediction.trajectory
     path = make_path(times, positions, LWR_LIMITS, velocities)
     nominal = NominalTiming(-PLAN_AFTER_S, path.duration_s)
     start = JointReference.at_rest(positions[0])

@@ -215,7 +215,7 @@ def _graph(model: Path, seconds: float) -> Iterator[tuple]:
 class _Reported:
     """The last rate that the server reported in its diagnostics."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self._node = Node("page_benchmark")
         self._executor = make_executor()
         self._executor.add_node(self._node)

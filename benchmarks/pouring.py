@@ -7,7 +7,7 @@ processes.
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -164,7 +164,7 @@ def _poured(demonstrations: Path, order: PourOrder) -> tuple[int, int]:
     return result.spilled, result.through_wall
 
 
-def _spilled(spilled: dict[str, Sequence[int]], remark: str) -> Iterator[Result]:
+def _spilled(spilled: Mapping[str, Sequence[int]], remark: str) -> Iterator[Result]:
     names = {MEAN: "warped, mean path", SAMPLE: "warped, drawn paths"}
     for manner, name in names.items():
         if manner in spilled:

@@ -5,13 +5,14 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from benchmarks.measure import Result, seconds_of_both
-from intent_recognition.bags import FLUSH_PERIOD_S, BagReader, BagWriter, PoseColumns
+from intent_recognition.bags import FLUSH_PERIOD_S, BagReader, BagWriter, PoseColumns, RawMessage
 from intent_recognition.demonstrations import find_bags, load_dofs, read_demonstrations
 from intent_recognition.share import share_path
 
@@ -73,7 +74,7 @@ def _prolong(recording: Path, output: Path, live: bool) -> None:
     `live` writes chunks as the recorder does when messages come at 100 Hz, else they are large.
     """
     now_ns = 0
-    by_topic = {topic: [] for topic in TOPICS.values()}
+    by_topic: dict[str, list[RawMessage]] = {topic: [] for topic in TOPICS.values()}
     for message in BagReader(recording).raw_messages(by_topic):
         by_topic[message.topic].append(message)
     period_s = FLUSH_PERIOD_S if live else None
@@ -90,12 +91,14 @@ def _columns(bags: Sequence[Path], topic: str) -> list[np.ndarray]:
     found = []
     for bag in bags:
         (columns,) = BagReader(bag).columns([topic]).values()
-        poses = isinstance(columns, PoseColumns)
-        found.append(columns.positions if poses else columns.parts[0].position)
+        if isinstance(columns, PoseColumns):
+            found.append(columns.positions)
+        elif columns is not None:
+            found.append(columns.parts[0].position)
     return found
 
 
-def _rosbags(bags: Sequence[Path], topic: str) -> Iterator[object]:
+def _rosbags(bags: Sequence[Path], topic: str) -> Iterator[Any]:
     """Messages of every bag, one at a time."""
     store = get_typestore(Stores.ROS2_JAZZY)
     for bag in bags:
@@ -111,7 +114,7 @@ def _exhaust(bags: Sequence[Path], topics: Sequence[str]) -> None:
             pass
 
 
-def _check_equal(ours: Sequence[np.ndarray], theirs: Iterator[object]) -> int:
+def _check_equal(ours: Sequence[np.ndarray], theirs: Iterator[Any]) -> int:
     """Number of messages; fails if the two read anything else."""
     rows = np.concatenate(ours)
     for row, message in zip(rows, theirs, strict=True):

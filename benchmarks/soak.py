@@ -9,7 +9,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import cycle
 from pathlib import Path
@@ -17,12 +17,13 @@ from statistics import median
 from typing import NamedTuple
 
 import rclpy
+from rclpy.executors import Executor
 from rclpy.parameter import Parameter
 
 from benchmarks.measure import Result
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model import Model, save_model
-from intent_recognition.nodes.graph import RECOGNITION, resolve
+from intent_recognition.nodes.graph import RECOGNITION, NodeCall, resolve
 from intent_recognition.nodes.pace_keeper import PaceKeeper
 from intent_recognition.nodes.processes import NodeProcesses, node_environment
 from intent_recognition.nodes.readiness import Readiness
@@ -165,14 +166,21 @@ class _Watched:
 class _Killer:
     """Kills a node at a time and starts it again, as a launch file does; samples all processes."""
 
-    def __init__(self, nodes, calls, ready, watched, observer):
+    def __init__(
+        self,
+        nodes: NodeProcesses,
+        calls: Mapping[str, NodeCall],
+        ready: Readiness,
+        watched: _Watched,
+        observer: SessionObserver,
+    ):
         self._nodes, self._calls, self._ready = nodes, calls, ready
         self._watched, self._soak, self._observer = watched, watched.soak, observer
         self._pace = PaceKeeper(observer, RATE)
         self._starts = dict.fromkeys(calls, 0)
         self._next_sample_s = self._next_pace_s = 0.0
 
-    def work(self, executor, minutes: float, between_s: float) -> None:
+    def work(self, executor: Executor, minutes: float, between_s: float) -> None:
         victims = cycle(RECOGNITION)
         start_s, start_ns = time.monotonic(), self._observer.get_clock().now().nanoseconds
         end_s, next_kill_s = start_s + 60.0 * minutes, start_s + between_s
@@ -185,7 +193,7 @@ class _Killer:
         now_ns = self._observer.get_clock().now().nanoseconds
         self._soak.simulated_s = (now_ns - start_ns) * 1e-9
 
-    def _kill(self, executor, name: str) -> None:
+    def _kill(self, executor: Executor, name: str) -> None:
         killed_s = time.monotonic()
         self._watched.is_ready, self._watched.disturbed = False, True
         os.kill(self._nodes.pid(name), signal.SIGKILL)
@@ -229,6 +237,7 @@ def _usage(pid: int, at_s: float) -> Usage:
 
 if __name__ == "__main__":
     model_file, length, *between = sys.argv[1:]
-    run_of = run(Path(model_file), float(length), float((between or [100.0])[0]), Path("out/soak"))
+    between_s = float(between[0] if between else 100.0)
+    run_of = run(Path(model_file), float(length), between_s, Path("out/soak"))
     for result in results(run_of, float(length)):
         sys.stdout.write(result.line().rstrip() + "\n")

@@ -31,7 +31,8 @@ def synthetic_library(
     root = rng.normal(size=(n_dofs, n_dofs)) / np.sqrt(n_dofs)
     covariance = 0.03**2 * np.kron(root @ root.T, between)
     covariance += 0.003**2 * np.eye(len(covariance))
-    wide = np.kron(0.3**2 * np.eye(N_OBSERVED), 1.0 + between + 1e-4 * np.eye(N_BASIS))
+    smooth = 1.0 + between + 1e-4 * np.eye(N_BASIS)
+    wide = np.kron(0.3**2 * np.eye(N_OBSERVED), smooth).astype(np.float64)
     return TaskLibrary(
         labels=tuple(f"task_{k:05d}" for k in range(n_tasks)),
         basis=basis,

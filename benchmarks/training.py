@@ -13,6 +13,7 @@ from benchmarks.measure import Result, seconds
 from intent_recognition.learning import (
     TaskStatistics,
     Trained,
+    TrainingExample,
     TrainingSettings,
     accumulate,
     add_demonstration,
@@ -134,7 +135,8 @@ def _imitate(n_basis: int, times: np.ndarray, values: np.ndarray) -> ProMP:
 
 
 def _statistics(basis: NormalizedRBFBasis, recorded: Sequence[Demonstration]) -> TaskStatistics:
-    return summarize(make_examples(recorded, basis, RIDGE))
+    examples = make_examples(recorded, basis, RIDGE)
+    return summarize([one for one in examples if isinstance(one, TrainingExample)])
 
 
 def _demonstration(phase: np.ndarray, values: np.ndarray) -> Demonstration:

@@ -115,7 +115,7 @@ class Alignment(NamedTuple):
 
 
 def align(
-    trajectories: Sequence[NDArray[np.float64]],
+    trajectories: Sequence[NDArray[np.float64]] | NDArray[np.float64],
     reference: str | int | NDArray[np.float64] = "mean",
     settings: AlignmentSettings | None = None,
 ) -> Alignment:
@@ -153,7 +153,7 @@ def align(
 
 def align_to(
     template: Template,
-    trajectories: Sequence[NDArray[np.float64]],
+    trajectories: Sequence[NDArray[np.float64]] | NDArray[np.float64],
     settings: AlignmentSettings | None = None,
 ) -> tuple[Warp, ...]:
     """Warps that bring demonstrations onto a known template.

@@ -39,10 +39,10 @@ def smooth_timing(
 
 def demonstrations(
     rng: np.random.Generator,
-    *,
     n: int = 10,
     n_samples: int = 200,
     n_dofs: int = 3,
+    *,
     rate_std: float = 0.35,
     shift_std: float = 0.0,
     noise: float = 0.0,
