@@ -146,6 +146,10 @@ class ArmTracking:
         reference = None if measured is None else self._reference(measured.time_ns)
         return None if measured is None or reference is None else (measured, reference)
 
+    def is_update_due(self, now_ns: int) -> bool:
+        """Whether a running plan may be updated again, but for the jitter of a timer."""
+        return now_ns - self.last_command_ns >= 0.9 * self.settings.command_period_s * 1e9
+
     def fresh(self, now_ns: int) -> bool:
         """Whether the measured arm is recent; reported once for each joint state that is not."""
         return self._recent(now_ns) is not None
@@ -161,6 +165,12 @@ class ArmTracking:
         text = f"arm is {error:.2f} rad off its reference"
         self._report_once("arm_off_reference", self.last_command_ns, text)
         return False
+
+    def off_command(self, now_ns: int) -> str:
+        """Why the command in force may not go on by what the arm measured, or an empty text."""
+        if not self.fresh(now_ns):
+            return "stale_joint_states"
+        return "" if self.follows(now_ns) else "arm_off_reference"
 
     def start_reference(self, now_ns: int, start_ns: int) -> JointReference | None:
         """Where a new motion starts from: the reference, or the arm if others moved it.

@@ -101,11 +101,10 @@ class Correcting:
         measured, reference = compared
         if _lasts(self._rests_since_ns, now_ns, correction.release_s):
             return self._go_on(now_ns, state, measured.position, newest)
-        due = now_ns - self._arm.last_command_ns >= 0.9 * self.settings.command_period_s * 1e9
         target = self._yields_to(measured.position, reference)
         plan = self._arm.in_force().plan
         led = plan.kind != "yield" or np.abs(target - plan.end).max() > _SAME_POSTURE_RAD
-        if not (due and led):
+        if not (led and self._arm.is_update_due(now_ns)):
             return Transition(state)
         return Transition(state, self._motions.yield_to(now_ns, target, state.phase))
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import ActiveInteraction, PredictedInteraction
-from intent_recognition.recognition import DecisionState, decide, uncertain_end
+from intent_recognition.recognition import DecisionState, decide, is_certain, uncertain_end
 
 _LARGEST_AHEAD_NS = 1_000_000_000
 """A stamp may be ahead of the clock by this [ns]. Convention: clocks of a graph differ by less."""
@@ -152,6 +152,15 @@ class EstimatorInbox:
         elif self.decision.idle and self.held_back:
             self._reject("uncertain_end", self.held_back)
             self.held_back = ""
+
+    def order(self, prediction: PredictedInteraction | None) -> None:
+        """Keep what to begin without recognition, unless its end is too uncertain."""
+        if prediction is not None:
+            label, end_std = prediction.label, prediction.end_std
+            if not is_certain(self.settings.decision, end_std, label):
+                self._reject("uncertain_end", f"{label} does not begin unrecognised: {end_std}")
+                prediction = None
+        self.ordered = prediction
 
     def take_prediction(self, now_ns: int, prediction: PredictedInteraction) -> None:
         """Take the newest prediction, unless its stamp rules it out."""

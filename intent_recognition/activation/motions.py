@@ -311,7 +311,7 @@ class Motions:
         current = self._arm.current
         if way is None or way.path is None or current is None or way.command is not current:
             return None
-        due = now_ns - self._arm.last_command_ns >= 0.9 * self.settings.command_period_s * 1e9
+        due = self._arm.is_update_due(now_ns)
         if person is None or person is self._paced_by or separation is None or not due:
             return None
         start_ns = self._arm.switch_ns(now_ns)

@@ -31,6 +31,7 @@ from intent_recognition.activation.motions import Motions
 from intent_recognition.activation.pretrigger import Pretrigger
 from intent_recognition.activation.settings import ActivationSettings, Command
 from intent_recognition.activation.states import (
+    UNDER_WAY,
     ActiveInteraction,
     Arrived,
     Executing,
@@ -44,25 +45,22 @@ from intent_recognition.activation.states import (
     Stopped,
     Transition,
     Yielding,
+    finished,
     interaction_of,
     outcome_of,
+    prediction_of,
 )
+from intent_recognition.activation.waiting import Waiting
 from intent_recognition.motion import PredictedPerson
-from intent_recognition.recognition import DecisionState, is_certain
+from intent_recognition.recognition import DecisionState
 
 _ARRIVED_PHASE = 1.0 - 1e-6
 """Phase from which an interaction counts as arrived. Convention: 1 up to rounding."""
 _LARGEST_BACK_NS = 100_000_000
 """A clock may go back by this [ns]. Convention: more than the jitter of threads, less than any
 restart of a simulation or recording."""
-_SAME_POSTURE_RAD = 1e-3
-"""Postures nearer than this in every joint [rad] are the same. Convention: about 1 mm at the
-hand."""
-
-
 _N_OUTCOMES = 100
-_UNDER_WAY = (Executing, Arrived, Stopped, Yielding)
-"""States of an interaction that is not over for the arm."""
+"""Outcomes that are kept until they are taken. Convention."""
 
 
 class Activation:
@@ -80,15 +78,16 @@ class Activation:
     """
 
     def __init__(self, settings: ActivationSettings, reject: Callable[[str, str], None]):
-        self._settings = settings
-        self._reject = reject
+        self._settings, self._reject = settings, reject
         self.counts: Counter[str] = Counter()
         self.pretrigger = Pretrigger(settings.pretrigger, settings.decision)
         self._inbox = EstimatorInbox(settings, reject)
         self._arm = ArmTracking(settings, reject)
         self._motions = Motions(settings, self._arm, reject, self.counts)
         self._correcting = Correcting(settings, self._arm, self._motions, self.counts)
-        self._home = _posture(settings.home)
+        self._waiting = Waiting(
+            settings, self._arm, self._motions, self._inbox, self.pretrigger, self.counts
+        )
         self._now_ns = 0
         self.outcomes: deque[Outcome] = deque(maxlen=_N_OUTCOMES)
         self.state: State = Idle()
@@ -105,8 +104,7 @@ class Activation:
         for part in (self._inbox, self._arm, self._motions, self._correcting):
             part.settings = settings
         self.pretrigger.settings, self.pretrigger.decision = settings.pretrigger, settings.decision
-        if settings.home is not None:
-            self._home = _posture(settings.home)
+        self._waiting.change(settings)
 
     @property
     def mode(self) -> Mode:
@@ -116,7 +114,7 @@ class Activation:
     @property
     def home(self) -> NDArray[np.float64] | None:
         """Posture it returns to (n,) [rad]; None before the arm was seen."""
-        return self._home
+        return self._waiting.home
 
     @property
     def active_task(self) -> str:
@@ -165,8 +163,8 @@ class Activation:
         decision = self.decision
         if decision.event:
             self.counts[decision.event] += 1
-        if decision.event == "over" and isinstance(self.state, _UNDER_WAY):
-            self.state = _finished(self.state)
+        if decision.event == "over" and isinstance(self.state, UNDER_WAY):
+            self.state = finished(self.state)
         self.pretrigger.observe(decision, labels, probabilities)
 
     def take_prediction(self, now_ns: int, prediction: PredictedInteraction) -> None:
@@ -184,12 +182,7 @@ class Activation:
         It begins with its onset at that moment, and a recognised task ends it as any other. One
         whose end is too uncertain is rejected.
         """
-        if prediction is not None:
-            decision, label, end_std = self._settings.decision, prediction.label, prediction.end_std
-            if not is_certain(decision, end_std, label):
-                self._reject("uncertain_end", f"{label} does not begin unrecognised: {end_std}")
-                prediction = None
-        self._inbox.ordered = prediction
+        self._inbox.order(prediction)
 
     def take_person(self, person: PredictedPerson | None) -> None:
         """Take where the person is predicted to be; None when that is not known any more."""
@@ -222,10 +215,10 @@ class Activation:
         self.pretrigger.forget()
         state = self.state
         if isinstance(state, Pretriggered):
-            return self._enter(self._withdraw(now_ns))
-        if isinstance(state, _UNDER_WAY):
+            return self._enter(self._waiting.withdraw(now_ns))
+        if isinstance(state, UNDER_WAY):
             self._inbox.mark_served(state.interaction)
-            return self._enter(self._go_home(now_ns, state.interaction))
+            return self._enter(self._waiting.go_home(now_ns, state.interaction))
         return None
 
     def halt(self, now_ns: int) -> Command | None:
@@ -234,9 +227,8 @@ class Activation:
         The brake stays in force: what comes next goes on from it, or from the arm where that has
         been moved meanwhile.
         """
-        under_way = self._arm.under_way(now_ns)
-        interaction = interaction_of(self.state)
-        command = self._motions.stop(now_ns, _prediction(interaction)) if under_way else None
+        executed = prediction_of(interaction_of(self.state))
+        command = self._motions.stop(now_ns, executed) if self._arm.under_way(now_ns) else None
         self._start_over()
         return command
 
@@ -264,7 +256,7 @@ class Activation:
     def _next(self, state: State, now_ns: int) -> Transition:
         match state:
             case Idle():
-                return self._activate(now_ns) or self._go_ahead(now_ns) or Transition(state)
+                return self._activate(now_ns) or self._waiting.go_ahead(now_ns) or Transition(state)
             case Executing():
                 return self._from_executing(state, now_ns)
             case Arrived():
@@ -305,7 +297,9 @@ class Activation:
             return following
         held = now_ns - state.since_ns >= self._settings.hold_s * 1e9
         if held and not self._correcting.deviates:
-            return self._go_ahead(now_ns) or self._go_home(now_ns, state.interaction)
+            return self._waiting.go_ahead(now_ns) or self._waiting.go_home(
+                now_ns, state.interaction
+            )
         return self._follow(state, now_ns)
 
     def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
@@ -324,37 +318,26 @@ class Activation:
         if not at_rest and now_ns - state.rest_ns < self._settings.hold_s * 1e9:
             return Transition(state)
         if interaction is None:
-            return self._withdraw(now_ns)
+            return self._waiting.withdraw(now_ns)
         if state.reason != "withdrawn" and not over:
             self._inbox.mark_served(interaction)
-        return self._go_home(now_ns, interaction)
+        return self._waiting.go_home(now_ns, interaction)
 
     def _from_homing(self, state: Homing, now_ns: int) -> Transition:
-        other = self._activate(now_ns) or self._go_ahead(now_ns)
+        other = self._activate(now_ns) or self._waiting.go_ahead(now_ns)
         if other is not None:
             return other
-        if self._arm.under_way(now_ns):
-            return Transition(state, self._motions.keep_pace(now_ns))
-        if self._arm.current is not None and self._arm.current.plan.kind != "home":  # braked
-            if state.interaction is None:
-                return self._withdraw(now_ns)
-            return self._go_home(now_ns, state.interaction)
-        return Transition(Idle())
+        return self._waiting.step_homing(now_ns, state)
 
     def _from_pretriggered(self, state: Pretriggered, now_ns: int) -> Transition:
         activated = self._activate(now_ns)
         if activated is not None:
             return activated
-        if self._arm.under_way(now_ns):
-            reason = self._reason_to_halt(now_ns)
-            if reason:
-                self.pretrigger.end()
-                return self._stop(now_ns, reason, None)
-        reason = self.pretrigger.reason_to_withdraw(now_ns, self.decision)
-        if not reason:
-            return Transition(state, self._motions.keep_pace(now_ns))
-        self.counts[f"pretrigger withdrawn: {reason}"] += 1
-        return self._withdraw(now_ns)
+        reason = self._reason_to_halt(now_ns) if self._arm.under_way(now_ns) else ""
+        if reason:
+            self.pretrigger.end()
+            return self._stop(now_ns, reason, None)
+        return self._waiting.step_ahead(now_ns, state)
 
     def _from_yielding(self, state: Yielding, now_ns: int) -> Transition:
         found = self._correcting.step(now_ns, state, self._inbox.prediction)
@@ -373,8 +356,8 @@ class Activation:
         if start is None:
             return None
         self._inbox.ordered = None
-        if self._home is None:
-            self._home = start.position
+        if self._waiting.home is None:
+            self._waiting.home = start.position
         command = self._motions.interact(now_ns, prediction, start_ns, start)
         if command is None:
             return None
@@ -391,8 +374,7 @@ class Activation:
         """Follow the newest prediction of the running task, if it is time for an update."""
         inbox, arm, current = self._inbox, self._arm, self._arm.current
         label, prediction = state.interaction.prediction.label, inbox.prediction
-        due = now_ns - arm.last_command_ns >= 0.9 * self._settings.command_period_s * 1e9
-        if not (due and inbox.unused) or state.interaction.over:
+        if not (arm.is_update_due(now_ns) and inbox.unused) or state.interaction.over:
             return Transition(state)
         if prediction is None or current is None or prediction.label != label:
             return Transition(state)
@@ -405,82 +387,14 @@ class Activation:
         command = self._motions.interact(now_ns, prediction, start_ns, start, progress, vias)
         if command is None:
             return Transition(state)
-        return Transition(
-            replace(state, interaction=ActiveInteraction(prediction, vias=vias)), command
-        )
+        interaction = ActiveInteraction(prediction, vias=vias)
+        return Transition(replace(state, interaction=interaction), command)
 
     def _stop(self, now_ns: int, reason: str, interaction: ActiveInteraction | None) -> Transition:
         self.counts[f"stopped: {reason}"] += 1
-        command = self._motions.stop(now_ns, _prediction(interaction))
+        command = self._motions.stop(now_ns, prediction_of(interaction))
         return Transition(Stopped(interaction, reason, self._arm.in_force().end_ns), command)
-
-    def _go_home(self, now_ns: int, interaction: ActiveInteraction | None) -> Transition:
-        """Return home, braking first where no plan home starts from this motion."""
-        if not self._settings.return_home or self._home is None or self._arm.current is None:
-            return Transition(Idle())
-        return self._home_to(now_ns, self._home, interaction)
-
-    def _home_to(
-        self, now_ns: int, target: NDArray[np.float64], interaction: ActiveInteraction | None
-    ) -> Transition:
-        """On the way to a posture; at rest where it is if that way is not clear."""
-        command = self._motions.go_home(now_ns, target, _prediction(interaction))
-        under_way = command is not None or self._arm.under_way(now_ns)
-        return Transition(Homing(interaction) if under_way else Idle(), command)
-
-    def _go_ahead(self, now_ns: int) -> Transition | None:
-        """Go to where the expected next task begins, if it is time for that; see `pretrigger`."""
-        label = self.pretrigger.wanted(self._inbox.idle_since_ns)
-        if not label or not self.decision.idle or self._inbox.silent(now_ns):
-            return None
-        start_ns = self._arm.switch_ns(now_ns)
-        start = self._arm.start_reference(now_ns, start_ns)
-        if start is None:
-            return None
-        current, command = self._arm.current, None
-        destination = start.position if current is None else current.plan.end
-        if not self.pretrigger.is_near(destination, label):
-            target = self.pretrigger.start(label)
-            if self._home is not None and self.pretrigger.is_near(self._home, label):
-                target = self._home
-            command = self._motions.go_ahead(now_ns, start_ns, start, target)
-            if command is None:
-                self.pretrigger.forget()
-                return None
-        arrival_ns = now_ns if self._arm.current is None else self._arm.current.end_ns
-        self.pretrigger.begin(label, max(now_ns, arrival_ns))
-        self.counts["pretriggered"] += 1
-        return Transition(Pretriggered(), command)
-
-    def _withdraw(self, now_ns: int) -> Transition:
-        """Go home from where the arm had gone ahead to, unless it is there or on its way."""
-        self.pretrigger.end()
-        target, current = self._home, self._arm.current
-        if target is None or current is None:
-            return Transition(Idle())
-        if np.abs(current.plan.end - target).max() <= _SAME_POSTURE_RAD:
-            return Transition(Homing(None) if self._arm.under_way(now_ns) else Idle())
-        return self._home_to(now_ns, target, None)
 
     def _reason_to_halt(self, now_ns: int) -> str:
         """Why no motion may go on, or an empty text."""
-        if self._inbox.silent(now_ns):
-            return "stream_stopped"
-        if not self._arm.fresh(now_ns):
-            return "stale_joint_states"
-        return "" if self._arm.follows(now_ns) else "arm_off_reference"
-
-
-def _posture(position: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-    return None if position is None else np.array(position, dtype=np.float64)
-
-
-def _prediction(interaction: ActiveInteraction | None) -> PredictedInteraction | None:
-    return None if interaction is None else interaction.prediction
-
-
-def _finished(state: Executing | Arrived | Stopped | Yielding) -> State:
-    """The same after the human has finished."""
-    if state.interaction is None:
-        return state
-    return replace(state, interaction=replace(state.interaction, over=True))
+        return "stream_stopped" if self._inbox.silent(now_ns) else self._arm.off_command(now_ns)

@@ -2,7 +2,7 @@
 """What the arm is doing, as values: each state of the activation carries only what it needs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
@@ -122,6 +122,10 @@ class Yielding:
 State = Idle | Executing | Arrived | Stopped | Homing | Pretriggered | Yielding
 
 
+UNDER_WAY = (Executing, Arrived, Stopped, Yielding)
+"""States of an interaction that is not over for the arm."""
+
+
 class Transition(NamedTuple):
     """The state to go on in, and the command to send on the way there."""
 
@@ -145,11 +149,10 @@ class Outcome(NamedTuple):
 
 def outcome_of(before: State, after: State) -> Outcome | None:
     """The outcome of the interaction that ends between two states; None where none does."""
-    if not isinstance(before, (Executing, Arrived, Stopped, Yielding)):
+    if not isinstance(before, UNDER_WAY):
         return None
     interaction = before.interaction
-    goes_on = isinstance(after, (Executing, Arrived, Stopped, Yielding))
-    follows = interaction_of(after) if goes_on else None
+    follows = interaction_of(after) if isinstance(after, UNDER_WAY) else None
     if interaction is None or (
         follows is not None and follows.prediction.label == interaction.prediction.label
     ):
@@ -163,3 +166,15 @@ def outcome_of(before: State, after: State) -> Outcome | None:
 def interaction_of(state: State) -> ActiveInteraction | None:
     """The interaction of a state, None where it has none."""
     return None if isinstance(state, (Idle, Pretriggered)) else state.interaction
+
+
+def prediction_of(interaction: ActiveInteraction | None) -> PredictedInteraction | None:
+    """The newest prediction that an interaction was planned with, None without an interaction."""
+    return None if interaction is None else interaction.prediction
+
+
+def finished(state: Executing | Arrived | Stopped | Yielding) -> State:
+    """The same after the human has finished."""
+    if state.interaction is None:
+        return state
+    return replace(state, interaction=replace(state.interaction, over=True))

@@ -143,7 +143,7 @@ def test_limits_change_only_while_the_arm_rests(harness, model):
     assert change(harness, node, velocity_scale=0.45, home=[0.1] * 7) == ""
     np.testing.assert_allclose(node._limits.velocity, before / 2.0)
     np.testing.assert_allclose(node.activation._motions.settings.limits.velocity, before / 2.0)
-    np.testing.assert_allclose(node.activation._home, 0.1)
+    np.testing.assert_allclose(node.activation.home, 0.1)
 
 
 def test_player_goes_on_at_another_rate(harness, tmp_path):

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the arm waits between interactions: at home, or where the expected next task begins."""
+
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.activation.arm_tracking import ArmTracking
+from intent_recognition.activation.inbox import EstimatorInbox
+from intent_recognition.activation.motions import Motions
+from intent_recognition.activation.pretrigger import Pretrigger
+from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.states import (
+    ActiveInteraction,
+    Homing,
+    Idle,
+    Pretriggered,
+    Transition,
+    prediction_of,
+)
+
+_SAME_POSTURE_RAD = 1e-3
+"""Postures nearer than this in every joint [rad] are the same. Convention: about 1 mm at the
+hand."""
+
+
+class Waiting:
+    """Takes the arm there and back.
+
+    Args:
+        settings: of the activation.
+        arm: the commands sent, and the joints measured.
+        motions: plans.
+        inbox: whether the human rests, and since when.
+        pretrigger: which task to go ahead for.
+        counts: gets how often the arm went ahead, and why it withdrew.
+
+    Attributes:
+        settings: of the activation.
+        home: posture it returns to (n,) [rad]; None before the arm was seen.
+    """
+
+    def __init__(
+        self,
+        settings: ActivationSettings,
+        arm: ArmTracking,
+        motions: Motions,
+        inbox: EstimatorInbox,
+        pretrigger: Pretrigger,
+        counts: Counter[str],
+    ) -> None:
+        self._arm, self._motions, self._inbox = arm, motions, inbox
+        self._pretrigger, self._counts = pretrigger, counts
+        self.home: NDArray[np.float64] | None = None
+        self.change(settings)
+
+    def change(self, settings: ActivationSettings) -> None:
+        """Go by other settings from now on; a home that they do not name stays."""
+        self.settings = settings
+        if settings.home is not None:
+            self.home = np.array(settings.home, dtype=np.float64)
+
+    def go_home(self, now_ns: int, interaction: ActiveInteraction | None) -> Transition:
+        """Return home, braking first where no plan home starts from this motion."""
+        if not self.settings.return_home or self.home is None or self._arm.current is None:
+            return Transition(Idle())
+        return self._go_to(now_ns, self.home, interaction)
+
+    def go_ahead(self, now_ns: int) -> Transition | None:
+        """Go to where the expected next task begins, if it is time for that."""
+        inbox = self._inbox
+        label = self._pretrigger.wanted(inbox.idle_since_ns)
+        if not label or not inbox.decision.idle or inbox.silent(now_ns):
+            return None
+        start_ns = self._arm.switch_ns(now_ns)
+        start = self._arm.start_reference(now_ns, start_ns)
+        if start is None:
+            return None
+        current, command = self._arm.current, None
+        destination = start.position if current is None else current.plan.end
+        if not self._pretrigger.is_near(destination, label):
+            target = self._pretrigger.start(label)
+            if self.home is not None and self._pretrigger.is_near(self.home, label):
+                target = self.home
+            command = self._motions.go_ahead(now_ns, start_ns, start, target)
+            if command is None:
+                self._pretrigger.forget()
+                return None
+        arrival_ns = now_ns if self._arm.current is None else self._arm.current.end_ns
+        self._pretrigger.begin(label, max(now_ns, arrival_ns))
+        self._counts["pretriggered"] += 1
+        return Transition(Pretriggered(), command)
+
+    def step_homing(self, now_ns: int, state: Homing) -> Transition:
+        """Go on home, also after a brake on the way; idle once it is there."""
+        if self._arm.under_way(now_ns):
+            return Transition(state, self._motions.keep_pace(now_ns))
+        if self._arm.current is None or self._arm.current.plan.kind == "home":
+            return Transition(Idle())
+        if state.interaction is None:
+            return self.withdraw(now_ns)
+        return self.go_home(now_ns, state.interaction)
+
+    def step_ahead(self, now_ns: int, state: Pretriggered) -> Transition:
+        """Stay ahead, or withdraw where the movement under way is another one, or none comes."""
+        reason = self._pretrigger.reason_to_withdraw(now_ns, self._inbox.decision)
+        if not reason:
+            return Transition(state, self._motions.keep_pace(now_ns))
+        self._counts[f"pretrigger withdrawn: {reason}"] += 1
+        return self.withdraw(now_ns)
+
+    def withdraw(self, now_ns: int) -> Transition:
+        """Go home from where the arm had gone ahead to, unless it is there or on its way."""
+        self._pretrigger.end()
+        current = self._arm.current
+        if self.home is None or current is None:
+            return Transition(Idle())
+        if np.abs(current.plan.end - self.home).max() <= _SAME_POSTURE_RAD:
+            return Transition(Homing(None) if self._arm.under_way(now_ns) else Idle())
+        return self._go_to(now_ns, self.home, None)
+
+    def _go_to(
+        self, now_ns: int, target: NDArray[np.float64], interaction: ActiveInteraction | None
+    ) -> Transition:
+        """On the way to a posture; at rest where it is if that way is not clear."""
+        command = self._motions.go_home(now_ns, target, prediction_of(interaction))
+        under_way = command is not None or self._arm.under_way(now_ns)
+        return Transition(Homing(interaction) if under_way else Idle(), command)
