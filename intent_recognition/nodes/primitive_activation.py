@@ -9,15 +9,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from intent_recognition.activation import Activation, Command, Mode, PredictedInteraction
+from intent_recognition.activation import Activation, Mode, PredictedInteraction
 from intent_recognition.demonstrations import numbers_of
 from intent_recognition.errors import (
     ArgumentError,
@@ -27,14 +25,9 @@ from intent_recognition.errors import (
     describe,
 )
 from intent_recognition.kinematics import Arm
-from intent_recognition.motion import (
-    JointPath,
-    hand_targets,
-    is_hand,
-    joints_along,
-    make_path,
-)
+from intent_recognition.motion import JointPath, hand_targets, is_hand, joints_along, make_path
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.activation_output import ActivationOutput
 from intent_recognition.nodes.activation_parameters import (
     ANY_TIME,
     AT_REST,
@@ -44,12 +37,7 @@ from intent_recognition.nodes.activation_parameters import (
     std_by_unit,
 )
 from intent_recognition.nodes.clearance_input import ClearanceInput
-from intent_recognition.nodes.conversions import (
-    TrajectoryBuilder,
-    joint_values,
-    stamp_ns,
-    trajectory_arrays,
-)
+from intent_recognition.nodes.conversions import joint_values, stamp_ns, trajectory_arrays
 from intent_recognition.nodes.correction_input import CorrectionInput
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.hand_input import HandInput
@@ -59,21 +47,12 @@ from intent_recognition.nodes.parameters import Changes, keep_live
 from intent_recognition.nodes.person_input import PersonInput
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.sequence_runner import SequenceRunner
+from intent_recognition.nodes.silence import SilenceWatch
 from intent_recognition.promp import Trajectory
 
-_OK, _WARN = 0, 1
-
-SILENT_S = 0.6
-"""A stream without a message for this long is reported as silent [s]. Convention: with the time
-between two looks, a sender that died is named within 1 s."""
 _LOOK_S = 0.1
 """Time between two looks for silent streams [s]. Convention."""
-_N_CORRECTED = 61
-"""Points of a corrected path. Convention."""
-STREAMS = {
-    "intent/tasks": "estimator or tracker",
-    "joint_states": "arm driver",
-}
+SENDERS = {"intent/tasks": "estimator or tracker", "joint_states": "arm driver"}
 """Streams that never pause while all is well, and who is dead if they do."""
 
 
@@ -95,14 +74,7 @@ class PrimitiveActivation(ManagedNode):
         self._sequences = SequenceRunner(self, self.diagnostics)
         self.activation: Activation | None = None
         self.joint_names: tuple[str, ...] = ()
-        self._builder: TrajectoryBuilder | None = None
-        self._published_task: str | None = None
-        self._corrected: PredictedInteraction | None = None
-        self._ahead = ""
-        self._commands = self.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
-        self._task = self.create_publisher(String, "intent/active_task", qos.LATCHED)
-        self._corrections = self.create_publisher(JointTrajectory, "intent/correction", qos.COMMAND)
-        self._feedback = self.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
+        self._output = ActivationOutput(self, self.diagnostics)
         for kind, topic, handle, profile in (
             (JointState, "intent/tasks", self._on_tasks, qos.STATE),
             (JointTrajectory, "intent/robot_trajectory", self._on_prediction, qos.COMMAND),
@@ -116,7 +88,7 @@ class PrimitiveActivation(ManagedNode):
         self._taught_starts = self._starts
         self._starts_near = np.empty(0)
         keep_live(self, (*ANY_TIME, *AT_REST), self._changed, self._change)
-        self._heard_s = dict.fromkeys(STREAMS, time.monotonic())
+        self._streams = SilenceWatch(SENDERS)
         self._silent = ""
         self._timer = self.create_timer(1.0 / self._settings.rate_hz, self._on_timer)
         self._look = self.create_timer(
@@ -146,19 +118,20 @@ class PrimitiveActivation(ManagedNode):
         """Begin to act; nothing but the command in force is left from before."""
         if self.joint_names:
             self._set_joints(self.joint_names)
-        self._publish_task()
+        self._output.task(self.activation)
 
     def deactivate(self) -> None:
         """Brake the arm along its path and forget the interaction."""
         self._sequences.forget()
         if self.activation is not None:
-            self._publish(self.activation.halt(self._now_ns()))
-        self._publish_task()
+            self._output.command(self.activation.halt(self._now_ns()))
+        self._output.task(self.activation)
 
     # Messages in
 
     def _on_tasks(self, message: JointState) -> None:
-        self._hear("intent/tasks")
+        self.diagnostics.tick("intent/tasks")
+        self._streams.hear("intent/tasks")
         activation = self.activation
         if not self.active or activation is None:
             return
@@ -206,14 +179,9 @@ class PrimitiveActivation(ManagedNode):
                 self._set_joints(joints)
             onset_s = times_s[0]
             path = self._path(of_hand, times_s, positions, rest.get("velocities"))
-        except RejectionError as error:
-            self.diagnostics.reject(error.reason, str(error))
-            return None
-        except MessageError as error:
-            self.diagnostics.reject("wrong_size", str(error))
-            return None
         except IntentError as error:
-            self.diagnostics.reject("bad_prediction", str(error))
+            usual = "wrong_size" if isinstance(error, MessageError) else "bad_prediction"
+            self.diagnostics.reject(_reason(error, usual), str(error))
             return None
         end_std = std_by_unit(rest["effort"][-1], of_hand) if "effort" in rest else None
         onset_ns = stamp_ns(message) and stamp_ns(message) + round(float(onset_s) * 1e9)
@@ -287,7 +255,8 @@ class PrimitiveActivation(ManagedNode):
             raise RejectionError("unreachable", str(error)) from error
 
     def _on_joint_states(self, message: JointState) -> None:
-        self._hear("joint_states")
+        self.diagnostics.tick("joint_states")
+        self._streams.hear("joint_states")
         if not self.active:
             return
         try:
@@ -299,11 +268,8 @@ class PrimitiveActivation(ManagedNode):
             velocity = None
             if message.velocity:
                 velocity = joint_values(message, self.joint_names, "velocity")
-        except RejectionError as error:
-            self.diagnostics.reject(error.reason, str(error))
-            return
         except IntentError as error:
-            self.diagnostics.reject("joint_states_incomplete", str(error))
+            self.diagnostics.reject(_reason(error, "joint_states_incomplete"), str(error))
             return
         measured = position if velocity is None else np.stack([position, velocity])
         if not np.all(np.isfinite(measured)):
@@ -328,10 +294,10 @@ class PrimitiveActivation(ManagedNode):
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self.activation is not None and self.active:
-            self._publish(self.activation.reset(self._now_ns()))
+            self._output.command(self.activation.reset(self._now_ns()))
             self._sequences.forget()
-            self._publish_outcomes(self.activation)
-            self._publish_task()
+            self._output.outcomes(self.activation)
+            self._output.task(self.activation)
         response.success = self.active
         response.message = "interaction forgotten" if self.active else "the node is not active"
         return response
@@ -342,107 +308,29 @@ class PrimitiveActivation(ManagedNode):
 
     # Silence
 
-    def _hear(self, stream: str) -> None:
-        self.diagnostics.tick(stream)
-        self._heard_s[stream] = time.monotonic()
-
     def _look_for_silence(self) -> None:
         """Report at once who has fallen silent, or speaks again; in real time, whatever /clock."""
         if self.active and self.joint_names:
             with suppress(RejectionError):  # predictions are rejected for it
                 self._keep_clear(self.joint_names)
-        now_s = time.monotonic()
-        dead = [
-            f"{name} ({STREAMS[name]})"
-            for name, heard_s in self._heard_s.items()
-            if now_s - heard_s > SILENT_S
-        ]
-        silent = f"silent: {', '.join(dead)}" if dead and self.active else ""
+        silent = self._streams.silent() if self.active else ""
         if silent != self._silent:
             self._silent = silent
-            self._report_status()
+            self._output.status(self.activation, self._silent)
             self.diagnostics.publish()
 
-    # Messages out
+    # Steps
 
     def _step(self, activation: Activation) -> bool:
         """Let the state machine act; whether a command was sent."""
         activation.take_person(self._person.person)
         self._sequences.update(activation, self._path_of, lambda: self._hand.arm)
         command = activation.step(self._now_ns())
-        self._publish(command)
-        self._publish_outcomes(activation)
-        self._publish_task()
-        self._report(activation)
+        self._output.command(command)
+        self._output.outcomes(activation)
+        self._output.task(self.activation)
+        self._output.report(activation, self._silent)
         return command is not None
-
-    def _publish(self, command: Command | None) -> None:
-        if command is None or self._builder is None:
-            return
-        plan = command.plan
-        message = self._builder.build(
-            command.start_ns, plan.times_s, plan.positions, plan.velocities
-        )
-        self._commands.publish(message)
-        self.diagnostics.tick("joint_trajectory")
-
-    def _publish_outcomes(self, activation: Activation) -> None:
-        """Tell how a person has corrected the motion, and what became of an interaction."""
-        corrected = activation.corrected
-        if corrected is not None and corrected is not self._corrected and self._builder is not None:
-            path, phases = corrected.path, np.linspace(0.0, 1.0, _N_CORRECTED)
-            positions, slopes = path.at(phases)
-            times_s = phases * path.duration_s
-            message = self._builder.build(
-                corrected.onset_ns, times_s, positions, slopes / path.duration_s
-            )
-            message.header.frame_id = corrected.label
-            self._corrections.publish(message)
-        self._corrected = corrected
-        while activation.outcomes:
-            outcome = activation.outcomes.popleft()
-            values = {"outcome": outcome.what, "corrections": str(outcome.n_corrections)}
-            rows = [KeyValue(key=key, value=value) for key, value in values.items()]
-            self._feedback.publish(DiagnosticStatus(name=outcome.label, values=rows))
-
-    def _publish_task(self) -> None:
-        task = "" if self.activation is None else self.activation.active_task
-        if task != self._published_task:
-            self._published_task = task
-            self._task.publish(String(data=task))
-            self.get_logger().info(f"active task: {task or 'none'}")
-        ahead = "" if self.activation is None else self.activation.pretrigger.label
-        if ahead != self._ahead:
-            self._ahead = ahead
-            self.get_logger().info(f"gone ahead for {ahead}" if ahead else "no longer ahead")
-
-    def _report(self, activation: Activation) -> None:
-        self.diagnostics.value("mode", activation.mode.value)
-        self.diagnostics.value("active task", activation.active_task or "none")
-        for name, count in activation.counts.items():
-            self.diagnostics.value(f"count {name}", count)
-        self.diagnostics.value("expected task", activation.pretrigger.expected or "none")
-        if activation.held_back:
-            self.diagnostics.value("last held back", activation.held_back)
-        self._report_status()
-
-    def _report_status(self) -> None:
-        """Level and message: what the arm does, and who is silent."""
-        level, text = self._status()
-        parts = [part for part in (text, self._silent) if part]
-        self.diagnostics.status(_WARN if self._silent else level, "; ".join(parts))
-
-    def _status(self) -> tuple[int, str]:
-        activation = self.activation
-        if activation is None:
-            return _OK, "running"
-        if activation.mode is Mode.STOPPED:
-            return _WARN, f"stopped: {activation.stop_reason}"
-        if activation.held_back:
-            return _WARN, activation.held_back
-        if activation.mode is Mode.PRETRIGGERED:
-            return _OK, f"pretriggered: {activation.pretrigger.label}"
-        return _OK, activation.mode.value
 
     # Set-up
 
@@ -490,10 +378,16 @@ class PrimitiveActivation(ManagedNode):
             self.get_logger().info(f"limits in force: {in_force}")
         else:
             self.activation.change(settings)
-        self.joint_names, self._builder = names, TrajectoryBuilder(names)
+        self.joint_names = names
+        self._output.set_joints(names)
 
     def _now_ns(self) -> int:
         return self.get_clock().now().nanoseconds
+
+
+def _reason(error: IntentError, usual: str) -> str:
+    """What an input that is not acted on is counted under."""
+    return error.reason if isinstance(error, RejectionError) else usual
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `primitive_activation` sends: commands, the task, corrections, outcomes, and its status."""
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from intent_recognition.activation import Activation, Command, Mode, PredictedInteraction
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import TrajectoryBuilder
+from intent_recognition.nodes.diagnostics import Diagnostics
+
+_OK, _WARN = 0, 1
+_N_CORRECTED = 61
+"""Points of a corrected path. Convention."""
+
+
+class ActivationOutput:
+    """Publishes what has changed since it was last told.
+
+    Args:
+        node: has the publishers.
+        diagnostics: of the node.
+    """
+
+    def __init__(self, node: Node, diagnostics: Diagnostics) -> None:
+        self._logger, self._diagnostics = node.get_logger(), diagnostics
+        self._commands = node.create_publisher(JointTrajectory, "joint_trajectory", qos.COMMAND)
+        self._task = node.create_publisher(String, "intent/active_task", qos.LATCHED)
+        self._corrections = node.create_publisher(JointTrajectory, "intent/correction", qos.COMMAND)
+        self._feedback = node.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
+        self._builder: TrajectoryBuilder | None = None
+        self._published_task: str | None = None
+        self._corrected: PredictedInteraction | None = None
+        self._ahead = ""
+
+    def set_joints(self, names: tuple[str, ...]) -> None:
+        """Commands are of these joints from now on."""
+        self._builder = TrajectoryBuilder(names)
+
+    def command(self, command: Command | None) -> None:
+        """Send a command, if there is one."""
+        if command is None or self._builder is None:
+            return
+        plan = command.plan
+        message = self._builder.build(
+            command.start_ns, plan.times_s, plan.positions, plan.velocities
+        )
+        self._commands.publish(message)
+        self._diagnostics.tick("joint_trajectory")
+
+    def outcomes(self, activation: Activation) -> None:
+        """Tell how a person has corrected the motion, and what became of an interaction."""
+        corrected = activation.corrected
+        if corrected is not None and corrected is not self._corrected and self._builder is not None:
+            path, phases = corrected.path, np.linspace(0.0, 1.0, _N_CORRECTED)
+            positions, slopes = path.at(phases)
+            times_s = phases * path.duration_s
+            message = self._builder.build(
+                corrected.onset_ns, times_s, positions, slopes / path.duration_s
+            )
+            message.header.frame_id = corrected.label
+            self._corrections.publish(message)
+        self._corrected = corrected
+        while activation.outcomes:
+            outcome = activation.outcomes.popleft()
+            values = {"outcome": outcome.what, "corrections": str(outcome.n_corrections)}
+            rows = [KeyValue(key=key, value=value) for key, value in values.items()]
+            self._feedback.publish(DiagnosticStatus(name=outcome.label, values=rows))
+
+    def task(self, activation: Activation | None) -> None:
+        """Tell which task is active, and for which one the arm has gone ahead."""
+        task = "" if activation is None else activation.active_task
+        if task != self._published_task:
+            self._published_task = task
+            self._task.publish(String(data=task))
+            self._logger.info(f"active task: {task or 'none'}")
+        ahead = "" if activation is None else activation.pretrigger.label
+        if ahead != self._ahead:
+            self._ahead = ahead
+            self._logger.info(f"gone ahead for {ahead}" if ahead else "no longer ahead")
+
+    def report(self, activation: Activation, silent: str) -> None:
+        """Tell the diagnostics what the arm does."""
+        value = self._diagnostics.value
+        value("mode", activation.mode.value)
+        value("active task", activation.active_task or "none")
+        for name, count in activation.counts.items():
+            value(f"count {name}", count)
+        value("expected task", activation.pretrigger.expected or "none")
+        if activation.held_back:
+            value("last held back", activation.held_back)
+        self.status(activation, silent)
+
+    def status(self, activation: Activation | None, silent: str) -> None:
+        """Level and message: what the arm does, and who is silent."""
+        level, text = _status(activation)
+        parts = [part for part in (text, silent) if part]
+        self._diagnostics.status(_WARN if silent else level, "; ".join(parts))
+
+
+def _status(activation: Activation | None) -> tuple[int, str]:
+    if activation is None:
+        return _OK, "running"
+    if activation.mode is Mode.STOPPED:
+        return _WARN, f"stopped: {activation.stop_reason}"
+    if activation.held_back:
+        return _WARN, activation.held_back
+    if activation.mode is Mode.PRETRIGGERED:
+        return _OK, f"pretriggered: {activation.pretrigger.label}"
+    return _OK, activation.mode.value
