@@ -66,7 +66,7 @@ def condition_on(
     """
     dofs, rows, values, noise, transition, exponent, freedom = step
     if deviation.shape[1] == 1:
-        return weights.condition(dofs, rows, values, noise, freedom), np.ones_like(deviation)
+        return weights.condition(dofs, rows, values, noise, freedom), deviation
     moved = deviation
     if transition is not None:
         moved = np.matmul(deviation[:, None], transition)[:, 0]

@@ -22,7 +22,6 @@ from intent_recognition.promp import (
     StartPosture,
     TaskLibrary,
     Trajectory,
-    deviation_grid,
     deviation_prior,
     largest_by_unit,
 )
@@ -42,7 +41,7 @@ def make_memory(library: TaskLibrary, hypotheses: Hypotheses) -> RunningBank:
 
 def _shape(library: TaskLibrary, hypotheses: Hypotheses) -> tuple[int, int, int, int, int]:
     n_tasks = len(hypotheses.duration_s) // hypotheses.n_scales
-    n_deviations = len(deviation_grid(library.phase_deviation))
+    n_deviations = len(library.phase_deviation.grid)
     return n_tasks, hypotheses.n_scales, library.n_observed, library.basis.n_basis, n_deviations
 
 

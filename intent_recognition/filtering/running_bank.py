@@ -150,14 +150,14 @@ class RunningBank:
         Returns:
             Probability of each deviation, and what it was weighed with, (n, E) each.
         """
-        weighed = []
+        n, weighed = self.n_active * self.shape[1], []
         for start, stop, block in self._blocks:
             some = slice(start, stop)
-            density, likelihood = condition_on(block, self._deviation[some], step.part(some))
+            part = step if stop - start == n else step.part(some)
+            density, likelihood = condition_on(block, self._deviation[some], part)
             self._evidence[some] += density
             weighed.append(likelihood)
-        n = self.n_active * self.shape[1]
-        return self._deviation[:n], np.concatenate(weighed)
+        return self._deviation[:n], weighed[0] if len(weighed) == 1 else np.concatenate(weighed)
 
     def apply_downdates(self) -> None:
         """Bring all means and covariances up to date with what was observed."""

@@ -14,7 +14,6 @@ from intent_recognition.promp import (
     TaskLibrary,
     Trajectory,
     controlled_weights,
-    deviation_grid,
     deviation_prior,
     deviation_transition,
     dof_variance,
@@ -175,7 +174,7 @@ class TaskPrediction:
         """
         model = self.library.phase_deviation
         steady = controlled and not model.controlled_follows
-        if steady or len(deviation_grid(model)) == 1:
+        if steady or len(model.grid) == 1:
             mean = np.clip(times_s / self.duration_s, 0.0, 1.0)
             variance = np.zeros_like(mean)
         else:

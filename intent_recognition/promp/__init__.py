@@ -23,7 +23,6 @@ from intent_recognition.promp.library import NONE, TaskLibrary
 from intent_recognition.promp.phase_deviation import (
     STEADY,
     PhaseDeviation,
-    deviation_grid,
     deviation_prior,
     deviation_transition,
     reference_phase,
@@ -76,7 +75,6 @@ __all__ = [
     "condition_response",
     "controlled_at",
     "controlled_weights",
-    "deviation_grid",
     "deviation_prior",
     "deviation_transition",
     "distance_to",

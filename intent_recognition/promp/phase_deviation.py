@@ -9,8 +9,8 @@ the warps that align the demonstrations (`learning.timing`). The deviation is fi
 beside the Gaussian over the weights.
 """
 
-from functools import lru_cache
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,8 @@ Convention.
 """
 
 
-class PhaseDeviation(NamedTuple):
+@dataclass(frozen=True)
+class PhaseDeviation:
     """Prior of a person's phase deviation.
 
     Attributes:
@@ -47,21 +48,30 @@ class PhaseDeviation(NamedTuple):
     evidence: float
     controlled_follows: bool = True
 
+    @cached_property
+    def grid(self) -> NDArray[np.float64]:
+        """Values of the phase deviation in its scales, (E,)."""
+        if not np.any(self.deviation_std):
+            return np.zeros(1)
+        return np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, N_DEVIATIONS)
+
+    @cached_property
+    def _phases(self) -> NDArray[np.float64]:
+        """Recorded phases of `deviation_std`, (U,)."""
+        return np.linspace(0.0, 1.0, len(self.deviation_std))
+
+    def scale(self, recorded: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Scale of the deviation at recorded phases, (...)."""
+        return np.interp(recorded, self._phases, self.deviation_std)
+
 
 STEADY = PhaseDeviation(np.zeros(2), 1.0, 1.0)
 """Steady progress: no phase deviation."""
 
 
-def deviation_grid(phase_deviation: PhaseDeviation) -> NDArray[np.float64]:
-    """Values of the phase deviation in its scales, (E,)."""
-    if not np.any(phase_deviation.deviation_std):
-        return np.zeros(1)
-    return np.linspace(-DEVIATION_SPAN, DEVIATION_SPAN, N_DEVIATIONS)
-
-
 def deviation_prior(phase_deviation: PhaseDeviation) -> NDArray[np.float64]:
     """Probability of each of them before anything is seen, (E,)."""
-    return _student(deviation_grid(phase_deviation))
+    return _student(phase_deviation.grid)
 
 
 def deviation_transition(
@@ -76,7 +86,7 @@ def deviation_transition(
         phase_deviation: prior of the phase deviation.
         passed: recorded phase, (...); less than zero counts as zero.
     """
-    grid = deviation_grid(phase_deviation)
+    grid = phase_deviation.grid
     if len(grid) == 1:
         return np.ones((*np.shape(passed), 1, 1))
     decay, left, right = _modes(len(grid))
@@ -90,12 +100,11 @@ def reference_phase(
     phase_deviation: PhaseDeviation, recorded: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Reference phases of all deviations at recorded phases (...), clipped to [0, 1]: (..., E)."""
-    recorded = np.clip(recorded, 0.0, 1.0)
-    at = np.linspace(0.0, 1.0, len(phase_deviation.deviation_std))
-    scale = np.interp(recorded, at, phase_deviation.deviation_std)
-    return np.clip(
-        recorded[..., None] + scale[..., None] * deviation_grid(phase_deviation), 0.0, 1.0
-    )
+    recorded = np.minimum(np.maximum(recorded, 0.0), 1.0)
+    if len(phase_deviation.grid) == 1:
+        return recorded[..., None]
+    ahead = phase_deviation.scale(recorded)[..., None] * phase_deviation.grid
+    return np.minimum(np.maximum(recorded[..., None] + ahead, 0.0), 1.0)
 
 
 def _student(grid: NDArray[np.float64]) -> NDArray[np.float64]:

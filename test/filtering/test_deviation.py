@@ -186,7 +186,7 @@ def test_filtering_and_smoothing_equal_the_enumeration_of_all_paths(
     """
     monkeypatch.setattr(progress_module, "N_DEVIATIONS", 3)
     library = with_known_weights(
-        library_with(rng, LEADING._replace(evidence=exponent), freedom=freedom)
+        library_with(rng, replace(LEADING, evidence=exponent), freedom=freedom)
     )
     run, model, weights = start(library, 2.0), library.phase_deviation, library.weight_mean[0]
     times = np.array([0.3, 0.7, 0.7 - late_s, 1.2, 2.3])

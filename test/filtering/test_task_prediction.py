@@ -242,7 +242,7 @@ def test_asking_late_equals_asking_all_the_time(rng):
 @pytest.mark.parametrize("follows", [True, False])
 def test_the_controlled_agent_may_keep_steady_progress(rng, follows):
     """Its phases then are those of the durations alone, whatever the observed one does."""
-    library = library_with(rng, LEADING._replace(controlled_follows=follows))
+    library = library_with(rng, replace(LEADING, controlled_follows=follows))
     run = run_on(library, 0, make_hypotheses(library, n_scales=3), seen(library, rng, 8))
     times = np.linspace(0.0, 3.0, 7)
     phase, probability = run.controlled_phases_at(times)

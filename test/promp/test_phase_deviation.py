@@ -11,7 +11,6 @@ from intent_recognition.promp import phase_deviation as module
 from intent_recognition.promp.phase_deviation import (
     STEADY,
     PhaseDeviation,
-    deviation_grid,
     deviation_prior,
     deviation_transition,
     reference_phase,
@@ -27,7 +26,7 @@ def a_progress(correlation: float = 0.4, std: float = 0.03) -> PhaseDeviation:
 
 
 def test_steady_progress_has_one_deviation():
-    assert np.array_equal(deviation_grid(STEADY), [0.0])
+    assert np.array_equal(STEADY.grid, [0.0])
     assert np.array_equal(deviation_prior(STEADY), [1.0])
     assert np.array_equal(deviation_transition(STEADY, np.array([0.0, 0.3])), np.ones((2, 1, 1)))
     phase = np.array([-0.5, 0.0, 0.25, 1.0, 1.7])
@@ -60,7 +59,7 @@ def test_two_transitions_are_that_of_their_sum(first, second, correlation):
 
 
 def test_the_prior_is_student_s_on_the_grid():
-    density = t(module.DEVIATION_FREEDOM).pdf(deviation_grid(a_progress()))
+    density = t(module.DEVIATION_FREEDOM).pdf(a_progress().grid)
     np.testing.assert_allclose(deviation_prior(a_progress()), density / density.sum(), rtol=1e-12)
 
 
@@ -75,7 +74,7 @@ def test_the_lead_stays_while_nothing_passes(step):
 def test_the_lead_is_forgotten_like_an_ornstein_uhlenbeck_process(step):
     """Means decay as exp(-u / correlation), nearly: the slowest mode is not straight."""
     phase_deviation = a_progress()
-    grid, prior = deviation_grid(phase_deviation), deviation_prior(phase_deviation)
+    grid, prior = phase_deviation.grid, deviation_prior(phase_deviation)
     variance = prior @ grid**2
     kept = (prior * grid) @ deviation_transition(phase_deviation, np.array(step)) @ grid / variance
     np.testing.assert_allclose(kept, np.exp(-step / 0.4), atol=0.006)
@@ -116,6 +115,5 @@ def test_the_lead_counts_in_its_standard_deviation_at_that_phase():
     phase_deviation = PhaseDeviation(np.array([0.0, 0.1, 0.0]), 0.4, 1.0)
     np.testing.assert_allclose(
         reference_phase(phase_deviation, np.array([0.0, 0.25, 0.5])),
-        np.array([[0.0], [0.25], [0.5]])
-        + np.array([[0.0], [0.05], [0.1]]) * deviation_grid(phase_deviation),
+        np.array([[0.0], [0.25], [0.5]]) + np.array([[0.0], [0.05], [0.1]]) * phase_deviation.grid,
     )
