@@ -3,14 +3,22 @@
 
 import argparse
 import sys
+from os.path import relpath
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import numpy as np
 from rich.console import Console
 
 from intent_recognition.cli.console import print_facts, progress_bar
 from intent_recognition.cli.help import examples
+from intent_recognition.cli.improve_subjects import (
+    PRACTICE_FOLDER,
+    SKILL,
+    THUMBS,
+    Subject,
+    is_pouring,
+    subject_of,
+    undo,
+)
 from intent_recognition.cli.options import Subparsers, number
 from intent_recognition.cli.output import (
     PRINTED,
@@ -19,22 +27,13 @@ from intent_recognition.cli.output import (
     console_beside,
     write_json,
 )
-from intent_recognition.durable import copy
-from intent_recognition.errors import ArgumentError, ModelError, describe
-from intent_recognition.model import load_pouring_skill, save_pouring_skill
-from intent_recognition.share import share_path
+from intent_recognition.cli.teach import add_library_options
+from intent_recognition.improvement import Cost, PracticeSession, Rollout, compare, load_cost
 
-if TYPE_CHECKING:
-    from intent_recognition.warping import PouringSkill
-    from sim_bridge.practice import Cost, PracticeSession, Rollout
-    from sim_bridge.scenarios.pouring import PouringPractice
-
-POURING, THUMBS = "pouring", "thumbs"
-START, SKILL, BEFORE = "start.npz", "skill.npz", "skill.before.npz"
 ROLLOUTS = 40
 """Rollouts of a practice unless more are asked for. Convention: a person still watches as many."""
 CHECKS = 5
-"""Rollouts with which the start and what practice has come to are compared at the end."""
+"""Pours with which the start and what practice has come to are compared at the end."""
 
 
 def add_parser(subparsers: Subparsers) -> None:
@@ -42,36 +41,30 @@ def add_parser(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser(
         "improve",
         help="let the robot practise a task until it costs less",
-        description="Let the robot practise: it tries paths within two standard deviations of what"
-        " was demonstrated and within the arm's limits, each is logged as a bag and costs what"
-        " --cost says. End it with Ctrl-C and give the same command to go on. Nothing is replaced"
-        " before --accept.",
+        description="Let the robot practise pouring, or a task of a library: it tries paths within"
+        " two standard deviations of what was demonstrated and within the arm's limits, each is"
+        " logged as a bag and costs what --cost says. End it with Ctrl-C and give the same command"
+        " to go on. Nothing is replaced before --accept.",
         **examples(
             (
                 "spill less from a wide bowl, 40 pours in simulation",
                 "intent improve pouring --short 0.9",
+            ),
+            (
+                "bring the plate earlier",
+                "intent improve plate_handover --library tasks --cost time",
             ),
             ("with a cost of one's own", "intent improve pouring --cost my_cost.py"),
             ("say up or down after each pour", "intent improve pouring --cost thumbs"),
             ("take over what it has come to", "intent improve pouring --accept"),
         ),
     )
-    parser.add_argument("task", choices=(POURING,), metavar="TASK", help="what: pouring")
+    parser.add_argument("task", metavar="TASK", help="pouring, or the label of a task")
     parser.add_argument(
         "--cost",
-        default="spilled",
         metavar="FILE|NAME",
-        help="spilled, level, thumbs, or a Python file with one function of a rollout (default:"
-        " %(default)s)",
-    )
-    parser.add_argument("--cup", default="mug", help="container in the hand (%(default)s)")
-    parser.add_argument("--into", default="tumbler", help="the other one (%(default)s)")
-    parser.add_argument(
-        "--wanted",
-        type=number(int, 1, 40),
-        default=40,
-        metavar="N",
-        help="balls wanted in the other one, of 40 (default: %(default)s)",
+        help="spilled, level (pouring), distance, time (a task), thumbs, or a Python file with one"
+        " function of a rollout (default: spilled, distance)",
     )
     parser.add_argument(
         "--rollouts",
@@ -81,13 +74,62 @@ def add_parser(subparsers: Subparsers) -> None:
         help="in all, those of before included (default: %(default)s)",
     )
     parser.add_argument("--seed", type=number(int, 0), default=1, help="(default: %(default)s)")
-    parser.add_argument(
+    action = parser.add_mutually_exclusive_group()
+    action.add_argument(
+        "--accept",
+        action="store_true",
+        help=f"take over what practice has come to: pouring as {SKILL}, a task in its library",
+    )
+    action.add_argument("--undo", action="store_true", help="take the last --accept back")
+    add_json_option(parser, "costs and outcomes")
+    _add_task_options(parser.add_argument_group("a task of a library"))
+    add_library_options(parser, None)
+    _add_pouring_options(parser.add_argument_group("pouring"))
+    parser.set_defaults(run=run)
+
+
+def _add_task_options(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--beside",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        help="where the robot's hand must be, from where the person's comes to rest, in m along"
+        " the axes of the arm's base (default: where the demonstrations had it)",
+    )
+    group.add_argument(
+        "--moved",
+        type=float,
+        nargs=3,
+        default=(0.0, 0.0, 0.0),
+        metavar=("X", "Y", "Z"),
+        help="and how far from there, likewise",
+    )
+    group.add_argument(
+        "--robot",
+        type=Path,
+        metavar="URDF",
+        help="the arm whose joints were taught, where that is not the LWR",
+    )
+
+
+def _add_pouring_options(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--cup", default="mug", help="container in the hand (%(default)s)")
+    group.add_argument("--into", default="tumbler", help="the other one (%(default)s)")
+    group.add_argument(
+        "--wanted",
+        type=number(int, 1, 40),
+        default=40,
+        metavar="N",
+        help="balls wanted in the other one, of 40 (default: %(default)s)",
+    )
+    group.add_argument(
         "--start",
         type=Path,
         metavar="BAGS|FILE",
         help="demonstrations, or an accepted skill, to begin with (default: the shipped ones)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--short",
         type=number(float, 0.0, 2.0),
         default=0.0,
@@ -95,67 +137,48 @@ def add_parser(subparsers: Subparsers) -> None:
         help="move the demonstrations on average so many radii of the opening too short, to have"
         " something to practise (default: %(default)s)",
     )
-    parser.add_argument(
+    group.add_argument(
         "--output",
         type=Path,
-        default=Path("practice"),
         metavar="DIR",
-        help="folder of rollouts and results (default: %(default)s)",
+        help=f"folder of rollouts and results (default: {PRACTICE_FOLDER})",
     )
-    action = parser.add_mutually_exclusive_group()
-    action.add_argument(
-        "--accept", action="store_true", help=f"write what practice has come to as {SKILL}"
-    )
-    action.add_argument("--undo", action="store_true", help="take the last --accept back")
-    add_json_option(parser, "costs and outcomes")
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Practise, accept or undo.
 
     Raises:
-        ArgumentError: the cost cannot be used.
+        ArgumentError: the task or the cost cannot be used.
         ModelError: there is nothing to accept or to take back.
         ResourceBusyError: the folder holds another practice.
     """
     check_json(args.json)
     console = console_beside(args.json)
     if args.undo:
-        return _undo(args.output, console)
-    from intent_recognition.improvement import CovarianceSearch
-    from sim_bridge.practice import Cost, PracticeSession, load_cost
-    from sim_bridge.scenarios.pouring import PouringPractice
-
-    cost = Cost(THUMBS, _thumb) if args.cost == THUMBS else load_cost(args.cost)
-    with PouringPractice(_skill(args), args.cup, args.into, args.wanted) as practice:
-        search = CovarianceSearch(practice.space.n_axes, args.seed)
-        about = {"task": args.task, "cup": args.cup, "second": args.into}
-        about |= {"wanted": args.wanted, "seed": args.seed, "short": args.short}
-        session = PracticeSession(args.output, practice, search, cost, about)
+        _say(args, console, "undone", undo(args, console))
+        return 0
+    with subject_of(args, console) as subject:
+        known = subject.practice.costs
+        asked = args.cost or known[0]
+        cost = Cost(THUMBS, _thumb) if asked == THUMBS else load_cost(asked, known)
+        session = subject.session(cost)
         if args.accept:
-            return _accept(args, session, practice, console)
-        save_pouring_skill(args.output / START, practice.skill)
+            _say(args, console, "accepted", subject.accept(session))
+            return 0
         _practise(session, args.rollouts, console)
-        _report(args, session, practice, cost, console)
+        _report(args, session, subject, cost, console)
     return 0
 
 
-def _skill(args: argparse.Namespace) -> "PouringSkill":
-    from sim_bridge.scenarios.pouring import learn_pouring_skill, read_demonstrated, short_skill
-
-    if args.start is not None and args.start.is_file():
-        if args.short:
-            cure = "Give a folder of demonstrations to --start, or leave --short out."
-            raise ArgumentError(describe("--short", "demonstrations to move", args.start, cure))
-        return load_pouring_skill(args.start)
-    bags = args.start or share_path("bags/pouring/train")
-    if args.short:
-        return short_skill(read_demonstrated(bags), args.short, args.seed)
-    return learn_pouring_skill(bags, 1)
+def _say(args: argparse.Namespace, console: Console, what: str, said: str) -> None:
+    """Print what was accepted or undone, and write it."""
+    if args.json != PRINTED:
+        console.print(said, highlight=False, markup=False, soft_wrap=True)
+    write_json(args.json, {what: said})
 
 
-def _practise(session: "PracticeSession", rollouts: int, console: Console) -> None:
+def _practise(session: PracticeSession, rollouts: int, console: Console) -> None:
     if session.about["cost"] == THUMBS:  # the question has the terminal for itself
         while len(session.tried) < rollouts:
             session.step()
@@ -170,9 +193,9 @@ def _practise(session: "PracticeSession", rollouts: int, console: Console) -> No
 
 def _report(
     args: argparse.Namespace,
-    session: "PracticeSession",
-    practice: "PouringPractice",
-    cost: "Cost",
+    session: PracticeSession,
+    subject: Subject,
+    cost: Cost,
     console: Console,
 ) -> None:
     """Print and write what came of it."""
@@ -181,68 +204,24 @@ def _report(
         "costs": session.costs.tolist(),
         "outcomes": [dict(one.outcome) for one in session.tried],
     }
-    facts = {"rollouts": f"{len(session.tried)}, {args.output / 'rollouts'}"}
+    facts = {"rollouts": f"{len(session.tried)}, {relpath(session.folder / 'rollouts')}"}
     facts["cost of the first, the cheapest"] = f"{session.costs[0]:.3g}, {session.costs.min():.3g}"
     if cost.name != THUMBS:
-        means = {}
-        for name, weights in (("start", practice.space.mean), ("settled", session.settled())):
-            rolled = practice.check(weights, CHECKS)
-            means[name] = float(np.mean([cost(one) for one in rolled]))
-        numbers["checked"] = means
-        facts[f"cost before, after ({CHECKS} fresh rollouts each)"] = (
-            f"{means['start']:.3g}, {means['settled']:.3g}"
-        )
+        found = compare(subject.practice, cost, session.best(), CHECKS)
+        numbers["checked"] = {"start": found.before, "settled": found.after}
+        whom = f"{CHECKS} fresh rollouts each" if is_pouring(args) else "beside other people"
+        facts[f"cost before, after ({whom})"] = f"{found.before:.3g}, {found.after:.3g}"
+        outcomes = {"start": found.outcome_before, "settled": found.outcome_after}
+        numbers["checked_outcomes"] = outcomes
     facts["to take it over"] = "the same command with --accept"
     if args.json != PRINTED:
         print_facts(console, facts)
     write_json(args.json, numbers)
 
 
-def _accept(
-    args: argparse.Namespace,
-    session: "PracticeSession",
-    practice: "PouringPractice",
-    console: Console,
-) -> int:
-    skill = args.output / SKILL
-    if not session.tried:
-        cure = "Practise first: the same command without --accept."
-        raise ModelError(describe(str(args.output), "rollouts", "none", cure))
-    weights = session.settled()
-    if np.array_equal(weights, practice.space.mean):
-        got = f"none after {len(session.tried)} rollouts"
-        cure = "Practise on: the same command with more --rollouts."
-        raise ModelError(describe(str(args.output), "a better path than the first", got, cure))
-    improved = practice.with_mean(weights)
-    if skill.exists():
-        before = load_pouring_skill(skill).primitive.mean
-        if np.array_equal(before, weights):
-            console.print(f"accepted before: {skill}", highlight=False, soft_wrap=True)
-            return 0
-        copy(skill, args.output / BEFORE)
-    save_pouring_skill(skill, improved)
-    console.print(f"accepted: {skill}", highlight=False, soft_wrap=True)
-    return 0
-
-
-def _undo(folder: Path, console: Console) -> int:
-    """Take the last accepted skill back; the one before it returns, if there was one."""
-    if not (folder / SKILL).exists():
-        cure = "Accept first, or name the folder with --output."
-        raise ModelError(describe(str(folder), "an accepted skill", "none", cure))
-    if (folder / BEFORE).exists():
-        (folder / BEFORE).replace(folder / SKILL)
-        said = "the skill accepted before is back"
-    else:
-        (folder / SKILL).unlink()
-        said = "nothing is accepted now"
-    console.print(f"{folder}: {said}", highlight=False, soft_wrap=True)
-    return 0
-
-
-def _thumb(rollout: "Rollout") -> float:
+def _thumb(rollout: Rollout) -> float:
     """A person's answer: 0 for up, 1 for down."""
-    seen = ", ".join(f"{name} {value:g}" for name, value in rollout.outcome.items())
+    seen = ", ".join(f"{name} {value:.3g}" for name, value in rollout.outcome.items())
     sys.stderr.write(f"{seen}\n")
     while True:
         sys.stderr.write("u: thumb up, d: down, q: stop and go on later > ")

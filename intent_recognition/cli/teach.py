@@ -64,14 +64,16 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.set_defaults(run=run)
 
 
-def add_library_options(parser: argparse.ArgumentParser) -> None:
+def add_library_options(
+    parser: argparse.ArgumentParser, default: Path | None = DEFAULT_LIBRARY
+) -> None:
     """Options of the commands that work on a library of tasks."""
     parser.add_argument(
         "--library",
         type=Path,
-        default=DEFAULT_LIBRARY,
+        default=default,
         metavar="DIR",
-        help="folder of recordings, model and history (default: %(default)s)",
+        help=f"folder of recordings, model and history (default: {DEFAULT_LIBRARY})",
     )
     parser.add_argument(
         "--model", type=Path, metavar="M.npz", help="model that a new library begins with"

@@ -18,7 +18,14 @@ from intent_recognition.learning.components import (
     score,
     smallest_within_one_error,
 )
-from intent_recognition.learning.correcting import correction_gain, keep_correction, move_task
+from intent_recognition.learning.correcting import (
+    RuleChange,
+    change_rule,
+    correction_gain,
+    inferred_weights,
+    keep_correction,
+    move_task,
+)
 from intent_recognition.learning.examples import (
     TrainingExample,
     cut_one,
@@ -83,6 +90,7 @@ __all__ = [
     "Hyperparameters",
     "Preprocessing",
     "Relabelled",
+    "RuleChange",
     "SignalNames",
     "TaskStatistics",
     "Timing",
@@ -93,6 +101,7 @@ __all__ = [
     "accumulate",
     "add_demonstration",
     "add_statistics",
+    "change_rule",
     "choose_again",
     "choose_components",
     "cluster",
@@ -101,6 +110,7 @@ __all__ = [
     "cut_one",
     "cut_to_movement",
     "fit_interaction_promp",
+    "inferred_weights",
     "is_outdated",
     "keep_correction",
     "label_by_components",

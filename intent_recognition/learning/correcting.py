@@ -92,7 +92,7 @@ def move_task(
         cure = "Teach it first."
         raise TrainingError(describe("task", f"one of {library.labels}", label, cure))
     task, n = library.labels.index(label), library.n_observed_weights
-    seen = [_observed_weights(trained, one) for one in (*earlier, example)]
+    seen = [inferred_weights(trained, one) for one in (*earlier, example)]
     mean, covariance = library.weight_mean[task], library.weight_covariance[task]
     scale = np.sqrt(np.trace(covariance[:n, :n]))
     gain = correction_gain([(one - mean[:n]) / scale for one in seen])
@@ -100,6 +100,12 @@ def move_task(
     controlled = _chosen(trained, example).weights[library.n_observed :].ravel()
     residual = controlled - rule.matrix @ seen[-1] - rule.offset
     change = RuleChange(np.outer(residual, gain[1:] / scale), gain[0] * residual)
+    return change_rule(trained, label, change)
+
+
+def change_rule(trained: Trained, label: str, change: RuleChange) -> Trained:
+    """Change the rule of a known task; all else stays as it is."""
+    library, task = trained.library, trained.library.labels.index(label)
     statistics, bases = trained.tasks[label], trained.preprocessing.basis_of
     moved = _moved(statistics, change, library.basis, bases(False))
     if statistics.aligned is not None:
@@ -136,7 +142,7 @@ def _chosen(trained: Trained, example: TrainingExample) -> TrainingExample:
     return example if aligned is None else aligned
 
 
-def _observed_weights(trained: Trained, example: TrainingExample) -> NDArray[np.float64]:
+def inferred_weights(trained: Trained, example: TrainingExample) -> NDArray[np.float64]:
     """What the filter infers of the person's movement once it was seen, (P N,)."""
     library, n_observed = trained.library, trained.library.n_observed
     task = library.labels.index(example.task)

@@ -1,12 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Model files, and folders of tasks that grow by one recording at a time."""
 
-from intent_recognition.model.executions import ARRIVED, DOWN, SPILLED, UP, Execution, Executions
+from intent_recognition.model.executions import (
+    ARRIVED,
+    DOWN,
+    SPILLED,
+    THUMBS,
+    UP,
+    Execution,
+    Executions,
+)
 from intent_recognition.model.file import Model, check_dofs, load_model, load_trained, save_model
 from intent_recognition.model.from_bags import FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.model.pouring_skill import load_pouring_skill, save_pouring_skill
+from intent_recognition.model.practised import PractisedTask, undo_practice
 from intent_recognition.model.skills import SKILL_COLUMNS, SkillPeriod, skill_history
 from intent_recognition.model.task_folder import (
+    PRACTICE,
     WAIT,
     Change,
     TaskFolder,
@@ -18,8 +28,10 @@ from intent_recognition.model.task_folder import (
 __all__ = [
     "ARRIVED",
     "DOWN",
+    "PRACTICE",
     "SKILL_COLUMNS",
     "SPILLED",
+    "THUMBS",
     "UP",
     "WAIT",
     "Change",
@@ -27,6 +39,7 @@ __all__ = [
     "Executions",
     "FromBags",
     "Model",
+    "PractisedTask",
     "Run",
     "SkillPeriod",
     "TaskFolder",
@@ -42,4 +55,5 @@ __all__ = [
     "save_model",
     "save_pouring_skill",
     "skill_history",
+    "undo_practice",
 ]

@@ -71,22 +71,37 @@ class Executions:
 
     def __init__(self, path: Path, clock: Callable[[], datetime]):
         self.path, self._clock = path, clock
+        self._known: dict[str, Execution] = {}
+        self._read_to = 0
 
     def all(self) -> list[Execution]:
-        """Every execution that something is known of, the oldest first."""
-        try:
-            lines = (self.path / OUTCOMES).read_bytes().decode(errors="replace").split("\n")
-        except FileNotFoundError:
-            return []
-        found: dict[str, Execution] = {}
-        for line in lines:
+        """Every execution that something is known of, the oldest first.
+
+        Only what was added since the last time is read.
+        """
+        for line in self._new_lines():
             one = _execution(line) if line else None
             if one is None:
                 continue
-            known = found.get(one.bag)
+            known = self._known.get(one.bag)
             values = one.values if known is None else {**known.values, **one.values}
-            found[one.bag] = replace(known or one, values=values)
-        return list(found.values())
+            self._known[one.bag] = replace(known or one, values=values)
+        return list(self._known.values())
+
+    def _new_lines(self) -> list[str]:
+        """The whole lines that were added since the last time; all of a file that is shorter."""
+        file = self.path / OUTCOMES
+        size = file.stat().st_size if file.exists() else 0
+        if size < self._read_to:
+            self._known, self._read_to = {}, 0
+        if size == self._read_to:
+            return []
+        with file.open("rb") as stream:
+            stream.seek(self._read_to)
+            added = stream.read()
+        whole = added[: added.rfind(b"\n") + 1]
+        self._read_to += len(whole)
+        return whole.decode(errors="replace").split("\n")
 
     def new_bag(self, task: str) -> Path:
         """Where the next execution of a task is to be recorded.

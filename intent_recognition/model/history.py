@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The history of a folder of tasks: one line per change, written at once at the file's end."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +9,8 @@ from intent_recognition.untrusted import UntrustedError, load_json
 
 HISTORY = "history.jsonl"
 START, LEARN, WAIT, UNDO, KEEP = "start", "learn", "wait", "undo", "keep"
-ACTIONS = (START, LEARN, WAIT, UNDO, KEEP)
+IMPROVE = "improve"
+ACTIONS = (START, LEARN, WAIT, UNDO, KEEP, IMPROVE)
 
 
 @dataclass(frozen=True)
@@ -19,9 +20,11 @@ class Change:
     Attributes:
         time: ISO 8601, local time with its offset.
         action: "start" (a model to begin with), "learn", "wait" (recorded, too few yet to learn
-            from), "keep" (a correction, which moved its task) or "undo".
+            from), "keep" (a correction, which moved its task), "improve" (what practice came to) or
+            "undo".
         task: label of the recording, empty where there is none.
-        bag: the recording, relative to the folder, empty where there is none.
+        bag: the recording, or the folder of practice, relative to the folder; empty where there is
+            none.
         model: the model since then, relative to the folder, empty where there is none yet.
         tasks: demonstrations per task of that model.
     """
@@ -37,6 +40,17 @@ class Change:
 def read_history(path: Path) -> list[Change]:
     """All changes of a folder of tasks, the oldest first; nothing in it is touched."""
     return [change for _, change in history_lines(path) if change is not None]
+
+
+def standing(changes: Sequence[Change]) -> list[Change]:
+    """The changes that were not taken back, of all, the oldest first."""
+    kept: list[Change] = []
+    for change in changes:
+        if change.action == UNDO:
+            del kept[-1:]
+        else:
+            kept.append(change)
+    return kept
 
 
 def history_lines(path: Path) -> list[tuple[str, Change | None]]:

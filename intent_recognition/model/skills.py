@@ -14,7 +14,7 @@ from intent_recognition.model.executions import (
     UP,
     Execution,
 )
-from intent_recognition.model.history import LEARN, START, UNDO, WAIT, Change
+from intent_recognition.model.history import IMPROVE, LEARN, START, UNDO, WAIT, Change
 
 SKILL_COLUMNS = ("executions", "arrived", "corrected", "thumbs up", "thumbs down", "spilled")
 
@@ -114,6 +114,7 @@ def _words(change: Change) -> str:
         LEARN: f"learned {name}",
         WAIT: f"recorded {name}",
         UNDO: f"took {name} back",
+        IMPROVE: f"improved by {name}",
     }
     return said.get(change.action, f"kept {name.removesuffix('_kept')}")
 

@@ -7,6 +7,7 @@
       bags/give_cup/give_cup_00, ...   the recordings, by task
       undone/...             recordings that were taken back; nothing recorded is ever lost
       models/0001.npz, ...   the model after each change, to go back to
+      practice/give_cup/practice_00, ...   what was practised, see `practised`
       executions/, outcomes.jsonl   see `executions`
 
 A recording is learned by adding its statistics to the model (`learning.add_statistics`), in
@@ -42,10 +43,12 @@ from intent_recognition.errors import (
     describe,
 )
 from intent_recognition.learning import (
+    RuleChange,
     Trained,
     TrainingExample,
     TrainingSettings,
     add_statistics,
+    change_rule,
     is_outdated,
     learn_accumulated,
     move_task,
@@ -56,6 +59,7 @@ from intent_recognition.model.file import Model, check_dofs, load_model, load_tr
 from intent_recognition.model.from_bags import FromBags, accumulate_bags
 from intent_recognition.model.history import (
     HISTORY,
+    IMPROVE,
     KEEP,
     LEARN,
     START,
@@ -64,10 +68,12 @@ from intent_recognition.model.history import (
     Change,
     history_lines,
     read_history,
+    standing,
 )
+from intent_recognition.model.recordings import check_usable, is_correction, is_finished
 
 MODEL = "model.npz"
-BAGS, UNDONE, MODELS = "bags", "undone", "models"
+BAGS, UNDONE, MODELS, PRACTICE = "bags", "undone", "models", "practice"
 DAMAGED, LOCK = "history.damaged", ".lock"
 METADATA = "metadata.yaml"
 MOST_CORRECTIONS = 10
@@ -125,7 +131,7 @@ class TaskFolder:
             return []  # what was learned is not known
         known = {change.bag for change in self.history()}
         bags = sorted(path.parent for path in (self.path / BAGS).glob(f"*/*/{METADATA}"))
-        return [bag for bag in bags if self._relative(bag) not in known and _is_finished(bag)]
+        return [bag for bag in bags if self._relative(bag) not in known and is_finished(bag)]
 
     def start_from(self, model: str | Path) -> None:
         """Begin with a model that was trained elsewhere.
@@ -166,7 +172,7 @@ class TaskFolder:
         """
         task, name = bag.parent.name, self._relative(bag)
         with self._locked():
-            for change in self._standing():
+            for change in standing(self.history()):
                 if change.bag == name:  # another teacher was faster
                     return change
             try:
@@ -174,20 +180,41 @@ class TaskFolder:
             except (BagError, TrainingError):
                 self.prune(bag)
                 raise
-            learned = KEEP if self.model_path.exists() and _is_correction(bag) else LEARN
+            learned = KEEP if self.model_path.exists() and is_correction(bag) else LEARN
             return self._keep(learned if trained else WAIT, task, name, trained)
 
+    def improve(self, task: str, practice: Path, change: RuleChange, since: str) -> Change:
+        """Change the rule of a task to what practice came to.
+
+        Args:
+            task: label.
+            practice: folder of it in this one.
+            change: of the rule.
+            since: the model that was practised, relative to the folder.
+
+        Raises:
+            ModelError: the model has changed since.
+        """
+        with self._locked():
+            if not since or self.present_model() != since:
+                cure = "Practise again, with the present model."
+                got = f"{self.present_model() or 'none'} after practice with {since or 'none'}"
+                raise ModelError(describe("model", "the one that was practised", got, cure))
+            _, trained = load_trained(self.model_path)
+            changed = change_rule(trained, task, change)
+            return self._keep(IMPROVE, task, self._relative(practice), changed)
+
     def undo(self) -> Change:
-        """Take the last recording back: the model before it returns, the bag goes to `undone`.
+        """Take the last change back: the model before it returns, its bag goes to `undone`.
 
         Raises:
             ModelError: there is nothing to take back.
         """
         with self._locked():
-            kept = self._standing()
-            if not kept or kept[-1].action not in (LEARN, WAIT, KEEP):
-                cure = "Only recordings made in this folder can be taken back."
-                raise ModelError(describe("undo", "a recording to take back", "none", cure))
+            kept = standing(self.history())
+            if not kept or kept[-1].action not in (LEARN, WAIT, KEEP, IMPROVE):
+                cure = "Only changes made in this folder can be taken back."
+                raise ModelError(describe("undo", "a change to take back", "none", cure))
             last, before = kept[-1], kept[-2] if len(kept) > 1 else None
             if before is not None and before.model and not (self.path / before.model).is_file():
                 cure = "Put it back, or go on with the present model."
@@ -230,16 +257,6 @@ class TaskFolder:
             shutil.move(bag, target)
             sync_folder(target.parent)
 
-    def _standing(self) -> list[Change]:
-        """The changes that were not taken back."""
-        kept: list[Change] = []
-        for change in self.history():
-            if change.action == UNDO:
-                del kept[-1:]
-            else:
-                kept.append(change)
-        return kept
-
     def _more(self, bag: Path) -> Trained:
         model, trained = load_trained(self.model_path)
         preprocessing = trained.preprocessing
@@ -250,8 +267,8 @@ class TaskFolder:
             preprocessing=preprocessing,
         )
         found = read([bag])
-        _check(found, bag)
-        if _is_correction(bag):
+        check_usable(found, bag)
+        if is_correction(bag):
             known = [read([kept]) for kept in self._kept_of(bag.parent.name)]
             *earlier, corrected = chain.from_iterable(map(_read, (*known, found)))
             return move_task(trained, corrected, earlier)
@@ -263,7 +280,7 @@ class TaskFolder:
 
     def _kept_of(self, task: str) -> list[Path]:
         """The newest corrections of a task that are in force, the oldest first."""
-        kept = [change for change in self._standing() if change.action == KEEP]
+        kept = [change for change in standing(self.history()) if change.action == KEEP]
         bags = [self.path / change.bag for change in kept if change.task == task]
         return [bag for bag in bags[-MOST_CORRECTIONS:] if bag.exists()]
 
@@ -271,7 +288,7 @@ class TaskFolder:
         """Learn from all recordings, if there are enough by now."""
         self.dofs = settle_orientations(self.dofs, self.path / BAGS)
         found = accumulate_bags([self.path / BAGS], self.dofs, TrainingSettings())
-        _check(found, self.path / BAGS)
+        check_usable(found, self.path / BAGS)
         if found.accumulated.n_used == len(found.accumulated.tasks):
             return None
         return learn_accumulated(found.accumulated).trained
@@ -300,8 +317,8 @@ class TaskFolder:
         The line in the history is what commits a change: before it everything is as it was, and
         whatever comes after it is made up for at the next start.
         """
-        changes, standing = self.history(), self._standing()
-        bags = {change.bag for change in standing}
+        changes = self.history()
+        bags = {change.bag for change in standing(changes)}
         for change in changes:
             if change.action == UNDO and change.bag not in bags:
                 self.prune(self.path / change.bag)
@@ -361,21 +378,6 @@ def is_task_folder(path: Path) -> bool:
     return (path / HISTORY).is_file() or (path / OUTCOMES).is_file()
 
 
-def _check(found: FromBags, bag: Path) -> None:
-    """Say why nothing of a recording can be used."""
-    if found.accumulated.n_used:
-        return
-    reasons = [str(r) for r in found.rejections] + [r for _, r in found.accumulated.rejected]
-    raise TrainingError(
-        describe(
-            bag.name,
-            "a recording of one movement, at rest before and after",
-            "; ".join(reasons[:3]) or "nothing",
-            "Record it again; this one is kept in `undone`.",
-        )
-    )
-
-
 def _kept(execution: Path) -> Path:
     """Where the demonstration made of an execution is, below a folder of bags."""
     return Path(execution.parent.name) / f"{execution.name}_kept"
@@ -384,19 +386,6 @@ def _kept(execution: Path) -> Path:
 def _read(found: FromBags) -> list[TrainingExample]:
     """The recordings that can be used."""
     return [one for task in found.accumulated.tasks.values() for one in task.examples]
-
-
-def _is_correction(bag: Path) -> bool:
-    """Whether a recording is a corrected execution."""
-    return CORRECTED in BagReader(bag, tolerant=True).custom_data
-
-
-def _is_finished(bag: Path) -> bool:
-    """Whether a recording was closed."""
-    try:
-        return BagReader(bag, tolerant=True).is_finished
-    except BagError:
-        return False
 
 
 def _same(one: Path, other: Path) -> bool:

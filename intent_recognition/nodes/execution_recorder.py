@@ -50,6 +50,20 @@ class ExecutionRecorder:
         self._last: dict[str, Path] = {}
         self._values: dict[str, str] = {}
 
+    @property
+    def records(self) -> bool:
+        """Whether executions are recorded at all."""
+        return self._most > 0
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether one is under way."""
+        return self._writer is not None
+
+    def last(self, task: str) -> str:
+        """Name of the execution of a task now or last; empty for none."""
+        return self._last[task].name if task in self._last else ""
+
     def take(self, topic: str, kind: str, data: bytes, received_ns: int, sent_ns: int) -> None:
         """Take a message of a recorded topic."""
         if not self._most:

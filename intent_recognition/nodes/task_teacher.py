@@ -9,16 +9,19 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.demonstrations import HAND_LINK, DofSpec, load_dofs, topics_of
 from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
 from intent_recognition.model import (
+    PRACTICE,
     SKILL_COLUMNS,
+    THUMBS,
     WAIT,
     Change,
     Executions,
@@ -32,6 +35,11 @@ from intent_recognition.nodes.diagnostics import MODEL, Level
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.task_practice import (
+    PERIOD_S,
+    TaskPracticeService,
+    declare_practice,
+)
 from intent_recognition.nodes.topic_recorder import TopicRecorder, answer, refuse_label
 
 ESTIMATOR = "intent_estimator"
@@ -53,6 +61,9 @@ class TaskTeacher(TopicRecorder):
     parameter `learn_at_stop` is false: then recordings wait for `~/learn`. `~/discard` ends a
     recording and keeps it aside; `~/undo` takes the last one back. What happened is on
     `teach/status`, a sentence each, the last one latched.
+
+    `~/practise` begins (true) and ends (false) practice of the task named by the parameter `task`,
+    `~/accept` takes over what it came to; see `task_practice`.
 
     An estimator that had the library's model and reports another one, since it was started again,
     gets it back.
@@ -87,6 +98,10 @@ class TaskTeacher(TopicRecorder):
             self.folder.present_model,
             self.diagnostics.reject,
         )
+        declare_practice(self)
+        self.practice = TaskPracticeService(self)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(PERIOD_S, self.practice.step, clock=steady)
         self.add_on_set_parameters_callback(refuse_label)
         self._status = self.create_publisher(String, "teach/status", qos.LATCHED)
         self._skills = self.create_publisher(DiagnosticArray, "teach/skills", qos.LATCHED)
@@ -97,8 +112,10 @@ class TaskTeacher(TopicRecorder):
             ("discard", self.discard),
             ("undo", self.undo),
             ("keep", self.keep),
+            ("accept", self.practice.accept),
         ):
             self.create_service(Trigger, f"~/{name}", partial(_serve, action))
+        self.create_service(SetBool, "~/practise", self._practise)
         self._set_model = self.create_client(SetParameters, f"{ESTIMATOR}/set_parameters")
         self._reload = self.create_client(Trigger, f"{ESTIMATOR}/reload_model")
         self._estimator_name = self.resolve_topic_name(ESTIMATOR).lstrip("/")
@@ -120,7 +137,7 @@ class TaskTeacher(TopicRecorder):
         self.listen(topics_of(self.folder.dofs))
         self._publish_skills()
         left = f"; {len(self.waiting)} recordings wait to be learned" if self.waiting else ""
-        self._report(Level.OK, f"ready; library {self.folder.path}{left}")
+        self.report(Level.OK, f"ready; library {self.folder.path}{left}")
 
     def start(self) -> str:
         """Begin a recording of the task named by the parameter `task`; returns its path.
@@ -133,7 +150,7 @@ class TaskTeacher(TopicRecorder):
         path = self.folder.new_bag(task)
         hand = {HAND_LINK: self._hand_link} if self._hand_link else {}
         self.open_bag(path, {"task": task} | hand)
-        self._report(Level.OK, f"recording {path.name}")
+        self.report(Level.OK, f"recording {path.name}")
         return str(path)
 
     def stop(self) -> str:
@@ -148,7 +165,7 @@ class TaskTeacher(TopicRecorder):
         if self.get_parameter("learn_at_stop").value:
             return self.learn()
         text = f"recorded {bag.name}; {len(self.waiting)} wait to be learned"
-        self._report(Level.OK, text)
+        self.report(Level.OK, text)
         return text
 
     def learn(self) -> str:
@@ -166,7 +183,7 @@ class TaskTeacher(TopicRecorder):
             try:
                 change = self.folder.learn(bag)
             except IntentError as error:
-                self._report(Level.WARN, f"not learned: {error}")
+                self.report(Level.WARN, f"not learned: {error}")
                 raise
             learned.append(bag.name)
         return self._changed(change, f"learned {', '.join(learned)}")
@@ -180,7 +197,7 @@ class TaskTeacher(TopicRecorder):
         bag = self.close_bag("~/discard").path
         self.folder.prune(bag)
         text = f"{bag.name} is not learned, and kept in undone"
-        self._report(Level.OK, text)
+        self.report(Level.OK, text)
         return text
 
     def undo(self) -> str:
@@ -209,6 +226,10 @@ class TaskTeacher(TopicRecorder):
         wanted = "an execution that was corrected and not kept before"
         raise BagError(describe("~/keep", wanted, "none", cure))
 
+    def change(self, action: Callable[[], Change], what: str) -> str:
+        """Change the folder, and let the estimator use it; returns what changed."""
+        return self._changed(action(), what)
+
     def heard(self, topic: str, kind: str, data: bytes, received_ns: int, sent_ns: int) -> None:
         """Record executions."""
         self.executions.take(topic, kind, data, received_ns, sent_ns)
@@ -217,6 +238,14 @@ class TaskTeacher(TopicRecorder):
         """Close the recordings, then the node."""
         self.executions.close()
         super().destroy_node()
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether a demonstration or an execution is being recorded."""
+        return self.recording is not None or self.executions.is_recording
+
+    def _practise(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        return answer(response, self.practice.start if request.data else self.practice.stop)
 
     def _on_active(self, message: String) -> None:
         with self._lock:
@@ -230,7 +259,9 @@ class TaskTeacher(TopicRecorder):
     def _on_feedback(self, message: DiagnosticStatus) -> None:
         values = {row.key: row.value for row in message.values}
         with self._lock:
-            self.executions.add(message.name, values)
+            execution = self.executions.add(message.name, values)
+        if THUMBS in values:
+            self.practice.judge(message.name, execution, values[THUMBS])
         self._publish_skills()
 
     def _open_folder(self) -> TaskFolder:
@@ -250,22 +281,22 @@ class TaskTeacher(TopicRecorder):
         self._publish_skills()
         if change.action == WAIT:
             text = f"{what}; a first model needs two demonstrations of a task"
-            self._report(Level.OK, text)
+            self.report(Level.OK, text)
             return text
         tasks = ", ".join(f"{label} {n}" for label, n in change.tasks.items())
         text = f"{what}; demonstrations: {tasks or 'none'}"
-        self._report(Level.OK, text)
+        self.report(Level.OK, text)
         if change.model:
-            self._send_model(text)
+            self.send_model(text)
         return text
 
-    def _send_model(self, text: str) -> None:
-        """Name the model to the estimator and have it loaded."""
+    def send_model(self, text: str) -> None:
+        """Name the model, or the one that is tried, to the estimator and have it loaded."""
         if not self.estimator_runs():
-            self._report(Level.OK, f"{text}; no estimator runs")
+            self.report(Level.OK, f"{text}; no estimator runs")
             return
         self.sending_model, self._asked_s = True, time.monotonic()
-        value = Parameter("model", value=str(self.folder.model_path)).to_parameter_msg()
+        value = Parameter("model", value=self._model_in_force).to_parameter_msg()
         asked = self._set_model.call_async(SetParameters.Request(parameters=[value]))
         asked.add_done_callback(lambda _: self._ask_to_load(text))
 
@@ -279,9 +310,10 @@ class TaskTeacher(TopicRecorder):
         answer = future.result()
         if answer.success:
             self._in_use = True
-            self._report(Level.OK, f"{text}; in use")
+            self.practice.in_use()
+            self.report(Level.OK, f"{text}; in use")
         else:
-            self._report(Level.WARN, f"{text}; not loaded: {answer.message}")
+            self.report(Level.WARN, f"{text}; not loaded: {answer.message}")
 
     def _on_reports(self, message: DiagnosticArray) -> None:
         """Notice an estimator that was started again with the model of the beginning."""
@@ -289,10 +321,15 @@ class TaskTeacher(TopicRecorder):
             if status.name != self._estimator_name:
                 continue
             loaded = {row.key: row.value for row in status.values}.get(MODEL)
-            if loaded == str(self.folder.model_path):
-                self._in_use = True
-            elif self._in_use and loaded is not None and not self._is_asking():
-                self._send_model("the estimator was started again")
+            if loaded is None or loaded == self._model_in_force:
+                self._in_use = self._in_use or loaded is not None
+            elif (self._in_use or _is_trial(loaded, self.folder)) and not self._is_asking():
+                self.send_model("the estimator was started again")
+
+    @property
+    def _model_in_force(self) -> str:
+        """The model that the estimator shall have."""
+        return str(self.practice.trial or self.folder.model_path)
 
     def _is_asking(self) -> bool:
         """Whether the answer of the estimator may still come; one that died sends none."""
@@ -315,11 +352,17 @@ class TaskTeacher(TopicRecorder):
                 message.status.append(DiagnosticStatus(name=label, message=one.what, values=rows))
         self._skills.publish(message)
 
-    def _report(self, level: int, text: str) -> None:
+    def report(self, level: int, text: str) -> None:
+        """Say a sentence on `teach/status`, in the diagnostics and in the log."""
         self.last_status = text
         self._status.publish(String(data=text))
         self.diagnostics.status(level, text)
         self.get_logger().info(text)
+
+
+def _is_trial(model: str, folder: TaskFolder) -> bool:
+    """Whether a model is one that a teacher that has ended let the estimator try."""
+    return Path(model).is_relative_to(folder.path / PRACTICE)
 
 
 def _serve(

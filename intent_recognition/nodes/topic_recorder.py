@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -19,7 +19,7 @@ from rclpy.qos import (
     QoSProfile,
     QoSReliabilityPolicy,
 )
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from intent_recognition.bags import FLUSH_PERIOD_S, BagWriter, DiskFullError, rosbag2_profile
 from intent_recognition.demonstrations import check_label
@@ -322,7 +322,10 @@ def refuse_label(changes: Sequence[Parameter]) -> SetParametersResult:
     return SetParametersResult(successful=True)
 
 
-def answer(response: Trigger.Response, action: Callable[[], str]) -> Trigger.Response:
+Response = TypeVar("Response", Trigger.Response, SetBool.Response)
+
+
+def answer(response: Response, action: Callable[[], str]) -> Response:
     """Fill a service's response with what `action` returns, or with why it failed."""
     try:
         response.message = action()

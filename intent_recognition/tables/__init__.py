@@ -3,12 +3,13 @@
 
 from intent_recognition.tables.exporting import export_columns, export_map, write_table
 from intent_recognition.tables.import_map import ImportMap, load_map
-from intent_recognition.tables.imported import ImportedDemonstration, write_demonstration
+from intent_recognition.tables.imported import ImportedDemonstration, Samples, write_demonstration
 from intent_recognition.tables.importing import import_demonstrations
 
 __all__ = [
     "ImportMap",
     "ImportedDemonstration",
+    "Samples",
     "export_columns",
     "export_map",
     "import_demonstrations",

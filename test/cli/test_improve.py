@@ -41,7 +41,7 @@ def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
     assert len(list((folder / "rollouts").iterdir())) == 2
     assert not (folder / "skill.npz").exists()
     assert main([*base, "--accept"]) == 1
-    assert "more --rollouts" in capsys.readouterr().err
+    assert "Practise on" in capsys.readouterr().err
     pretend_more(folder, 12)
     assert main([*base, "--accept"]) == 0
     accepted, shown = load_pouring_skill(folder / "skill.npz"), load_pouring_skill(start)

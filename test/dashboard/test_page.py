@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from dashboard.browser import chromium, free_port, visitor
 from dashboard.test_drag_handles import drag
+from model.test_kept import execute
 from ros_harness import NodeProcess
 
 from intent_recognition.dashboard.scene_file import load_scene
+from intent_recognition.demonstrations import load_dofs, read_demonstrations
 from intent_recognition.model.executions import THUMBS, UP, Executions
 from intent_recognition.model.file import load_model
-from intent_recognition.model.history import LEARN, UNDO
+from intent_recognition.model.history import KEEP, LEARN, UNDO
 from intent_recognition.model.task_folder import TaskFolder, now
 
 pytestmark = pytest.mark.slow
@@ -75,7 +77,7 @@ def cell(tmp_path, model, repository):
             process.stop()
 
 
-def test_page_shows_replays_and_teaches(cell, tmp_path):
+def test_page_shows_replays_and_teaches(cell, tmp_path, repository):
     with visitor() as person:
         person.open(cell["port"])
         person.wait_for("robot: waits")
@@ -84,6 +86,7 @@ def test_page_shows_replays_and_teaches(cell, tmp_path):
         lead_the_path_elsewhere(person)
         teach_a_task(person)
         judge_and_undo(person)
+        keep_a_correction(person, tmp_path / "tasks", repository)
         outside = {url for url in person.requests if url.startswith("http")}
         assert {url.split("/")[2] for url in outside} == {f"127.0.0.1:{cell['port']}"}
         assert not [text for text in person.console if "Content Security" in text]
@@ -93,7 +96,7 @@ def test_page_shows_replays_and_teaches(cell, tmp_path):
     folder = TaskFolder(tmp_path / "tasks", load_model(cell["model"]).dofs)
     taught = [change for change in folder.history() if change.action == LEARN]
     assert [change.task for change in taught] == ["wave"] * 3
-    assert folder.history()[-1].action == UNDO
+    assert [change.action for change in folder.history()[-2:]] == [KEEP, UNDO]
     executions = Executions(folder.path, now).all()
     assert UP in {one.values.get(THUMBS) for one in executions if one.task == "wave"}
 
@@ -159,3 +162,16 @@ def judge_and_undo(person):
     person.wait_for("corrected and not kept before")
     person.press("Undo")
     person.wait_for("took wave_02 back")
+
+
+def keep_a_correction(person, tasks, repository):
+    """What a person corrected by hand is kept by a click, is in use, and is taken back."""
+    (recording, *_), _ = read_demonstrations(
+        [repository / "bags/toolbox/test/plate_handover_00"], load_dofs()
+    )
+    folder = TaskFolder(tasks, load_dofs())
+    bag = execute(folder, recording)
+    person.press("Keep the last correction")
+    person.wait_for(f"kept the correction of {bag.name}")
+    person.press("Undo")
+    person.wait_for(f"took {bag.name}_kept back")

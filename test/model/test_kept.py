@@ -126,6 +126,20 @@ def test_outcomes_add_up_and_a_torn_line_never_happened(tmp_path):
     assert (first.name, second.name) == ("cup_0000", "cup_0001")
 
 
+def test_only_what_was_added_is_read_again(tmp_path):
+    executions, other = (Executions(tmp_path, lambda: NOON) for _ in range(2))
+    first = executions.new_bag("cup")
+    executions.add(first, {"outcome": "arrived"})
+    assert len(executions.all()) == 1
+    file = tmp_path / "outcomes.jsonl"
+    file.write_bytes(b"x" * (file.stat().st_size - 1) + b"\n")
+    other.add(first, {"thumbs": "up"})
+    (one,) = executions.all()
+    assert dict(one.values) == {"outcome": "arrived", "thumbs": "up"}
+    file.write_bytes(b"")  # another file: nothing is known any more
+    assert executions.all() == []
+
+
 def test_the_newest_recording_stays_when_numbers_get_longer(tmp_path):
     executions = Executions(tmp_path, lambda: NOON)
     bags = [tmp_path / "executions/cup" / f"cup_{number}" for number in (9998, 9999, 10000)]

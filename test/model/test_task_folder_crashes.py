@@ -6,13 +6,16 @@ import os
 import shutil
 import sys
 
+import numpy as np
 import pytest
 from model_builder import make_dofs, perform, true_library, write_recording
 
 from intent_recognition.durable import locked
 from intent_recognition.errors import BagError, ResourceBusyError
+from intent_recognition.learning import RuleChange
 from intent_recognition.model import task_folder
-from intent_recognition.model.file import load_trained
+from intent_recognition.model.file import load_model, load_trained
+from intent_recognition.model.history import standing
 from intent_recognition.model.task_folder import HISTORY, LEARN, START, TaskFolder
 
 DOFS = make_dofs()
@@ -40,20 +43,25 @@ def started(tmp_path_factory):
 def state(path):
     """What a folder holds: what stands, its model, where its recordings are."""
     folder = TaskFolder(path, DOFS)
-    standing = [(change.action, change.bag) for change in folder._standing()]
+    changes = [(change.action, change.bag) for change in standing(folder.history())]
     counts = {}
     if folder.model_path.exists():
         counts = {label: s.n for label, s in load_trained(folder.model_path)[1].tasks.items()}
     homes = sorted(
         str(p.relative_to(path)) for home in ("bags", "undone") for p in path.glob(f"{home}/*/*")
     )
-    return standing, counts, homes
+    return changes, counts, homes
 
 
 def act(path, action):
     folder = TaskFolder(path, DOFS)
     if action == "learn":
         folder.learn(folder.waiting()[0])
+    elif action == "improve":
+        task, practice = TRUTH.labels[0], path / "practice" / TRUTH.labels[0] / "practice_00"
+        size = load_model(folder.model_path).library.regressions[0].matrix.shape
+        change = RuleChange(np.zeros(size), np.full(size[0], 0.01))
+        folder.improve(task, practice, change, folder.present_model())
     else:
         folder.undo()
 
@@ -86,7 +94,7 @@ def writes(arguments):
     return bool((mode and set(mode) & set("wax+")) or flags & (os.O_WRONLY | os.O_RDWR))
 
 
-@pytest.mark.parametrize("action", ["learn", "undo"])
+@pytest.mark.parametrize("action", ["learn", "undo", "improve"])
 def test_killed_at_any_write_the_folder_is_the_old_or_the_new_one(started, tmp_path, action):
     old = state(shutil.copytree(started, tmp_path / "old"))
     done = shutil.copytree(started, tmp_path / "done")

@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
@@ -262,3 +262,91 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
     assert cell.call("undo").success
     told = [(row.name, row.message) for row in skills[-1].status if row.name == label]
     assert [text for _, text in told][1:] == ["kept 0000", "took 0000_kept back"]
+
+
+def practising(harness, library, model):
+    """A teacher that practises, and its services."""
+    values = {"library": str(library), "model": str(model), "task": OLD[0], "practice_cost": "time"}
+    overrides = [Parameter(name, value=value) for name, value in values.items()]
+    overrides.append(Parameter("practice_rollouts", value=14))
+    teacher = harness.add(TaskTeacher(parameter_overrides=overrides))
+
+    def call(service, kind=Trigger, **fields):
+        return harness.call(kind, f"task_teacher/{service}", kind.Request(**fields))
+
+    return teacher, call
+
+
+def test_practice_begins_ends_goes_on_and_is_accepted_by_services(harness, tmp_path, model):
+    teacher, call = practising(harness, tmp_path / "mine", model)
+    before = teacher.folder.model_path.read_bytes()
+    assert "Practise first" in call("accept").message
+    assert "Begin one first" in call("practise", SetBool, data=False).message
+    assert call("practise", SetBool, data=True).success
+    assert "End it first" in call("practise", SetBool, data=True).message
+    harness.spin_until(lambda: teacher.diagnostics._values.get("practice"))
+    assert call("practise", SetBool, data=False).success
+    done = len(teacher.practice._begun.session.tried)
+    assert 0 < done < 14
+    assert call("start").success  # while something is recorded, it waits
+    assert call("practise", SetBool, data=True).success
+    teacher.practice.step()
+    assert len(teacher.practice._begun.session.tried) == done
+    assert call("discard").success
+    harness.spin_until(lambda: not teacher.practice.running)
+    shown = {row.key: row.value for row in teacher.diagnostics.report().values}
+    assert shown["practice"] == f"{OLD[0]}, 14 of 14"
+    assert teacher.folder.model_path.read_bytes() == before
+    answer = call("accept")
+    assert answer.success, answer.message
+    assert teacher.folder.history()[-1].action == "improve"
+    assert call("undo").success
+    assert teacher.folder.model_path.read_bytes() == before
+    teacher.set_parameters([Parameter("practice_cost", value="/tmp/mine.py")])
+    assert "one of distance, time, thumbs" in call("practise", SetBool, data=True).message
+    teacher.set_parameters([Parameter("practice_beside", value="1 2")])
+    teacher.set_parameters([Parameter("practice_cost", value="time")])
+    assert "three numbers" in call("practise", SetBool, data=True).message
+
+
+def test_thumbs_of_the_page_judge_the_points_that_the_estimator_tries(harness, tmp_path, model):
+    teacher, call = practising(harness, tmp_path / "mine", model)
+    teacher.set_parameters([Parameter("practice_cost", value="thumbs")])
+    assert "an estimator" in call("practise", SetBool, data=True).message
+    override = [Parameter("model", value=str(model))]
+    estimator = harness.add(IntentEstimatorNode(parameter_overrides=override))
+    active = harness.publisher(String, "intent/active_task", qos.LATCHED)
+    feedback = harness.publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
+    harness.connect(active, feedback)
+    harness.spin_until(teacher.estimator_runs)
+    recorder, log = teacher.executions, teacher.executions.executions
+
+    def judge(thumbs):
+        feedback.publish(
+            DiagnosticStatus(name=OLD[0], values=[KeyValue(key="thumbs", value=thumbs)])
+        )
+
+    def execute(n):
+        active.publish(String(data=OLD[0]))
+        harness.spin_until(lambda: recorder.is_recording)
+        active.publish(String(data=""))
+        harness.spin_until(lambda: len(log.all()) == n)
+
+    execute(1)
+    teacher.set_parameters([Parameter("practice_rollouts", value=2)])
+    assert call("practise", SetBool, data=True).success
+    harness.spin_until(lambda: teacher.practice._judged_before)
+    judge("up")  # of an execution from before: it does not count
+    harness.spin_until(lambda: log.all()[0].values.get("thumbs"))
+    session, library = teacher.practice._begun.session, str(teacher.folder.model_path)
+    assert not session.tried
+    assert estimator.get_parameter("model").value == str(teacher.practice.trial) != library
+    execute(2)
+    judge("down")
+    harness.spin_until(lambda: len(session.tried) == 1 and teacher.practice._judged_before)
+    execute(3)
+    judge("up")
+    harness.spin_until(lambda: estimator.get_parameter("model").value == library)
+    assert session.costs.tolist() == [1.0, 0.0]
+    assert [one.bag for one in session.tried] == [one.bag for one in log.all()[1:]]
+    assert np.abs(session.points[0]).max() == 0.0 < np.abs(session.points[1]).max()

@@ -129,21 +129,21 @@ def _level_findings(levels: Sequence[dict]) -> tuple[Finding, ...]:
     return (
         Finding(
             "balls left in a cup that is to be emptied, nine pairs [of 40]",
-            "",
+            f"<= {100.0 * BAR_LEVEL:g} % of its volume",
             f"{np.mean(kept):.1f} (at most {max(kept)})",
             max(one["error"] for one in emptied) <= BAR_LEVEL,
             note,
         ),
         Finding(
-            "balls spilled by these",
-            "",
+            "balls spilled by these, mean [of 40]",
+            f"<= {BAR_SPILLED_TO_LEVEL:g}",
             f"{np.mean(spilled):.1f} (at most {max(spilled)})",
             bool(np.mean(spilled) <= BAR_SPILLED_TO_LEVEL),
             note,
         ),
         Finding(
             f"{len(less)} pours to a level, tea cup and round bowl: largest error, of the volume",
-            "",
+            f"<= {100.0 * BAR_LEVEL:g} %",
             f"{100.0 * worst:.0f} % ({sum(one['spilled'] for one in less)} spilled)",
             worst <= BAR_LEVEL,
             note,

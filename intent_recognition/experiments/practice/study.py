@@ -1,15 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Practice from a deliberately poor start: demonstrations moved away from the second container."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.improvement import CovarianceSearch, Search, next_point, settled_point
-from sim_bridge.practice import COSTS
+from intent_recognition.improvement import (
+    CovarianceSearch,
+    Practice,
+    Search,
+    attempt,
+    compare,
+    load_cost,
+    settled_point,
+)
 from sim_bridge.scenarios.pouring import PouringPractice, read_demonstrated, short_skill
 
 COST = "spilled"
@@ -52,7 +59,8 @@ class Practised:
         costs: of the rollouts, in order (n,).
         start: mean cost of fresh pours with the start.
         settled: the same with what practice has come to.
-        spilled: balls of 40 spilled in these, before and after.
+        before, after: mean outcomes of these, by name.
+        weights: what practice has come to, (d,).
     """
 
     seed: int
@@ -60,7 +68,14 @@ class Practised:
     costs: NDArray[np.float64]
     start: float
     settled: float
-    spilled: tuple[float, float]
+    before: Mapping[str, float]
+    after: Mapping[str, float]
+    weights: NDArray[np.float64]
+
+    @property
+    def spilled(self) -> tuple[float, float]:
+        """Balls of 40 spilled in fresh pours, before and after."""
+        return self.before["spilled"], self.after["spilled"]
 
     @property
     def halved(self) -> bool:
@@ -68,27 +83,29 @@ class Practised:
         return self.settled <= 0.5 * self.start
 
 
-def search_of(method: str, n_axes: int, seed: int) -> Search:
+def search_of(method: str, practice: Practice, seed: int) -> Search:
     """The search of a name."""
+    n_axes = practice.space.n_axes
     if method == RANDOM:
         return RandomSearch(n_axes, seed)
-    return CovarianceSearch(n_axes, seed)
+    return CovarianceSearch(n_axes, seed, practice.step)
 
 
-def practise(practice: PouringPractice, method: str, seed: int, n_rollouts: int) -> Practised:
+def practise(
+    practice: Practice, method: str, seed: int, n_rollouts: int, cost_name: str = COST
+) -> Practised:
     """Practise once; how the balls lie is the same for every method."""
-    space, cost = practice.space, COSTS[COST]
-    search = search_of(method, space.n_axes, seed)
+    space, cost = practice.space, load_cost(cost_name)
+    search = search_of(method, practice, seed)
     points, costs = np.empty((0, space.n_axes)), np.empty(0)
     for number in range(n_rollouts):
-        point = next_point(search, space, points, costs, practice.keeps_limits)
-        rollout = practice.rollout(space.weights(point), np.random.default_rng([seed, number]))
-        points, costs = np.vstack([points, point]), np.append(costs, cost(rollout))
-    settled = settled_point(search, space, points, costs, practice.keeps_limits)
-    before, after = (practice.check(w, N_CHECKS) for w in (space.mean, space.weights(settled)))
-    spilled = [float(np.mean([r.outcome["spilled"] for r in some])) for some in (before, after)]
-    start, end = (float(np.mean([cost(one) for one in some])) for some in (before, after))
-    return Practised(seed, method, costs, start, end, (spilled[0], spilled[1]))
+        rng = np.random.default_rng([seed, number])
+        made = attempt(practice, search, cost, points, costs, rng)
+        points, costs = np.vstack([points, made.point]), np.append(costs, made.cost)
+    settled = space.weights(settled_point(search, space, points, costs, practice.keeps_limits))
+    found = compare(practice, cost, settled, N_CHECKS)
+    outcomes = found.outcome_before, found.outcome_after
+    return Practised(seed, method, costs, found.before, found.after, *outcomes, settled)
 
 
 def investigate(

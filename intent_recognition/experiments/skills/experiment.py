@@ -1,26 +1,53 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Skills that grow: what a person's hand, and others, make of them."""
+"""Skills that grow: poured with other containers, corrected by hand, improved by practice."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
+from intent_recognition.experiments.grasps import experiment as grasps
+from intent_recognition.experiments.pouring import experiment as pouring
+from intent_recognition.experiments.practice import experiment as practice
 from intent_recognition.experiments.settings import Settings
-from intent_recognition.experiments.skills import correcting_report
+from intent_recognition.experiments.skills import correcting_report, practising_report
 from intent_recognition.experiments.skills.part import Part
-from intent_recognition.report import ExperimentResult
+from intent_recognition.report import ExperimentResult, Text
 
-PARTS: dict[str, Callable[[Settings], Part]] = {"correcting": correcting_report.run}
-"""The ways by which skills grow, each run on its own."""
+Run = Callable[[Settings], Part | ExperimentResult]
+PARTS: dict[str, tuple[float, Run]] = {
+    "correcting": (0.4, correcting_report.run),
+    "practising a task": (0.2, practising_report.run),
+    "practising to pour": (0.25, practice.run),
+    "pouring": (0.05, pouring.run),
+    "grasps": (0.1, grasps.run),
+}
+"""The ways by which skills grow, each with its share of the time."""
 
 
 def run(settings: Settings) -> ExperimentResult:
     """Run every part."""
-    parts = {name: part(settings) for name, part in PARTS.items()}
+    parts, done = {}, 0.0
+    for name, (share, part) in PARTS.items():
+        parts[name] = part(_of_part(settings, name, done, share))
+        done += share
+    blocks = [
+        block for name, part in parts.items() for block in (Text(name.capitalize()), *part.blocks)
+    ]
     return ExperimentResult(
         title="Skills that grow",
-        source="no paper; beside what is wanted",
-        question="A rule has moved, and a person says so with the hand: does the robot learn it?",
+        source="no paper; beside what is wanted, and Brandl et al. 2014 for pouring",
+        question="What was shown once: does it hold with other containers, where a person says with"
+        " the hand that it has moved, and does it get better by practice?",
         findings=tuple(row for part in parts.values() for row in part.findings),
-        blocks=tuple(block for part in parts.values() for block in part.blocks),
+        blocks=tuple(blocks),
         conditions=tuple(line for part in parts.values() for line in part.conditions),
         numbers={name: part.numbers for name, part in parts.items()},
     )
+
+
+def _of_part(settings: Settings, name: str, done: float, share: float) -> Settings:
+    """The settings with the progress of one part."""
+
+    def progress(part: float, what: str) -> None:
+        settings.progress(done + share * part, f"{name}: {what}")
+
+    return replace(settings, progress=progress)

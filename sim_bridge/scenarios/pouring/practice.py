@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Practising to pour: the search space of the warped primitive, and rollouts in quick physics."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from intent_recognition.errors import ArgumentError, KinematicsError, describe
-from intent_recognition.improvement import SearchSpace, search_space
+from intent_recognition.improvement import Rollout, SearchSpace, search_space
 from intent_recognition.kinematics import LWR_LIMITS
 from intent_recognition.warping import PouringSkill
 from sim_bridge.balls import CONTAINER_SEED
-from sim_bridge.practice import Rollout
 from sim_bridge.scenarios.pouring.ball_pour import N_FILLS, BallPours, capacity
 from sim_bridge.scenarios.pouring.executed import container_named, seen_as
 from sim_bridge.scenarios.pouring.novel import (
@@ -74,9 +73,16 @@ class PouringPractice:
         wanted: balls that are to be in the second one; all of them unless told otherwise.
         seed: of the scans of the containers.
 
+    Attributes:
+        costs: names of those that fit.
+        step: how far the search begins to look, in standard deviations.
+
     Raises:
         ArgumentError: there is no such container, or so many balls cannot be poured.
     """
+
+    costs = ("spilled", "level")
+    step = 1.0
 
     def __init__(
         self, skill: PouringSkill, cup: str, second: str, wanted: int = N_BALLS, *, seed: int = 1
@@ -126,9 +132,9 @@ class PouringPractice:
         fastest = np.abs(joints(joints.x, 1)).max(axis=0)
         return bool(np.all(fastest <= LWR_LIMITS.velocity))
 
-    def rollout(self, weights: NDArray[np.float64], rng: np.random.Generator) -> Rollout:
+    def rollout(self, weights: NDArray[np.float64], rng: np.random.Generator) -> list[Rollout]:
         """Pour once; how the balls lie is drawn."""
-        return self._rollout(weights, int(rng.integers(N_FILLS)))
+        return [self._rollout(weights, int(rng.integers(N_FILLS)))]
 
     def check(self, weights: NDArray[np.float64], count: int) -> list[Rollout]:
         """Pour with balls that lie as they never do in `rollout`."""
@@ -141,12 +147,13 @@ class PouringPractice:
         outcome = {name: float(n) for name, n in counts._asdict().items()}
         return Rollout(times, joints(times), {**outcome, "wanted": float(self._wanted)})
 
-    def write(self, folder: Path, rollout: Rollout, labels: Mapping[str, str]) -> None:
+    def write(self, folder: Path, rollouts: Sequence[Rollout], labels: Mapping[str, str]) -> None:
         """Write a rollout as a bag, which `read_pour` reads.
 
         Raises:
             ResourceBusyError: the directory exists already.
         """
+        (rollout,) = rollouts
         joints, zero = rollout.joints_rad, np.zeros(rollout.joints_rad.shape[1])
         rates = np.gradient(joints, rollout.times_s, axis=0)
         start = recorded_at_ns(9000 + int(labels["rollout"]))

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from intent_recognition.errors import ArgumentError, BagError
+from intent_recognition.improvement import load_cost
 from intent_recognition.share import share_path
-from sim_bridge.practice import load_cost
 from sim_bridge.scenarios.pouring import (
     PouringPractice,
     learn_pouring_skill,
@@ -48,9 +48,9 @@ def test_a_rollout_is_logged_as_the_pour_it_was(skill, tmp_path):
         assert practice.keeps_limits(space.mean)
         assert not practice.keeps_limits(space.mean + 50.0)  # radii away: out of reach
         weights = space.weights(space.within(np.full(space.n_axes, 0.3)))
-        rollout = practice.rollout(weights, np.random.default_rng(1))
+        (rollout,) = practice.rollout(weights, np.random.default_rng(1))
         assert load_cost("level")(rollout) == abs(30.0 - rollout.outcome["caught"])
-        practice.write(tmp_path / "000", rollout, {"rollout": "0"})
+        practice.write(tmp_path / "000", [rollout], {"rollout": "0"})
         path, labels = read_pour(tmp_path / "000")
         assert (labels["task"], labels["caught"]) == ("pouring", f"{rollout.outcome['caught']:g}")
         wanted = practice.path(weights)

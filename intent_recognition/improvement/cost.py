@@ -6,7 +6,7 @@ import importlib.util
 import inspect
 import math
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -23,15 +23,19 @@ class Rollout:
     """One execution, as a cost sees it.
 
     Attributes:
-        times_s: since the start (T,).
-        joints_rad: of the arm (T, 7).
+        times_s: since the start (T,); of a taught task since the person's onset.
+        joints_rad: of the arm (T, n).
         outcome: what came of it, by name; of a pour `balls`, `caught`, `spilled`, `kept` and
-            `wanted`, each a number of balls.
+            `wanted`, each a number of balls; of a taught task `distance_m` and `late_s`.
+        hand_m: where the arm's hand was (T, 3) [m], in the frame of its base; None of a pour.
+        person_m: where the person's hand was (T, 3) [m]; None of a pour.
     """
 
     times_s: NDArray[np.float64]
     joints_rad: NDArray[np.float64]
     outcome: Mapping[str, float]
+    hand_m: NDArray[np.float64] | None = None
+    person_m: NDArray[np.float64] | None = None
 
 
 CostOf: TypeAlias = Callable[[Rollout], float]
@@ -85,22 +89,42 @@ def level(rollout: Rollout) -> float:
     return abs(rollout.outcome["wanted"] - rollout.outcome["caught"])
 
 
-COSTS: Mapping[str, CostOf] = {"spilled": spilled, "level": level}
+def distance(rollout: Rollout) -> float:
+    """How far the hand is from where it must be, once both agents have come to rest [m]."""
+    return rollout.outcome["distance_m"]
+
+
+def time(rollout: Rollout) -> float:
+    """How long the person waits for the hand to be where it must be [s]."""
+    return max(rollout.outcome["late_s"], 0.0)
+
+
+COSTS: Mapping[str, CostOf] = {
+    "spilled": spilled,
+    "level": level,
+    "distance": distance,
+    "time": time,
+}
 """The costs that have a name."""
 
 
-def load_cost(name: str) -> Cost:
+def load_cost(name: str, known: Sequence[str] = tuple(COSTS), *, files: bool = True) -> Cost:
     """The cost of a name, or of the one public function in a Python file.
+
+    Args:
+        name: of a cost, or path of a file.
+        known: names of `COSTS` that fit what is practised.
+        files: whether a file may be run.
 
     Raises:
         ArgumentError: there is no such cost, or the file cannot be run or has not one function.
     """
-    if name in COSTS:
+    if name in known:
         return Cost(name, COSTS[name])
     path = Path(name)
-    if path.suffix != ".py" or not path.is_file():
-        expected = f"one of {', '.join(COSTS)}, or a Python file"
-        raise ArgumentError(describe("--cost", expected, name, "Correct the name or the path."))
+    if not files or path.suffix != ".py" or not path.is_file():
+        expected = f"one of {', '.join(known)}" + (", or a Python file" if files else "")
+        raise ArgumentError(describe("cost", expected, name, "Correct the name or the path."))
     module = _run(path)
     own = [
         found
@@ -110,7 +134,7 @@ def load_cost(name: str) -> Cost:
     if len(own) != 1:
         got = ", ".join(function.__name__ for function in own) or "none"
         cure = "Begin the names of helpers with an underscore."
-        raise ArgumentError(describe(f"--cost {name}", "one function in the file", got, cure))
+        raise ArgumentError(describe(f"cost {name}", "one function in the file", got, cure))
     return Cost(path.name, own[0], hashlib.sha256(path.read_bytes()).hexdigest()[:16])
 
 
@@ -118,12 +142,12 @@ def _run(path: Path) -> ModuleType:
     spec = importlib.util.spec_from_file_location("cost_of_practice", path)
     if spec is None or spec.loader is None:
         cure = "Name a file that ends in .py."
-        raise ArgumentError(describe(f"--cost {path}", "a Python file", path.name, cure))
+        raise ArgumentError(describe(f"cost {path}", "a Python file", path.name, cure))
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
     except Exception as error:  # the user's own code may raise anything
         got, cure = f"{type(error).__name__}: {error}", "Correct the file."
         expected = "a Python file that runs"
-        raise ArgumentError(describe(f"--cost {path}", expected, got, cure)) from error
+        raise ArgumentError(describe(f"cost {path}", expected, got, cure)) from error
     return module

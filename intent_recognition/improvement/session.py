@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A folder of practice: every rollout as a bag, and a file that says what was tried.
+"""A folder of practice: every rollout as bags, and a file that says what was tried.
 
     practice.json       what is practised, and each point tried with its cost and outcome
     rollouts/000, ...   the rollouts as bags
-    start.npz           the skill it began with
-    skill.npz           what was accepted; not there before
 
 The file is written to the disk and renamed after each rollout. Whoever ends the process at any
 instant loses at most the rollout under way, which is made again, alike.
@@ -16,39 +14,23 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.durable import write_text
 from intent_recognition.errors import ModelError, ResourceBusyError, describe
-from intent_recognition.improvement import Search, SearchSpace, next_point, settled_point
+from intent_recognition.improvement.cost import Cost
+from intent_recognition.improvement.practice import Practice, attempt, mean_outcome
+from intent_recognition.improvement.search import Search, next_point, settled_point
+from intent_recognition.improvement.space import SearchSpace
 from intent_recognition.untrusted import UntrustedError, load_json, read_text
-from sim_bridge.practice.cost import Cost, Rollout
 
 STATE, ROLLOUTS = "practice.json", "rollouts"
 MOST_TEXT = 100_000_000
 """Bytes of the file. Convention: a hundred thousand rollouts."""
 FORMAT = 1
 """Version of the file; another one is not read."""
-
-
-class Practice(Protocol):
-    """What can be practised."""
-
-    @property
-    def space(self) -> SearchSpace:
-        """Where to look."""
-
-    def keeps_limits(self, weights: NDArray[np.float64]) -> bool:
-        """Whether a path of these weights (d,) can be executed."""
-
-    def rollout(self, weights: NDArray[np.float64], rng: np.random.Generator) -> Rollout:
-        """Execute it once."""
-
-    def write(self, folder: Path, rollout: Rollout, labels: Mapping[str, str]) -> None:
-        """Write a rollout as a bag."""
 
 
 @dataclass(frozen=True)
@@ -108,29 +90,60 @@ class PracticeSession:
 
         Raises:
             ArgumentError: the cost function failed, or the primitive's mean breaks the limits.
-            ResourceBusyError: the bag cannot be written.
+            ResourceBusyError: the bags cannot be written.
         """
-        space, number = self._practice.space, len(self.tried)
-        keeps = self._practice.keeps_limits
-        point = next_point(self._search, space, self.points, self.costs, keeps)
+        number, practice = len(self.tried), self._practice
         rng = np.random.default_rng([int(self.about["seed"]), number])
-        rollout = self._practice.rollout(space.weights(point), rng)
-        cost = self._cost(rollout)
+        made = attempt(practice, self._search, self._cost, self.points, self.costs, rng)
         bag = self.folder / ROLLOUTS / f"{number:03d}"
         if bag.exists():
             shutil.rmtree(bag)  # of a process that was ended before it was kept
-        self._practice.write(bag, rollout, {"rollout": str(number), "cost": f"{cost:.6g}"})
+        practice.write(bag, made.rollouts, {"rollout": str(number), "cost": f"{made.cost:.6g}"})
         name = bag.relative_to(self.folder).as_posix()
-        tried = Tried(tuple(point.tolist()), cost, name, dict(rollout.outcome))
-        self._keep([*self.tried, tried])
+        return self.keep(made.point, made.cost, name, mean_outcome(made.rollouts))
+
+    def next(self) -> NDArray[np.float64]:
+        """The point (k,) to try next."""
+        practice = self._practice
+        tried = self.points, self.costs
+        return next_point(self._search, practice.space, *tried, practice.keeps_limits)
+
+    def keep(
+        self, point: NDArray[np.float64], cost: float, bag: str, outcome: Mapping[str, float]
+    ) -> Tried:
+        """Keep what came of a point, on the disk.
+
+        Args:
+            point: tried (k,).
+            cost: of it.
+            bag: the rollout, relative to the folder.
+            outcome: by name.
+        """
+        tried = Tried(tuple(point.tolist()), cost, bag, dict(outcome))
+        self._write([*self.tried, tried])
         return tried
 
     def settled(self) -> NDArray[np.float64]:
-        """Weights (d,) that practice has come to."""
+        """Weights (d,) that practice has come to.
+
+        Raises:
+            ModelError: nothing was tried, or nothing better than the first.
+        """
+        if not self.tried:
+            cure = "Practise first."
+            raise ModelError(describe(str(self.folder), "rollouts", "none", cure))
+        weights = self.best()
+        if np.array_equal(weights, self._practice.space.mean):
+            got, cure = f"none after {len(self.tried)} rollouts", "Practise on."
+            raise ModelError(describe(str(self.folder), "a better path than the first", got, cure))
+        return weights
+
+    def best(self) -> NDArray[np.float64]:
+        """The same, those of the first where there is nothing better."""
         space, keeps = self._practice.space, self._practice.keeps_limits
         return space.weights(settled_point(self._search, space, self.points, self.costs, keeps))
 
-    def _keep(self, tried: list[Tried]) -> None:
+    def _write(self, tried: list[Tried]) -> None:
         content = {"format": FORMAT, "about": self.about, "tried": [asdict(one) for one in tried]}
         write_text(self.folder / STATE, json.dumps(content, indent=1) + "\n")
         self.tried = tried
@@ -161,7 +174,7 @@ class PracticeSession:
             raise ModelError(describe(str(path), "a file of practice", error, cure)) from error
         if not known or about != self.about:
             other = [k for k in self.about if not known or about.get(k) != self.about[k]]
-            cure = "Go on with what it was begun with, or choose another --output."
+            cure = "Go on with what it was begun with, or choose another folder."
             got = f"practice with another {', '.join(other) or 'format'}"
             raise ResourceBusyError(describe(str(self.folder), "the same practice", got, cure))
         return tried

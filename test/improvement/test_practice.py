@@ -9,16 +9,25 @@ import pytest
 
 from intent_recognition.bags import BagReader
 from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError
-from intent_recognition.improvement import CovarianceSearch, SearchSpace
-from sim_bridge.practice import Cost, PracticeSession, Rollout, load_cost
+from intent_recognition.improvement import (
+    Cost,
+    CovarianceSearch,
+    PracticeSession,
+    Rollout,
+    SearchSpace,
+    compare,
+    load_cost,
+)
 from sim_bridge.teaching import JOINT_TOPIC, JOINT_TYPE, joint_fields, write_recording
 
+MISSED = Cost("missed", lambda rollout: rollout.outcome["missed"])
 ABOUT = {"task": "reach", "seed": 3}
 
 
 class Reach:
     """A task without physics: how far the weights are from a goal, with noise."""
 
+    costs, step = (), 1.0
     space = SearchSpace(np.zeros(4), np.eye(4)[:, :3])
 
     def keeps_limits(self, weights):
@@ -26,15 +35,18 @@ class Reach:
 
     def rollout(self, weights, rng):
         missed = float(np.sum((weights - [1.0, -0.5, 0.0, 0.0]) ** 2) + 0.01 * rng.normal())
-        return Rollout(np.arange(2.0), np.zeros((2, 7)), {"missed": missed})
+        return [Rollout(np.arange(2.0), np.zeros((2, 7)), {"missed": missed})]
 
-    def write(self, folder, rollout, labels):
+    def check(self, weights, count):
+        return [self.rollout(weights, np.random.default_rng(k))[0] for k in range(count)]
+
+    def write(self, folder, rollouts, labels):
         fields = joint_fields(10**9, *np.zeros((3, 7)))
         write_recording(folder, labels, [(JOINT_TOPIC, JOINT_TYPE, 10**9, fields)])
 
 
 def session(folder, cost=None, **about):
-    cost = cost or Cost("missed", lambda rollout: rollout.outcome["missed"])
+    cost = cost or MISSED
     return PracticeSession(folder, Reach(), CovarianceSearch(3, 3), cost, {**ABOUT, **about})
 
 
@@ -46,7 +58,7 @@ def test_a_practice_that_was_killed_goes_on_to_the_same_result(tmp_path, monkeyp
         broken = session(tmp_path / "killed")
         if number % 3 == 0:
             with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-                patched.setattr("sim_bridge.practice.session.write_text", _killed)
+                patched.setattr("intent_recognition.improvement.session.write_text", _killed)
                 broken.step()
             broken = session(tmp_path / "killed")
         assert len(broken.tried) == number
@@ -55,6 +67,8 @@ def test_a_practice_that_was_killed_goes_on_to_the_same_result(tmp_path, monkeyp
     assert np.array_equal(again.points, whole.points)
     assert np.array_equal(again.costs, whole.costs)
     assert np.array_equal(again.settled(), whole.settled())
+    found = compare(Reach(), MISSED, again.settled(), 4)
+    assert found.after < 0.5 * found.before == 0.5 * found.outcome_before["missed"]
     assert whole.costs[-1] < 0.5 * whole.costs[0]
     for one in again.tried:
         labels = BagReader(tmp_path / "killed" / one.bag).custom_data

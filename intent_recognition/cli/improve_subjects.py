@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `intent improve` can practise: pouring, or a task of a folder of tasks."""
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from rich.console import Console
+
+from intent_recognition.cli.console import busy
+from intent_recognition.cli.teach import DEFAULT_LIBRARY, HANDED_OVER_S, teacher_node
+from intent_recognition.cli.undo import FOUND_S
+from intent_recognition.demonstrations import arm_in_world
+from intent_recognition.durable import copy
+from intent_recognition.errors import ArgumentError, ModelError, describe
+from intent_recognition.improvement import Cost, CovarianceSearch, Practice, PracticeSession
+from intent_recognition.kinematics import read_urdf
+from intent_recognition.model import (
+    Change,
+    PractisedTask,
+    TaskFolder,
+    load_model,
+    load_pouring_skill,
+    load_trained,
+    now,
+    save_pouring_skill,
+    undo_practice,
+)
+from intent_recognition.share import share_path
+
+if TYPE_CHECKING:
+    from intent_recognition.warping import PouringSkill
+    from sim_bridge.scenarios.pouring import PouringPractice
+
+POURING, THUMBS = "pouring", "thumbs"
+START, SKILL, BEFORE = "start.npz", "skill.npz", "skill.before.npz"
+PRACTICE_FOLDER = Path("practice")
+
+
+class Subject(Protocol):
+    """What is practised, and what becomes of it."""
+
+    @property
+    def practice(self) -> Practice:
+        """What can be executed."""
+
+    def session(self, cost: Cost) -> PracticeSession:
+        """The folder of practice, from where it was left.
+
+        Raises:
+            ResourceBusyError: it holds another practice.
+        """
+
+    def accept(self, session: PracticeSession) -> str:
+        """Take over what it came to; says what that is.
+
+        Raises:
+            ModelError: there is nothing to take over.
+        """
+
+
+@contextmanager
+def subject_of(args: argparse.Namespace, console: Console) -> Iterator[Subject]:
+    """What the arguments name.
+
+    Raises:
+        ArgumentError: an argument does not belong to it, or names nothing.
+        ModelError: there is no model to practise with.
+    """
+    if is_pouring(args):
+        from sim_bridge.scenarios.pouring import PouringPractice
+
+        skill = _skill(args)
+        with PouringPractice(skill, args.cup, args.into, args.wanted) as practice:
+            yield _Pouring(args, practice)
+    else:
+        yield _Task(args, console)
+
+
+def is_pouring(args: argparse.Namespace) -> bool:
+    """Whether it is pouring that is practised, and no task of a folder."""
+    return args.task == POURING and args.library is None
+
+
+def undo(args: argparse.Namespace, console: Console) -> str:
+    """Take the last accepted practice back; says what is so now.
+
+    Raises:
+        ModelError: there is none.
+    """
+    if not is_pouring(args):
+        folder, task = _folder(args), args.task
+        return _changed(
+            args, console, folder, lambda f: undo_practice(f, task), f"took practice of {task} back"
+        )
+    return _undo_pouring(args.output or PRACTICE_FOLDER)
+
+
+def _undo_pouring(folder: Path) -> str:
+    if not (folder / SKILL).exists():
+        cure = "Accept first, or name the folder with --output."
+        raise ModelError(describe(str(folder), "an accepted skill", "none", cure))
+    if (folder / BEFORE).exists():
+        (folder / BEFORE).replace(folder / SKILL)
+        return f"{folder}: the skill accepted before is back"
+    (folder / SKILL).unlink()
+    return f"{folder}: nothing is accepted now"
+
+
+class _Pouring:
+    """A skill of pouring, which is a file in the folder of practice."""
+
+    def __init__(self, args: argparse.Namespace, practice: "PouringPractice") -> None:
+        self._args, self.practice = args, practice
+        self._folder = args.output or PRACTICE_FOLDER
+
+    def session(self, cost: Cost) -> PracticeSession:
+        args, practice = self._args, self.practice
+        about = {"task": POURING, "cup": args.cup, "second": args.into}
+        about |= {"wanted": args.wanted, "seed": args.seed, "short": args.short}
+        search = CovarianceSearch(practice.space.n_axes, args.seed, practice.step)
+        session = PracticeSession(self._folder, practice, search, cost, about)
+        if not args.accept:
+            save_pouring_skill(self._folder / START, practice.skill)
+        return session
+
+    def accept(self, session: PracticeSession) -> str:
+        weights, skill = session.settled(), self._folder / SKILL
+        if skill.exists():
+            if np.array_equal(load_pouring_skill(skill).primitive.mean, weights):
+                return f"accepted before: {skill}"
+            copy(skill, self._folder / BEFORE)
+        save_pouring_skill(skill, self.practice.with_mean(weights))
+        return f"accepted: {skill}"
+
+
+class _Task:
+    """A task of a folder of tasks, where it becomes a version of the model."""
+
+    def __init__(self, args: argparse.Namespace, console: Console) -> None:
+        if args.output is not None:
+            cure = "Leave --output out: practice of a task is kept in its library."
+            raise ArgumentError(describe("--output", "nothing with a task", args.output, cure))
+        self._args, self._console = args, console
+
+    @cached_property
+    def _practised(self) -> PractisedTask:
+        args, arm = self._args, None
+        if args.robot is not None:
+            arm = arm_in_world(read_urdf(args.robot))
+        options = {"most_people": 1} if args.cost == THUMBS else {}
+        return PractisedTask(
+            _folder(args),
+            args.task,
+            beside_m=args.beside,
+            moved_m=args.moved,
+            arm=arm,
+            **options,
+        )
+
+    @property
+    def practice(self) -> Practice:
+        return self._practised.practice
+
+    def session(self, cost: Cost) -> PracticeSession:
+        return self._practised.session(cost, self._args.seed)
+
+    def accept(self, session: PracticeSession) -> str:
+        practised = self._practised
+        return _changed(
+            self._args,
+            self._console,
+            practised.folder,
+            lambda _: practised.accept(session),
+            f"accepted practice of {practised.task}",
+        )
+
+
+def _folder(args: argparse.Namespace) -> TaskFolder:
+    """The folder of tasks.
+
+    Raises:
+        ModelError: there is no model in it, and none to begin with.
+    """
+    path = args.library or DEFAULT_LIBRARY
+    present = path / "model.npz"
+    if not present.exists() and args.model is None:
+        cure = "Name the folder with --library, or a model to begin one with --model."
+        raise ModelError(describe(str(path), "a folder of tasks with a model", "none", cure))
+    model = present if present.exists() else args.model
+    load_trained(model)  # one that holds no statistics is refused before anything is made
+    folder = TaskFolder(path, load_model(model).dofs, now)
+    if not present.exists():
+        folder.start_from(model)
+    return folder
+
+
+def _changed(
+    args: argparse.Namespace,
+    console: Console,
+    folder: TaskFolder,
+    change: Callable[[TaskFolder], Change],
+    what: str,
+) -> str:
+    """Change a folder of tasks, and give the model to a running estimator, if ROS is there."""
+    if find_spec("rclpy") is None:
+        change(folder)
+        return what
+    args.library = folder.path
+    with teacher_node(args) as (teacher, spin):
+        spin(teacher.estimator_runs, FOUND_S)
+        text = teacher.change(lambda: change(folder), what)
+        with busy(console, "sending the model"):
+            spin(lambda: not teacher.sending_model, HANDED_OVER_S)
+        return teacher.last_status or text
+
+
+def _skill(args: argparse.Namespace) -> "PouringSkill":
+    """The skill that practice of pouring begins with."""
+    from sim_bridge.scenarios.pouring import learn_pouring_skill, read_demonstrated, short_skill
+
+    if args.start is not None and args.start.is_file():
+        if args.short:
+            cure = "Give a folder of demonstrations to --start, or leave --short out."
+            raise ArgumentError(describe("--short", "demonstrations to move", args.start, cure))
+        return load_pouring_skill(args.start)
+    bags = args.start or share_path("bags/pouring/train")
+    if args.short:
+        return short_skill(read_demonstrated(bags), args.short, args.seed)
+    return learn_pouring_skill(bags, 1)

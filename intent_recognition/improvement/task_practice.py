@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Practising a taught task: the robot's part of it, beside people as they were recorded.
+
+The robot follows from the person by the rule w_c = A (w_o - m) + mu + e. Practice looks for other
+controlled weights mu + d and for how far the robot runs ahead of the person, in the logarithm of
+its pace, u: with M(u) w the weights of the path that w takes at the phases min(z exp(u), 1),
+
+    w_c = M(u) (A (w_o - m) + mu + d) + e.
+
+(d, u) is Gaussian as it was shown: d with the covariance of the controlled weights, u with the
+timing prior of the task. What is recognised, and what a person does, are left alone.
+
+A rollout is the arm's kinematics: the plan that `primitive_activation` makes for the predicted
+path, from the rest posture and from when a task is usually decided, beside some of the people.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from intent_recognition.demonstrations import DofSpec, position_columns
+from intent_recognition.errors import ArgumentError, TrajectoryError, describe
+from intent_recognition.improvement.cost import Rollout
+from intent_recognition.improvement.space import SearchSpace, search_space
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, Arm, hand_position
+from intent_recognition.learning import (
+    RuleChange,
+    Trained,
+    TrainingExample,
+    inferred_weights,
+    sample_phases,
+)
+from intent_recognition.motion import (
+    JointPlan,
+    JointReference,
+    NominalTiming,
+    make_path,
+    plan_interaction,
+    scaled_limits,
+)
+from intent_recognition.promp import NormalizedRBFBasis
+from intent_recognition.tables import ImportedDemonstration, Samples, write_demonstration
+
+MOST_PEOPLE = 8
+"""People with whom a task is executed in one rollout at most. Convention: 40 ms."""
+N_PHASES = 50
+"""Phases at which paths are compared. Convention."""
+DECIDED_SHARE = 0.2
+"""Share of the movement after which the arm sets out. Measurement: the median of `make demo`
+(README)."""
+NEAR_M = 0.03
+"""A hand is there within this distance [m]. Convention: what a person reaches over without a
+step."""
+REACHING_M_S = 0.25
+"""A hand that stays too far off is as late as if it went on with this speed [m/s]. Convention: a
+slow reach; it makes the cost continuous."""
+STEP_S = 0.02
+"""Time between two samples of a rollout [s]. Convention."""
+AFTER_S = 0.5
+"""Rest after both agents have arrived that is logged [s]. Convention."""
+
+
+class Person(NamedTuple):
+    """A person as recorded, and what the robot has to do.
+
+    Attributes:
+        name: of the recording.
+        duration_s: of the interaction [s].
+        observed: at `sample_phases()`, (m, P).
+        hand_m: where the person's hand was then (m, 3) [m].
+        weights: of the robot's path that the rule gives, (Q N,).
+        place_m: where the robot's hand must be (3,) [m].
+        context: of the scene (M,).
+    """
+
+    name: str
+    duration_s: float
+    observed: NDArray[np.float64]
+    hand_m: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    place_m: NDArray[np.float64]
+    context: NDArray[np.float64]
+
+
+class TaskPractice:
+    """Rollouts of one task of a library.
+
+    Weights that are practised are the controlled ones and u, (Q N + 1,).
+
+    Args:
+        trained: the library with its statistics.
+        dofs: its DOFs.
+        task: label.
+        beside_m: where the robot's hand must be, from where the person's hand comes to rest (3,)
+            [m], in the frame of the arm's base; None: where it was in the demonstrations.
+        moved_m: and how far from there (3,) [m], likewise.
+        arm: whose joints are controlled; None: the LWR.
+        most_people: with whom it is executed in one rollout.
+
+    Raises:
+        ArgumentError: no such task, the person's hand is not observed, or the arm has other joints.
+
+    Attributes:
+        costs: names of those that fit.
+        step: how far the search begins to look, in standard deviations.
+        task: label.
+    """
+
+    costs = ("distance", "time")
+    step = 0.5
+
+    def __init__(
+        self,
+        trained: Trained,
+        dofs: DofSpec,
+        task: str,
+        *,
+        beside_m: Sequence[float] | None = None,
+        moved_m: Sequence[float] = (0.0, 0.0, 0.0),
+        arm: Arm | None = None,
+        most_people: int = MOST_PEOPLE,
+    ) -> None:
+        library = trained.library
+        if task not in library.labels:
+            cure = "Teach it first."
+            raise ArgumentError(describe("TASK", f"one of {library.labels}", task, cure))
+        joints = JOINT_NAMES if arm is None else arm.joint_names
+        if library.controlled_names != tuple(joints):
+            expected = f"a task that controls {', '.join(joints)}"
+            got = ", ".join(library.controlled_names)
+            cure = "Name the URDF of the arm that was taught with --robot."
+            raise ArgumentError(describe(task, expected, got, cure))
+        self.task, self._library, self._dofs, self._arm = task, library, dofs, arm
+        self._number, self._most = library.labels.index(task), most_people
+        self._limits = scaled_limits(LWR_LIMITS if arm is None else arm.limits)
+        self._beside_m, self._moved_m = beside_m, np.array(moved_m)
+        columns = _hand_columns(dofs)
+        rule, n = library.regressions[self._number], library.n_observed_weights
+        examples = trained.tasks[task].examples
+        self._mean = library.weight_mean[self._number, n:]
+        self._rest = np.mean([one.controlled[0] for one in examples], axis=0)
+        self._people = [
+            self._person(one, columns, rule.matrix @ w + rule.offset)
+            for one in examples
+            for w in [inferred_weights(trained, one)]
+        ]
+
+    @cached_property
+    def space(self) -> SearchSpace:
+        """The spread of the robot's part, and of its timing."""
+        library, phases = self._library, np.linspace(0.0, 1.0, N_PHASES)
+        basis, n_dofs = library.basis, library.n_controlled
+        n = library.n_observed_weights
+        values, vectors = np.linalg.eigh(library.weight_covariance[self._number][n:, n:])
+        spread = np.zeros((len(self._mean) + 1, len(values) + 1))
+        spread[:-1, :-1] = vectors * np.sqrt(np.maximum(values, 0.0))
+        spread[-1, -1] = library.log_duration_std[self._number]
+        design = np.zeros((n_dofs, N_PHASES, len(self._mean) + 1))
+        each = np.einsum("qp,mn->qmpn", np.eye(n_dofs), basis.design_matrix(phases))
+        design[:, :, :-1] = each.reshape(n_dofs, N_PHASES, -1)
+        slope = basis.derivative_matrix(phases) @ self._mean.reshape(n_dofs, -1).T
+        design[:, :, -1] = (phases[:, None] * slope).T
+        return search_space(np.append(self._mean, 0.0), spread, design)
+
+    def keeps_limits(self, weights: NDArray[np.float64]) -> bool:
+        """Whether the path beside each of the people is inside the arm's position limits."""
+        phases = np.linspace(0.0, 1.0, N_PHASES)
+        paths = np.array([self._path(person, weights, phases) for person in self._people])
+        return bool(np.all((paths >= self._limits.lower) & (paths <= self._limits.upper)))
+
+    def rollout(self, weights: NDArray[np.float64], rng: np.random.Generator) -> list[Rollout]:
+        """Execute it beside every second one of the people, or as many drawn from these."""
+        practised = self._people[::2]
+        if len(practised) > self._most:
+            drawn = rng.choice(len(practised), self._most, replace=False)
+            practised = [practised[k] for k in sorted(drawn)]
+        return [self._execute(person, weights) for person in practised]
+
+    def check(self, weights: NDArray[np.float64], count: int) -> list[Rollout]:
+        """Execute it once beside each of the others, however many are asked for."""
+        return [self._execute(person, weights) for person in self._people[1::2] or self._people]
+
+    def change(self, weights: NDArray[np.float64]) -> RuleChange:
+        """What practised weights change of the rule."""
+        warped = warping_matrix(self._library.basis, weights[-1])
+        every = np.kron(np.eye(self._library.n_controlled), warped)
+        matrix = self._library.regressions[self._number].matrix
+        return RuleChange(every @ matrix - matrix, every @ weights[:-1] - self._mean)
+
+    def write(self, folder: Path, rollouts: Sequence[Rollout], labels: Mapping[str, str]) -> None:
+        """Write a bag for each of the people, as a demonstration is recorded."""
+        for number, one in enumerate(rollouts):
+            stamps = np.round((one.times_s + 1.0) * 1e9).astype(np.int64)
+            outcome = {name: f"{value:.4f}" for name, value in one.outcome.items()}
+            known = {"task": self.task, "set": "practice", "simulated": "true"}
+            samples = self._samples(stamps, one)
+            bag = ImportedDemonstration(f"{number:02d}", {**known, **outcome, **labels}, samples)
+            write_demonstration(folder, bag)
+
+    def _samples(self, stamps: NDArray[np.int64], one: Rollout) -> tuple[Samples, ...]:
+        """What is logged of an execution: the person's hand, and the arm's joints."""
+        person = self._dofs.observed[0]
+        columns = position_columns(person) or []
+        values = np.full((len(stamps), len(person.fields)), np.nan)
+        if one.person_m is not None:
+            values[:, columns] = one.person_m
+        found = [Samples(person, stamps, values)] if not np.any(np.isnan(values)) else []
+        start = 0
+        for entry in self._dofs.controlled:
+            end = start + len(entry.names)
+            found.append(Samples(entry, stamps, one.joints_rad[:, start:end]))
+            start = end
+        return tuple(found)
+
+    def _person(
+        self,
+        example: TrainingExample,
+        columns: list[int],
+        weights: NDArray[np.float64],
+    ) -> Person:
+        hand_m = example.observed[:, columns]
+        place_m = self._hand(example.controlled[-1:])[0]
+        if self._beside_m is not None:
+            place_m = hand_m[-1] + np.array(self._beside_m)
+        return Person(
+            example.name,
+            example.duration_s,
+            example.observed,
+            hand_m,
+            weights,
+            place_m + self._moved_m,
+            example.context,
+        )
+
+    def _hand(self, joints: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where the hand is (T, 3) [m] for joints (T, n)."""
+        if self._arm is None:
+            return hand_position(joints)
+        return self._arm.forward_kinematics(joints)[:, :3, 3]
+
+    def _path(
+        self, person: Person, weights: NDArray[np.float64], phases: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Joints (T, n) at phases (T,) of the person's movement."""
+        moved = (person.weights + weights[:-1] - self._mean).reshape(self._library.n_controlled, -1)
+        ahead = np.minimum(phases * np.exp(weights[-1]), 1.0)
+        return self._library.basis.design_matrix(ahead) @ moved.T
+
+    def _plan(self, person: Person, weights: NDArray[np.float64]) -> JointPlan | None:
+        """What the activation would send, from when the task is decided."""
+        phases, duration_s = np.linspace(0.0, 1.0, N_PHASES), person.duration_s
+        positions = self._path(person, weights, phases)
+        try:
+            path = make_path(phases * duration_s, positions, self._limits)
+        except TrajectoryError:
+            return None
+        timing = NominalTiming(-DECIDED_SHARE * duration_s, duration_s)
+        start = JointReference.at_rest(self._rest)
+        return plan_interaction(path, timing, start, 0.0, 0.0, self._limits)
+
+    def _execute(self, person: Person, weights: NDArray[np.float64]) -> Rollout:
+        """Run it; where there is no plan the arm stays at rest."""
+        plan, decided_s = self._plan(person, weights), DECIDED_SHARE * person.duration_s
+        end_s = decided_s + (0.0 if plan is None else plan.duration_s)
+        times = np.arange(0.0, max(end_s, person.duration_s) + AFTER_S, STEP_S)
+        joints = np.tile(self._rest, (len(times), 1))
+        if plan is not None:
+            for k in np.flatnonzero(times >= decided_s):
+                joints[k] = plan.at(times[k] - decided_s).position
+        hand_m = self._hand(joints)
+        seen_s = sample_phases() * person.duration_s
+        person_m = np.stack([np.interp(times, seen_s, axis) for axis in person.hand_m.T], axis=1)
+        waits_from_s = arrival_s(times, person_m, person_m[-1])
+        outcome = {
+            "distance_m": float(np.linalg.norm(hand_m[-1] - person.place_m)),
+            "late_s": arrival_s(times, hand_m, person.place_m) - waits_from_s,
+        }
+        return Rollout(times, joints, outcome, hand_m, person_m)
+
+
+def arrival_s(
+    times_s: NDArray[np.float64], points_m: NDArray[np.float64], place_m: NDArray[np.float64]
+) -> float:
+    """From when on points (T, 3) stay within `NEAR_M` of a place, at times (T,) [s].
+
+    Where they do not, it is as if they went on from the last one with `REACHING_M_S`.
+    """
+    far_m = np.linalg.norm(points_m - place_m, axis=1)
+    outside = np.flatnonzero(far_m > NEAR_M)
+    if not outside.size:
+        return float(times_s[0])
+    if outside[-1] + 1 < len(times_s):
+        return float(times_s[outside[-1] + 1])
+    return float(times_s[-1] + (far_m[-1] - NEAR_M) / REACHING_M_S)
+
+
+def warping_matrix(basis: NormalizedRBFBasis, ahead: float) -> NDArray[np.float64]:
+    """M (N, N): M w has, at each phase z, the value that w has at min(z exp(ahead), 1).
+
+    By least squares over the phase; the unit matrix for ahead = 0.
+    """
+    if ahead == 0.0:
+        return np.eye(basis.n_basis)
+    phases = np.linspace(0.0, 1.0, 201)
+    there = basis.design_matrix(np.minimum(phases * np.exp(ahead), 1.0))
+    found = np.linalg.lstsq(basis.design_matrix(phases), there, rcond=None)[0]
+    return np.asarray(found, dtype=np.float64)
+
+
+def _hand_columns(dofs: DofSpec) -> list[int]:
+    """Columns of the person's hand among the observed numbers."""
+    entry = dofs.observed[0]
+    columns = position_columns(entry)
+    if columns is None or entry.unit != "m" or entry.orientation:
+        got = f"{', '.join(entry.names)} in {entry.unit}"
+        cure = "Practise a task whose first observed entry is a position."
+        raise ArgumentError(describe("person", "a tracked position in m", got, cure))
+    return columns

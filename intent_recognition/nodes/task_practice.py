@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Practice of a teacher's tasks: in between recordings, or judged by a person as the arm executes.
+
+With a cost of its own it executes rollouts in the arm's kinematics, one after the other, while
+nothing is recorded and no task is active. With `thumbs` the estimator gets the library with the
+point that is tried; the next execution that a person judges on `intent/feedback` is its cost, and
+the next point follows. In both cases the library stays as it is until `~/accept`.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
+from intent_recognition.improvement import Cost, PracticeSession, Rollout, load_cost
+from intent_recognition.model import DOWN, THUMBS, UP, Change, PractisedTask, TaskFolder
+from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.execution_recorder import ExecutionRecorder
+from intent_recognition.nodes.parameters import parameter
+
+PERIOD_S = 0.1
+"""Time from one rollout to the next at least [s]. Convention: the node stays responsive."""
+COST_OF = {UP: 0.0, DOWN: 1.0}
+
+
+class _Begun(NamedTuple):
+    """Practice that was begun, and what it was asked for."""
+
+    practised: PractisedTask
+    session: PracticeSession
+    asked: tuple[str, str, str, int]
+
+    @property
+    def by_thumbs(self) -> bool:
+        return self.asked[1] == THUMBS
+
+
+class Teacher(Protocol):
+    """What is needed of the node that has the library."""
+
+    folder: TaskFolder
+    executions: ExecutionRecorder
+    diagnostics: Diagnostics
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether a demonstration or an execution is being recorded."""
+
+    def get_parameter(self, name: str) -> Parameter:
+        """A parameter of the node."""
+
+    def estimator_runs(self) -> bool:
+        """Whether there is an estimator to give models to."""
+
+    def send_model(self, text: str) -> None:
+        """Have the estimator load the model that is in force."""
+
+    def change(self, action: Callable[[], Change], what: str) -> str:
+        """Change the folder, and let the estimator use it."""
+
+    def report(self, level: int, text: str) -> None:
+        """Say a sentence."""
+
+
+def declare_practice(node: Node) -> None:
+    """Declare the parameters of practice."""
+    parameter(node, "practice_cost", "distance", "what a rollout costs: distance, time or thumbs")
+    parameter(node, "practice_rollouts", 40, "rollouts of a practice in all", 1, 100_000)
+    parameter(
+        node,
+        "practice_beside",
+        "",
+        "where the robot's hand must be from where the person's comes to rest, `x y z` in m; empty:"
+        " where the demonstrations had it",
+    )
+    parameter(node, "practice_seed", 1, "of the points that are tried", 0, 2**31 - 1)
+
+
+class TaskPracticeService:
+    """Begins, ends and accepts practice of a task.
+
+    Args:
+        teacher: has the library and the services.
+
+    Attributes:
+        running: whether it goes on.
+        trial: model that is tried by the estimator now; None: the library's.
+    """
+
+    def __init__(self, teacher: Teacher) -> None:
+        self._teacher = teacher
+        self.running = False
+        self.trial: Path | None = None
+        self._begun: _Begun | None = None
+        self._point: NDArray[np.float64] | None = None
+        self._judged_before: str | None = None
+
+    def start(self) -> str:
+        """Begin, or go on; returns what is practised.
+
+        Raises:
+            ArgumentError: the task or a parameter cannot be used.
+            BagError: it goes on already, or nobody could judge.
+        """
+        if self.running:
+            raise BagError(describe("~/practise", "no practice", "one", "End it first."))
+        self._begun = begun = self._open()
+        if begun.by_thumbs:
+            self._check_judged()
+        self.running = True
+        text = f"practising {begun.practised.task} by {begun.asked[1]}"
+        self._tell(f"{text}, {len(begun.session.tried)} rollouts so far")
+        if begun.by_thumbs:
+            self._try_next()
+        return text
+
+    def stop(self) -> str:
+        """End it; it can go on later.
+
+        Raises:
+            BagError: none goes on.
+        """
+        if not self.running or self._begun is None:
+            raise BagError(describe("~/practise", "practice to end", "none", "Begin one first."))
+        return self._end("ended")
+
+    def accept(self) -> str:
+        """Take over what it has come to; returns what changed.
+
+        Raises:
+            ModelError: it has come to nothing, or the model has changed since.
+        """
+        begun = self._open() if self._begun is None else self._begun
+        what = f"accepted practice of {begun.practised.task}"
+        change = begun.practised.accept(begun.session)
+        self.running, self.trial, self._begun = False, None, None
+        return self._teacher.change(lambda: change, what)
+
+    def step(self) -> None:
+        """Execute one rollout, if the arm and the recorder have nothing else to do."""
+        begun = self._begun
+        if not self.running or begun is None or begun.by_thumbs or self._teacher.is_recording:
+            return
+        try:
+            begun.session.step()
+        except IntentError as error:
+            self._fail(error)
+            return
+        self._after_one(begun)
+
+    def in_use(self) -> None:
+        """The estimator has loaded the trial: executions that begin from now on count."""
+        if self.running and self._begun is not None and self._begun.by_thumbs:
+            task = self._begun.practised.task
+            self._judged_before = self._teacher.executions.last(task)
+
+    def judge(self, task: str, execution: str, thumbs: str) -> None:
+        """A person's thumb about the last execution of a task, by the name of its recording."""
+        begun = self._begun
+        if not self.running or begun is None or not begun.by_thumbs or self._point is None:
+            return
+        before = self._judged_before
+        if begun.practised.task != task or before is None or execution in ("", before):
+            return
+        if thumbs not in COST_OF:
+            return
+        bag = f"executions/{task}/{execution}"
+        begun.session.keep(self._point, COST_OF[thumbs], bag, {THUMBS: COST_OF[thumbs]})
+        self._after_one(begun)
+        if self.running:
+            self._try_next()
+
+    def _open(self) -> _Begun:
+        teacher = self._teacher
+        names = ("task", "practice_cost", "practice_beside", "practice_seed")
+        task, cost, beside, seed = (teacher.get_parameter(name).value for name in names)
+        if not task:
+            cure = "Set the parameter task."
+            raise ArgumentError(describe("parameter task", "the label of a task", "none", cure))
+        practised = PractisedTask(teacher.folder, task, beside_m=_numbers(beside))
+        known = (*practised.practice.costs, THUMBS)
+        costs = Cost(THUMBS, _unjudged) if cost == THUMBS else load_cost(cost, known, files=False)
+        session = practised.session(costs, int(seed))
+        return _Begun(practised, session, (task, cost, beside, int(seed)))
+
+    def _check_judged(self) -> None:
+        """Raise where no execution would be recorded or no estimator would execute."""
+        if not self._teacher.estimator_runs() or not self._teacher.executions.records:
+            cure = "Start the graph, and leave `executions` above 0."
+            expected = "an estimator, and recordings of executions"
+            raise BagError(describe("practice by thumbs", expected, "none", cure))
+
+    def _try_next(self) -> None:
+        """Give the estimator the library with the next point."""
+        assert self._begun is not None
+        begun = self._begun
+        self._judged_before = None
+        try:
+            self._point = begun.session.next()
+            self.trial = begun.practised.write_trial(begun.session)
+        except IntentError as error:
+            self._fail(error)
+            return
+        self._teacher.send_model(f"trying point {len(begun.session.tried) + 1}")
+
+    def _after_one(self, begun: _Begun) -> None:
+        tried = begun.session.tried
+        wanted = int(self._teacher.get_parameter("practice_rollouts").value)
+        diagnostics = self._teacher.diagnostics
+        diagnostics.value("practice", f"{begun.practised.task}, {len(tried)} of {wanted}")
+        costs = begun.session.costs
+        shown = ", ".join(f"{cost:.3g}" for cost in (costs[0], costs.min(), costs[-1]))
+        diagnostics.value("practice cost first, cheapest, last", shown)
+        if len(tried) >= wanted:
+            self._end("practised")
+
+    def _end(self, how: str) -> str:
+        assert self._begun is not None
+        self.running, tried = False, self._begun.session.tried
+        text = f"{how}: {self._begun.practised.task}, {len(tried)} rollouts; ~/accept takes it over"
+        if self.trial is not None:
+            self.trial = None
+            self._teacher.send_model(text)
+        else:
+            self._tell(text)
+        return text
+
+    def _fail(self, error: IntentError) -> None:
+        self.running = False
+        self._teacher.report(Level.WARN, f"practice ended: {error}")
+        if self.trial is not None:
+            self.trial = None
+            self._teacher.send_model("the model of the library again")
+
+    def _tell(self, text: str) -> None:
+        self._teacher.report(Level.OK, text)
+
+
+def _numbers(text: str) -> tuple[float, ...] | None:
+    """Three numbers of a text; None where it is empty.
+
+    Raises:
+        ArgumentError: it is not three numbers.
+    """
+    if not text.strip():
+        return None
+    try:
+        found = tuple(float(word) for word in text.replace(",", " ").split())
+    except ValueError:
+        found = ()
+    if len(found) != 3 or not np.all(np.isfinite(found)):
+        cure = "Such as `-0.17 0 0.01`."
+        raise ArgumentError(describe("practice_beside", "three numbers in m", repr(text), cure))
+    return found
+
+
+def _unjudged(_: Rollout) -> float:
+    """Thumbs are given to executions, not to rollouts."""
+    raise ValueError("only a person judges")
