@@ -60,7 +60,7 @@ def describe(argument: str, expected: str, got: object, cure: str) -> str:
         cure: what the caller can do about it, as a sentence.
     """
     came = "\n".join(map(printable, str(got)[:LONGEST_GOT].split("\n")))
-    return f"{argument}: expected {expected}, got {came}. {cure}"
+    return f"{argument}: expected {expected}, got {came.removesuffix('.')}. {cure}"
 
 
 def one_line(error: BaseException) -> str:

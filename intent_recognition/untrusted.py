@@ -121,11 +121,14 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     check_archive(path)
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except OSError:
+            found = {name: archive[name] for name in archive.files}
+    except (OSError, MemoryError):
         raise
     except Exception as error:  # numpy and zipfile raise many kinds for what is no archive
         raise UntrustedError("another file, or a damaged one") from error
+    if not all(isinstance(array, np.ndarray) for array in found.values()):
+        raise UntrustedError("an archive of other files than arrays")
+    return found
 
 
 def _check_events(text: str) -> None:

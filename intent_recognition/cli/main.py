@@ -15,6 +15,8 @@ from intent_recognition.cli.help import COMMANDS, Formatter
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.interrupts import INTERRUPTED, raise_interrupts
 
+MEMORY_CURE = "Give it fewer or smaller files, or more memory."
+
 
 def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
     """The parser of all commands, or of some: what is left out need not be imported."""
@@ -52,7 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         _drop_output()
         return 0
     except (IntentError, OSError, MemoryError, RecursionError) as error:
-        sys.stderr.write(f"intent {args.command}: {one_line(error)}\n")
+        cure = f". {MEMORY_CURE}" if isinstance(error, MemoryError) else ""
+        sys.stderr.write(f"intent {args.command}: {one_line(error)}{cure}\n")
         if isinstance(error, OSError):
             _drop_output()
         return 1

@@ -12,7 +12,7 @@ import numpy as np
 
 from intent_recognition.bags import JOINT_STATE, POSE
 from intent_recognition.demonstrations.entry import DofEntry
-from intent_recognition.demonstrations.paths import FIELD_PATH
+from intent_recognition.demonstrations.paths import MOST_ELEMENTS, is_path
 from intent_recognition.errors import DofError, describe
 from intent_recognition.motion import HAND_FIELDS, TURNED_FIELDS
 from intent_recognition.untrusted import UntrustedError, load_yaml, read_text
@@ -299,8 +299,9 @@ def _names(item: Mapping, key: str, place: str) -> tuple[str, ...]:
     for name in names:
         if not isinstance(name, str) or not name:
             raise _error(f"{place}: {key}", "names", name)
-        if key == "fields" and not FIELD_PATH.fullmatch(name):
-            expected = "paths such as pose.position.x or poses[7].position.x"
+        if key == "fields" and not is_path(name):
+            example = "pose.position.x or poses[7].position.x"
+            expected = f"paths such as {example}, with elements below {MOST_ELEMENTS}"
             raise _error(f"{place}: {key}", expected, name)
     return tuple(names)
 

@@ -10,7 +10,10 @@ from intent_recognition.bags import NANOSECONDS
 
 FIELD_PATH = re.compile(r"[A-Za-z_]\w*(\.\w+|\[[^\[\]]+\])*")
 """Such as pose.position.x, poses[7].position.x, data.0, transforms[wrist].transform.rotation.w."""
+MOST_ELEMENTS = 10_000
+"""Element of an array from which on none is read or written. Convention."""
 PART = re.compile(r"\.?(?P<attribute>[A-Za-z_]\w*)|\.(?P<number>\d+)|\[(?P<element>[^\[\]]+)\]")
+NUMBER = re.compile(r"\.(\d+)(?=[.\[]|$)|\[(\d+)\]")
 STAMPED_ELEMENTS = ("tf2_msgs/msg/TFMessage", "visualization_msgs/msg/MarkerArray")
 """Types without a stamp of their own, but one in each element of their array."""
 
@@ -41,6 +44,14 @@ def parse_path(field: str) -> tuple[Part, ...]:
         else:
             parts.append(ElementName(element.lstrip("/")))
     return tuple(parts)
+
+
+def is_path(field: str) -> bool:
+    """Whether a text is a path, to elements that an array may have."""
+    if not FIELD_PATH.fullmatch(field):
+        return False
+    indices = (max(found) for found in NUMBER.findall(field))
+    return all(len(index) < 9 and int(index) < MOST_ELEMENTS for index in indices)
 
 
 @lru_cache(maxsize=4096)

@@ -2,6 +2,7 @@
 """Tables of every kind of file: by its suffix, CSV and NPZ here."""
 
 import csv
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -10,15 +11,18 @@ import numpy as np
 from intent_recognition.errors import BagError, describe
 from intent_recognition.tables.c3d import open_c3d
 from intent_recognition.tables.parquet import open_lerobot, open_parquet
-from intent_recognition.tables.table import Table, Values, unusable
+from intent_recognition.tables.table import Table, Values, check_columns, unusable
 from intent_recognition.untrusted import UntrustedError, check_regular, read_arrays
 
 DELIMITERS = ",;\t "
 """What may separate the cells of a CSV, in order of preference where a header has none of them."""
-MOST_CSV = 2**30
-"""Bytes of a CSV. Convention: ten hours of fifty columns at 100 Hz take 1.5 GB."""
-LONGEST_CELL = 2**16
-"""Characters of a cell. Convention: a label or a number takes far fewer."""
+MOST_CSV = 2**28
+"""Bytes of a CSV. Convention: an hour of fifty columns at 100 Hz takes 0.2 GB."""
+MOST_CELLS = 10_000_000
+"""Cells that are taken from a CSV, or its rows. Convention: they take 0.7 GB while they are read;
+an hour of twenty columns at 100 Hz has 7 million."""
+LONGEST_LINE = 2**16
+"""Characters of a line that are looked at for what separates its cells. Convention."""
 LEROBOT = "meta/info.json"
 
 
@@ -62,8 +66,9 @@ def _open_csv(path: Path, skip_rows: int) -> Table:
     header = next(_rows(path, skip_rows), [])
     if not header:
         raise unusable(path, "a line of column names", "an empty file", "Check the path.")
+    check_columns(path, len(header))
     names = tuple(name.strip() for name in header)
-    if doubled := sorted({name for name in names if names.count(name) > 1}):
+    if doubled := sorted(name for name, count in Counter(names).items() if count > 1):
         got = ", ".join(map(repr, doubled))
         raise unusable(path, "every column name once", f"twice {got}", "Give each its own name.")
 
@@ -72,7 +77,12 @@ def _open_csv(path: Path, skip_rows: int) -> Table:
         cells: list[list[str]] = [[] for _ in wanted]
         rows = _rows(path, skip_rows)
         next(rows)
+        most = MOST_CELLS // max(1, len(wanted))
         for number, row in enumerate(rows):
+            if number >= most:
+                cure = "Split it, or name fewer of its columns in the map."
+                got = f"more than {most} rows of {len(wanted)} columns"
+                raise unusable(path, f"at most {MOST_CELLS} cells", got, cure)
             if not row:
                 continue
             if len(row) != len(names):
@@ -89,9 +99,9 @@ def _rows(path: Path, skip_rows: int) -> Iterator[list[str]]:
     """The lines of a CSV as cells, from the header on."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
-            for _ in range(skip_rows):
-                stream.readline(LONGEST_CELL)
-            at, header = stream.tell(), stream.readline(LONGEST_CELL)
+            while skip_rows and stream.readline(LONGEST_LINE):
+                skip_rows -= 1
+            at, header = stream.tell(), stream.readline(LONGEST_LINE)
             stream.seek(at)
             counts = [header.count(delimiter) for delimiter in DELIMITERS]
             delimiter = DELIMITERS[counts.index(max(counts[:3]) or max(counts))]
@@ -113,6 +123,7 @@ def _open_npz(path: Path) -> Table:
             cure = "Put one demonstration after the other, with a column that counts them."
             raise unusable(path, "arrays (T,) or (T, d)", shape, cure)
         if array.ndim == 2:
+            check_columns(path, len(columns) + array.shape[1])
             columns.update({f"{name}.{k}": array[:, k] for k in range(array.shape[1])})
         else:
             columns[name] = np.atleast_1d(array)

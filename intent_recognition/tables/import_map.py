@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from intent_recognition.bags import NANOSECONDS
 from intent_recognition.demonstrations import DofEntry, DofSpec
 from intent_recognition.errors import DofError, describe
@@ -23,6 +21,10 @@ KEYS = (*SIDES, "files", "time", "segments", "every", "task", "labels", "metadat
 SINCE_S = 946_684_800
 """From what times count that do not say [s]: 2000-01-01 UTC. Convention; a stamp of zero counts as
 none."""
+LARGEST = 1e12
+"""Of seconds and rates. Convention: seconds since 1970 are 2e9."""
+SLOWEST = 1e-6
+"""Rate [Hz]. Convention: a sample in twelve days."""
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
 
@@ -245,8 +247,8 @@ def _time(value: object, place: str) -> TimeSource:
     if unit not in PER_UNIT:
         raise _error(f"{place}: unit", f"one of {', '.join(PER_UNIT)}", unit)
     rate = _number(items.get("rate", 1.0), f"{place}: rate")
-    if rate <= 0.0:
-        raise _error(f"{place}: rate", "samples a second, above zero", rate)
+    if rate < SLOWEST:
+        raise _error(f"{place}: rate", f"samples a second, at least {SLOWEST:g}", rate)
     since = items.get("since", SINCE_S)
     since_ns = round(_number(since, f"{place}: since") * NANOSECONDS)
     if isinstance(since, int):  # a float has no nanoseconds left
@@ -285,8 +287,10 @@ def _text(value: object, place: str) -> Text:
 
 
 def _number(value: object, place: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise _error(place, "a number", "nothing" if value is None else value)
+    if not -LARGEST <= value <= LARGEST:
+        raise _error(place, f"a number from {-LARGEST:g} to {LARGEST:g}", value)
     return float(value)
 
 

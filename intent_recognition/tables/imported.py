@@ -141,6 +141,7 @@ def _lists(content: object) -> object:
 def _with_header(content: dict[str, Any], kind: str, stamp_ns: int, frame: str) -> dict[str, Any]:
     if "header" in getattr(message_class(kind), "__dataclass_fields__", {}):
         content = {"header": {"stamp": stamp_ns, "frame_id": frame}, **content}
-    if kind == POSE and "orientation" not in content["pose"]:
-        content["pose"] = {**content["pose"], "orientation": {"w": 1.0}}
+    pose = content.get("pose", {})
+    if kind == POSE and isinstance(pose, dict):
+        content["pose"] = {"orientation": {"w": 1.0}, **pose}
     return content

@@ -32,6 +32,7 @@ from intent_recognition.tables.table import (
     stamps_ns,
     text_of,
     texts,
+    ticks_ns,
 )
 
 LONGEST_NAME = 80
@@ -199,10 +200,8 @@ def _rows(
         raise BagError(describe(str(table.source), "columns of one length", got, cure))
     values = convert(np.column_stack(columns), source.unit or table.unit, source.entry.unit)
     if time.column is None:
-        ticks = np.rint(np.arange(len(values)) * (NANOSECONDS / time.rate_hz)).astype(np.int64)
-        return _Rows(
-            source, ticks + time.since_ns, np.ones(len(values), bool), values, time.since_ns
-        )
+        ticks = ticks_ns(len(values), time.rate_hz, time.since_ns, table.source)
+        return _Rows(source, ticks, np.ones(len(values), bool), values, time.since_ns)
     stamps, known = stamps_ns(
         data[time.column], time.unit, time.since_ns, table.source, time.column
     )

@@ -9,8 +9,21 @@ from typing import Any
 import numpy as np
 
 from intent_recognition.errors import BagError, one_line
-from intent_recognition.tables.table import Table, Values, optional, unusable
-from intent_recognition.untrusted import MOST_ARRAYS, UntrustedError, load_json, read_text
+from intent_recognition.tables.table import (
+    Table,
+    Values,
+    check_columns,
+    numbers,
+    optional,
+    unusable,
+)
+from intent_recognition.untrusted import (
+    MOST_ARRAYS,
+    UntrustedError,
+    check_regular,
+    load_json,
+    read_text,
+)
 
 MOST_LINES = 2**26
 """Bytes of a `.jsonl` file. Convention: a million tasks take 60 MB."""
@@ -49,7 +62,10 @@ def open_lerobot(folder: Path) -> Table:
         raise unusable(path, "version 2 or 3", version, "Convert it with LeRobot's own script.")
     if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
         raise unusable(path, "a data_path inside of the folder", pattern, "Correct it.")
-    files = sorted(folder.glob(pattern))
+    try:
+        files = sorted(folder.glob(pattern))
+    except (ValueError, IndexError):  # no pattern at all
+        files = []
     if not files:
         raise unusable(folder, f"files {pattern}", "none", "Download the folder data as well.")
     table = _table(folder, files, names)
@@ -60,7 +76,8 @@ def open_lerobot(folder: Path) -> Table:
             return table.read(stored)
         found = table.read([*stored, "task_index"])
         tasks = _tasks(folder)
-        found["task"] = np.array([tasks.get(int(k), "") for k in found["task_index"]], object)
+        indices = numbers(found["task_index"], folder, "task_index").tolist()
+        found["task"] = np.array([tasks.get(k, "") for k in indices], object)
         return found
 
     return Table(
@@ -87,17 +104,18 @@ def _feature_names(feature: Mapping) -> list[str]:
     return named if shape == [len(named)] and len(set(named)) == len(named) else []
 
 
-def _tasks(folder: Path) -> dict[int, str]:
+def _tasks(folder: Path) -> dict[float, str]:
     """Text of each task by its index: `tasks.jsonl` of version 2, `tasks.parquet` of version 3."""
     lines, table = folder / "meta" / "tasks.jsonl", folder / "meta" / "tasks.parquet"
     try:
         if lines.is_file():
             rows = [load_json(line) for line in read_text(lines, MOST_LINES).splitlines() if line]
-            return {int(row["task_index"]): str(row["task"]) for row in rows}
+            return {float(row["task_index"]): str(row["task"]) for row in rows}
         columns = open_parquet(table)  # the text is an index of pandas, under several names
         texts = next(name for name in columns.names if name != "task_index")
         found = columns.columns(["task_index", texts])
-        return {int(k): str(t) for k, t in zip(found["task_index"], found[texts], strict=True)}
+        indices = numbers(found["task_index"], table, "task_index").tolist()
+        return {k: str(text) for k, text in zip(indices, found[texts], strict=True)}
     except (OSError, UntrustedError, KeyError, TypeError, ValueError, StopIteration) as error:
         cure = "Name the tasks in the map: task."
         raise unusable(folder, "meta/tasks.jsonl or .parquet", one_line(error), cure) from error
@@ -111,7 +129,9 @@ def _table(source: Path, files: Sequence[Path], names: Mapping[str, Sequence[str
 
     def read(wanted: Sequence[str]) -> dict[str, Values]:
         stored = list(dict.fromkeys(places[name][0] for name in wanted))
-        parts = [_read(parquet, file, stored) for file in files]
+        _check_size(parquet, files, stored)
+        single = [name for name in stored if name in places and places[name][1] is None]
+        parts = [_read(parquet, file, stored, single) for file in files]
         columns = {name: np.concatenate([part[name] for part in parts]) for name in stored}
         found: dict[str, Values] = {}
         for name in wanted:
@@ -137,8 +157,11 @@ def _places(
                 if not _is_nested(kind):
                     places[column] = (column, None, False)
                 continue
+            _check_size(parquet, [path], [column])
             row = next(file.iter_batches(1, columns=[column]), None)
-            count = len(row.column(0)[0]) if row is not None and row.num_rows else 0
+            first = row.column(0)[0].as_py() if row is not None and row.num_rows else None
+            count = len(first or ())
+            check_columns(path, len(places) + count)
             named = list(names.get(column, ()))
             for k in range(count):
                 if len(named) == count:
@@ -151,31 +174,44 @@ def _places(
     return places
 
 
-def _read(parquet: Any, path: Path, columns: Sequence[str]) -> dict[str, Values]:
-    """Columns of one file, (T,) or (T, d) where they hold lists."""
+def _read(
+    parquet: Any, path: Path, columns: Sequence[str], single: Sequence[str]
+) -> dict[str, Values]:
+    """Columns of one file, (T,) or, where they are not `single` but hold lists, (T, d)."""
 
     def load(file: Any) -> dict[str, Values]:
-        metadata = file.metadata
-        count = sum(
-            chunk.num_values
-            for group in map(metadata.row_group, range(metadata.num_row_groups))
-            for chunk in map(group.column, range(group.num_columns))
-            if chunk.path_in_schema.split(".")[0] in {c.split(".")[0] for c in columns}
-        )
-        if 8 * count > MOST_ARRAYS:
-            raise UntrustedError(f"{count} values, more than {MOST_ARRAYS // 8}")
         table = file.read(columns=list(columns))
         return {name: _values(table.column(name), path, name) for name in columns}
 
-    found: dict[str, Values] = _with_file(parquet, path, load)
+    found: dict[str, Values] = _with_file(parquet, path, load, single)
     return found
+
+
+def _check_size(parquet: Any, files: Sequence[Path], columns: Sequence[str]) -> None:
+    """Bound what columns take, all files together, before any is read."""
+    starts = tuple(f"{column}." for column in columns)
+    taken = 0
+
+    def look(file: Any) -> None:
+        nonlocal taken
+        metadata = file.metadata
+        for group in map(metadata.row_group, range(metadata.num_row_groups)):
+            for chunk in map(group.column, range(group.num_columns)):
+                if f"{chunk.path_in_schema}.".startswith(starts):
+                    taken += max(8 * chunk.num_values, chunk.total_uncompressed_size)
+        if taken > MOST_ARRAYS:
+            raise UntrustedError(f"columns of {taken} bytes, more than {MOST_ARRAYS}")
+
+    for path in files:
+        _with_file(parquet, path, look)
 
 
 def _values(column: Any, path: Path, name: str) -> Values:
     """A column of Arrow as numpy has it; what is null is NaN, or None in texts."""
-    column = column.combine_chunks()
-    if str(column.type).startswith("dictionary<"):
-        column = column.dictionary_decode()
+    column = column.unify_dictionaries().combine_chunks()
+    if str(column.type).startswith("dictionary<"):  # texts that are alike are kept once
+        known = np.array([*column.dictionary.to_pylist(), None], object)
+        return np.asarray(known[column.indices.fill_null(len(known) - 1).to_numpy()])
     if not _is_list(column.type):
         if column.null_count and str(column.type).startswith(("int", "uint")):
             return np.array([None if v is None else str(v) for v in column.to_pylist()], object)
@@ -197,12 +233,18 @@ def _is_nested(kind: Any) -> bool:
     return str(kind).startswith(("struct<", "map<", "extension<", "binary"))
 
 
-def _with_file(parquet: Any, path: Path, action: Callable[[Any], Any]) -> Any:
-    """What `action` makes of an open file; whatever is wrong with it is a BagError."""
+def _with_file(
+    parquet: Any, path: Path, action: Callable[[Any], Any], single: Sequence[str] = ()
+) -> Any:
+    """What `action` makes of an open file; whatever is wrong with it is a BagError.
+
+    Texts in the columns `single` come as dictionaries: one that is repeated is kept once.
+    """
     try:
-        with parquet.ParquetFile(path) as file:
+        check_regular(path)
+        with parquet.ParquetFile(path, read_dictionary=list(single)) as file:
             return action(file)
-    except BagError:
+    except (BagError, MemoryError):
         raise
     except Exception as error:  # pyarrow raises what its parts raise
         cure = "Write or download it again."

@@ -4,7 +4,7 @@
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,14 @@ Values = NDArray[Any]
 """A column: numbers, dates, or texts (of dtype object)."""
 MISSING = frozenset({"", "na", "n/a", "nan", "null", "none"})
 """What a cell of text says in lower case where nothing was measured. Convention, as in pandas."""
+LONGEST_CELL = 60
+"""Characters of a cell that a message repeats. Convention."""
 PER_UNIT = {"s": NANOSECONDS, "ms": 10**6, "us": 10**3, "ns": 1}
 """Nanoseconds in each unit of time."""
 LAST_NS = 2**31 * NANOSECONDS
 """The first time [ns] that a stamp of ROS cannot hold: its seconds are int32."""
+MOST_COLUMNS = 10_000
+"""Columns of a table. Convention: a motion capture suit takes some hundreds."""
 LENGTHS = {"m": 1, "dm": 10, "cm": 100, "mm": 1000}
 """How many of each unit are one metre."""
 
@@ -78,6 +82,17 @@ def optional(module: str, package: str, source: Path) -> Any:
         raise BagError(describe(str(source), f"the library {package}", "none", cure)) from error
 
 
+def check_columns(source: Path, count: int) -> None:
+    """Bound how many columns a table has.
+
+    Raises:
+        BagError: they are too many.
+    """
+    if count > MOST_COLUMNS:
+        cure = "Leave columns out of the file."
+        raise unusable(source, f"at most {MOST_COLUMNS} columns", count, cure)
+
+
 def unusable(source: Path, expected: str, error: object, cure: str) -> BagError:
     """The error that a file is not what its name says."""
     return BagError(describe(str(source), expected, error, cure))
@@ -98,7 +113,7 @@ def numbers(values: Values, source: Path, name: str) -> NDArray[np.float64]:
             found[row] = np.nan if text.lower() in MISSING else float(text)
         except ValueError as error:
             cure = "Name a column of numbers, with decimal points, in the map."
-            got = f"{text!r} in row {row + 1}"
+            got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
             raise BagError(describe(f"{source}: {name}", "numbers", got, cure)) from error
     return found
 
@@ -145,24 +160,51 @@ def stamps_ns(
         counts = values.astype(object) * per
     elif values.dtype.kind == "f":
         known = np.isfinite(values)
-        counts = np.rint(np.where(known, values, 0.0).astype(np.float64) * per)
+        with np.errstate(over="ignore"):
+            counts = np.rint(np.where(known, values, 0.0).astype(np.float64) * per)
     else:
         counts = np.zeros(values.size, object)
         for row, cell in enumerate(values):
             text = str(cell).strip()
             known[row] = text.lower() not in MISSING
             try:
-                counts[row] = round(Decimal(text) * per) if known[row] else 0
-            except (InvalidOperation, ValueError, OverflowError) as error:
-                got = f"{text!r} in row {row + 1}"
+                counts[row] = _nanoseconds(text, per) if known[row] else 0
+            except (ArithmeticError, ValueError) as error:
+                got = f"{text[:LONGEST_CELL]!r} in row {row + 1}"
                 cure = "Name a column of times, with decimal points, under time in the map."
                 raise BagError(describe(f"{source}: {name}", "times", got, cure)) from error
-    lowest, highest = (int(f(counts[known])) if known.any() else 1 for f in (np.min, np.max))
+    return _checked(counts, known, since_ns, f"{source}: {name}"), known
+
+
+def ticks_ns(count: int, rate_hz: float, since_ns: int, source: Path) -> NDArray[np.int64]:
+    """Stamps (count,) of samples at a rate [Hz], the first at `since_ns`.
+
+    Raises:
+        BagError: they leave what a stamp holds.
+    """
+    ticks = np.rint(np.arange(count) * (NANOSECONDS / rate_hz))
+    return _checked(ticks, np.ones(count, bool), since_ns, str(source))
+
+
+def _checked(
+    counts: NDArray[Any], known: NDArray[np.bool_], since_ns: int, place: str
+) -> NDArray[np.int64]:
+    """Stamps [ns] of nanoseconds since another time, where they are known."""
+    there = counts[known]
+    lowest, highest = (there.min(), there.max()) if there.size else (1, 1)
     if lowest + since_ns <= 0 or highest + since_ns >= LAST_NS:
         cure = "Correct unit and since under time in the map; times of the computer have since: 0."
-        got = f"{lowest} to {highest} ns since {since_ns} ns"
-        raise BagError(describe(f"{source}: {name}", "times between 1970 and 2038", got, cure))
-    return counts.astype(np.int64) + since_ns, known
+        got = f"{lowest:.6g} to {highest:.6g} ns since {since_ns} ns"
+        raise BagError(describe(place, "times between 1970 and 2038", got, cure))
+    return counts.astype(np.int64) + since_ns
+
+
+def _nanoseconds(text: str, per: int) -> int:
+    """A decimal text as nanoseconds; ArithmeticError where it is none, or no stamp holds it."""
+    count = Decimal(text) * per
+    if not abs(count) < 2**63:
+        raise OverflowError
+    return round(count)
 
 
 def check_convertible(unit: str, wanted: str, place: str) -> None:
