@@ -12,7 +12,8 @@ from contextlib import suppress
 
 NODES = (
     *("mocap_ingest", "intent_estimator", "primitive_activation", "bag_recorder", "bag_player"),
-    *("object_warper", "task_teacher", "dashboard", "arm_sim", "lwr_sim", "coworker_sim"),
+    *("object_warper", "task_teacher", "warped_primitive", "dashboard"),
+    *("arm_sim", "lwr_sim", "coworker_sim"),
 )
 COMMAND = "intent"
 INTERRUPTED = 130

@@ -15,8 +15,12 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from intent_recognition.errors import ModelError, describe
+
 MOST_TEXT = 4_000_000
 """Bytes of a YAML or JSON text. Convention: the metadata of a thousand topics take 0.7 MB."""
+MOST_LOG = 100_000_000
+"""Bytes of a log of lines. Convention: three hundred thousand changes or executions."""
 DEEPEST = 32
 """Nesting of YAML. Convention: a DOF file has 4 levels, metadata.yaml 7."""
 MOST_NODES = 100_000
@@ -63,6 +67,23 @@ def read_text(path: Path, most_bytes: int = MOST_TEXT) -> str:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise UntrustedError(str(error)) from error
+
+
+def read_log(path: Path, start: int = 0) -> bytes:
+    """What a log of lines holds from a byte on.
+
+    Raises:
+        OSError: it cannot be read.
+        ModelError: it is no regular file, or too large.
+    """
+    try:
+        check_regular(path, MOST_LOG)
+    except UntrustedError as error:
+        cure = "Remove it, or choose another folder."
+        raise ModelError(describe(str(path), "a log of lines", error, cure)) from error
+    with path.open("rb") as stream:
+        stream.seek(start)
+        return stream.read()
 
 
 def load_yaml(text: str) -> Any:

@@ -15,7 +15,11 @@ from intent_recognition.cli.help import COMMANDS, Formatter
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.interrupts import INTERRUPTED, raise_interrupts
 
-MEMORY_CURE = "Give it fewer or smaller files, or more memory."
+CURES = {
+    MemoryError: "Give it fewer or smaller files, or more memory.",
+    OSError: "Check that path, who may use it, and the free space.",
+}
+"""What helps against errors that say none themselves."""
 
 
 def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
@@ -54,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         _drop_output()
         return 0
     except (IntentError, OSError, MemoryError, RecursionError) as error:
-        cure = f". {MEMORY_CURE}" if isinstance(error, MemoryError) else ""
+        cure = next((f". {cure}" for kind, cure in CURES.items() if isinstance(error, kind)), "")
         sys.stderr.write(f"intent {args.command}: {one_line(error)}{cure}\n")
         if isinstance(error, OSError):
             _drop_output()

@@ -52,7 +52,7 @@ def n_components(args: argparse.Namespace) -> int | None:
         ArgumentError: neither `auto` nor a positive number, or given without `--unlabelled`.
     """
     text = args.components
-    if text != "auto" and not (text.isdecimal() and int(text) > 0):
+    if text != "auto" and not (text.isdecimal() and len(text) < 10 and int(text) > 0):
         raise ArgumentError(describe("--components", "`auto` or a number", text, "Try auto."))
     if text != "auto" and not args.unlabelled:
         raise ArgumentError(

@@ -148,6 +148,14 @@ class PracticeSession:
         write_text(self.folder / STATE, json.dumps(content, indent=1) + "\n")
         self.tried = tried
 
+    def _check(self, tried: list[Tried]) -> None:
+        """Make sure that rollouts can be gone on from; ValueError if not."""
+        n_axes = self._practice.space.n_axes
+        for one in tried:
+            if len(one.point) != n_axes or not np.all(np.isfinite([*one.point, one.cost])):
+                raise ValueError(f"a rollout other than {n_axes} coordinates and a cost")
+            dict(one.outcome)
+
     def _read(self) -> list[Tried]:
         path = self.folder / STATE
         try:
@@ -169,6 +177,7 @@ class PracticeSession:
                 Tried(tuple(map(float, t["point"])), float(t["cost"]), t["bag"], t["outcome"])
                 for t in content["tried"]
             ]
+            self._check(tried)
         except (UntrustedError, KeyError, TypeError, ValueError) as error:
             cure = "Choose another folder."
             raise ModelError(describe(str(path), "a file of practice", error, cure)) from error

@@ -20,7 +20,8 @@ from pathlib import Path
 
 from intent_recognition.demonstrations import check_label
 from intent_recognition.durable import append_line
-from intent_recognition.untrusted import UntrustedError, load_json
+from intent_recognition.model.history import are_texts, is_inside
+from intent_recognition.untrusted import UntrustedError, load_json, read_log
 
 EXECUTIONS, OUTCOMES = "executions", "outcomes.jsonl"
 OUTCOME, CORRECTIONS, THUMBS, SPILLED = "outcome", "corrections", "thumbs", "spilled"
@@ -96,9 +97,7 @@ class Executions:
             self._known, self._read_to = {}, 0
         if size == self._read_to:
             return []
-        with file.open("rb") as stream:
-            stream.seek(self._read_to)
-            added = stream.read()
+        added = read_log(file, self._read_to)
         whole = added[: added.rfind(b"\n") + 1]
         self._read_to += len(whole)
         return whole.decode(errors="replace").split("\n")
@@ -160,9 +159,7 @@ def _execution(line: str) -> Execution | None:
     except (TypeError, UntrustedError):
         return None
     texts = (found.time, found.task, found.bag, found.model)
-    if not all(isinstance(text, str) for text in texts) or not isinstance(found.values, dict):
+    if not are_texts(texts) or not isinstance(found.values, dict):
         return None
-    inside = not any(
-        ".." in Path(name).parts or name[:1] == "/" for name in (found.bag, found.model)
-    )
-    return found if inside else None
+    known = are_texts(found.values) and are_texts(found.values.values())
+    return found if known and is_inside(found.bag) and is_inside(found.model) else None

@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The history of a folder of tasks: one line per change, written at once at the file's end."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from intent_recognition.untrusted import UntrustedError, load_json
+from intent_recognition.untrusted import UntrustedError, load_json, read_log
 
 HISTORY = "history.jsonl"
 START, LEARN, WAIT, UNDO, KEEP = "start", "learn", "wait", "undo", "keep"
 IMPROVE = "improve"
+MOST_COUNTED = 10**9
+"""Demonstrations of a task. Convention."""
+LONGEST_TEXT = 300
+"""Characters of each text of a line. Convention: a path with a label twice takes 190."""
 ACTIONS = (START, LEARN, WAIT, UNDO, KEEP, IMPROVE)
 
 
@@ -56,10 +60,10 @@ def standing(changes: Sequence[Change]) -> list[Change]:
 def history_lines(path: Path) -> list[tuple[str, Change | None]]:
     """Lines of the history, each with its change; None for what is not whole."""
     try:
-        text = (path / HISTORY).read_bytes().decode(errors="replace")
+        lines = read_log(path / HISTORY).decode(errors="replace").split("\n")
     except FileNotFoundError:
         return []
-    return [(line, _change(line)) for line in text.split("\n") if line]
+    return [(line, _change(line)) for line in lines if line]
 
 
 def _change(line: str) -> Change | None:
@@ -69,6 +73,21 @@ def _change(line: str) -> Change | None:
     except (TypeError, UntrustedError):
         return None
     texts = (change.time, change.action, change.task, change.bag, change.model)
-    inside = not any(".." in Path(name).parts or name[:1] == "/" for name in texts[3:5] if name)
-    sound = all(isinstance(text, str) for text in texts) and isinstance(change.tasks, dict)
-    return change if sound and inside and change.action in ACTIONS else None
+    if not are_texts(texts) or not isinstance(change.tasks, dict) or not are_texts(change.tasks):
+        return None
+    counted = all(isinstance(n, int) and 0 <= n < MOST_COUNTED for n in change.tasks.values())
+    inside = is_inside(change.bag) and is_inside(change.model)
+    return change if counted and inside and change.action in ACTIONS else None
+
+
+def are_texts(values: Iterable[object]) -> bool:
+    """Whether all are texts that a terminal may see, and no longer than paths are."""
+    return all(
+        isinstance(value, str) and len(value) <= LONGEST_TEXT and value.isprintable()
+        for value in values
+    )
+
+
+def is_inside(name: str) -> bool:
+    """Whether a path relative to a folder stays in it."""
+    return ".." not in Path(name).parts and name[:1] != "/"

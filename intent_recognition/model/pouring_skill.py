@@ -13,6 +13,8 @@ from intent_recognition.warping import N_WARPED, PouringSkill, Reached, WarpedPr
 
 FORMAT_VERSION = 1
 """Of the file; others are not read."""
+LARGEST = 1e4
+"""Of all numbers in the file. Convention: a pour takes a minute, and moves by metres."""
 CURE = "Write it again: `intent improve pouring --accept`, or `save_pouring_skill`."
 
 
@@ -39,6 +41,8 @@ def load_pouring_skill(path: str | Path) -> PouringSkill:
     """
     try:
         arrays = read_arrays(Path(path))
+        if any(array.dtype.kind not in "fiu" for array in arrays.values()):
+            raise ValueError("arrays of something else than numbers")
         found = {name: np.asarray(array, np.float64) for name, array in arrays.items()}
     except (OSError, ValueError) as error:  # texts are no numbers
         raise ModelError(describe(str(path), "a pouring skill", error, CURE)) from error
@@ -48,8 +52,9 @@ def load_pouring_skill(path: str | Path) -> PouringSkill:
         raise ModelError(describe(place, str(FORMAT_VERSION), version, CURE))
     needed = {"basis": (2,), "duration_s": (), "reached": (3,)}
     try:
-        if not all(np.all(np.isfinite(array)) for array in found.values()):
-            raise ModelError(describe(str(path), "finite arrays", "NaN or infinity", CURE))
+        if not all(np.all(np.abs(array) <= LARGEST) for array in found.values()):
+            expected = f"numbers up to {LARGEST:g}"
+            raise ModelError(describe(str(path), expected, "larger ones, or NaN", CURE))
         if not all(found[name].shape == shape for name, shape in needed.items()):
             raise ModelError(describe(str(path), "arrays of the right shape", "others", CURE))
         begin, largest, _ = found["reached"].tolist()

@@ -93,4 +93,5 @@ def _column(rows: NDArray, field: PointField, order: str) -> NDArray:
         expected = f"inside a point of {rows.shape[1]} bytes"
         raise MessageError(describe(f"field {field.name}", expected, got, cure))
     cells = np.ascontiguousarray(rows[:, field.offset : field.offset + kind.itemsize])
-    return cells.view(kind)[:, 0].astype(float)
+    with np.errstate(invalid="ignore"):  # bytes that are a signalling NaN
+        return cells.view(kind)[:, 0].astype(float)

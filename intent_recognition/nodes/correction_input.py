@@ -86,20 +86,19 @@ def load_detector(name: str) -> DeviationDetector:
 
     Raises:
         ArgumentError: it does not describe one.
-        UntrustedError: it is no plain YAML.
     """
     path = Path(name)
     if path.suffix != ".yaml":
         path = share_path(f"{SHIPPED}/{name}.yaml")
-    found = load_yaml(read_text(path))
     try:
+        found = load_yaml(read_text(path))
         coefficients = np.array([found[key] for key in ("constant", "velocity", "acceleration")])
         explained = np.array(found["explained"], dtype=np.float64)
         numbers = [float(found[key]) for key in ("sustained", "false_alarm_rate", "least")]
         fits = coefficients.shape == (3, explained.size)
         if not fits or not np.all(np.isfinite([*coefficients.ravel(), *explained, *numbers])):
             raise ValueError("numbers that do not fit")
-    except (KeyError, TypeError, ValueError) as error:
+    except (OSError, KeyError, TypeError, ValueError) as error:
         expected = (
             "constant, velocity, acceleration, explained, one number a joint each, and sustained,"
             " false_alarm_rate, least"

@@ -14,6 +14,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
 
+from intent_recognition.errors import MessageError
 from intent_recognition.evaluation import SessionLog
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array, stamp_ns, trajectory_arrays
@@ -115,6 +116,8 @@ class SessionObserver(Node):
         self._wrist.append((stamp_ns(message), position_array(message.pose)))
 
     def _take_tasks(self, message: JointState) -> None:
+        if len(message.position) != len(message.name):
+            return
         if not self._tasks:
             self._labels = tuple(message.name)
         row = np.array(message.position)
@@ -129,15 +132,21 @@ class SessionObserver(Node):
         self._on_active(message.data)
 
     def _take_joints(self, message: JointState) -> None:
-        self._joints.append((stamp_ns(message), np.array(message.position)))
+        positions = np.array(message.position)
+        if not self._joints or self._joints[0][1].shape == positions.shape:
+            self._joints.append((stamp_ns(message), positions))
 
     def _take_prediction(self, message: JointTrajectory) -> None:
         now = self._now_ns()
         if self._predictions and now - self._predictions[-1][0] < EVERY_PATH_NS:
             return
-        times, positions, others = trajectory_arrays(message)
+        try:
+            times, positions, others = trajectory_arrays(message)
+            std = others["effort"]
+        except (MessageError, KeyError):
+            return  # none of the estimator's
         self._predictions.append(
-            (now, stamp_ns(message), message.header.frame_id, times, positions, others["effort"])
+            (now, stamp_ns(message), message.header.frame_id, times, positions, std)
         )
 
     def _take_path(self, message: Path) -> None:

@@ -22,6 +22,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError, describe
 from intent_recognition.kinematics import JOINT_NAMES, parse_boxes
+from intent_recognition.nodes.conversions import stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
@@ -302,7 +303,7 @@ class ArmSim(Node):
         self.follower.accept(command, self.arm.time_s)
 
     def _on_prediction(self, spread: SpreadControl, message: JointTrajectory) -> None:
-        start_s = self._start_s(Time.from_msg(message.header.stamp).nanoseconds)
+        start_s = self._start_s(stamp_ns(message))
         points = message.points
         times = [p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in points]
         std = [p.effort for p in points]
@@ -320,21 +321,21 @@ class ArmSim(Node):
             [p.positions for p in points],
             [p.velocities for p in points],
             [p.accelerations for p in points],
-            start_s=self._start_s(Time.from_msg(message.header.stamp).nanoseconds),
+            start_s=self._start_s(stamp_ns(message)),
             now_s=self.arm.time_s,
             joint_names=self._robot.joint_names,
             limits=self.arm.limits,
             position=self.arm.state().q,
         )
 
-    def _start_s(self, stamp_ns: int) -> float | None:
+    def _start_s(self, at_ns: int) -> float | None:
         """When a stamp is on the physics' clock [s]; None for a zero stamp."""
-        if stamp_ns == 0:
+        if at_ns == 0:
             return None
         if self._publishes_clock:
-            return stamp_ns * 1e-9
+            return at_ns * 1e-9
         factor = self._pacer.factor if self._pacer is not None else 1.0
-        ahead_ns = stamp_ns - self.get_clock().now().nanoseconds
+        ahead_ns = at_ns - self.get_clock().now().nanoseconds
         return self.arm.time_s + ahead_ns * 1e-9 * factor
 
     def _on_push(self, message: WrenchStamped) -> None:

@@ -2,12 +2,13 @@
 """No message of a subscribed type ends the page, and what it cannot show it counts."""
 
 from array import array
-from importlib import import_module
 
 import numpy as np
 import pytest
 from dashboard.test_bounded import Watched
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from hostile.random_messages import TEXTS as ANY_TEXTS
+from hostile.random_messages import random_message
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -17,8 +18,7 @@ from intent_recognition.dashboard.subscriptions import CellSubscriptions
 from intent_recognition.kinematics.lwr import JOINT_NAMES
 from sim_bridge.arm.urdf import lwr_urdf
 
-NUMBERS = (0.0, 1.0, -1.0, 1e-300, 1e300, -1e300, np.inf, -np.inf, np.nan, 3.4e38)
-TEXTS = ("", "a", "b", "none", *JOINT_NAMES, "\x1b[2J", "<script>", "\u202e", "\0", "x" * 5000)
+TEXTS = (*ANY_TEXTS, *JOINT_NAMES)
 SHAPE = '<link name="a"><visual><geometry>{}</geometry></visual></link>'
 LINK, URDF = '<link name="{}"/>', '<robot name="r">{}</robot>'
 JOINT = (
@@ -99,44 +99,12 @@ def fed(harness):
     fed.page.close()
 
 
-def random_message(rng, kind, depth=0):
-    """A message of a type whose fields hold anything that can be sent."""
-    message = kind()
-    for field, name in kind.get_fields_and_field_types().items():
-        if rng.random() < 0.9:
-            setattr(message, field, random_value(rng, name, getattr(message, field), depth))
-    return message
-
-
-def random_value(rng, name, default, depth):
-    if name.endswith("]") or name.startswith("sequence"):
-        inner = name.removeprefix("sequence<").split(",")[0].rstrip(">").split("[")[0]
-        size = len(default) if name.endswith("]") else int(rng.choice([0, 1, 2, 3, 7, 40]))
-        if depth > 2:
-            size = min(size, 2)
-        return [random_value(rng, inner, 0.0, depth + 1) for _ in range(size)]
-    if name in ("double", "float"):
-        most = 3e38 if name == "float" else np.inf
-        value = float(rng.choice(NUMBERS))
-        return value if not np.isfinite(value) or abs(value) <= most else most
-    if name == "string":
-        return str(rng.choice(TEXTS))
-    if name == "boolean":
-        return bool(rng.integers(2))
-    if name in ("octet", "byte"):
-        return bytes([int(rng.integers(256))])
-    if "int" in name and "/" not in name:
-        return int(rng.integers(0, 12))
-    package, kind = name.split("/")
-    return random_message(rng, getattr(import_module(f"{package}.msg"), kind), depth + 1)
-
-
 def test_random_messages_of_every_type_leave_it_running(fed):
     rng = np.random.default_rng(14)
     for _ in range(60):
         for topic, subscription in fed.topics.items():
             if topic != "/robot_description":
-                fed.hear(topic, random_message(rng, subscription.msg_type))
+                fed.hear(topic, random_message(rng, subscription.msg_type, TEXTS))
     assert len(fed.topics) == 12
     assert len(fed.rejected) > 100
     good = JointState(name=["a", "none"], position=[0.4, 0.6], velocity=[0.1, 0.0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""550 files of strangers, of eleven kinds: each is read or refused in one line, 1 GB and 20 s."""
+"""650 files of strangers, of fifteen kinds: each is read or refused in one line, 1 GB and 20 s."""
 
 import json
 import os
@@ -67,6 +67,7 @@ def check(worker, *words):
     assert answer["code"] in (0, 1, 2), (words, answer)
     assert "Traceback" not in text, (words, text)
     assert "\x1b" not in text, (words, text)
+    assert "Warning:" not in text, (words, text)
     if answer["code"] == 1 and words[0] != "inspect":
         assert len(text.strip().splitlines()) >= 1, (words, text)
     return answer
@@ -249,6 +250,117 @@ def test_tables_and_their_maps(worker, tmp_path, repository):
         words = ("import", table, "--map", written, "--output", tmp_path / f"bags_{k}")
         codes.append(check(worker, *words)["code"])
     assert {0, 1} <= set(codes)
+
+
+def test_tables_that_lie(worker, tmp_path, repository):
+    """Times no stamp holds, cells, columns and elements without end, folders of other things."""
+    entry = yaml.safe_load((repository / "config/dofs.yaml").read_text())["observed"][0]
+    arm = {"topic": "/a", "type": "sensor_msgs/msg/JointState", "joints": ["a"], "unit": "rad"}
+    content = {
+        "observed": [entry | {"columns": ["x", "y", "z"]}],
+        "controlled": [arm | {"columns": ["q"]}],
+        "time": {"column": "t", "unit": "s"},
+    }
+    rows = "t,x,y,z,q\n" + "".join(f"{k},{k},0,1,{k}\n" for k in range(9))
+    array = {"topic": "/b", "type": "std_msgs/msg/Float64MultiArray", "unit": "m", "columns": "x"}
+    header = {**entry, "fields": ["header.frame_id"], "columns": ["x"]}
+    maps = [
+        content | {"time": {"column": "t", "unit": "s", "since": since}}
+        for since in (1e300, 10**40)
+    ]
+    maps += [content | {"time": {"rate": rate}} for rate in (1e-300, 1e300)]
+    maps += [
+        content | {"observed": [array | {"fields": [f"data[{n}]"]}]} for n in (10**9, "9" * 30)
+    ]
+    maps += [content | {"observed": [header]}, content | {"skip_rows": 10**12}]
+    maps += [content | {"segments": [{"start": 1e300, "end": 2e300}]}]
+    tables = [
+        f"t,x,y,z,q\n{time},1,1,1,1\n"
+        for time in ("1e9999999", "-1e9999999", "1" * 60_000, "inf", "snan")
+    ]
+    tables += [",".join(f"c{k}" for k in range(100_000)), "t,x,y,z,q\n" + "\n" * 30_000_000]
+    tables += ["t,x,y,z,q\n" + "1,1,1,1,1\n" * 2_100_000]
+    for k in range(len(maps) + len(tables)):
+        told = maps[k] if k < len(maps) else content
+        (tmp_path / "map.yaml").write_text(yaml.safe_dump(told))
+        (tmp_path / "t.csv").write_text(rows if k < len(maps) else tables[k - len(maps)])
+        words = ("--map", tmp_path / "map.yaml", "--output", tmp_path / f"o{k}")
+        assert check(worker, "import", tmp_path / "t.csv", *words)["code"] == 1
+
+
+def test_data_sets(worker, tmp_path, repository):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    entry = yaml.safe_load((repository / "config/dofs.yaml").read_text())["observed"][0]
+    columns = [f"observation.state.{k}" for k in range(3)]
+    told = tmp_path / "map.yaml"
+    told.write_text(yaml.safe_dump({"observed": [entry | {"columns": columns}]}))
+    values = {
+        "observation.state": [[float(k), 0.0, 1.0] for k in range(9)],
+        "timestamp": [0.1 * k for k in range(9)],
+        "episode_index": [0] * 9,
+        "task_index": [0] * 9,
+    }
+    info = {"codebase_version": "v2.1", "features": {}, "data_path": "data/{episode_index}.parquet"}
+    task = '{"task_index": 0, "task": "give"}'
+    cases = [({}, {}, task)]
+    cases += [({"data_path": path}, {}, task) for path in ("", ".", "**", "/dev/*", "../*", 5)]
+    cases += [
+        ({}, {}, f'{{"task_index": {n}, "task": "x"}}') for n in ("1e400", "NaN", "[]", '"a"')
+    ]
+    indices = ([None] * 9, [float("nan")] * 9, ["a"] * 9, [[0]] * 9)
+    cases += [({}, {"task_index": index}, task) for index in indices]
+    cases += [({}, {"observation.state": [[0.0] * 20_000] * 9}, task)]
+    cases += [({}, {"timestamp": ["9" * 10_000_000] * 9}, task), ({}, {}, None)]
+    for k, (meta, other, tasks) in enumerate(cases):
+        folder = tmp_path / f"{k}"
+        (folder / "meta").mkdir(parents=True)
+        (folder / "data").mkdir()
+        (folder / "meta/info.json").write_text(json.dumps(info | meta))
+        parquet.write_table(arrow.table(values | other), folder / "data/0.parquet")
+        if tasks is None:
+            os.mkfifo(folder / "meta/tasks.jsonl")
+            os.mkfifo(folder / "data/1.parquet")
+        else:
+            (folder / "meta/tasks.jsonl").write_text(tasks)
+        answer = check(worker, "import", folder, "--map", told, "--output", tmp_path / f"o{k}")
+        assert answer["code"] == (meta != {} or tasks is None) or k > 6, (k, answer)
+
+
+def test_folders_of_tasks(worker, learned, tmp_path):
+    rng = np.random.default_rng(SEED + 11)
+    at = "2026-01-01T00:00:00+00:00"
+    change = {"time": at, "action": "start", "task": "", "bag": "", "model": "models/0001.npz"}
+    change |= {"tasks": {"a": 3}}
+    execution = {"time": at, "task": "a", "bag": "executions/a/a_0000", "model": ""}
+    execution |= {"values": {"outcome": "arrived", "spilled": "0.2", "corrections": "1"}}
+    for k in range(EACH // 2):
+        folder = tmp_path / f"{k}"
+        (folder / "models").mkdir(parents=True)
+        for name in ("model.npz", "models/0001.npz"):
+            (folder / name).symlink_to(learned)
+        for name, whole_line in (("history", change), ("outcomes", execution)):
+            lines = [json.dumps(spoiled(rng, whole_line, 0.2)) for _ in range(4)]
+            (folder / f"{name}.jsonl").write_text("\n".join(lines))
+        if k in (0, 1):
+            (folder / ("history.jsonl", "outcomes.jsonl")[k]).unlink()
+            os.mkfifo(folder / ("history.jsonl", "outcomes.jsonl")[k])
+        check(worker, "inspect", folder)
+        check(worker, "tasks", folder)
+
+
+def test_pouring_skills(worker, tmp_path, repository):
+    rng = np.random.default_rng(SEED + 12)
+    with np.load(repository / "config/skills/pouring.npz") as content:
+        skill = {name: content[name] for name in content.files}
+    assert check(worker, "load_pouring_skill", save(tmp_path / "s.npz", skill))["code"] == 0
+    for k, name in enumerate([*skill] * 6):
+        array = skill[name]
+        changed = (
+            np.full(array.shape, rng.choice(NUMBERS)), array.astype(complex), np.array(["a"] * 3),
+            np.full(array.shape, 1e300), np.zeros(0), np.full(array.shape, 1e9),
+        )[k // len(skill)]  # fmt: skip
+        path = save(tmp_path / f"{k}.npz", skill | {name: changed})
+        check(worker, "load_pouring_skill", path)
 
 
 def test_headers_of_models(worker, model, tmp_path):

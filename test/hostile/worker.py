@@ -29,7 +29,13 @@ def open_tasks(path):
     TaskFolder(path, load_dofs()).history()
 
 
-CALLS = {"load_trained": load_all_of_a_model, "tasks": open_tasks}
+def load_skill(path):
+    from intent_recognition.model import load_pouring_skill
+
+    load_pouring_skill(path)
+
+
+CALLS = {"load_trained": load_all_of_a_model, "tasks": open_tasks, "load_pouring_skill": load_skill}
 
 
 def run(words):

@@ -2,6 +2,7 @@
 """Starting and ending nodes, their parameters, diagnostics and lifecycle."""
 
 import gc
+import re
 import signal
 import sys
 from pathlib import Path
@@ -16,6 +17,7 @@ from rclpy.time import Time
 from ros_harness import NodeProcess
 from rosgraph_msgs.msg import Clock as ClockMessage
 
+from intent_recognition import interrupts
 from intent_recognition.errors import ArgumentError, ModelError
 from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.lifecycle import ManagedNode
@@ -139,6 +141,12 @@ def test_two_interrupts_within_milliseconds_are_one(harness, executable, name):
     with NodeProcess(executable(name), environment={"PYTHONPATH": str(ROOT)}) as node:
         harness.spin_until(lambda: reports, what="diagnostics")
         interrupt_twice(node)
+
+
+def test_every_executable_of_the_package_is_quiet_while_it_starts(repository):
+    text = (repository / "setup.py").read_text()
+    listed = set(re.findall(r'^    "(\w+)": ', text, re.MULTILINE)) | {"dashboard"}
+    assert listed == set(interrupts.NODES)
 
 
 @pytest.mark.parametrize("n_imports", [0, 150, 400, 700])
