@@ -4,10 +4,12 @@
 import atexit
 import fcntl
 import os
+import pkgutil
 import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -53,15 +55,36 @@ settings.register_profile("untimed", deadline=None)  # a busy machine is no fail
 settings.load_profile("untimed")
 
 
-@pytest.fixture(autouse=True, scope="session")
-def usually_followed() -> Iterator[int]:
-    """How many demonstrations give the switch margin; in tests few do, in half of the time."""
-    from intent_recognition.learning import switch_margin
+LEFT_OUT = {
+    "intent_recognition.learning.switch_margin:MAX_FOLLOWED": 2,
+    "intent_recognition.learning.unknown_task:MAX_CALIBRATED": 12,
+    "intent_recognition.learning.selection:MAX_VALIDATED": 12,
+}
+"""In tests so few demonstrations are left out while learning, which takes half of the time."""
 
-    usual = switch_margin.MAX_FOLLOWED
+
+@pytest.fixture(autouse=True, scope="session")
+def usual() -> Iterator[dict[str, int]]:
+    """What `LEFT_OUT` is outside of tests."""
+    found = {name: pkgutil.resolve_name(name) for name in LEFT_OUT}
+    with left_out(LEFT_OUT):
+        yield found
+
+
+@contextmanager
+def left_out(numbers: dict[str, int]) -> Iterator[None]:
+    """Learn with these bounds."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(switch_margin, "MAX_FOLLOWED", 4)
-        yield usual
+        for name, number in numbers.items():
+            patch.setattr(name.replace(":", "."), number)
+        yield
+
+
+@pytest.fixture(scope="module")
+def usually_left_out(usual) -> Iterator[None]:
+    """Learn as outside of tests, from here to the end of the file."""
+    with left_out(usual):
+        yield
 
 
 @pytest.fixture
@@ -86,30 +109,28 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def toolbox_model(repository, tmp_path_factory, usually_followed) -> Path:
+def toolbox_model(repository, tmp_path_factory, usual) -> Path:
     """A model file learned from the shipped training bags, once for all processes of a run."""
     own = tmp_path_factory.getbasetemp()
     path = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "toolbox.npz"
     with path.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not path.is_file():
-            with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(
-                    "intent_recognition.learning.switch_margin.MAX_FOLLOWED", usually_followed
-                )
+            with left_out(usual):
                 _learn_toolbox(repository, path)
     return path
 
 
 def _learn_toolbox(repository: Path, path: Path) -> None:
     from intent_recognition.demonstrations import load_dofs, read_demonstrations
-    from intent_recognition.learning import TrainingSettings, learn
+    from intent_recognition.learning import learn_with_report
     from intent_recognition.model import Model, save_model
 
     dofs = load_dofs(repository / "config" / "dofs.yaml")
     demonstrations, rejections = read_demonstrations(repository / "bags/toolbox/train", dofs)
     assert not rejections and len(demonstrations) == 48
-    save_model(path, Model(learn(demonstrations, TrainingSettings()), dofs))
+    report = learn_with_report(demonstrations)
+    save_model(path, Model(report.library, dofs), report.trained)
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,7 @@ def make_dofs(*observed: DofEntry) -> DofSpec:
     return DofSpec(observed or (WRIST,), (ROBOT,))
 
 
+@cache
 def true_library(dofs: DofSpec, n_tasks: int = 3, seed: int = SEED) -> TaskLibrary:
     """What the simulated people do."""
     library = make_library(
@@ -60,12 +62,20 @@ def perform(truth: TaskLibrary, task: int, seed: int, **options) -> Demonstratio
     return simulate(truth, task, np.random.default_rng(seed), **options)
 
 
+_LEARNED: dict[tuple[DofSpec, int, int], tuple[TaskLibrary, Model]] = {}
+"""What was learned in this process already, with the truth, whose id is not used again so."""
+
+
 def learned_model(dofs: DofSpec, truth: TaskLibrary | None = None, per_task: int = 8) -> Model:
     """A model learned from simulated recordings, as `intent train` would."""
     truth = truth or true_library(dofs)
-    recordings = [perform(truth, i % truth.n_tasks, i) for i in range(per_task * truth.n_tasks)]
-    report = learn_with_report(recordings, TrainingSettings(n_basis=10), {"bags": ["simulated"]})
-    return Model(report.library, dofs)
+    key = (dofs, per_task, id(truth))
+    if key not in _LEARNED:
+        recordings = [perform(truth, i % truth.n_tasks, i) for i in range(per_task * truth.n_tasks)]
+        settings = TrainingSettings(n_basis=10)
+        library = learn_with_report(recordings, settings, {"bags": ["simulated"]}).library
+        _LEARNED[key] = truth, Model(library, dofs)
+    return _LEARNED[key][1]
 
 
 def message_of(entry: DofEntry, stamp_ns: int, values: np.ndarray) -> dict:

@@ -155,8 +155,8 @@ def test_the_commands_run_where_there_is_no_ros(tmp_path):
     bags, bag, dofs = (tmp_path / name for name in ("bags", "bags/demo_00", "dofs.yaml"))
     model, saved = tmp_path / "model.npz", tmp_path / "saved"
     commands = (
-        ("train", bags, "--dofs", dofs, "--output", model),
-        ("evaluate", bags, "--dofs", dofs, "--test", bag, "--unknown-tasks", "off"),
+        ("train", bags, "--dofs", dofs, "--basis", 6, "--output", model),
+        ("evaluate", bags, "--dofs", dofs, "--basis", 6, "--test", bag, "--unknown-tasks", "off"),
         ("replay", bag, "--model", model),
         ("inspect", bag),
         ("inspect", model),

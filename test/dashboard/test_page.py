@@ -2,9 +2,6 @@
 """The page in a real browser: it shows, it replays, and a task is taught by its own controls."""
 
 import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,23 +40,12 @@ NODES = {
 }
 
 
-@pytest.fixture(scope="module")
-def model(tmp_path_factory, repository) -> Path:
-    """A model of two of the shipped tasks."""
-    path = tmp_path_factory.mktemp("model") / "m.npz"
-    train = repository / "bags/toolbox/train"
-    bags = [str(p) for p in sorted(train.iterdir()) if "hold" not in p.name]
-    command = [sys.executable, "-m", "intent_recognition.cli.main", "train", *bags]
-    subprocess.run([*command, "--output", str(path)], check=True, capture_output=True)
-    return path
-
-
 @pytest.fixture
-def cell(tmp_path, model, repository):
+def cell(tmp_path, toolbox_model, repository):
     """The whole graph in processes of their own, and the page's port."""
     chromium()
     values = {
-        "model": model,
+        "model": toolbox_model,
         "library": tmp_path / "tasks",
         "port": free_port(),
         "bags": repository / "bags/toolbox/test",

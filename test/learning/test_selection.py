@@ -93,6 +93,7 @@ def scatter_of(tasks: list[np.ndarray]) -> Scatter:
     return Scatter(sum(w.T @ w for w in about), sum(len(w) - 1 for w in about))
 
 
+@pytest.mark.usefixtures("usually_left_out")
 @settings(max_examples=25)
 @given(
     st.integers(0, 2**32 - 1),

@@ -39,6 +39,9 @@ seeds = st.integers(0, 2**32 - 1)
 factors = st.floats(-1e6, 1e6)
 
 
+pytestmark = pytest.mark.usefixtures("usually_left_out")
+
+
 @pytest.fixture(scope="module")
 def recordings():
     """Four tasks of three observed DOFs, eight demonstrations each."""

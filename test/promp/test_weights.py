@@ -15,13 +15,10 @@ BASIS = NormalizedRBFBasis(12, 1.0)
 PHASE = np.linspace(0.0, 1.0, 200)
 
 
-@settings(max_examples=30)
-@given(st.integers(0, 2**32 - 1))
-def test_weights_of_a_noiseless_trajectory_are_recovered(seed):
-    true = np.random.default_rng(seed).normal(size=(3, 12))
-    values = BASIS.design_matrix(PHASE) @ true.T
-    fit = fit_weights(BASIS, PHASE, values, ridge=1e-9)
-    np.testing.assert_allclose(fit.weights, true, atol=1e-4)
+def test_weights_of_a_noiseless_trajectory_are_recovered():
+    """One basis function each: the fit is linear in the values, so this holds for any weights."""
+    fit = fit_weights(BASIS, PHASE, BASIS.design_matrix(PHASE), ridge=1e-9)
+    np.testing.assert_allclose(fit.weights, np.eye(12), atol=1e-4)
     assert fit.residual_variance.max() < 1e-10
 
 
