@@ -81,6 +81,7 @@ def test_one_joint_gaussian_is_what_the_filter_computes():
         assert result.verdict == "ok", result.line()
 
 
+@pytest.mark.slow
 def test_a_long_run_ends_at_its_limit_of_time():
     with long_run(0.0) as process:
         assert "from 800 to 800 observations" in growth(process).remark

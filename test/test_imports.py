@@ -118,6 +118,7 @@ def test_every_room_has_a_storey_and_says_what_it_is_for():
     assert silent == []
 
 
+@pytest.mark.slow
 def test_no_import_points_upward():
     upward = [
         found
@@ -219,6 +220,7 @@ def loaded_after_importing(modules: list[str]) -> list[str]:
     return run.stdout.split()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("without", [("nodes", "dashboard")], ids=["all but nodes and page"])
 def test_library_loads_nothing_heavy(without):
     names = [name for name in sources() if name.startswith(LIBRARY)]

@@ -154,6 +154,7 @@ def imported_packages():
                     yield node.module.split(".")[0]
 
 
+@pytest.mark.slow
 def test_everything_imported_is_declared(manifest):
     """In package.xml, or in setup.py for what rosdep does not know."""
     declared = {element.text for element in manifest.iter("exec_depend")}

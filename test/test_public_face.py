@@ -39,6 +39,7 @@ def test_importing_the_root_is_quick():
     assert float(run(code + "print(time.process_time() - t)")) < MOST_S
 
 
+@pytest.mark.slow
 def test_no_name_loads_ros_simulation_plots_or_the_page():
     code = "import sys, intent_recognition as ir; [getattr(ir, n) for n in ir.__all__]; "
     assert run(code + f"print(*[m for m in {HEAVY!r} if m in sys.modules])").split() == []

@@ -5,6 +5,7 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
 import yaml
 from docs.shown import nodes
 
@@ -128,6 +129,7 @@ def test_shipped_dof_file_is_shown_as_it_is():
     assert DofSpec.from_dict(first) == load_dofs(ROOT / "config" / "dofs.yaml")
 
 
+@pytest.mark.slow
 def test_reasons_of_the_table_are_counted_somewhere():
     sources = [p.relative_to(ROOT) for room in ROOMS for p in (ROOT / room).rglob("*.py")]
     literals = constants(*sources)

@@ -260,6 +260,7 @@ def run(seed, steps=STEPS):
     return fuzz
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_random_faults_never_make_an_unsafe_command(seed):
     fuzz = run(seed)

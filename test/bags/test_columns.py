@@ -112,6 +112,7 @@ def check_times(found, messages, decoded):
     assert found.log_times_ns.tolist() == sorted(log_ns for log_ns, _ in messages)
 
 
+@pytest.mark.slow
 @settings(max_examples=80, deadline=None)
 @given(messages=recordings(POSE))
 def test_poses_are_those_of_rosbags(messages):
@@ -127,6 +128,7 @@ def test_poses_are_those_of_rosbags(messages):
         assert same_bits(found.orientations[row], [q.x, q.y, q.z, q.w])
 
 
+@pytest.mark.slow
 @settings(max_examples=80, deadline=None)
 @given(messages=recordings(JOINTS))
 def test_joint_states_are_those_of_rosbags(messages):

@@ -78,6 +78,7 @@ def test_truncation_anywhere_is_an_error_and_the_whole_chunks_are_saved(whole, d
         assert saved == messages[: len(saved)]
 
 
+@pytest.mark.slow
 def test_flipped_bits_are_never_read_silently(whole, damaged, tmp_path):
     data, messages = content(whole), whole[1]
     chunks = len(scan_file(whole[0] / "bag_0.mcap").blocks)

@@ -117,6 +117,7 @@ def check_contract(result):
             assert 0.0 <= row["coverage_2_sigma"] <= 1.0 and row["rmse"] > 0.0
 
 
+@pytest.mark.slow
 def test_folds_by_index(scored):
     code, text, result, _ = scored
     assert code == 0
@@ -179,6 +180,7 @@ def test_tasks_are_left_out_in_turn(scored):
     assert "tasks left out in turn: area" in text and "unknown movements: 8" in text
 
 
+@pytest.mark.slow
 def test_broken_and_unlabelled_bags_are_left_out_and_named(evaluate, recorded, tmp_path):
     learned, held_out = tmp_path / "learned", tmp_path / "held_out"
     shutil.copytree(recorded / "bags", learned)

@@ -30,6 +30,7 @@ def stubs(monkeypatch):
         monkeypatch.setattr(module, "EXPERIMENTS", (GOOD, BROKEN))
 
 
+@pytest.mark.slow
 def test_writes_report_and_numbers_and_repeats_by_seed(stubs, tmp_path, capsys):
     for folder in ("a", "b"):
         assert main(["experiments", "stub", "--seed", "3", "--output", str(tmp_path / folder)]) == 0
@@ -44,6 +45,7 @@ def test_writes_report_and_numbers_and_repeats_by_seed(stubs, tmp_path, capsys):
     assert "Nobody, Fig. 0" in page
 
 
+@pytest.mark.slow
 def test_without_a_terminal_steps_are_plain_lines_and_one_that_breaks_off_is_alone(
     stubs, tmp_path, capsys
 ):
@@ -62,6 +64,7 @@ def test_without_a_terminal_steps_are_plain_lines_and_one_that_breaks_off_is_alo
     assert "broken broke off" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_on_a_terminal_there_is_a_bar_for_each(stubs):
     console = Console(file=io.StringIO(), force_terminal=True, _environ={"TERM": "xterm"})
     run_all((GOOD, BROKEN), Settings(seed=1), 2, console)

@@ -183,6 +183,7 @@ def test_a_model_as_json(run_command, model_file):
     np.testing.assert_allclose(np.square(stds), library.noise_variance)
 
 
+@pytest.mark.slow
 def test_a_model_s_context_is_shown(run_command, tmp_path):
     save_model(tmp_path / "box.npz", Model(learned().library, BOX_DOFS))
     _, output = run_command("inspect", tmp_path / "box.npz")

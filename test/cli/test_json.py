@@ -76,6 +76,7 @@ def _trained(*_) -> tuple[Model, TrainingReport]:
     return Model(_reported().library, DOFS), _reported()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [*filter(None, COMMANDS.values()), *MORE], ids=" ".join)
 def test_without_a_file_it_is_all_of_standard_output(words, folder, monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(folder)

@@ -91,6 +91,7 @@ def test_only_errors_of_this_package_are_caught(monkeypatch, capsys):
         cli.main(argv)
 
 
+@pytest.mark.slow
 def test_as_a_process_it_ends_with_code_and_one_line():
     command = [sys.executable, "-m", "intent_recognition.cli.main", "evaluate", "/no/bag"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -120,6 +121,7 @@ def test_an_interrupt_during_imports_is_quiet(tmp_path, n_imports):
     assert "Traceback" not in rest
 
 
+@pytest.mark.slow
 def test_a_reader_that_closes_early_sees_no_traceback(repository):
     bag = repository / "bags" / "toolbox" / "test"
     command = f"{sys.executable} -m intent_recognition.cli.main inspect {bag} | head -n 1"
@@ -127,6 +129,7 @@ def test_a_reader_that_closes_early_sees_no_traceback(repository):
     assert len(done.stdout.splitlines()) == 1 and not done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", WORK)
 def test_the_commands_need_no_ros(command):
     code = (

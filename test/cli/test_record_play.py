@@ -88,6 +88,7 @@ def test_a_missing_bag_is_refused_before_ros_starts(parse, tmp_path):
         args.run(args)
 
 
+@pytest.mark.slow
 def test_the_commands_load_no_ros_until_they_run():
     code = (
         "import sys, intent_recognition.cli.record, intent_recognition.cli.play;"
@@ -96,6 +97,7 @@ def test_the_commands_load_no_ros_until_they_run():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.slow
 def test_what_is_played_is_recorded_until_ctrl_c(tmp_path):
     bag = write_bag(tmp_path / "take 1", count=40)
     copy = tmp_path / "copy of 1"

@@ -10,6 +10,7 @@ from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import BagError, ResourceBusyError
 
 
+@pytest.mark.slow
 def test_a_truncated_bag_is_saved_up_to_the_cut(run_command, tmp_path):
     bag = write_bag(tmp_path / "whole", count=3000)
     whole = raw(bag, BagReader)

@@ -41,6 +41,7 @@ def replay(run_command, model, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_keys_are_the_contract_s_and_stamps_the_recording_s(replay, bag):
     code, text, rows = replay(bag)
     assert code == 0
@@ -58,6 +59,7 @@ def test_keys_are_the_contract_s_and_stamps_the_recording_s(replay, bag):
     assert 15 < len([line for line in text.splitlines() if "│" in line]) < 50
 
 
+@pytest.mark.slow
 def test_the_right_task_becomes_active_and_ends(replay, bag):
     rows = replay(bag)[2]
     active = [row["active_task"] for row in rows]
@@ -68,6 +70,7 @@ def test_the_right_task_becomes_active_and_ends(replay, bag):
     assert all(sure[first - 4 : first + 1])  # five on end
 
 
+@pytest.mark.slow
 def test_why_a_recognised_task_never_was_active_is_said(replay, bag, monkeypatch):
     assert "not activated" not in replay(bag)[1]
     strict = DecisionSettings(max_end_std_rad=1e-6, max_end_std_m=1e-6)
@@ -79,6 +82,7 @@ def test_why_a_recognised_task_never_was_active_is_said(replay, bag, monkeypatch
     assert "not activated: recognised task_1, but the predicted end is uncertain" in text
 
 
+@pytest.mark.slow
 def test_numbers_are_the_estimator_s(replay, bag, model):
     rows = replay(bag)[2]
     from intent_recognition.model.file import load_model
@@ -135,6 +139,7 @@ def test_what_cannot_be_read_is_refused(run_command, replay, model, bag, tmp_pat
         replay(bag)
 
 
+@pytest.mark.slow
 def test_a_table_needs_no_json(run_command, model, bag):
     code, text = run_command("replay", bag, "--model", model)
     assert code == 0 and "observations" in text

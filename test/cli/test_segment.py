@@ -3,10 +3,13 @@
 
 import json
 
+import pytest
+
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.main import main
 
 
+@pytest.mark.slow
 def test_segments_are_written_and_told(repository, tmp_path, capsys):
     session, output = repository / "bags/sessions/session_01", tmp_path / "demos"
     command = ["segment", str(session), "--unlabelled", "--output", str(output), "--json"]

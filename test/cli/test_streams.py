@@ -58,6 +58,7 @@ def test_evaluate(run_command, folder, tmp_path):
     check_lines(text, left_out="left out")
 
 
+@pytest.mark.slow
 def test_train(run_command, folder, tmp_path):
     output = ("--output", tmp_path / "m.npz", "--json", tmp_path / "learned.json")
     code, text = run_command("train", folder / "bags", "--dofs", folder / "dofs.yaml", *output)
@@ -66,6 +67,7 @@ def test_train(run_command, folder, tmp_path):
     check_lines(text, left_out="left out")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_dofs", [True, False])
 def test_inspect(run_command, folder, with_dofs):
     options = ("--dofs", folder / "dofs.yaml") if with_dofs else ()
@@ -77,6 +79,7 @@ def test_inspect(run_command, folder, with_dofs):
     assert {name for name, faults in named.items() if faults} == set(SPOILED)
 
 
+@pytest.mark.slow
 def test_inspect_one(run_command, folder):
     for name in (*SPOILED, "demo_00"):
         _, text = run_command("inspect", folder / "bags" / name)

@@ -98,6 +98,7 @@ def send(pose, joints, observation):
         joints.publish(to_joint_state(DOFS.controlled_names, observation.values, time_ns=stamp))
 
 
+@pytest.mark.slow
 def test_undo_of_an_empty_library_is_one_line(tmp_path):
     command = [sys.executable, "-m", "intent_recognition.cli.main", "undo", "--library"]
     done = subprocess.run(

@@ -34,6 +34,7 @@ def train(run_command, recorded, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_it_learns_writes_and_tells(train, recorded):
     code, text, output = train(recorded / "bags")
     assert code == 0
@@ -51,6 +52,7 @@ def test_it_learns_writes_and_tells(train, recorded):
     assert "duration [s]" in text
 
 
+@pytest.mark.slow
 def test_broken_bags_are_left_out_and_named_to_users_and_scripts(train, recorded, tmp_path):
     reasons = spoil(tmp_path / "spoiled")
     numbers = tmp_path / "numbers.json"
@@ -69,12 +71,14 @@ def test_broken_bags_are_left_out_and_named_to_users_and_scripts(train, recorded
     assert all(reason in left_out[name] for name, reason in reasons.items())
 
 
+@pytest.mark.slow
 def test_single_bags_and_folders_may_be_mixed(train, recorded):
     names = [recorded / "bags" / f"demo_{k:02d}" for k in range(6)]
     code, _, output = train(*names)
     assert code == 0 and load_model(output).library.n_demonstrations.tolist() == [3, 3]
 
 
+@pytest.mark.slow
 def test_the_same_bags_give_the_same_model(train, recorded):
     _, _, output = train(recorded / "bags")
     first = load_model(output).library

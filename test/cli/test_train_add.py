@@ -41,6 +41,7 @@ def first(recorded):
     return path
 
 
+@pytest.mark.slow
 def test_added_bags_are_as_good_as_learned_anew(train, first, recorded):
     before, trained = load_trained(first)
     path, text = train("more.npz", (5, 6, 7), "--add", first)
@@ -61,6 +62,7 @@ def test_added_bags_are_as_good_as_learned_anew(train, first, recorded):
     assert load_model(first).library.n_demonstrations.sum() == 5
 
 
+@pytest.mark.slow
 def test_adding_can_go_on_from_session_to_session(train, first):
     """One by one, each from the file of the one before."""
     path = first
@@ -74,6 +76,7 @@ def test_adding_can_go_on_from_session_to_session(train, first):
     assert one_by_one.chosen == together.chosen == load_trained(first)[1].chosen
 
 
+@pytest.mark.slow
 def test_the_regularisation_may_be_chosen_again(train, first, recorded):
     kept = load_trained(first)[1].chosen
     again, text = train("again.npz", (5, 6, 7), "--add", first, "--choose-again")

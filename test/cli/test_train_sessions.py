@@ -40,6 +40,7 @@ def train(run_command, recorded, output, *more):
     return text, load_model(output).library
 
 
+@pytest.mark.slow
 def test_sessions_give_the_transition_prior_and_nothing_else(run_command, recorded, tmp_path):
     _, plain = train(run_command, recorded, tmp_path / "plain.npz")
     np.testing.assert_array_equal(plain.transition_prior, np.full((3, 2), 0.5))

@@ -142,6 +142,7 @@ def test_jobs_and_scheduler_exclude_each_other(parse, capsys):
         workers(0).__enter__()
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_is_an_error_and_one_that_refuses_says_so():
     with pytest.raises(IntentError, match="--jobs"), workers(2) as run:
         list(run(os._exit, [3, 3, 3]))

@@ -37,6 +37,7 @@ def run(run_command, recorded, tmp_path):
     return command
 
 
+@pytest.mark.slow
 def test_training_without_labels(run):
     text, output = run("train", "nameless", "--unlabelled")
     library = load_model(output).library
@@ -47,6 +48,7 @@ def test_training_without_labels(run):
     assert "2 components" in text and "purity" not in text and "taken" in text
 
 
+@pytest.mark.slow
 def test_purity_is_told_where_there_are_labels(run):
     text, _ = run("train", "bags", "--unlabelled")
     assert "purity 1.000" in text

@@ -91,6 +91,7 @@ def test_a_point_of_all_tasks_is_one_of_each_and_a_time_is_a_phase(rng):
         bend_all(library, [replace(everywhere, time_s=2.5)])
 
 
+@pytest.mark.slow
 def test_online_the_path_passes_whenever_the_point_came_and_recognition_stays():
     library = reaches()
     point = joint(value=near(library, 1, 0.6), task="task_1")

@@ -2,6 +2,7 @@
 """A shown demonstration begins and ends at rest, where it should, and is smooth between."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -16,6 +17,7 @@ from intent_recognition.dashboard.synthetic_demonstration import (
 POINTS = arrays(float, 3, elements=st.floats(-1.0, 1.0))
 
 
+@pytest.mark.slow
 @given(POINTS, POINTS, st.floats(0.8, 4.0))
 def test_wrist_rests_at_its_start_and_at_its_goal(start, goal, duration):
     show = SyntheticDemonstration(start, goal, np.array([0.0, 0.0, 0.05]), duration)

@@ -148,6 +148,7 @@ def thinned(entry, k, values):
     return values
 
 
+@pytest.mark.slow
 def test_joints_out_of_sight_leave_the_others_and_the_stream(body):
     dofs, truth, folder = body
     model, counted = Model(truth, dofs), Counter()

@@ -61,6 +61,7 @@ def test_a_wrong_entry_is_named(change, message):
         DofSpec.from_dict(DOFS.to_dict() | change)
 
 
+@pytest.mark.slow
 def test_a_bag_holds_it_once_and_a_model_file_keeps_what_was_learned(tmp_path):
     recorded = hand_over("give", 100, box=PLACE)
     bag = write_recording(tmp_path / "bag", recorded, DOFS)
@@ -148,6 +149,7 @@ def test_samples_of_a_bag_say_what_they_are_of(tmp_path):
     assert sources.count(Source.OBSERVED) == sources.count(Source.CONTROLLED) > 100
 
 
+@pytest.mark.slow
 def test_evaluation_knows_the_context():
     recorded = [hand_over(task, k) for k in range(6) for task in ("give", "take")]
     ends = []

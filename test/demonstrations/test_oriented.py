@@ -90,6 +90,7 @@ def world(tmp_path_factory):
     return dofs, demonstrations, predicted(dofs, demonstrations)
 
 
+@pytest.mark.slow
 def test_q_and_minus_q_are_the_same_demonstrations_bit_for_bit(world, tmp_path):
     dofs, demonstrations, _ = world
     rng = np.random.default_rng(1)
@@ -101,6 +102,7 @@ def test_q_and_minus_q_are_the_same_demonstrations_bit_for_bit(world, tmp_path):
             assert a.names == ("tracker/" + a.names[0][8:11] + a.names[0][11:], *a.names[1:])
 
 
+@pytest.mark.slow
 def test_a_turned_world_gives_the_turned_prediction(world, tmp_path):
     _, _, (_, probabilities, trajectory) = world
     turn = Rotation.from_rotvec([2.0, -1.0, 0.7])

@@ -113,6 +113,7 @@ def spoiled_joints(i, fault):
     return joints(i, **changes.get(fault, {}))
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     poses=st.dictionaries(st.integers(0, 29), FAULTS, max_size=12),

@@ -23,6 +23,7 @@ def test_what_it_imports_is_there(block):
     exec(compile(ast.Module(imports, []), "example", "exec"), {})
 
 
+@pytest.mark.slow
 def test_the_library_works_as_the_readme_shows(capsys):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     part = text.split("## Use it as a library\n", 1)[1].split("\n## ", 1)[0]

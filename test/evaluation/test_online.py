@@ -26,6 +26,7 @@ def library():
     return learned_model(DOFS, TRUTH).library
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [DecisionSettings().max_end_std_rad, 0.02])
 def test_it_equals_the_nodes_own_loop_that_predicts_the_end_every_time(library, limit):
     settings = DecisionSettings(max_end_std_rad=limit)

@@ -71,6 +71,7 @@ def numbers(tree) -> list:
     return [x for v in tree.values() for x in (numbers(v) if isinstance(v, dict) else [v])]
 
 
+@pytest.mark.slow
 def test_identical_demonstrations_are_predicted_perfectly(identical):
     for phase in ("known_phase", "unknown_phase"):
         for fraction in ("0.1", "0.5", "1.0"):
@@ -206,6 +207,7 @@ def test_scores_by_hand():
     assert table == {"0.5": {"rmse": {"rad": 2.0, "m": 20.0}, "accuracy": 0.5}}
 
 
+@pytest.mark.slow
 def test_baselines_of_a_shifted_demonstration():
     """Three alike and one off by 0.4: the mean of the others is what it must be."""
     four = [exact(f"d{i}", "a", 0.3) for i in range(3)] + [exact("d3", "a", 0.3, shift=0.4)]
@@ -231,6 +233,7 @@ def test_percentages_observed_are_of_time_not_of_samples():
     assert table["1.0"]["accuracy"] == 1.0
 
 
+@pytest.mark.slow
 def test_what_comes_after_a_fraction_does_not_change_its_scores(rng):
     truth = make_library(rng, n_tasks=2, groups=(2,), n_basis=8)
     training = [simulate(truth, i % 2, rng, name=str(i), n_samples=40) for i in range(8)]
@@ -328,6 +331,7 @@ def test_scores_against_a_loop_written_out(rng, monkeypatch):
         assert row[name] == pytest.approx(np.mean(values), rel=1e-3, abs=1e-9), name
 
 
+@pytest.mark.slow
 def test_a_task_that_no_fold_can_learn_counts_as_missed_and_stays_json():
     lonely = [*IDENTICAL[:4], exact("c0", "c", 0.9)]
     result = evaluate(lonely, make_folds(some(5), "loo"), SETTINGS)

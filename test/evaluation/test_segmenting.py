@@ -36,6 +36,7 @@ def distances_s(segments, wanted):
     return np.abs(np.array([segment[:2] for segment in segments]) - wanted) * 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("folder", "dofs", "margin_s"),
     [("sessions", "dofs.yaml", 0.0), ("assembly", "dofs_two_humans.yaml", MARGIN_S)],

@@ -25,6 +25,7 @@ def outcome():
     return run(Settings(quick=True))
 
 
+@pytest.mark.slow
 def test_trials_of_every_object_and_that_no_ball_went_through_a_wall(outcome):
     for count in outcome.numbers["n_trials"].values():
         assert count >= 1000

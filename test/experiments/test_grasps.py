@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The experiment on grasps, in its quick form."""
 
+import pytest
+
 from intent_recognition.experiments.grasps.experiment import run
 from intent_recognition.experiments.grasps.study import CARRIED, MADE, SCANNED, WARPED
 from intent_recognition.experiments.settings import Settings
 from sim_bridge.containers import make_container
 
 
+@pytest.mark.slow
 def test_a_quick_run_lifts_made_and_scanned_containers(tmp_path):
     """What the folder holds counts as scanned; what is no open container is named."""
     meshes = tmp_path / "meshes"

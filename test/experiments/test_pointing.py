@@ -47,6 +47,7 @@ def test_other_seeds_stand_beside_the_shipped_draw(outcome):
     assert outcome.findings[0].ours == f"{np.mean(both):.1f} ({both[0]:.1f} to {both[1]:.1f})"
 
 
+@pytest.mark.slow
 def test_conditioning_on_the_end_is_the_joint_gaussian_of_end_and_weights(repository):
     bags = sorted((repository / "bags" / "pointing" / "train").iterdir())[:4]
     library = learn(read_demonstrations(bags, load_dofs())[0])

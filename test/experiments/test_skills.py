@@ -2,6 +2,7 @@
 """A simulated hand leads the arm in physics: it yields, stays there, and the task moves."""
 
 import numpy as np
+import pytest
 
 from intent_recognition.experiments.execution import as_demonstration, execute
 from intent_recognition.experiments.reaches import toolbox_recordings, watch_reach
@@ -17,6 +18,7 @@ from sim_bridge.scenarios.toolbox import handover_point
 LIMITS, MOVED_M = scaled_limits(LWR_LIMITS), np.array([0.0, 0.08, 0.0])
 
 
+@pytest.mark.slow
 def test_the_arm_stays_where_a_hand_led_it_and_the_task_moves_there():
     trained = learn_with_report(toolbox_recordings(Settings(quick=True))).trained
     library = trained.library

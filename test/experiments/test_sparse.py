@@ -167,5 +167,6 @@ def test_the_dmp_is_no_straw_man(noise_outcome):
     assert rmse["DMP without a filter"][1, -1] > 2.0 * rmse[DMP][1, -1]
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_numbers(noise_outcome):
     assert noise.run(Settings(quick=True)).numbers == noise_outcome.numbers

@@ -49,6 +49,7 @@ def truth_library(seed: int, **options) -> TaskLibrary:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 def test_a_known_library_covers_95_percent(known):
     """No learning: the filter's own arithmetic, durations known or from the bank."""

@@ -47,6 +47,7 @@ def task_joint(log_evidence: np.ndarray, hypotheses) -> np.ndarray:
     return np.logaddexp.reduce(joint, axis=1)
 
 
+@pytest.mark.slow
 @FILTERS
 @settings(max_examples=6)
 @given(seed=seeds, correlation_time_s=st.sampled_from([1e-9, 0.1]))
@@ -72,6 +73,7 @@ def test_probabilities_are_those_of_a_bank_never_pruned(seed, correlation_time_s
     assert library.n_tasks not in pruned.pruned_tasks  # none
 
 
+@pytest.mark.slow
 @FILTERS
 @settings(max_examples=3)
 @given(seed=seeds)

@@ -50,6 +50,7 @@ def moved(recording, offset):
     )
 
 
+@pytest.mark.slow
 def test_person_and_other_tasks_stay_to_the_last_bit_and_the_statistics_go_along(trained):
     offset = np.linspace(0.3, -0.2, 7)
     kept = [moved(perform(TRUTH, 0, seed), offset) for seed in (70, 71, 72)]

@@ -127,6 +127,7 @@ def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
     np.testing.assert_allclose(one.log_duration_std, other.log_duration_std)
 
 
+@pytest.mark.slow
 def test_segmentation_takes_the_rest_away(rng):
     truth = make_library(rng, n_tasks=2, n_basis=8, spread=0.02, noise_std=0.0005)
     examples = recordings(truth, rng, 8, rest_before_s=1.0, rest_after_s=1.5, duration_s=2.0)
@@ -173,6 +174,7 @@ def test_recordings_of_other_dofs_are_left_out(truth, rng):
     assert "foot" in report.rejected[0][1]
 
 
+@pytest.mark.slow
 def test_a_signal_that_stays_silent_is_a_reason_not_a_crash(truth, rng):
     good = recordings(truth, rng, 3)
     one = simulate(truth, 0, rng, name="silent")

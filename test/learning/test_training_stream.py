@@ -205,6 +205,7 @@ def test_hyperparameters_of_very_many_are_chosen_on_a_sample(monkeypatch):
     assert sampled_report.chosen.score == pytest.approx(report.chosen.score, abs=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("usually_left_out")
 def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeypatch):
     trained = learn_with_report(recordings(14, 18), CUT).trained
@@ -215,6 +216,7 @@ def test_of_very_many_tasks_a_bounded_number_of_demonstrations_is_scored(monkeyp
     assert some.score != everything.score
 
 
+@pytest.mark.slow
 def test_choosing_again_is_training_on_everything_at_the_same_preprocessing():
     trained = learn_with_report(recordings(15, 9), CUT).trained
     spoilt = trained.chosen._replace(aligned=not trained.chosen.aligned, noise_scale=64.0)

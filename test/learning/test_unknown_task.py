@@ -73,6 +73,7 @@ def examples_of(report) -> list:
     return [e for task in report.trained.tasks.values() for e in task.examples]
 
 
+@pytest.mark.slow
 def test_departure_from_statistics_is_that_of_the_demonstrations(report):
     weights = np.array([e.weights[:3] for e in examples_of(report)])
     start = weights[:, :, :1]

@@ -23,6 +23,7 @@ def recorded(rng):
     return [simulate(library, task, rng, name=f"demo_{k}") for k, task in enumerate(tasks)]
 
 
+@pytest.mark.slow
 def test_each_component_is_a_task(recorded):
     found = label_by_components(recorded, SETTINGS, np.random.default_rng(0))
     assert found.choice.n_components == 2 and found.purity == 1.0 and not found.rejected

@@ -58,6 +58,7 @@ def taught(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_kept_corrections_count_less_and_less_and_undo_takes_them_back(taught):
     folder, label = taught, TRUTH.labels[0]
     file, before = folder.model_path.read_bytes(), load_trained(folder.model_path)[1]

@@ -52,6 +52,7 @@ def copy_of(folder, target):
     return folder_of(target)
 
 
+@pytest.mark.slow
 def test_waits_for_a_second_recording_of_a_task_then_learns_all(started):
     _, changes = started
     assert [c.action for c in changes[:3]] == [WAIT, WAIT, LEARN]

@@ -94,6 +94,7 @@ def writes(arguments):
     return bool((mode and set(mode) & set("wax+")) or flags & (os.O_WRONLY | os.O_RDWR))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("action", ["learn", "undo", "improve"])
 def test_killed_at_any_write_the_folder_is_the_old_or_the_new_one(started, tmp_path, action):
     old = state(shutil.copytree(started, tmp_path / "old"))
@@ -150,6 +151,7 @@ def test_a_history_that_is_gone_begins_anew_with_the_model(started, tmp_path):
     assert state(path)[1] == {TRUTH.labels[0]: 2, TRUTH.labels[1]: 2}
 
 
+@pytest.mark.slow
 def test_two_teachers_lose_nothing(started, tmp_path):
     path = shutil.copytree(started, tmp_path / "copy")
     first, second = TaskFolder(path, DOFS), TaskFolder(path, DOFS)

@@ -107,6 +107,7 @@ def interact(who, **settings):
     return world
 
 
+@pytest.mark.slow
 def test_an_interaction_slows_near_the_person_smoothly_and_arrives():
     near = ARM.forward_kinematics(PATH.spline(1.0))[:3, 3]
     separation = Separation(ARM, SETTINGS)

@@ -109,6 +109,7 @@ def alone(model, observations, arm):
     return predictions
 
 
+@pytest.mark.slow
 def test_the_start_posture_is_used_and_equals_the_library_s(harness, model, path, truth):
     start = start_mean(model.library, 1) + 0.003
     graph = Graph(harness, path)

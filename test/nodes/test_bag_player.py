@@ -66,6 +66,7 @@ def raw_collector(harness, message_type, topic, qos):
     return seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [0.0, 1.0, 5.0])
 def test_every_byte_arrives_from_the_first_message_on(harness, bag, rate):
     seen = raw_collector(harness, PoseStamped, "mocap/wrist/pose", EVERY)
@@ -84,6 +85,7 @@ def test_latched_and_sensor_topics_keep_their_quality(harness, tmp_path):
     assert offered.reliability == QoSReliabilityPolicy.BEST_EFFORT
 
 
+@pytest.mark.slow
 def test_metadata_says_with_which_quality_is_played(harness, bag):
     """A user who edits metadata.yaml is obeyed, as by `ros2 bag play`."""
     metadata = bag / "metadata.yaml"
@@ -143,6 +145,7 @@ def test_paused_start_sends_nothing_before_resume(harness, bag):
     harness.spin_until(lambda: node.done and len(seen) == 30)
 
 
+@pytest.mark.slow
 def test_pause_in_the_middle_goes_on_where_it_stopped(harness, bag):
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
     node = harness.add(player(bag, rate=0.05))
@@ -156,6 +159,7 @@ def test_pause_in_the_middle_goes_on_where_it_stopped(harness, bag):
     assert [m.header.stamp.nanosec for m in seen] == [i * STEP_NS for i in range(30)]
 
 
+@pytest.mark.slow
 def test_loop_begins_again(harness, bag):
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
     node = harness.add(player(bag, loop=True, rate=20.0))
@@ -163,6 +167,7 @@ def test_loop_begins_again(harness, bag):
     assert not node.done
 
 
+@pytest.mark.slow
 def test_clock_follows_the_recording(harness, bag):
     ticks = harness.collect(Clock, "/clock", SENSOR)
     harness.collect(PoseStamped, "mocap/wrist/pose", SENSOR)
@@ -173,6 +178,7 @@ def test_clock_follows_the_recording(harness, bag):
     assert times[0] >= START_NS and times[-1] <= START_NS + 30 * STEP_NS
 
 
+@pytest.mark.slow
 def test_restamp_moves_stamps_to_the_present(harness, bag):
     seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
     begun_ns = time.time_ns()
@@ -183,6 +189,7 @@ def test_restamp_moves_stamps_to_the_present(harness, bag):
     np.testing.assert_allclose(np.diff(stamps), STEP_NS / 2, atol=2)
 
 
+@pytest.mark.slow
 def test_namespace_and_remapping_apply(harness, bag):
     seen = harness.collect(PoseStamped, "/lab/mocap/wrist/pose", EVERY)
     overrides = [Parameter("bag", value=str(bag)), Parameter("rate", value=10.0)]
@@ -221,6 +228,7 @@ def test_missing_bag_is_one_line_and_exit_code_one(bag):
     assert "Traceback" not in process.errors and len(process.errors.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_recorder_and_player_as_processes_copy_a_bag(harness, tmp_path):
     """What is recorded is kept for late subscribers, so that nothing depends on who is first."""
     bag = write(tmp_path / "bag", ("reliable", "transient_local", EVERY))

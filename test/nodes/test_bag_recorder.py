@@ -231,6 +231,7 @@ def start_process(harness: Harness, path: Path) -> tuple[NodeProcess, object]:
     return process, publisher
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stop_signal", [signal.SIGINT, signal.SIGTERM])
 def test_signals_finish_the_bag(harness, tmp_path, stop_signal):
     process, publisher = start_process(harness, tmp_path / "bag")
@@ -244,6 +245,7 @@ def test_signals_finish_the_bag(harness, tmp_path, stop_signal):
     assert "Traceback" not in process.errors
 
 
+@pytest.mark.slow
 def test_killed_recorder_leaves_all_but_the_last_second(harness, tmp_path):
     process, publisher = start_process(harness, tmp_path / "bag")
     with process:
@@ -256,6 +258,7 @@ def test_killed_recorder_leaves_all_but_the_last_second(harness, tmp_path):
     assert [m.stamp_ns for m in reader.messages()] == [7_000_000_000 + i for i in range(50)]
 
 
+@pytest.mark.slow
 def test_existing_output_is_one_line_and_exit_code_one(tmp_path):
     (tmp_path / "bag").mkdir()
     with NodeProcess(MODULE, "--ros-args", "-p", f"output:={tmp_path / 'bag'}") as process:

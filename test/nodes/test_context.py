@@ -42,6 +42,7 @@ def observations(seed=300):
     return list(merge(hand_over("give", seed, box=PLACE).observed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("profile", [qos.LATCHED, qos.SENSOR])
 def test_a_context_counts_from_when_it_comes(harness, folder, profile):
     """Latched, the first was said before the node started; else it comes late. Then it changes."""

@@ -187,6 +187,7 @@ def test_tasks_are_the_library_s_and_the_right_one_wins(harness, wrist, task):
     assert phases[-1] > 0.9 and np.all(np.diff(phases) > -0.05)
 
 
+@pytest.mark.slow
 def test_trajectory_is_filled_as_the_contract_says(harness, wrist):
     graph = Graph(harness, wrist, publish_rate=1000.0)
     observations = wrist.observations(1)
@@ -216,6 +217,7 @@ def test_trajectory_is_filled_as_the_contract_says(harness, wrist):
     np.testing.assert_allclose(final, truth, atol=0.1)
 
 
+@pytest.mark.slow
 def test_nothing_is_predicted_for_a_movement_that_is_none_of_the_tasks(harness, wrist):
     graph = Graph(harness, wrist, publish_rate=1000.0)
     observations = wrist.observations(0)
@@ -350,6 +352,7 @@ def spoiled(observation, fault):
 FAULTS = ("not_finite", "zero_stamp", "stamp_not_increasing", "bad_covariance")
 
 
+@pytest.mark.slow
 def test_bad_input_is_counted_and_leaves_the_estimate_alone(harness, wrist):
     graph = Graph(harness, wrist)
     observations = wrist.observations(1)
@@ -368,6 +371,7 @@ def test_bad_input_is_counted_and_leaves_the_estimate_alone(harness, wrist):
     assert min(counts.values()) >= 4
 
 
+@pytest.mark.slow
 def test_a_message_without_any_joint_is_counted_and_the_rest_goes_on(harness, mixed):
     graph = Graph(harness, mixed)
     observations = mixed.observations(1)
@@ -384,6 +388,7 @@ def test_a_message_without_any_joint_is_counted_and_the_rest_goes_on(harness, mi
     check_tasks(graph.tasks, expected(mixed.model, used), mixed.model.labels)
 
 
+@pytest.mark.slow
 def test_a_publisher_of_another_type_is_reported_once(harness, wrist):
     graph = Graph(harness, wrist)
     context = rclpy.Context()  # one process may not mix the types of a topic in one context
@@ -401,6 +406,7 @@ def test_a_publisher_of_another_type_is_reported_once(harness, wrist):
         context.try_shutdown()
 
 
+@pytest.mark.slow
 def test_occlusion_in_mid_movement_widens_and_does_not_mislead(harness, wrist):
     graph = Graph(harness, wrist, publish_rate=1000.0)
     observations = wrist.observations(2)
@@ -413,6 +419,7 @@ def test_occlusion_in_mid_movement_widens_and_does_not_mislead(harness, wrist):
     assert np.argmax(moving[-1].position) == 2
 
 
+@pytest.mark.slow
 def test_reset_forgets_the_movement_and_the_clock(harness, wrist):
     graph = Graph(harness, wrist)
     observations = wrist.observations(0)
@@ -427,6 +434,7 @@ def test_reset_forgets_the_movement_and_the_clock(harness, wrist):
     assert len(graph.robot) > 10
 
 
+@pytest.mark.slow
 def test_reload_in_mid_movement_loses_no_observation(harness, wrist, tmp_path):
     graph = Graph(harness, wrist)
     observations = wrist.observations(1)
@@ -459,6 +467,7 @@ def test_nothing_is_lost_while_a_model_is_swapped(harness, wrist):
     check_tasks(tasks, expected(wrist.model, observations), wrist.model.labels)
 
 
+@pytest.mark.slow
 def test_a_clock_that_was_set_back_is_followed(harness, wrist):
     graph = Graph(harness, wrist)
     observations = wrist.observations(0, rest_before_s=2.0)
@@ -474,6 +483,7 @@ def test_a_clock_that_was_set_back_is_followed(harness, wrist):
     harness.spin_until(lambda: len(graph.robot) > 10)
 
 
+@pytest.mark.slow
 def test_a_model_of_other_dofs_is_refused_and_the_old_one_kept(harness, wrist, mixed):
     graph = Graph(harness, wrist)
     observations = wrist.observations(1)
@@ -503,6 +513,7 @@ def test_a_stream_that_stops_in_a_movement_is_said_and_taken_back(harness, wrist
     assert graph.status().message == "waiting for a movement"
 
 
+@pytest.mark.slow
 def test_a_stream_does_not_stop_while_simulated_time_stands_still(harness, wrist):
     clock = harness.publisher(Clock, "/clock", qos.STATE)
     graph = Graph(harness, wrist, use_sim_time=True)
@@ -517,6 +528,7 @@ def test_a_stream_does_not_stop_while_simulated_time_stands_still(harness, wrist
     harness.spin_until(lambda: graph.status().level == DiagnosticStatus.WARN)
 
 
+@pytest.mark.slow
 def test_inactive_it_is_silent_and_active_again_it_starts_anew(harness, wrist):
     graph = Graph(harness, wrist)
     observations = wrist.observations(0)
@@ -533,6 +545,7 @@ def test_inactive_it_is_silent_and_active_again_it_starts_anew(harness, wrist):
     check_tasks(graph.tasks, expected(wrist.model, observations), wrist.model.labels)
 
 
+@pytest.mark.slow
 def test_it_obeys_the_services_of_a_lifecycle_node(harness, wrist):
     graph = Graph(harness, wrist)
     observations = wrist.observations(2)
@@ -562,6 +575,7 @@ def test_it_waits_when_told_to(harness, wrist):
     graph.feed(wrist.observations(0)[:30])
 
 
+@pytest.mark.slow
 def test_observed_topics_of_three_kinds_work_together(harness, mixed):
     graph = Graph(harness, mixed)
     observations = mixed.observations(2)

@@ -87,6 +87,7 @@ def test_an_impossible_rate(capfd, model, rate):
     assert "publish_rate" in start(capfd, model=model, publish_rate=rate)
 
 
+@pytest.mark.slow
 def test_a_process_that_cannot_start_ends_with_one_line_and_code_one():
     with NodeProcess("intent_recognition.nodes.intent_estimator") as node:
         assert node.wait() == 1

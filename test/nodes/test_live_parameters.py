@@ -23,13 +23,14 @@ from intent_recognition.nodes.task_teacher import TaskTeacher
 from sim_bridge.nodes.coworker_sim import CoworkerSim
 from sim_bridge.nodes.lwr_sim import LwrSim
 
+PRACTICE = ("cost", "rollouts", "beside", "seed")
 LIVE = {
     MocapIngest: {*INGEST_LIVE, "orientation_std_rad"},
     IntentEstimatorNode: {*ESTIMATOR_LIVE, "model"},
     PrimitiveActivation: {*ANY_TIME, *AT_REST},
     BagRecorder: {"output", "task"},
     BagPlayer: {"rate", "loop", "exit_at_end"},
-    TaskTeacher: {"task", "learn_at_stop"},
+    TaskTeacher: {"task", "learn_at_stop", *(f"practice_{name}" for name in PRACTICE)},
     ObjectWarper: set(),
     LwrSim: {"real_time_factor"},
     CoworkerSim: set(),
@@ -67,6 +68,7 @@ def change(harness, node, **values):
     return "" if result.successful else result.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", LIVE, ids=lambda kind: kind.__name__)
 def test_every_parameter_is_described_and_those_that_cannot_change_are_read_only(
     harness, tmp_path, model, kind

@@ -122,6 +122,7 @@ def test_topics_are_offered_as_the_contract_says(harness, bag, name):
         assert (profile.history, profile.depth) == (QoSHistoryPolicy.KEEP_LAST, depth), topic
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NODES)
 def test_every_node_ends_quietly_when_asked_to(harness, bag, name):
     kind = NODES[name][0]

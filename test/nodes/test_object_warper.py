@@ -90,6 +90,7 @@ def test_malformed_clouds_are_named():
             cloud_arrays(message)
 
 
+@pytest.mark.slow
 def test_parameters_and_labels_are_those_of_the_library(harness):
     """One cloud in, the library's numbers out, with the cloud's stamp and frame.
 
@@ -148,6 +149,7 @@ def test_parameters_and_labels_are_those_of_the_library(harness):
     np.testing.assert_array_equal(labels, warped.labels)
 
 
+@pytest.mark.slow
 def test_bad_clouds_are_counted_and_harm_nothing(harness):
     """Empty, no container, malformed; then a good one with pixels without depth."""
     harness.add(ObjectWarper())
@@ -181,6 +183,7 @@ def test_bad_clouds_are_counted_and_harm_nothing(harness):
     assert values["rejected ArgumentError"] == "1"
 
 
+@pytest.mark.slow
 def test_a_grasp_that_does_not_fit_costs_no_parameters(harness, tmp_path):
     """The mug held by its handle, and a tumbler."""
     mug = load_object(find_object("mug"))

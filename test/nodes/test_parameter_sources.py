@@ -48,6 +48,7 @@ def test_a_file_that_cannot_be_read_is_passed_over(tmp_path, content):
     assert parameter_sources(["--ros-args", "--params-file", str(path)], "/a") == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rename", [[], ["-r", "__node:=left"], ["-r", "__ns:=/cell"]])
 def test_under_any_name_the_careful_limits_hold_and_are_logged(own, rename):
     shipped = str(share_path("config/real_arm.yaml"))

@@ -63,6 +63,7 @@ def odometry(stamp_ns, position):
     return message
 
 
+@pytest.mark.slow
 def test_a_link_goes_where_and_turns_as_the_nodes_predict(harness, repository, model):
     dofs = load_dofs()
     (shown,), _ = read_demonstrations(repository / "bags/toolbox/test/plate_handover_00", dofs)

@@ -67,6 +67,7 @@ class AheadGraph(Graph):
         self.expect()
 
 
+@pytest.mark.slow
 def test_it_waits_at_the_start_of_the_expected_task(harness, path):
     graph = AheadGraph(harness, path)
     graph.serve_a_plate()

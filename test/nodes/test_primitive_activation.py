@@ -189,6 +189,7 @@ def check_commands(commands):
         assert stamp_ns(after) >= stamp_ns(before)
 
 
+@pytest.mark.slow
 def test_an_interaction_on_the_topics(graph):
     graph.begin()
     graph.until(lambda: graph.mode == "executing")
@@ -285,6 +286,7 @@ FAULTS = (
 )
 
 
+@pytest.mark.slow
 def test_bad_predictions_are_rejected_by_reason_and_harm_nothing(graph):
     graph.begin(already_s=0.2)
     graph.until(lambda: graph.mode == "executing")
@@ -501,6 +503,7 @@ def test_a_joint_state_from_the_future_does_not_block_the_arm(harness, ahead_ns)
     assert graph.rejected("joint_state_in_future") == (ahead_ns > 10**9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dead", ["intent/tasks", "joint_states"])
 def test_a_sender_that_died_is_named_within_a_second(graph, dead):
     reports = graph.harness.collect(DiagnosticArray, "/diagnostics")

@@ -53,6 +53,7 @@ def test_a_node_is_ready_when_active_and_matched(harness, rows, ready):
     assert readiness.missing() == ([] if ready else ["worker"])
 
 
+@pytest.mark.slow
 def test_a_player_loses_nothing_to_nodes_that_come_late(harness, tmp_path):
     model = tmp_path / "m.npz"
     save_model(model, learned_model(make_dofs(WRIST)))

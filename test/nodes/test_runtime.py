@@ -70,6 +70,7 @@ def test_programming_errors_are_not_hidden():
         run(Buggy, [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "override", ["max_speed:=-1.0", "max_speed:=fast", "max_gap:=.nan", "bodies:=[a, a]"]
 )
@@ -82,6 +83,7 @@ def test_bad_parameter_is_one_line(override):
     assert "[FATAL]" in node.errors and "[mocap_ingest]" in node.errors
 
 
+@pytest.mark.slow
 def test_why_it_cannot_start_is_logged_under_the_name_it_was_given():
     words = ("-r", "__node:=recognition", "-r", "__ns:=/cell1")
     node = NodeProcess("intent_recognition.nodes.intent_estimator", "--ros-args", *words)
@@ -91,6 +93,7 @@ def test_why_it_cannot_start_is_logged_under_the_name_it_was_given():
     assert "[FATAL]" in line and "[cell1.recognition]" in line and "-p model:=" in line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("domain", ["999", "-1", "mine"])
 def test_bad_domain_is_one_line(domain):
     with NodeProcess(
@@ -101,6 +104,7 @@ def test_bad_domain_is_one_line(domain):
     assert "ROS_DOMAIN_ID" in node.errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_end_a_node_quietly(harness, signal_number):
     reports = harness.collect(DiagnosticArray, "/diagnostics")
@@ -135,6 +139,7 @@ def interrupt_twice(node):
     assert "Traceback" not in node.errors and "Error" not in node.errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mocap_ingest", "lwr_sim"])
 def test_two_interrupts_within_milliseconds_are_one(harness, executable, name):
     reports = harness.collect(DiagnosticArray, "/diagnostics")

@@ -43,6 +43,7 @@ def given(tmp_path):
     return library, {"model": str(model), "sequences": str(steps)}
 
 
+@pytest.mark.slow
 def test_a_task_of_two_parts_with_a_via_point_and_another_task_leads_out(harness, given):
     library, parameters = given
     told = harness.collect(DiagnosticStatus, "intent/sequence", qos.LATCHED)
@@ -90,6 +91,7 @@ def test_sequences_need_a_model_and_a_file(harness, given, tmp_path):
         Graph(harness, **parameters | {"sequences": str(tmp_path / "none.yaml")})
 
 
+@pytest.mark.slow
 def test_the_estimator_expects_the_step(harness, tmp_path):
     folder = Folder(tmp_path, DOFS)
     status = harness.publisher(DiagnosticStatus, "intent/sequence", qos.LATCHED)

@@ -131,6 +131,7 @@ def test_a_task_taught_while_the_graph_runs_is_recognised_and_taken_back(harness
     assert not cell.call("undo").success
 
 
+@pytest.mark.slow
 def test_an_estimator_that_was_started_again_gets_the_taught_model(harness, tmp_path, model):
     cell = Cell(harness, tmp_path / "mine", model)
     assert cell.call("start").success
@@ -169,6 +170,7 @@ def test_a_library_is_asked_for(harness):
         TaskTeacher()
 
 
+@pytest.mark.slow
 def test_without_an_estimator_it_learns_all_the_same(harness, tmp_path, model):
     overrides = [
         Parameter("library", value=str(tmp_path / "mine")),
@@ -212,6 +214,7 @@ def test_with_another_arm_its_description_and_the_name_of_its_hand_are_recorded(
     assert recorded.message.data == lwr_urdf(world=True)
 
 
+@pytest.mark.slow
 def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
     cell = Cell(harness, tmp_path / "mine", model)
     teacher, label, log = cell.teacher, OLD[0], cell.teacher.executions.executions

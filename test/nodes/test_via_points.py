@@ -30,6 +30,7 @@ def parsed(*words):
     return parser.parse_args(["via", *map(str, words)])
 
 
+@pytest.mark.slow
 def test_by_command_the_path_passes_until_the_point_is_removed(harness, folder):
     told = harness.collect(String, "intent/via_points", qos.LATCHED)
     graph = Graph(harness, folder)

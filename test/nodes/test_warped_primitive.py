@@ -86,6 +86,7 @@ def test_a_container_survives_its_messages():
         seen_container(vector, PoseStamped(header=Header(frame_id="camera"), pose=pose.pose))
 
 
+@pytest.mark.slow
 def test_a_request_becomes_a_task_and_a_trajectory(harness, skill):
     """Too early it is refused; then the arm's own posture, there and back, upright at both ends."""
     node = WarpedPrimitiveNode(parameter_overrides=[Parameter("skill", value=str(skill))])

@@ -37,6 +37,7 @@ def node_class(name):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", sorted(SECTIONS))
 def test_node_takes_its_section(harness, section, tmp_path):
     name = section.removeprefix("/**/")

@@ -153,6 +153,7 @@ def test_samples_that_are_no_context_are_refused_by_reason(library):
         plain.observe_context(BOX)
 
 
+@pytest.mark.slow
 def test_another_library_is_used_in_the_same_context(library, recorded):
     more = learn([*demonstrations(), hand_over("give", 70)], SETTINGS)
     more = replace(more, onset=library.onset)

@@ -273,6 +273,7 @@ def test_reset_forgets_everything(library, truth, rng):
         same(a, b)
 
 
+@pytest.mark.slow
 def test_several_interactions_in_one_stream_are_told_apart(library, truth, rng):
     tasks = [2, 0, 1, 1]
     stream = list(merge(movement(truth, tasks[0], rng, rest_after_s=1.2).observed))

@@ -80,6 +80,7 @@ def recognised(estimator, values):
     return found
 
 
+@pytest.mark.slow
 def test_reaches_without_a_rest_are_recognised_one_after_the_other(rng):
     library = make_library(rng, n_basis=8, spread=0.02, correlation_time_s=0.05)
     tasks = (0, 2, 1, 2, 0)

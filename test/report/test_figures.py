@@ -91,6 +91,7 @@ def all_figures(per_task, trace, rng):
     }
 
 
+@pytest.mark.slow
 def test_every_figure_draws_and_labels_its_axes(all_figures):
     for name, figure in all_figures.items():
         root = ElementTree.fromstring(to_svg(figure))
@@ -145,6 +146,7 @@ def test_histograms_hold_every_interaction(per_task):
         assert sum(bar.get_height() for bar in bars) == sum(map(len, per_task.values()))
 
 
+@pytest.mark.slow
 def test_nothing_measured_still_draws():
     nothing = {"plate": []}
     for figure in (
@@ -222,6 +224,7 @@ def test_any_number_of_joints(trace):
         assert to_svg(joint_figure(trace))
 
 
+@pytest.mark.slow
 def test_matplotlib_is_loaded_by_the_first_figure_only():
     code = (
         "import sys, intent_recognition.report.demo_report,"

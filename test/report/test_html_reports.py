@@ -99,6 +99,7 @@ def test_the_demo_table_is_the_records(session, page):
     assert table.marked == {4}
 
 
+@pytest.mark.slow
 def test_key_numbers_stand_beside_the_papers(session, bare_page):
     summary = summarise(session[0])
     numbers = key_numbers(bare_page)
@@ -114,6 +115,7 @@ def test_key_numbers_stand_beside_the_papers(session, bare_page):
     assert "Conditions differ" in render(bare_page)
 
 
+@pytest.mark.slow
 def test_figures_without_data_are_left_out(session, page, bare_page):
     records, _ = session
     assert len(figures_of(bare_page)) == 5
@@ -122,6 +124,7 @@ def test_figures_without_data_are_left_out(session, page, bare_page):
     assert len(figures_of(demo_page(records, summarise(records), bare, {}))) == 5 + 4
 
 
+@pytest.mark.slow
 def test_traces_may_hold_nothing(session):
     records, _ = session
     empty = {"wrist_m": None, "joint_rad": np.zeros((3, 7)), "share": [], "labels": LABELS}
@@ -230,6 +233,7 @@ def test_what_the_nodes_would_have_done_and_what_was_left_out_are_tables(rng):
     )
 
 
+@pytest.mark.slow
 def test_several_units_give_a_section_each(rng):
     content = result(rng, ["rad", "m"])
     page = evaluation_page(content, "t")
@@ -240,6 +244,7 @@ def test_several_units_give_a_section_each(rng):
     assert series(table, "rmse", "m")[1] == [entry["rmse"]["m"] for entry in table.values()]
 
 
+@pytest.mark.slow
 def test_missing_parts_and_values_are_left_out(rng, tmp_path):
     content = result(rng)
     content["prediction"]["known_phase"]["1.0"]["rmse_future"] = None
@@ -250,6 +255,7 @@ def test_missing_parts_and_values_are_left_out(rng, tmp_path):
     assert write_evaluation_report(tmp_path / "e.html", {}, "Nothing").exists()
 
 
+@pytest.mark.slow
 def test_optional_parts_are_shown(rng):
     content = result(rng) | {
         "mixture": {"n_components": 4, "purity": 0.97},

@@ -201,6 +201,7 @@ events = st.tuples(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(st.lists(events, max_size=60))
 def test_whatever_comes_in_what_goes_out_is_sound(sequence):

@@ -62,6 +62,7 @@ SAMPLE = st.tuples(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(st.lists(SAMPLE, max_size=60), st.sampled_from(SETTINGS), st.sampled_from([T0, 3 * STEP, 0]))
 def test_anything_equals_one_by_one(samples, setting, start_ns):

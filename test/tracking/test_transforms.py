@@ -28,6 +28,7 @@ def test_inverse_undoes(transform, cloud):
     np.testing.assert_allclose(transform.inverse().apply(transform.apply(cloud)), cloud, atol=1e-9)
 
 
+@pytest.mark.slow
 @given(transforms, arrays(np.float64, (2, 3), elements=coordinates))
 def test_distances_are_kept(transform, pair):
     moved = transform.apply(pair)

@@ -66,6 +66,7 @@ def test_walls_that_only_a_thin_rim_joins_are_one_object(mug):
     assert found.volume_m3 == pytest.approx(cup.inner_volume_m3, rel=0.05)
 
 
+@pytest.mark.slow
 def test_meshes_that_hold_nothing(mug):
     """Closed, lidded, with holes, in millimetres, empty, with NaN."""
     mesh = mug_mesh()
@@ -95,6 +96,7 @@ def test_meshes_that_hold_nothing(mug):
             check_wall(warp_object(mug, target.cloud), target.surface)
 
 
+@pytest.mark.slow
 def test_a_mesh_turned_inside_out_is_turned_back(mug):
     """Winding of a closed mesh can be told from its volume."""
     mesh = make_container("tumbler", 3).mesh.copy()
@@ -104,6 +106,7 @@ def test_a_mesh_turned_inside_out_is_turned_back(mug):
     assert turned.volume_m3 == pytest.approx(straight.volume_m3, rel=0.02)
 
 
+@pytest.mark.slow
 def test_files(mug, tmp_path):
     """What trimesh can write is read; what it cannot read, or is not there, is named."""
     mesh = make_container("tea_cup", 2)

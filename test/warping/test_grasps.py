@@ -73,6 +73,7 @@ def test_a_rigid_motion_of_the_target_moves_the_grasp(mug, carry, name):
         assert larger.width_m == first.width_m == mug.annotated.grasp.width_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_views", [1, 2, 3])
 def test_the_warped_grasp_is_on_the_wall(mug, n_views):
     """Its middle is in or beside the wall, across it, below the crest; also where one side of the

@@ -59,6 +59,7 @@ def test_mappings_agree_on_identical_sampling(mug):
     np.testing.assert_array_equal(by_label.labels, own.labels)
 
 
+@pytest.mark.slow
 @random_examples
 @given(name=names, seed=seeds, scale=st.floats(0.4, 4.0))
 def test_lengths_scale_and_angles_do_not(mug, name, seed, scale):
@@ -72,6 +73,7 @@ def test_lengths_scale_and_angles_do_not(mug, name, seed, scale):
     np.testing.assert_allclose(second.lip_point, scale * first.lip_point, atol=1e-7)
 
 
+@pytest.mark.slow
 @random_examples
 @given(
     name=names,

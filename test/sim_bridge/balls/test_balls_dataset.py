@@ -24,6 +24,7 @@ def unfinished(output, seed, done):
     return parts
 
 
+@pytest.mark.slow
 def test_goes_on_where_it_was_interrupted(tmp_path):
     output = tmp_path / "trials.npz"
     parts = unfinished(output, 3, done=19)

@@ -29,6 +29,7 @@ def test_shipped_demonstrations_are_hard_for_the_shortcut_and_easy_for_the_histo
     assert measured.separation_m > 0.05
 
 
+@pytest.mark.slow
 def test_fresh_seeds_are_as_hard():
     measured = [hardness(seed) for seed in range(100, 106)]
     assert max(m.position_leave_one_out for m in measured) <= 0.85

@@ -48,6 +48,7 @@ def test_no_container_no_lift():
             shell_pieces(mesh)
 
 
+@pytest.mark.slow
 def test_the_annotated_grasp_holds_and_others_do_not(grasp):
     """Moved outward, a finger comes down on the rim, or both close in the air."""
     with LiftingWorld(MUG.mesh) as world:
@@ -61,6 +62,7 @@ def test_the_annotated_grasp_holds_and_others_do_not(grasp):
             assert not world.lift(Grasp(pose, grasp.width_m)).held
 
 
+@pytest.mark.slow
 def test_what_friction_cannot_carry_falls(grasp):
     """Two pads carry 2 mu F at most; the mug weighs more. The same twice, to the bit."""
     with LiftingWorld(MUG.mesh) as world:

@@ -124,6 +124,7 @@ def test_trajectory_moves_the_arm_to_its_target(harness):
     harness.spin_until(lambda: near(states, HOME))
 
 
+@pytest.mark.slow
 def test_a_stamp_in_the_future_is_waited_for(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
@@ -137,6 +138,7 @@ def test_a_stamp_in_the_future_is_waited_for(harness):
     assert np.abs(np.array(early) - HOME).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_ros_time_stamps_work_without_clock(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
@@ -195,6 +197,7 @@ def test_bad_trajectories_are_counted_and_the_arm_keeps_moving(harness):
         )
 
 
+@pytest.mark.slow
 def test_diagnostics_report_rate_and_factor(harness):
     reports = harness.collect(DiagnosticArray, "/diagnostics")
     make(harness, real_time_factor=1.0)
@@ -234,6 +237,7 @@ def test_a_push_moves_the_arm_and_it_comes_back(harness):
         harness.spin_until(lambda reason=reason: node.diagnostics.rejected(reason))
 
 
+@pytest.mark.slow
 def test_gravity_compensation_lets_itself_be_guided(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     pusher = harness.publisher(WrenchStamped, "lwr_sim/push", SENSOR)
@@ -318,6 +322,7 @@ def test_may_follow_its_own_clock(harness):
     harness.spin_until(lambda: node.get_clock().now().nanoseconds >= stamp_ns(states[50]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
 def test_ends_in_the_middle_of_work_without_a_traceback(harness, signal_number):
     states = harness.collect(JointState, "joint_states", STATE)

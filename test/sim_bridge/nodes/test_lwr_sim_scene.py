@@ -2,6 +2,7 @@
 """The arm node takes the plate from its stand and gives it away, driven by topics alone."""
 
 import numpy as np
+import pytest
 from builtin_interfaces.msg import Duration
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
@@ -33,6 +34,7 @@ def fetch_and_carry() -> JointTrajectory:
     return message
 
 
+@pytest.mark.slow
 def test_plate_is_taken_and_given(harness):
     node = harness.add(LwrSim(parameter_overrides=[Parameter("real_time_factor", value=5.0)]))
     tasks = harness.publisher(String, "intent/active_task", LATCHED)

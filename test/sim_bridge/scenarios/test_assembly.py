@@ -171,6 +171,7 @@ def test_shipped_recordings_are_those_of_the_list():
     assert len(orders(1)) == SESSIONS
 
 
+@pytest.mark.slow
 def test_shipped_recordings_hold_two_wrists_forty_times_each_task():
     dofs = load_dofs(share_path("config/dofs_two_humans.yaml"))
     demonstrations, rejections = read_demonstrations(share_path("bags/assembly"), dofs)

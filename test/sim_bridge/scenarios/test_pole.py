@@ -88,6 +88,7 @@ def test_planned_clearance_is_a_cautious_estimate_of_that_in_physics():
             assert max(planned - 0.012, 0.5 * CLEARANCE_M) <= pole.clearance(q)
 
 
+@pytest.mark.slow
 def test_execution_tells_a_motion_beside_the_pole_from_one_through_it():
     times = 2.5 * SHARES
     ways = {way: plan_way(SPOT, way).at((1 - np.cos(np.pi * SHARES)) / 2) for way in WAYS}

@@ -27,6 +27,7 @@ def skill():
     return learn_pouring_skill(share_path("bags/pouring/train"), 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "spilled", "kept"),
     [("tea_cup_paper_cup_mean", (0, 0), (8, 10)), ("tea_cup_paper_cup_75", (0, 0), (5, 8))],
