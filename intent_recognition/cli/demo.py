@@ -144,6 +144,12 @@ def add_parser(subparsers: Subparsers) -> None:
         help="YAML of tasks one after the other, some of which begin by themselves",
     )
     session.add_argument(
+        "--params",
+        type=Path,
+        metavar="F",
+        help="parameters of nodes, a YAML file as ROS 2 takes it, laid over the demo's own",
+    )
+    session.add_argument(
         "--no-anticipation",
         action="store_true",
         help="expect every task alike: no transition prior, no pre-trigger",
@@ -254,6 +260,9 @@ def _check(args: argparse.Namespace) -> None:
         raise ResourceBusyError(
             describe("--output", "a folder that can be made", args.output, "Choose another.")
         ) from error
+    if args.params is not None and not args.params.is_file():
+        cure = "Write its path."
+        raise ArgumentError(describe("--params", "a YAML file", args.params, cure))
     if args.sequences is not None:
         read_sequences(args.sequences.read_text(encoding="utf-8"))
     if args.model is not None:

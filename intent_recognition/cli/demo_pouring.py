@@ -67,6 +67,7 @@ def _check(args: argparse.Namespace) -> None:
         "record": None,
         "dashboard": False,
         "sequences": None,
+        "params": None,
         "arm": "lwr",
     }
     defaults |= {"changes": 0, "task_list": "habit"}

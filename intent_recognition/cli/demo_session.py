@@ -163,7 +163,7 @@ def _start_nodes(
     """Start all nodes; the coworker last, when the others have found one another."""
     coworker = calls.pop(COWORKER)
     for call in calls.values():
-        watch.processes.start(call.name, call.module, call.parameters)
+        watch.processes.start(call.name, call.module, call.parameters, params_file=args.params)
     watch.until(observer.graph_is_complete, GRAPH_DEADLINE_S, "the node graph")
     listeners = {"exit_at_end": True, "wait_for_subscribers": 3 if args.record else 2}
     watch.processes.start(coworker.name, coworker.module, coworker.parameters | listeners)

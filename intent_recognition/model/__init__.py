@@ -3,6 +3,7 @@
 
 from intent_recognition.model.executions import (
     ARRIVED,
+    CORRECTIONS,
     DOWN,
     SPILLED,
     THUMBS,
@@ -27,6 +28,7 @@ from intent_recognition.model.task_folder import (
 
 __all__ = [
     "ARRIVED",
+    "CORRECTIONS",
     "DOWN",
     "PRACTICE",
     "SKILL_COLUMNS",

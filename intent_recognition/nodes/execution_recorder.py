@@ -10,7 +10,7 @@ from typing import NamedTuple
 from intent_recognition.bags import BagWriter, DiskFullError
 from intent_recognition.demonstrations import CORRECTION_TOPIC, CORRECTION_TYPE
 from intent_recognition.errors import IntentError
-from intent_recognition.model import Executions
+from intent_recognition.model import CORRECTIONS, Executions
 
 BEFORE_NS = 6_000_000_000
 """So much of what came before the execution is recorded with it [ns]. Convention: a rest, and the
@@ -49,6 +49,7 @@ class ExecutionRecorder:
         self._writer: BagWriter | None = None
         self._last: dict[str, Path] = {}
         self._values: dict[str, str] = {}
+        self._corrected = False
 
     @property
     def records(self) -> bool:
@@ -77,6 +78,7 @@ class ExecutionRecorder:
 
     def correct(self, data: bytes, received_ns: int) -> None:
         """Take a corrected path."""
+        self._corrected = self._writer is not None
         self._write(_Message(CORRECTION_TOPIC, CORRECTION_TYPE, data, received_ns, received_ns))
 
     def set_task(self, task: str) -> None:
@@ -89,7 +91,7 @@ class ExecutionRecorder:
             except IntentError as error:
                 self._reject("execution_not_recorded", str(error))
                 return
-            self._last[task], self._values = self._writer.path, {}
+            self._last[task], self._values, self._corrected = self._writer.path, {}, False
             for message in self._recent:
                 self._write(message)
 
@@ -113,6 +115,8 @@ class ExecutionRecorder:
         self._writer = None
         with suppress(IntentError):
             writer.close()
+        if self._corrected and self._values.get(CORRECTIONS, "0") == "0":
+            self._values[CORRECTIONS] = "1"  # the same task began again before the arm was home
         self.executions.add(writer.path, self._values, self._model())
         self.executions.thin(writer.path.parent.name, self._most)
 

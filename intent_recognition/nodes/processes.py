@@ -75,6 +75,7 @@ class NodeProcesses:
         module: str,
         parameters: Mapping[str, object],
         remappings: Sequence[tuple[str, str]] = (),
+        params_file: Path | None = None,
     ) -> None:
         """Start the node `main` of `module` with parameters (text, numbers, lists).
 
@@ -83,11 +84,14 @@ class NodeProcesses:
             module: of the node.
             parameters: values by name.
             remappings: pairs of topics, from and to.
+            params_file: of parameters that are laid over these.
         """
         command = [sys.executable, "-c", f"import sys, {module} as m; sys.exit(m.main())"]
         command += ["--ros-args"]
         for key, value in parameters.items():
             command += ["-p", f"{key}:={_text(value)}"]
+        if params_file is not None:
+            command += ["--params-file", str(params_file.resolve())]
         for pair in (("__node", name), *remappings) if remappings else ():
             command += ["-r", ":=".join(pair)]
         with self.log_file(name).open("w", encoding="utf-8") as log:

@@ -16,6 +16,7 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.bags.reader import BagReader
 from intent_recognition.errors import ArgumentError
 from intent_recognition.learning import learn_with_report
+from intent_recognition.model import Executions, now
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
@@ -24,6 +25,7 @@ from intent_recognition.nodes.conversions import (
     to_pose,
     to_stamp,
 )
+from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.intent_estimator import IntentEstimatorNode
 from intent_recognition.nodes.task_teacher import TaskTeacher
 from intent_recognition.share import share_path
@@ -265,6 +267,20 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
     assert cell.call("undo").success
     told = [(row.name, row.message) for row in skills[-1].status if row.name == label]
     assert [text for _, text in told][1:] == ["kept 0000", "took 0000_kept back"]
+
+
+def test_a_corrected_execution_stays_one_when_its_task_begins_again_at_once(tmp_path):
+    """The outcome is that of the last interaction then, which nobody corrected."""
+    log = Executions(tmp_path, now)
+    recorder = ExecutionRecorder(log, 5, lambda: "", lambda reason, text: None)
+    recorder.correct(b"", 1)  # of no execution: it does not count
+    for corrected in (True, False):
+        recorder.set_task("cup")
+        if corrected:
+            recorder.correct(b"", 2)
+        recorder.add("cup", {"outcome": "arrived", "corrections": "0"})
+        recorder.set_task("")
+    assert [one.corrected for one in log.all()] == [True, False]
 
 
 def practising(harness, library, model):
