@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A simulated hand leads the arm in physics: it yields, stays there, and the task moves."""
 
+import json
+
 import numpy as np
 import pytest
 
 from intent_recognition.experiments.execution import as_demonstration, execute
 from intent_recognition.experiments.reaches import toolbox_recordings, watch_reach
 from intent_recognition.experiments.settings import Settings
+from intent_recognition.experiments.skills import practising_report
 from intent_recognition.experiments.skills.correcting import Corrects, correction_of
 from intent_recognition.kinematics import LWR_LIMITS, hand_position
 from intent_recognition.learning import keep_correction, learn_with_report
@@ -38,6 +41,19 @@ def test_the_arm_stays_where_a_hand_led_it_and_the_task_moves_there():
     others = np.arange(library.n_tasks) != k
     assert np.array_equal(moved.weight_mean[others], library.weight_mean[others])
     assert np.array_equal(moved.observed_mean, library.observed_mean)
+
+
+@pytest.mark.slow
+def test_a_practised_task_is_compared_beside_others_and_in_physics():
+    part = practising_report.run(Settings(quick=True))
+    numbers = json.loads(json.dumps(dict(part.numbers)))
+    by_time = [one for one in numbers["practised"] if one["cost"] == "time"]
+    cma, rand = (one for one in by_time)
+    assert cma["costs"][0] == rand["costs"][0] and cma["start"] == rand["start"] > 0.0
+    assert cma["settled"] < cma["start"]
+    (waited,) = numbers["in_physics"]
+    assert [len(late) for late in waited["late_s"]] == [1, 1]
+    assert len(part.findings) == 3 and len(part.blocks) == 2
 
 
 def _end(library, task):
