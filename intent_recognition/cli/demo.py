@@ -32,6 +32,7 @@ from intent_recognition.errors import (
 )
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import load_model, load_trained, save_model
+from intent_recognition.untrusted import UntrustedError, read_text
 
 if TYPE_CHECKING:
     from intent_recognition.evaluation import InteractionRecord
@@ -254,6 +255,11 @@ def _check(args: argparse.Namespace) -> None:
     Raises:
         IntentError: the model cannot be used, or the page's port is taken.
     """
+    for option, usual in (("pour", "empty"), ("pair", None)):
+        if getattr(args, option) != usual:
+            cure = "Add --scenario pouring."
+            expected = "the scenario that pours beside it"
+            raise ArgumentError(describe(f"--{option}", expected, args.scenario, cure))
     try:
         args.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -264,7 +270,11 @@ def _check(args: argparse.Namespace) -> None:
         cure = "Write its path."
         raise ArgumentError(describe("--params", "a YAML file", args.params, cure))
     if args.sequences is not None:
-        read_sequences(args.sequences.read_text(encoding="utf-8"))
+        try:
+            read_sequences(read_text(args.sequences))
+        except (OSError, UntrustedError) as error:
+            cure = "Write its path."
+            raise ArgumentError(describe("--sequences", "a YAML file", error, cure)) from error
     if args.model is not None:
         (load_trained if args.dashboard else load_model)(args.model)
     if args.dashboard:

@@ -177,3 +177,18 @@ def test_its_model_can_be_added_to(tmp_path):
     model, trained = load_trained(path)
     assert model.library.transition_prior is not None
     assert trained
+
+
+def test_sequences_that_are_no_text_are_told_before_anything_starts(tmp_path, capsys):
+    os.mkfifo(tmp_path / "fifo")
+    (tmp_path / "latin").write_bytes(b"\xff")
+    for name in ("fifo", "latin", "absent"):
+        words = ("--output", str(tmp_path / "out"), "--sequences", str(tmp_path / name))
+        assert main(["demo", *words]) == 1
+        assert capsys.readouterr().err.startswith("intent demo: --sequences: expected")
+
+
+@pytest.mark.parametrize("words", [("--pour", "-1"), ("--pair", "tea_cup,paper_cup")])
+def test_what_only_pouring_takes_is_refused_elsewhere(tmp_path, capsys, words):
+    assert main(["demo", "--output", str(tmp_path / "out"), *words]) == 1
+    assert "Add --scenario pouring" in capsys.readouterr().err
