@@ -105,7 +105,7 @@ INTERFACES = {
         (SAMPLED, "joint_states", "robot_description")
         + ("intent/active_task", "intent/correction", "intent/feedback"),
         ("teach/skills", "teach/status"),
-        tuple(f"~/{name}" for name in LEARNING),
+        tuple(f"~/{name}" for name in (*LEARNING, "practise", "accept")),
         ("intent_estimator/reload_model", "intent_estimator/set_parameters"),
     ),
     "dashboard": Interface(

@@ -2,7 +2,7 @@
 """One by one equals all at once: streams, parts, and demonstrations added to a library."""
 
 import tracemalloc
-from dataclasses import fields, replace
+from dataclasses import astuple, fields, replace
 from functools import reduce
 
 import numpy as np
@@ -43,7 +43,8 @@ def recordings(seed: int, n: int, n_tasks: int = 3) -> list[Demonstration]:
 
 def assert_equal(found: TaskLibrary, expected: TaskLibrary, tolerance: float = 1e-8) -> None:
     """All but where it came from."""
-    for value, other in zip(expected.phase_deviation, found.phase_deviation, strict=True):
+    deviations = (astuple(library.phase_deviation) for library in (expected, found))
+    for value, other in zip(*deviations, strict=True):
         np.testing.assert_array_equal(other, value)
     for name in (attribute.name for attribute in fields(expected)):
         value, other = getattr(expected, name), getattr(found, name)
