@@ -52,17 +52,34 @@ def as_observation(
                 "Leave out the DOFs that were not measured.",
             )
         )
-    if not np.isfinite(stamp_s):
-        raise ArgumentError(
-            describe("stamp_s", "a finite number", stamp_s, "Pass the time of measurement.")
-        )
     return Observation(
-        round(stamp_s * 1e9),
+        _stamp_ns(stamp_s),
         signal,
         np.array(values, dtype=np.float64),
         None if covariance is None else np.array(covariance, dtype=np.float64),
         None if dofs is None else tuple(dofs),
     )
+
+
+def as_posture(n_controlled: int, stamp_s: float, values: ArrayLike, signal: int) -> Observation:
+    """The observation of the controlled agent, as far as `observation_error` does not look at it.
+
+    Args:
+        n_controlled: DOFs of all controlled signals, Q.
+        stamp_s: see `IntentEstimator.observe_controlled`, also for what follows.
+        values: (m,).
+        signal: its number.
+
+    Raises:
+        ShapeError: values are not a vector of at most Q numbers.
+        ArgumentError: the stamp is not finite.
+    """
+    position = np.array(values, dtype=np.float64)
+    if position.ndim != 1 or len(position) > n_controlled:
+        cure = "Pass the positions of one controlled signal."
+        expected = f"a vector of at most {n_controlled} numbers"
+        raise ShapeError(describe("values", expected, position.shape, cure))
+    return Observation(_stamp_ns(stamp_s), signal, position)
 
 
 def observation_error(reason: str, observation: Observation, n_dofs: int) -> ArgumentError:
@@ -82,3 +99,11 @@ def observation_error(reason: str, observation: Observation, n_dofs: int) -> Arg
     cure = "Pass one row and one column per value."
     expected = f"a positive semidefinite matrix of shape ({m}, {m})"
     return ArgumentError(describe("covariance", expected, observation.covariance, cure))
+
+
+def _stamp_ns(stamp_s: float) -> int:
+    """A stamp in nanoseconds."""
+    if not np.isfinite(stamp_s):
+        cure = "Pass the time of measurement."
+        raise ArgumentError(describe("stamp_s", "a finite number", stamp_s, cure))
+    return round(stamp_s * 1e9)

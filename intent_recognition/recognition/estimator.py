@@ -11,12 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from intent_recognition.composing import BentLibrary, ViaPoint
-from intent_recognition.errors import ArgumentError, DofError, ShapeError, describe
+from intent_recognition.errors import DofError, describe
 from intent_recognition.filtering import N_SCALES, make_hypotheses
 from intent_recognition.kinematics import Arm
 from intent_recognition.promp import NONE, ControlGrid, TaskLibrary, as_context, largest_by_unit
 from intent_recognition.recognition.after_stop import MovementAfterStop
-from intent_recognition.recognition.arguments import as_observation, observation_error
+from intent_recognition.recognition.arguments import (
+    as_observation,
+    as_posture,
+    observation_error,
+)
 from intent_recognition.recognition.context import KnownContext
 from intent_recognition.recognition.estimate import Estimate, Prediction
 from intent_recognition.recognition.motion_detection import MotionDetector
@@ -210,18 +214,10 @@ class IntentEstimator:
             ShapeError: values are not a vector of at most Q numbers.
             ArgumentError: a number is not finite, or the stamp is not later than the last.
         """
-        position = np.array(values, dtype=np.float64)
-        if position.ndim != 1 or len(position) > self.library.n_controlled:
-            cure = "Pass the positions of one controlled signal."
-            expected = f"a vector of at most {self.library.n_controlled} numbers"
-            raise ShapeError(describe("values", expected, position.shape, cure))
-        if not np.isfinite(stamp_s):
-            cure = "Pass the time of measurement."
-            raise ArgumentError(describe("stamp_s", "a finite number", stamp_s, cure))
-        observation = Observation(round(stamp_s * 1e9), signal, position)
+        observation = as_posture(self.library.n_controlled, stamp_s, values, signal)
         reason = self._take_posture(observation)
         if reason is not None:
-            raise observation_error(reason, observation, len(position))
+            raise observation_error(reason, observation, len(observation.values))
 
     def update_controlled(self, observation: Observation) -> str | None:
         """Take the robot's position; returns why it was not taken, as a diagnostics key, or None.
