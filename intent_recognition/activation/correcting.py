@@ -93,7 +93,7 @@ class Correcting:
         Args:
             now_ns: now.
             state: yielding.
-            newest: prediction, of whatever task.
+            newest: prediction, if a task is active, of whatever task.
         """
         compared, correction = self._arm.compared(), self.settings.correction
         if compared is None or correction is None or not self._arm.fresh(now_ns):
@@ -133,7 +133,7 @@ class Correcting:
         interaction, correction, phase = state.interaction, self.settings.correction, state.phase
         label = interaction.prediction.label
         if newest is not None and newest.label == label:
-            interaction = replace(interaction, prediction=newest)
+            interaction = interaction.recognised(newest)
         led_ns = (self._rests_since_ns or now_ns) - state.since_ns
         known = correction is not None and label in correction.spreads
         if correction is not None and known and led_ns >= correction.detector.sustained_s * 1e9:

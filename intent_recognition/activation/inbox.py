@@ -76,8 +76,14 @@ class EstimatorInbox:
         return now_ns - self._received_ns > self.settings.timeout_s * 1e9
 
     def mark_served(self, interaction: ActiveInteraction | None) -> None:
-        """Start nothing that began before this interaction's end, until the human has rested."""
-        self._served_ns = None if interaction is None else interaction.prediction.end_ns
+        """Start nothing that began before this interaction's end, until the human has rested.
+
+        One that was ordered served no movement.
+        """
+        if interaction is None or interaction.ordered:
+            self._served_ns = None
+        else:
+            self._served_ns = interaction.prediction.end_ns
 
     def startable(self, now_ns: int) -> PredictedInteraction | None:
         """The prediction of the active task, if it is new and its movement is not yet served.

@@ -275,7 +275,7 @@ class Activation:
         if self._correcting.pushed(now_ns):
             return self._from_yielding(self._correcting.begin(now_ns, interaction), now_ns)
         if self._arm.phase(now_ns) >= _ARRIVED_PHASE:
-            if not (interaction.over or interaction.ordered):
+            if not interaction.over:
                 self._inbox.mark_served(interaction)
             return Transition(Arrived(interaction, now_ns))
         expected = now_ns < interaction.prediction.end_ns and not interaction.over
@@ -297,9 +297,7 @@ class Activation:
             return following
         held = now_ns - state.since_ns >= self._settings.hold_s * 1e9
         if held and not self._correcting.deviates:
-            return self._waiting.go_ahead(now_ns) or self._waiting.go_home(
-                now_ns, state.interaction
-            )
+            return self._waiting.go_ahead(now_ns) or self._waiting.go_home(now_ns, interaction)
         return self._follow(state, now_ns)
 
     def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
@@ -340,7 +338,8 @@ class Activation:
         return self._waiting.step_ahead(now_ns, state)
 
     def _from_yielding(self, state: Yielding, now_ns: int) -> Transition:
-        found = self._correcting.step(now_ns, state, self._inbox.prediction)
+        newest = self._inbox.prediction if self.decision.active else None
+        found = self._correcting.step(now_ns, state, newest)
         return self._stop(now_ns, found, state.interaction) if isinstance(found, str) else found
 
     # Motions
@@ -387,7 +386,7 @@ class Activation:
         command = self._motions.interact(now_ns, prediction, start_ns, start, progress, vias)
         if command is None:
             return Transition(state)
-        interaction = ActiveInteraction(prediction, vias=vias)
+        interaction = state.interaction.recognised(prediction)
         return Transition(replace(state, interaction=interaction), command)
 
     def _stop(self, now_ns: int, reason: str, interaction: ActiveInteraction | None) -> Transition:

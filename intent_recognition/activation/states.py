@@ -59,6 +59,13 @@ class ActiveInteraction:
     vias: tuple[Via, ...] = ()
     ordered: bool = False
 
+    def recognised(self, prediction: PredictedInteraction) -> "ActiveInteraction":
+        """The same by a prediction of its task, which is active; from then on it is not ordered.
+
+        So it stops when the person breaks off, and the movement it has served begins none anew.
+        """
+        return replace(self, prediction=prediction, ordered=False)
+
 
 @dataclass(frozen=True, eq=False)
 class Idle:

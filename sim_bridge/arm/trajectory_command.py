@@ -96,8 +96,9 @@ class TrajectoryCommand:
             joint_names: the arm's joints.
             limits: positions, velocities and accelerations must be inside; the mean speed
                 between points too.
-            position: where the arm is (n_joints,) [rad]: a joint that was pushed outside its
-                limits may come back from there, and must end inside.
+            position: where the arm is (n_joints,) [rad], or rows of where it is and is asked to
+                be: a joint that was pushed outside its limits may come back from there, and must
+                end inside.
 
         Raises:
             RejectedTrajectoryError: anything is wrong; its `reason` names the kind.
@@ -195,7 +196,7 @@ def _check_positions(
     bounds = f"[{limits.lower.round(4).tolist()}, {limits.upper.round(4).tolist()}] rad"
     excess = position_violation(q, limits)
     if position is not None:
-        pushed = position_violation(position, limits)
+        pushed = position_violation(np.atleast_2d(position), limits).max(axis=0)
         room = np.where(pushed > 0.0, pushed + PUSHED_ROOM_RAD, 0.0)
         excess[:-1] = np.maximum(excess[:-1] - room, 0.0)
     _check_excess("position", excess, q, bounds, names)

@@ -325,7 +325,7 @@ class ArmSim(Node):
             now_s=self.arm.time_s,
             joint_names=self._robot.joint_names,
             limits=self.arm.limits,
-            position=self.arm.state().q,
+            position=np.stack([self.arm.state().q, self.arm.reference.q]),
         )
 
     def _start_s(self, at_ns: int) -> float | None:

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from activation_world import DURATION_S, GOALS, HOME, World
+from activation_world import DURATION_S, GOALS, HOME, World, prediction
 from simulation import make_library
 
 from intent_recognition.activation.states import Mode
@@ -118,3 +118,22 @@ def test_the_arm_does_not_go_home_while_somebody_holds_it_and_can_be_called_back
     assert held.activation.mode is Mode.YIELDING
     held.activation.reset(held.now_ns)
     assert held.activation.mode is Mode.HOMING
+
+
+def test_an_ordered_task_goes_on_by_what_is_recognised_alone():
+    """Somebody bumps into it while a movement of the same task is predicted, but not active."""
+    held = world()
+    held.activation.reset(held.now_ns)
+    held.task = "idle"
+    held.run_until(Mode.IDLE)
+    ordered = prediction("plate", 0, duration_s=4.0)
+    held.activation.order(ordered)
+    held.run(0.2)
+    held.task = "none"
+    held.run(0.3)
+    held.activation.take_prediction(held.now_ns, prediction("plate", held.now_ns, 0.3))
+    hold(held, 6.0 * AWAY, 0.15)
+    held.run_until(Mode.EXECUTING)
+    held.run(5.0)
+    assert held.activation.counts["yielded"] == 1 and held.activation.active_task == "plate"
+    np.testing.assert_allclose(held.arm(), ordered.path.spline(1.0), atol=1e-3)

@@ -227,6 +227,44 @@ def test_what_began_by_itself_goes_on_until_another_task_is_recognised(moving):
     world.check_continuous()
 
 
+def test_an_ordered_task_that_is_recognised_is_the_persons_from_then_on():
+    """It is not begun a second time in the same movement."""
+    world = at_the_plate()
+    world.activation.order(prediction("screw", 0))
+    world.run(0.3)
+    world.begin("screw", already_s=0.3)
+    while not world.activation.arrived:
+        world.step()
+    world.run(0.5)
+    assert world.activation.counts["started"] == 2 and world.activation.arrived
+    world.check_continuous()
+
+
+def test_an_ordered_task_that_was_recognised_stops_when_it_is_withdrawn():
+    world = at_the_plate()
+    world.activation.order(prediction("screw", 0))
+    world.run(0.3)
+    world.begin("screw", already_s=0.3)
+    world.run(0.3)
+    world.task = "none"
+    world.run_until(Mode.STOPPED)
+    assert world.activation.stop_reason == "withdrawn"
+
+
+def test_an_ordered_task_that_was_stopped_hides_no_movement():
+    world = at_the_plate()
+    world.activation.order(prediction("screw", 0, duration_s=9.0))
+    world.run(0.4)
+    world.task, world.measures = "none", False
+    world.run_until(Mode.STOPPED)
+    world.measures = True
+    world.run_until(Mode.HOMING)
+    world.begin("plate", already_s=0.3)
+    world.run(0.3)
+    assert world.activation.active_task == "plate" and world.activation.mode is Mode.EXECUTING
+    world.check_continuous()
+
+
 def test_an_order_is_taken_back_waits_for_a_recognised_task_and_must_be_certain():
     world = at_the_plate()
     world.activation.order(prediction("screw", 0, end_std=2.0))

@@ -116,6 +116,7 @@ def test_an_arm_pushed_past_a_limit_is_led_back_by_plans_it_accepts(seed, far_ra
         assert outside(plan.end) <= 0.0
         assert curve(plan)[:, joint].max() <= pushed[joint] + 1e-3
         accept(plan, position=pushed)
+        accept(plan, position=np.stack([HOME, pushed]))  # asked to be there, held elsewhere
         with pytest.raises(RejectedTrajectoryError, match="rad"):
             accept(plan, position=HOME)
 
