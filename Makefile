@@ -36,7 +36,7 @@ $(BIN)/python:
 $(VENV)/.runtime: requirements.txt $(SOURCES) | $(BIN)/python
 	@echo "installing ROS 2 Jazzy and the libraries into $(VENV), about 1 GB: one to three minutes"
 	$(PIP) install --quiet -r requirements.txt
-	$(PIP) install --quiet --no-deps --no-build-isolation -e .
+	$(PIP) install --quiet --no-deps --no-build-isolation --config-settings editable_mode=compat -e .
 	@touch $@
 
 $(VENV)/.dev: requirements-dev.txt $(VENV)/.runtime

@@ -47,7 +47,7 @@ def add_parser(subparsers: Subparsers) -> None:
         " to go on. Nothing is replaced before --accept.",
         **examples(
             (
-                "spill less from a wide bowl, 40 pours in simulation",
+                "practise to pour from demonstrations that fall short, 40 pours in simulation",
                 "intent improve pouring --short 0.9",
             ),
             (
@@ -56,7 +56,7 @@ def add_parser(subparsers: Subparsers) -> None:
             ),
             ("with a cost of one's own", "intent improve pouring --cost my_cost.py"),
             ("say up or down after each pour", "intent improve pouring --cost thumbs"),
-            ("take over what it has come to", "intent improve pouring --accept"),
+            ("take over what it has come to", "intent improve pouring --short 0.9 --accept"),
         ),
     )
     parser.add_argument("task", metavar="TASK", help="pouring, or the label of a task")

@@ -177,14 +177,17 @@ class PracticeSession:
                 Tried(tuple(map(float, t["point"])), float(t["cost"]), t["bag"], t["outcome"])
                 for t in content["tried"]
             ]
-            self._check(tried)
+            if known and about == self.about:
+                self._check(tried)
         except (UntrustedError, KeyError, TypeError, ValueError) as error:
             cure = "Choose another folder."
             raise ModelError(describe(str(path), "a file of practice", error, cure)) from error
         if not known or about != self.about:
-            other = [k for k in self.about if not known or about.get(k) != self.about[k]]
-            cure = "Go on with what it was begun with, or choose another folder."
-            got = f"practice with another {', '.join(other) or 'format'}"
+            differ = {k: v for k, v in about.items() if v != self.about.get(k)}
+            begun = [f"{key} {value}" for key, value in differ.items() if key != "primitive"]
+            cure = "Give what it was begun with, or choose another folder (--output)."
+            with_what = ", ".join(begun) or "another primitive"
+            got = f"practice begun with {with_what}" if known else "a file of another version"
             raise ResourceBusyError(describe(str(self.folder), "the same practice", got, cure))
         return tried
 

@@ -246,7 +246,7 @@ def _check_enough(accumulated: Accumulated) -> Preprocessing:
                 "at least two usable, labelled demonstrations of a task",
                 f"none of {accumulated.n_rejected}"
                 + "".join(f"; {name}: {reason}" for name, reason in accumulated.rejected[:3]),
-                "Check the labels and the DOF file.",
+                "Check the DOF file and the labels; without labels, learn with --unlabelled.",
             )
         )
     if accumulated.n_used == len(accumulated.tasks):

@@ -70,6 +70,8 @@ def load_pouring_skill(path: str | Path) -> PouringSkill:
             raise ModelError(describe(f"{path}: weights", f"{rows} of them", got, CURE))
     except KeyError as error:
         raise ModelError(describe(str(path), "all arrays", f"no {error}", CURE)) from error
+    except ModelError:
+        raise
     except IntentError as error:
         raise ModelError(f"{path}: {error}") from error
     primitive = WarpedPrimitive(basis, mean, spread, float(found["duration_s"]))

@@ -54,7 +54,7 @@ def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
     assert main([*base, "--undo"]) == 0 and not (folder / "skill.npz").exists()
     assert main([*base, "--undo"]) == 1
     assert main([*base, "--cost", "level"]) == 1
-    assert "another cost" in capsys.readouterr().err
+    assert "begun with cost spilled" in capsys.readouterr().err
 
     monkeypatch.setattr("sys.stdin", io.StringIO("what\nd\nu\nq\n"))
     thumbs = [*base[:-1], str(tmp_path / "thumbs"), "--cost", "thumbs"]

@@ -105,5 +105,5 @@ def test_undo_of_an_empty_library_is_one_line(tmp_path):
         [*command, str(tmp_path / "tasks")], capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
-    assert "intent undo: undo: expected a recording to take back" in done.stderr
+    assert "intent undo: undo: expected a change to take back" in done.stderr
     assert "Traceback" not in done.stderr

@@ -4,7 +4,7 @@
 import os
 import signal
 import sys
-from dataclasses import fields, is_dataclass
+from dataclasses import astuple, fields, is_dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -53,7 +53,7 @@ def assert_same(found, expected):
         if isinstance(ours, np.ndarray | float):
             np.testing.assert_allclose(theirs, ours, rtol=1e-12, atol=0, err_msg=field.name)
         elif field.name == "phase_deviation":
-            for one, other in zip(theirs, ours, strict=True):
+            for one, other in zip(astuple(theirs), astuple(ours), strict=True):
                 np.testing.assert_allclose(one, other, rtol=1e-12, atol=0)
         elif is_dataclass(ours) and field.name == "aligned":
             assert_same(theirs, ours)

@@ -130,7 +130,7 @@ def test_a_skill_survives_its_file(skill, tmp_path):
     [
         ("format_version", np.array(9), "format_version"),
         ("mean", np.zeros(7), "100 of them"),
-        ("spread", np.full((100, 10), np.nan), "finite"),
+        ("spread", np.full((100, 10), np.nan), "or NaN"),
         ("reached", np.zeros(2), "right shape"),
         ("duration_s", None, "duration_s"),
     ],
