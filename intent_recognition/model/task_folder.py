@@ -74,7 +74,7 @@ from intent_recognition.model.recordings import check_usable, is_correction, is_
 
 MODEL = "model.npz"
 BAGS, UNDONE, MODELS, PRACTICE = "bags", "undone", "models", "practice"
-DAMAGED, LOCK = "history.damaged", ".lock"
+DAMAGED, LOCK, UNFINISHED = "history.damaged", ".lock", "unfinished"
 METADATA = "metadata.yaml"
 MOST_CORRECTIONS = 10
 """Earlier corrections of a task that tell how much one more counts. Convention: each is read, in
@@ -234,10 +234,16 @@ class TaskFolder:
             BagError: it was not corrected.
             ResourceBusyError: it was kept before.
         """
-        target = self.path / BAGS / _kept(execution)
-        source = execution.relative_to(self.path).as_posix()
+        target, unfinished = (self.path / home / _kept(execution) for home in (BAGS, UNFINISHED))
         labels = BagReader(execution, tolerant=True).custom_data
-        write_corrected(execution, target, labels | {CORRECTED: source})
+        with self._locked():
+            if target.exists():
+                wanted, cure = "an execution that was not kept", "Lead the arm by hand once more."
+                raise ResourceBusyError(describe(str(execution), wanted, target, cure))
+            write_corrected(execution, unfinished, labels | {CORRECTED: self._relative(execution)})
+            target.parent.mkdir(parents=True, exist_ok=True)
+            unfinished.rename(target)
+            sync_folder(target.parent)
         return target
 
     def was_kept(self, execution: Path) -> bool:
@@ -335,6 +341,7 @@ class TaskFolder:
         """Make up for a kill at any instant; nothing that was recorded is removed."""
         for part in (*self.path.glob("*.part"), *(self.path / MODELS).glob("*.part")):
             part.unlink()
+        shutil.rmtree(self.path / UNFINISHED, ignore_errors=True)  # copies, see `correct`
         lines = history_lines(self.path)
         if any(change is None for _, change in lines):
             damaged = [line for line, change in lines[:-1] if change is None]

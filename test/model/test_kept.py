@@ -1,51 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """A correction that is kept moves its task and nothing else; what became of executions stays."""
 
-from datetime import datetime, timezone
-
 import numpy as np
 import pytest
-from model_builder import make_dofs, message_of, messages_of, perform, true_library, write_recording
-from simulation import minimum_jerk
+from corrected_execution import NOON, OFFSET, execute
+from model_builder import make_dofs, perform, true_library, write_recording
 
-from intent_recognition.bags import BagWriter
-from intent_recognition.demonstrations import CORRECTION_TOPIC, CORRECTION_TYPE
 from intent_recognition.errors import BagError, ModelError, ResourceBusyError
 from intent_recognition.model import Execution, Executions, load_model, load_trained, skill_history
 from intent_recognition.model.task_folder import KEEP, START, Change, TaskFolder
 
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)
-NOON = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
-OFFSET = np.linspace(0.3, -0.2, 7)
-
-
-def execute(folder, recording):
-    """Record an execution whose arm was led aside, and how it should have been."""
-    executions = Executions(folder.path, lambda: NOON)
-    bag = executions.new_bag(recording.task)
-    (robot,) = recording.controlled
-    start_ns = recording.start_ns + 800_000_000
-    phase = np.linspace(0.0, 1.0, 41)
-    duration_s = (recording.end_ns - recording.start_ns) * 1e-9 - 1.6
-    at_ns = start_ns + phase * duration_s * 1e9
-    asked = np.stack([np.interp(at_ns, robot.stamps_ns, column) for column in robot.values.T], 1)
-    asked += minimum_jerk(phase)[:, None] * OFFSET
-    points = [
-        {"positions": q, "time_from_start": round(t * duration_s * 1e9)}
-        for q, t in zip(asked, phase, strict=True)
-    ]
-    header = {"stamp": start_ns, "frame_id": recording.task}
-    correction = {"header": header, "joint_names": list(robot.names), "points": points}
-    with BagWriter(bag, {"task": recording.task}) as writer:
-        for entry, stamp_ns, values in messages_of(recording, DOFS):
-            pushed = values + 1.0 * (entry in DOFS.controlled)
-            writer.write_message(
-                entry.topic, entry.type, message_of(entry, stamp_ns, pushed), stamp_ns
-            )
-        writer.write_message(CORRECTION_TOPIC, CORRECTION_TYPE, correction, recording.end_ns)
-    executions.add(bag, {"corrections": "1"}, "models/0005.npz")
-    return bag
 
 
 @pytest.fixture(scope="module")

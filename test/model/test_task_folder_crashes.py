@@ -8,15 +8,17 @@ import sys
 
 import numpy as np
 import pytest
+from corrected_execution import execute
 from model_builder import make_dofs, perform, true_library, write_recording
 
 from intent_recognition.durable import locked
 from intent_recognition.errors import BagError, ResourceBusyError
 from intent_recognition.learning import RuleChange
-from intent_recognition.model import task_folder
+from intent_recognition.model import Executions, task_folder
 from intent_recognition.model.file import load_model, load_trained
 from intent_recognition.model.history import standing
-from intent_recognition.model.task_folder import HISTORY, LEARN, START, TaskFolder
+from intent_recognition.model.recordings import is_correction, is_finished
+from intent_recognition.model.task_folder import HISTORY, LEARN, START, TaskFolder, now
 
 DOFS = make_dofs()
 TRUTH = true_library(DOFS)
@@ -37,6 +39,7 @@ def started(tmp_path_factory):
         for task in (0, 1):
             folder.learn(record(folder, task, 10 * task + k))
     record(folder, 0, 7)
+    execute(folder, perform(TRUTH, 0, 1))
     return path
 
 
@@ -48,9 +51,12 @@ def state(path):
     if folder.model_path.exists():
         counts = {label: s.n for label, s in load_trained(folder.model_path)[1].tasks.items()}
     homes = sorted(
-        str(p.relative_to(path)) for home in ("bags", "undone") for p in path.glob(f"{home}/*/*")
+        (str(p.relative_to(path)), is_finished(p))
+        for home in ("bags", "undone")
+        for p in path.glob(f"{home}/*/*")
     )
-    return changes, counts, homes
+    known = [(one.bag, dict(one.values)) for one in Executions(path, now).all()]
+    return changes, counts, homes, known
 
 
 def act(path, action):
@@ -62,6 +68,15 @@ def act(path, action):
         size = load_model(folder.model_path).library.regressions[0].matrix.shape
         change = RuleChange(np.zeros(size), np.full(size[0], 0.01))
         folder.improve(task, practice, change, folder.present_model())
+    elif action in ("correct", "thumbs"):
+        executions = Executions(path, now)
+        bag = path / executions.all()[0].bag
+        if action == "correct":
+            folder.correct(bag)
+        else:
+            executions.add(bag, {"thumbs": "up"})
+    elif action == "keep":
+        folder.learn(next(bag for bag in folder.waiting() if is_correction(bag)))
     else:
         folder.undo()
 
@@ -95,8 +110,25 @@ def writes(arguments):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("action", ["learn", "undo", "improve"])
-def test_killed_at_any_write_the_folder_is_the_old_or_the_new_one(started, tmp_path, action):
+@pytest.mark.parametrize(
+    "actions",
+    [
+        ["learn"],
+        ["undo"],
+        ["improve"],
+        ["improve", "undo"],
+        ["correct"],
+        ["correct", "keep"],
+        ["correct", "keep", "undo"],
+        ["thumbs"],
+    ],
+    ids=" ".join,
+)
+def test_killed_at_any_write_the_folder_is_the_old_or_the_new_one(started, tmp_path, actions):
+    *earlier, action = actions
+    started = shutil.copytree(started, tmp_path / "started")
+    for one in earlier:
+        act(started, one)
     old = state(shutil.copytree(started, tmp_path / "old"))
     done = shutil.copytree(started, tmp_path / "done")
     act(done, action)
@@ -114,7 +146,7 @@ def test_killed_at_any_write_the_folder_is_the_old_or_the_new_one(started, tmp_p
             act(path, action)
             assert state(path) == new
     assert code == DONE
-    assert k > 5
+    assert k > (1 if action == "thumbs" else 5)
     assert found == sorted(found)  # once it has happened, it stays
 
 
