@@ -24,8 +24,10 @@ def find_metadata(path: Path, *, tolerant: bool) -> tuple[BagMetadata | None, li
         _check_file(path)
         return None, []
     if not any(path.glob("*.mcap")) and not (path / FILE_NAME).exists():
+        n_bags = sum(1 for _ in path.glob(f"*/{FILE_NAME}"))
         cure = "Check the path; the storage of recordings is MCAP (`ros2 bag record -s mcap`)."
-        raise BagError(describe(str(path), "a bag", "a folder without .mcap files", cure))
+        got = f"a folder of {n_bags} bags" if n_bags else "a folder without .mcap files"
+        raise BagError(describe(str(path), "a bag", got, "Name one." if n_bags else cure))
     try:
         metadata = read_metadata(path)
     except BagError as error:

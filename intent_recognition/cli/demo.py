@@ -24,14 +24,17 @@ from intent_recognition.cli.output import (
 )
 from intent_recognition.cli.session_watch import END_SIGNALS, interrupt
 from intent_recognition.composing import read_sequences
+from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import (
     ArgumentError,
+    DofError,
     IntentError,
     ResourceBusyError,
     describe,
 )
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import load_model, load_trained, save_model
+from intent_recognition.share import share_path
 from intent_recognition.untrusted import UntrustedError, read_text
 
 if TYPE_CHECKING:
@@ -289,10 +292,25 @@ def _check(args: argparse.Namespace) -> None:
                 ) from error
 
 
+def _check_model(path: Path, scene: Scene) -> None:
+    """Make sure that a model observes what the scenario shows.
+
+    Raises:
+        DofError: the scenario lacks one of its topics.
+    """
+    shown = load_dofs(share_path(scene.dofs)) if scene.dofs else load_dofs()
+    observed, topics = (
+        {entry.topic for entry in dofs.observed} for dofs in (load_model(path).dofs, shown)
+    )
+    if not observed <= topics:
+        expected = f"a model that observes {', '.join(sorted(topics))}"
+        cure = "Use a model of this scenario, or leave --model out to train one."
+        raise DofError(describe(str(path), expected, ", ".join(sorted(observed)), cure))
+
+
 def _train(path: Path, console: Console, scene: Scene) -> Path:
     from intent_recognition.cli.train import print_library, train
     from intent_recognition.cli.train_sessions import with_sessions
-    from intent_recognition.share import share_path
 
     started = time.monotonic()
     dofs = share_path(scene.dofs) if scene.dofs else None
@@ -313,6 +331,8 @@ def _run_one(
     from intent_recognition.experiments.toolbox.session_scoring import score_session
     from intent_recognition.report import table_lines, write_demo_report
 
+    if args.model is not None:
+        _check_model(args.model, scene)
     model = args.model or _train(args.output / "model.npz", console, scene)
     started = time.monotonic()
     session = run_session(args, model, console, scene)

@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,7 @@ from intent_recognition.cli import demo
 from intent_recognition.cli.demo_scene import make_scene
 from intent_recognition.cli.main import main
 from intent_recognition.cli.session_watch import END_SIGNALS
+from intent_recognition.model import Model, load_model, save_model
 from intent_recognition.model.file import load_trained
 
 pytestmark = pytest.mark.slow
@@ -156,6 +158,17 @@ def test_bad_options_are_one_line(run, toolbox_model, arguments, message):
     last = errors.strip().splitlines()[-1]
     assert message in last.replace("argument ", "")
     assert code == 2 or last == errors.strip()
+
+
+def test_a_model_of_another_scenario_is_refused(run, toolbox_model, tmp_path):
+    model = load_model(toolbox_model)
+    (wrist,) = model.dofs.observed
+    wand = replace(model.dofs, observed=(replace(wrist, topic="mocap/wand/pose"),))
+    path = tmp_path / "other.npz"
+    save_model(path, Model(model.library, wand))
+    code, printed, errors = run("--interactions", "1", "--model", str(path))
+    assert code == 1 and not printed
+    assert "expected a model that observes mocap/wrist/pose, got mocap/wand/pose" in errors
 
 
 def test_a_port_in_use_is_told_before_the_training(run):
