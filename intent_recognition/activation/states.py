@@ -49,12 +49,14 @@ class ActiveInteraction:
 
     Attributes:
         prediction: the newest one that was planned with.
+        began_ns: when the arm began to take part; tells it from another one of the same task.
         over: whether the human has finished.
         vias: where the arm was left when somebody moved it.
         ordered: whether it was begun without being recognised (`Activation.order`).
     """
 
     prediction: PredictedInteraction
+    began_ns: int
     over: bool = False
     vias: tuple[Via, ...] = ()
     ordered: bool = False
@@ -160,9 +162,7 @@ def outcome_of(before: State, after: State) -> Outcome | None:
         return None
     interaction = before.interaction
     follows = interaction_of(after) if isinstance(after, UNDER_WAY) else None
-    if interaction is None or (
-        follows is not None and follows.prediction.label == interaction.prediction.label
-    ):
+    if interaction is None or (follows is not None and follows.began_ns == interaction.began_ns):
         return None
     what = "arrived" if isinstance(before, Arrived) else "broken off"
     if isinstance(before, Stopped):

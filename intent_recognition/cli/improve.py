@@ -179,6 +179,15 @@ def _say(args: argparse.Namespace, console: Console, what: str, said: str) -> No
 
 
 def _practise(session: PracticeSession, rollouts: int, console: Console) -> None:
+    try:
+        _practise_until(session, rollouts, console)
+    except KeyboardInterrupt:
+        done = f"stopped after {len(session.tried)} rollouts; the same command goes on from there"
+        sys.stderr.write(f"{done}\n")
+        raise
+
+
+def _practise_until(session: PracticeSession, rollouts: int, console: Console) -> None:
     if session.about["cost"] == THUMBS:  # the question has the terminal for itself
         while len(session.tried) < rollouts:
             session.step()

@@ -101,7 +101,9 @@ def run(args: argparse.Namespace) -> int:
 
 @contextmanager
 def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["TaskTeacher", Spin]]:
-    """A task_teacher of this process, and a function that runs its callbacks."""
+    """A task_teacher of this process, and a function that runs its callbacks.
+
+    What it would log the command prints."""
     import rclpy
 
     from intent_recognition.nodes.runtime import make_executor, spin_until
@@ -113,7 +115,7 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
         "executions": 0,
     }
     chosen |= {k: str(v.absolute()) for k in ("model", "dofs") if (v := getattr(args, k))}
-    rclpy.init(args=node_arguments(args, chosen))
+    rclpy.init(args=[*node_arguments(args, chosen), "--log-level", "warn"])
     executor = node = None
     try:
         executor = make_executor()

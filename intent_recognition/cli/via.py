@@ -142,7 +142,7 @@ def change_via_points(node: Any, executor: Any, change: Change) -> tuple[ViaPoin
             future = client.call_async(request)
             if spin_until(executor, future.done, ANSWER_S):
                 return future.result()
-        cure = "Start it, or name its --namespace."
+        cure = "Start it with the same ROS_DOMAIN_ID, or name its --namespace."
         raise ResourceBusyError(describe(ESTIMATOR, "a running node", "no answer", cure))
 
     answer = ask(GetParameters, "get_parameters", GetParameters.Request(names=[VIA_POINTS]))

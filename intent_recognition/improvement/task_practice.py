@@ -126,8 +126,9 @@ class TaskPractice:
     ) -> None:
         library = trained.library
         if task not in library.labels:
-            cure = "Teach it first."
-            raise ArgumentError(describe("TASK", f"one of {library.labels}", task, cure))
+            cure = "Check the spelling, or teach it first."
+            known = f"one of {', '.join(library.labels)}"
+            raise ArgumentError(describe("TASK", known, task, cure))
         joints = JOINT_NAMES if arm is None else arm.joint_names
         if library.controlled_names != tuple(joints):
             expected = f"a task that controls {', '.join(joints)}"

@@ -90,7 +90,8 @@ def move_task(
     library, label = trained.library, example.task
     if label not in library.labels:
         cure = "Teach it first."
-        raise TrainingError(describe("task", f"one of {library.labels}", label, cure))
+        known = f"one of {', '.join(library.labels)}"
+        raise TrainingError(describe("task", known, label, cure))
     task, n = library.labels.index(label), library.n_observed_weights
     seen = [inferred_weights(trained, one) for one in (*earlier, example)]
     mean, covariance = library.weight_mean[task], library.weight_covariance[task]

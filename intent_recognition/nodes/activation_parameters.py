@@ -320,7 +320,7 @@ class ActivationParameters:
                 lwr.lower[at], lwr.upper[at], lwr.velocity[at], acceleration, lwr.torque[at]
             )
         else:
-            text = f"{list(names)}: set lower, upper and velocity for joints not of the LWR"
+            text = f"{', '.join(names)}: set lower, upper and velocity for joints not of the LWR"
             raise RejectionError("wrong_joint_names", text)
         return scaled_limits(limits, self._values["velocity_scale"])
 

@@ -101,7 +101,7 @@ class PersonInput:
         if arm is None:
             raise RejectionError("no_robot_description", "person_dofs is set, but for which arm?")
         if arm.joint_names != names:
-            text = f"robot_description moves {list(arm.joint_names)}, not {list(names)}"
+            text = f"robot_description moves {', '.join(arm.joint_names)}, not {', '.join(names)}"
             raise RejectionError("wrong_joint_names", text)
         new = self.separation is None or self.separation.arm is not arm
         if new:

@@ -76,7 +76,7 @@ def make_container(name: str, seed: int = 0) -> Container:
     """
     if name not in SHAPES:
         cure = "Take one of these."
-        raise ArgumentError(describe("name", f"one of {', '.join(SHAPES)}", repr(name), cure))
+        raise ArgumentError(describe("container", f"one of {', '.join(SHAPES)}", repr(name), cure))
     rng = np.random.default_rng([seed, CONTAINER_NAMES.index(name)])
     return build_container(name, vary(SHAPES[name], rng))
 

@@ -68,6 +68,22 @@ def test_a_new_onset_is_a_new_interaction_even_if_idle_was_not_seen():
     world.check_continuous()
 
 
+def test_the_same_task_again_at_once_is_an_interaction_of_its_own():
+    world = World(hold_s=2.0)
+    world.begin("plate", already_s=0.3)
+    world.run_until(Mode.EXECUTING)
+    world.run(1.5)
+    world.task = "idle"
+    world.run(0.1)
+    world.begin("plate", already_s=0.3)
+    world.run(0.1)
+    assert Mode.HOMING not in world.modes
+    assert [outcome.what for outcome in world.activation.outcomes] == ["arrived"]
+    world.run_until(Mode.IDLE)
+    assert [outcome.what for outcome in world.activation.outcomes] == ["arrived", "arrived"]
+    world.check_continuous()
+
+
 def test_a_new_interaction_on_the_way_home_starts_from_the_moving_arm():
     world = World()
     world.begin("plate")
