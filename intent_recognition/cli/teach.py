@@ -103,7 +103,8 @@ def run(args: argparse.Namespace) -> int:
 def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["TaskTeacher", Spin]]:
     """A task_teacher of this process, and a function that runs its callbacks.
 
-    What it would log the command prints."""
+    What it would log the command prints.
+    """
     import rclpy
 
     from intent_recognition.nodes.runtime import make_executor, spin_until
