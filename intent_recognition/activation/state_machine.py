@@ -367,9 +367,8 @@ class Activation:
         self._inbox.mark_served(None)
         self.counts["started"] += 1
         ordered = not self.decision.active
-        return Transition(
-            Executing(ActiveInteraction(prediction, now_ns, ordered=ordered)), command
-        )
+        interaction = ActiveInteraction(prediction, now_ns, ordered=ordered)
+        return Transition(Executing(interaction), command)
 
     def _follow(self, state: Executing | Arrived, now_ns: int) -> Transition:
         """Follow the newest prediction of the running task, if it is time for an update."""

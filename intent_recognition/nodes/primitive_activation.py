@@ -167,9 +167,8 @@ class PrimitiveActivation(ManagedNode):
         try:
             joints = self._meet_arm().joint_names if of_hand else names
             if self.joint_names and joints != self.joint_names:
-                raise RejectionError(
-                    "wrong_joint_names", f"{', '.join(joints)} for {', '.join(self.joint_names)}"
-                )
+                named, wanted = ", ".join(joints), ", ".join(self.joint_names)
+                raise RejectionError("wrong_joint_names", f"{named} for {wanted}")
             if not label:
                 raise RejectionError(
                     "no_task", "intent/robot_trajectory without a task in frame_id"
