@@ -71,11 +71,14 @@ def sample_wrist(
         first = int(np.searchsorted(times, onset_s))
         end_s = min(onset_s + movement.duration_s, next_s)
         last = int(np.searchsorted(times, end_s, side="right"))
-        local = times[first:] - onset_s
-        planned[first:] = movement.positions(local)
-        planned[first:last] += signal_dependent(rng, planned[first:last], RATE_HZ)
+        rest_from, rest_until = last + 1, int(np.searchsorted(times, next_s))
+        local = times[first:rest_from] - onset_s
         before = rotation[first - 1] if first else np.zeros(3)
-        rotation[first:] = movement.rotations(local, before)
+        planned[first:rest_from] = movement.positions(local)
+        rotation[first:rest_from] = movement.rotations(local, before)
+        planned[rest_from:rest_until] = planned[first:rest_from][-1:]
+        rotation[rest_from:rest_until] = rotation[first:rest_from][-1:]
+        planned[first:last] += signal_dependent(rng, planned[first:last], RATE_HZ)
     sway = SWAY_STD_M * smooth_noise(rng, count, RATE_HZ, 0.25)
     true = planned + sway + tremor(rng, count, RATE_HZ)
     measured = true + MARKER_STD_M * rng.standard_normal((count, 3))
