@@ -42,6 +42,7 @@ from sim_bridge.arm import find_robot
 SIZE, PORT = (1120, 630), 8765
 FRAMES_PER_S, N_COLOURS = 10, 160
 FIRST_S, LAST_S, HOLD_FRAMES = 3.9, 9.0, 10
+FADED_MS = 1500
 SHOWN = "() => window.__viserMutable && window.__viserMutable.scene"
 DRAWN = "() => new Promise(f => requestAnimationFrame(() => requestAnimationFrame(() => f(true))))"
 WARNING = ".mantine-Notification-closeButton"
@@ -197,6 +198,8 @@ def take(bag, model, arm, scene, times, *, one_by_one) -> list[Image.Image]:
                 now += step
                 replayed.go_to(now)
             replayed.go_to(at)
+            if one_by_one:
+                page.wait_for_timeout(FADED_MS)
             frames.append(picture(page))
             now = at
     replayed.close()

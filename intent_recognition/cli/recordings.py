@@ -17,6 +17,8 @@ from intent_recognition.model import FromBags, Run, accumulate_bags, list_bags
 from intent_recognition.signals import Demonstration, Rejection
 
 DEFAULTS = TrainingSettings()
+MOST_KINDS = 3
+"""Kinds of reasons that a message tells when nothing could be read. Convention."""
 
 
 def add_recording_options(parser: argparse.ArgumentParser, segmentation: str) -> None:
@@ -111,10 +113,18 @@ def accumulate_all(
 
 def nothing_read(rejections: Sequence[Rejection]) -> BagError:
     """The error that no recording could be read."""
-    reasons = "; ".join(str(r) for r in rejections[:3]) or "nothing found"
+    alike: dict[tuple[str, str], list[Rejection]] = {}
+    for one in rejections:
+        alike.setdefault((one.topic, one.reason), []).append(one)
+    kinds = list(alike.values())[:MOST_KINDS]
+    others = [f", and {len(kind) - 1} alike" if len(kind) > 1 else "" for kind in kinds]
+    reasons = "; ".join(f"{kind[0]}{more}" for kind, more in zip(kinds, others, strict=True))
     return BagError(
         describe(
-            "BAG", "recordings with the topics of the DOF file", reasons, "Check path and DOFs."
+            "BAG",
+            "recordings with the topics of the DOF file",
+            reasons or "nothing found",
+            "Check path and DOFs.",
         )
     )
 

@@ -203,6 +203,7 @@ def _table(
         ]
     for title, value, factor, unit in rows:
         digits = 1 if unit else 2
-        shown = (f"{number:.{digits}f}" for number in np.atleast_1d(value) * factor)
+        rounded = np.round(np.atleast_1d(value) * factor, digits) + 0.0  # no -0.0
+        shown = (f"{number:.{digits}f}" for number in rounded)
         table.add_row(title, "  ".join(shown), unit)
     return table

@@ -116,7 +116,7 @@ class CompareTab:
             for name, (times, columns, _) in zip("AB", found, strict=True):
                 data, names = (times, *columns.values()), tuple(columns)
                 plot = probability_plot(
-                    self._gui, data, names, colours, 0.0, last_s, f"model {name}"
+                    self._gui, data, names, colours, 0.0, last_s, f"probability, model {name}"
                 )
                 self._plots.append(plot)
         self._place.visible = True

@@ -60,7 +60,7 @@ def probability_plot(
     last_s: float = 0.0,
     title: str | None = None,
 ) -> viser.GuiUplotHandle:
-    """Probabilities of tasks over time [s]."""
+    """Probabilities of tasks over time [s]; what is around it says so, an axis has no room."""
     return gui.add_uplot(
         data=data,
         series=series_of(labels, colours),
@@ -69,13 +69,13 @@ def probability_plot(
             "x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)),
             "y": uplot.Scale(auto=False, range=(-0.02, 1.06)),
         },
-        axes=(_axis("time [s]", 34), _axis("probability", 40)),
+        axes=(_axis("time [s]", 34), _axis(None, 40)),
         legend=uplot.Legend(show=False),
         height=HEIGHT_PIXELS,
     )
 
 
-def _axis(label: str, size: int) -> uplot.Axis:
+def _axis(label: str | None, size: int) -> uplot.Axis:
     return uplot.Axis(
         label=label,
         size=size,
