@@ -41,7 +41,7 @@ from sim_bridge.arm import find_robot
 
 SIZE, PORT = (1120, 630), 8765
 FRAMES_PER_S, N_COLOURS = 10, 160
-FIRST_S, LAST_S, HOLD_FRAMES = 3.9, 9.0, 10
+FIRST_S, LAST_S, HOLD_FRAMES = -0.1, 5.0, 10
 FADED_MS = 1500
 SHOWN = "() => window.__viserMutable && window.__viserMutable.scene"
 DRAWN = "() => new Promise(f => requestAnimationFrame(() => requestAnimationFrame(() => f(true))))"
@@ -69,6 +69,7 @@ class Replayed:
         self._messages = BagReader(bag).messages()
         self._next = next(self._messages)
         self.start_ns = self._next.log_time_ns
+        self.onset_s = 1e-9 * (onset_ns(bag) - self.start_ns)
         self.page = self._page(scene, robot.tip)
 
     def _page(self, scene: str, hand_link: str) -> DashboardPage:
@@ -129,6 +130,12 @@ class Replayed:
         self._node.destroy_node()
 
 
+def onset_ns(bag: Path) -> int:
+    """When the first reach of a recorded session begins."""
+    messages = (m for m in BagReader(bag).messages() if m.topic.endswith("coworker/task"))
+    return next(m.log_time_ns for m in messages if m.message.data)
+
+
 @contextmanager
 def browser(address: str) -> Iterator:
     """A page of playwright with the page open."""
@@ -168,9 +175,9 @@ def main() -> None:
     parser.add_argument("--bag", type=Path)
     parser.add_argument("--model", type=Path)
     parser.add_argument("--scene", default="toolbox")
-    parser.add_argument("--first", type=float, default=FIRST_S, help="[s] of the recording")
+    parser.add_argument("--first", type=float, default=FIRST_S, help="[s] after the first onset")
     parser.add_argument("--last", type=float, default=LAST_S)
-    parser.add_argument("--at", type=float, nargs="+", help="single pictures at these times [s]")
+    parser.add_argument("--at", type=float, nargs="+", help="single pictures, alike")
     parser.add_argument("--width", type=int, default=900, help="of the moving picture")
     parser.add_argument("--output", type=Path, default=Path(__file__).with_name("moving.gif"))
     args = parser.parse_args()
@@ -193,7 +200,7 @@ def take(bag, model, arm, scene, times, *, one_by_one) -> list[Image.Image]:
     frames = []
     with browser(replayed.page.address) as page:
         step, now = 1.0 / 25.0, 0.0
-        for at in times:
+        for at in (replayed.onset_s + time_s for time_s in times):
             while now + step < at:
                 now += step
                 replayed.go_to(now)

@@ -69,7 +69,7 @@ def probability_plot(
             "x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)),
             "y": uplot.Scale(auto=False, range=(-0.02, 1.06)),
         },
-        axes=(_axis("time [s]", 34), _axis(None, 40)),
+        axes=(_axis("time [s]", 34), _axis(None, 46)),
         legend=uplot.Legend(show=False),
         height=HEIGHT_PIXELS,
     )
