@@ -25,6 +25,7 @@ def pretend_more(folder, count):
     (folder / "practice.json").write_text(json.dumps(state))
 
 
+@pytest.mark.slow
 def test_practise_go_on_accept_and_undo(tmp_path, monkeypatch, capsys):
     start, folder = tmp_path / "start.npz", tmp_path / "practice"
     save_pouring_skill(start, learn_pouring_skill(share_path("bags/pouring/train"), 1))

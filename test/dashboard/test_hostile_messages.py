@@ -99,6 +99,7 @@ def fed(harness):
     fed.page.close()
 
 
+@pytest.mark.slow
 def test_random_messages_of_every_type_leave_it_running(fed):
     rng = np.random.default_rng(14)
     for _ in range(60):

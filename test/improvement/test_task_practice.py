@@ -178,6 +178,7 @@ def test_what_cannot_be_practised_is_refused_by_name(trained, library):
         library.improve(TASK, library.path, RuleChange(np.zeros((1, 1)), np.zeros(1)), "models/9")
 
 
+@pytest.mark.slow
 def test_the_command_practises_accepts_and_undoes(library, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("intent_recognition.cli.improve_subjects.find_spec", lambda name: None)
     path = ["--library", str(library.path)]

@@ -229,6 +229,7 @@ def test_the_margin_lies_between_both_kinds(report, monkeypatch):
     assert margin == margin_between(unknown, known)
 
 
+@pytest.mark.slow
 def test_the_margin_of_a_library_is_that_of_its_statistics(report):
     trained = report.trained
     tasks = statistics_of(trained.tasks, trained.chosen.aligned)
@@ -299,6 +300,7 @@ def test_calibrated_again_while_those_who_take_part_are_few(before, now, outdate
     assert is_outdated(before, now) is outdated
 
 
+@pytest.mark.slow
 def test_a_new_task_of_few_demonstrations_does_not_make_the_others_wait(recordings, monkeypatch):
     """Nothing is concluded from its movements, nor from how they compare with others."""
     few = [replace(r, task="few", name=f"new {r.name}") for r in recordings[:3]]

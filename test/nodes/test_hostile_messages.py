@@ -189,6 +189,7 @@ def hear_good(node, *topics):
             hear(node, subscription, good(node, name, subscription.msg_type))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NODES)
 def test_messages_of_strangers_leave_it_running(harness, tmp_path, toolbox_model, name):
     node, rng = NODES[name](harness, tmp_path, toolbox_model), np.random.default_rng(SEED)

@@ -296,6 +296,7 @@ def practising(harness, library, model):
     return teacher, call
 
 
+@pytest.mark.slow
 def test_practice_begins_ends_goes_on_and_is_accepted_by_services(harness, tmp_path, model):
     teacher, call = practising(harness, tmp_path / "mine", model)
     before = teacher.folder.model_path.read_bytes()
