@@ -31,6 +31,8 @@ from intent_recognition.promp.phase_deviation import STEADY
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.assembly.styles import TASKS
 
+pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
+
 
 @pytest.fixture(scope="module")
 def found():
@@ -38,7 +40,6 @@ def found():
     return study(Settings(quick=True))
 
 
-@pytest.mark.slow
 def test_folds_leave_out_each_task_alike(found):
     together = [*found.first.training, *found.first.left_out]
     numbers = fold_numbers(together, 4)
@@ -164,7 +165,6 @@ def test_arm_follows_its_commands_and_takes_part_in_each_task(found):
         assert executed.end_m < 0.1
 
 
-@pytest.mark.slow
 def test_outcome_says_why_and_can_be_written(found, monkeypatch):
     monkeypatch.setattr(assembly, "study", lambda settings: found)
     outcome = assembly.run(Settings(quick=True))

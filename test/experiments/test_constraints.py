@@ -19,13 +19,14 @@ from intent_recognition.experiments.constraints.study import (
 )
 from intent_recognition.experiments.settings import Settings
 
+pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
+
 
 @pytest.fixture(scope="module")
 def outcome():
     return run(Settings(quick=True))
 
 
-@pytest.mark.slow
 def test_trials_of_every_object_and_that_no_ball_went_through_a_wall(outcome):
     for count in outcome.numbers["n_trials"].values():
         assert count >= 1000

@@ -11,6 +11,8 @@ from intent_recognition.experiments.feedback.experiment import (
 )
 from intent_recognition.experiments.settings import Settings
 
+pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
+
 
 @pytest.fixture(scope="module")
 def numbers():
@@ -19,7 +21,6 @@ def numbers():
     return json.loads(json.dumps(dict(outcome.numbers)))
 
 
-@pytest.mark.slow
 def test_the_arm_varies_as_the_primitive_and_low_gains_do_not(numbers):
     chance = 1.0 / np.sqrt(2.0 * (numbers["n_runs"] - 1))
     ratio = np.array(numbers["std_ratio_stochastic"])

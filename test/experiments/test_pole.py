@@ -13,6 +13,8 @@ from intent_recognition.report.html import ReportPage, Section, render
 from intent_recognition.share import share_path
 from sim_bridge.scenarios.pole.geometry import fingertip, way_of
 
+pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
+
 
 @pytest.fixture(scope="module")
 def outcome():
@@ -35,7 +37,6 @@ def test_shipped_demonstrations_are_unlabelled_and_go_where_their_metadata_say()
         assert float(d.metadata["clearance_m"]) > 0.01
 
 
-@pytest.mark.slow
 def test_one_gaussian_hits_the_pole_and_the_chosen_mixture_does_not(outcome):
     single, mixture, _, end = outcome.numbers["executed"]
     assert outcome.numbers["chosen"] > 1

@@ -15,13 +15,14 @@ from intent_recognition.experiments.pouring.study import (
 )
 from intent_recognition.experiments.settings import Settings
 
+pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
+
 
 @pytest.fixture(scope="module")
 def outcome():
     return run(Settings(quick=True))
 
 
-@pytest.mark.slow
 def test_warped_pours_spill_little_and_others_more(outcome):
     numbers = outcome.numbers
     mean, unwarped = (np.array(numbers[f"spilled_{m}"]) for m in ("mean", "unwarped"))

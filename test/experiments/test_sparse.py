@@ -34,6 +34,8 @@ from intent_recognition.experiments.sparse.conditioning import (
     spline_predictor,
 )
 
+pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
+
 
 @pytest.fixture
 def rng():
@@ -139,7 +141,6 @@ def test_a_distrusted_spline_leaves_the_prior_mean(pairs):
     np.testing.assert_allclose(matrix @ np.full(4, 3.0) + offset, mean, atol=1e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sparse_outcome", "noise_outcome"])
 def test_outcomes_are_complete(name, request):
     outcome = request.getfixturevalue(name)
@@ -167,6 +168,5 @@ def test_the_dmp_is_no_straw_man(noise_outcome):
     assert rmse["DMP without a filter"][1, -1] > 2.0 * rmse[DMP][1, -1]
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_numbers(noise_outcome):
     assert noise.run(Settings(quick=True)).numbers == noise_outcome.numbers

@@ -12,13 +12,14 @@ from intent_recognition.report.html import ReportPage, Section, render
 from intent_recognition.share import share_path
 from sim_bridge.scenarios import generate
 
+pytestmark = pytest.mark.slow  # the whole experiment runs first, in its quick form
+
 
 @pytest.fixture(scope="module")
 def outcome():
     return toolbox.run(Settings(quick=True))
 
 
-@pytest.mark.slow
 def test_the_three_interactions_are_found(outcome):
     assert outcome.numbers["chosen"] == 3
     assert outcome.numbers["purity"] == 1.0
