@@ -135,6 +135,7 @@ def test_folds_by_index(scored):
         assert row["recognised"] >= 0.75 and row["wrongly_acted_on"] == 0.0
 
 
+@pytest.mark.slow
 def test_numbers_of_plain_dofs_hang_on_nothing_else(scored, monkeypatch):
     """Nothing failed or was left out although orientations, context and hands were broken."""
     assert scored.code == 0 and scored.result["left_out"] == []
@@ -172,6 +173,7 @@ def test_leaving_one_out_is_the_default_and_options_are_passed_on(
     assert caught.value.args == (default | asked,)
 
 
+@pytest.mark.slow
 def test_tasks_are_left_out_in_turn(scored):
     text, none = scored.text, scored.result["none"]
     assert (none["n_known"], none["n_unknown"]) == (8, 8)
@@ -241,6 +243,7 @@ def test_a_folder_to_test_on_must_hold_something(evaluate, tmp_path):
         evaluate("--protocol", f"holdout:{tmp_path / 'held_out'}")
 
 
+@pytest.mark.slow
 def test_the_report_is_a_page_by_itself(scored):
     page = scored.page
     assert page.lstrip().lower().startswith("<!doctype html") and "task_1" in page
