@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Service calls of the page to other nodes; each answer is reported in one sentence."""
 
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 
@@ -21,10 +22,13 @@ Notify = Callable[[bool, str], None]
 ESTIMATOR, ACTIVATION, TEACHER = ("intent_estimator", "primitive_activation", "task_teacher")
 GUIDING = tuple(f"{arm}/gravity_compensation" for arm in ARMS)
 """Services of simulated arms, of which at most one is there."""
+ANSWER_S = 5.0
+"""A service that has not answered for so long may be called again [s]. Convention: as the teacher
+waits for the estimator."""
 
 
 class Commands:
-    """Service calls that do not block.
+    """Service calls that do not block, one at a time of each service.
 
     Args:
         node: owner of the clients.
@@ -37,6 +41,7 @@ class Commands:
     def __init__(self, node: Node, notify: Notify):
         self._node, self._notify = node, notify
         self._clients: dict[str, Client] = {}
+        self._calls: dict[str, tuple[Future, float]] = {}
         self.helping = True
         self._feedback = node.create_publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
 
@@ -76,22 +81,19 @@ class Commands:
 
         def switch(future: Future) -> None:
             self._on_state(future)
-            if self.helping == enabled:
+            if future.cancelled():
+                (done or self._notify)(False, f"{ACTIVATION}/get_state did not answer")
+            elif self.helping == enabled:
                 (done or self._notify)(True, "")
             else:
                 self._call(f"{ACTIVATION}/change_state", ChangeState, request, done)
 
-        client = self._client(f"{ACTIVATION}/get_state", GetState)
-        if client.service_is_ready():
-            client.call_async(GetState.Request()).add_done_callback(switch)
-        else:
+        if not self._ask_for_state(switch):
             (done or self._notify)(False, f"no node offers {ACTIVATION}/get_state")
 
     def ask_for_help(self) -> None:
         """Ask the activation whether it is active, whoever switched it; `helping` follows."""
-        client = self._client(f"{ACTIVATION}/get_state", GetState)
-        if client.service_is_ready():
-            client.call_async(GetState.Request()).add_done_callback(self._on_state)
+        self._ask_for_state(self._on_state)
 
     def set_parameter(
         self, node: str, name: str, value: object, done: Notify | None = None
@@ -112,13 +114,44 @@ class Commands:
         notify = done or self._notify
         if not client.service_is_ready():
             notify(False, f"no node offers {service}")
-            return
-        client.call_async(request).add_done_callback(partial(self._answered, service, notify))
+        elif self._awaited(service) is not None:
+            notify(False, f"{service} has not answered the last call yet")
+        else:
+            self._send(service, request).add_done_callback(partial(self._answered, service, notify))
+
+    def _ask_for_state(self, then: Callable[[Future], None]) -> bool:
+        """Ask the activation for its state, unless it is being asked; false if there is none."""
+        service = f"{ACTIVATION}/get_state"
+        if not self._client(service, GetState).service_is_ready():
+            return False
+        asked = self._awaited(service) or self._send(service, GetState.Request())
+        asked.add_done_callback(then)
+        return True
+
+    def _awaited(self, service: str) -> Future | None:
+        """The call of a service whose answer is awaited."""
+        future, since_s = self._calls.get(service, (None, 0.0))
+        if future is None or future.done() or time.monotonic() - since_s > ANSWER_S:
+            return None
+        return future
+
+    def _send(self, service: str, request: object) -> Future:
+        """Call a service; one that has not answered is given up."""
+        before = self._calls.get(service)
+        future = self._clients[service].call_async(request)
+        self._calls[service] = future, time.monotonic()
+        if before is not None:
+            before[0].cancel()
+        return future
 
     def _on_state(self, future: Future) -> None:
-        self.helping = future.result().current_state.label == "active"
+        if not future.cancelled():
+            self.helping = future.result().current_state.label == "active"
 
     def _answered(self, service: str, notify: Notify, future: Future) -> None:
+        if future.cancelled():
+            notify(False, f"{service} did not answer")
+            return
         answer = future.result()
         if isinstance(answer, SetParameters.Response):
             results = answer.results

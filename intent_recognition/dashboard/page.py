@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page: one server, one scene, six tabs."""
 
-import queue
+import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -33,6 +33,8 @@ PANEL_PERIOD_S = 0.1
 """Time between two updates of the panel [s]. Convention."""
 SLOW_PERIOD_S = 1.0
 """Time between two updates of what changes slowly: nodes, models, buttons [s]. Convention."""
+MOST_ASKED = 200
+"""Actions that wait for the graph's thread, the newest. Convention: a second of drags."""
 MESSAGE_S = 6.0
 """Time for which a message is shown [s]. Convention."""
 
@@ -85,7 +87,8 @@ class DashboardPage:
         clock: Callable[[], float] = time.monotonic,
     ):
         self._state, self._clock = state, clock
-        self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._asked: dict[Callable[[], None], None] = {}
+        self._asking = threading.Lock()
         self._message_until_s = -1.0
         self._panel_at_s = self._slow_at_s = -1.0
         self._colours: dict[str, str] = {}
@@ -114,7 +117,7 @@ class DashboardPage:
         self._banner = gui.add_html("", visible=False)
         self._now = gui.add_html("", visible=False)
         tabs = gui.add_tab_group()
-        do = self._asked.put
+        do = self._ask
         with tabs.add_tab("Watch"):
             self._watch = WatchTab(self._server, commands, do)
             self._via = ViaPointControls(self._server, commands, do)
@@ -147,8 +150,10 @@ class DashboardPage:
 
     def update(self) -> None:
         """Do what was asked for, and show the newest."""
-        while not self._asked.empty():
-            self._perform(self._asked.get())
+        with self._asking:
+            asked, self._asked = self._asked, {}
+        for action in asked:
+            self._perform(action)
         now_s = self._clock()
         state = self._state
         self._choose_colours()
@@ -169,6 +174,13 @@ class DashboardPage:
         """Stop serving."""
         self._replay.close()
         self._server.stop()
+
+    def _ask(self, action: Callable[[], None]) -> None:
+        """Have something done at the next update: once, however often it is asked for till then."""
+        with self._asking:
+            self._asked[action] = None
+            if len(self._asked) > MOST_ASKED:
+                del self._asked[next(iter(self._asked))]
 
     def _perform(self, action: Callable[[], None]) -> None:
         """Do what was asked for; what a browser sent that makes no sense is told, no more."""

@@ -41,15 +41,20 @@ class SkillsTab:
         self._task = ""
         self._hint = gui.add_html(markup.heading("Correct by hand") + markup.steps(HOW))
         self._keep = gui.add_button(
-            "Keep the last correction", icon=viser.Icon.HAND_GRAB, color=rgb(markup.GOOD)
+            "Keep the last correction",
+            disabled=True,
+            icon=viser.Icon.HAND_GRAB,
+            color=rgb(markup.GOOD),
         )
-        self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, color="gray")
+        self._undo = gui.add_button(
+            "Undo", disabled=True, icon=viser.Icon.ARROW_BACK_UP, color="gray"
+        )
         self._last = gui.add_html("")
-        self._thumbs = gui.add_button_group("How was it?", tuple(THUMBS))
+        self._thumbs = gui.add_button_group("How was it?", tuple(THUMBS), visible=False)
         self._table = gui.add_html("")
-        self._keep.on_click(lambda _: do(lambda: commands.trigger(f"{TEACHER}/keep")))
-        self._undo.on_click(lambda _: do(lambda: commands.trigger(f"{TEACHER}/undo")))
-        self._thumbs.on_click(lambda event: do(lambda: self._judge(THUMBS[event.target.value])))
+        self._keep.on_click(lambda _: do(self._keep_correction))
+        self._undo.on_click(lambda _: do(self._take_back))
+        self._thumbs.on_click(lambda _: do(self._judge))
 
     def update(self, state: CellState) -> None:
         """Show what changed, and what can be done now."""
@@ -62,8 +67,14 @@ class SkillsTab:
         set_content(self._last, markup.heading(last))
         set_content(self._table, skills_table(state.skills))
 
-    def _judge(self, thumbs: str) -> None:
-        self._commands.tell(self._task, {"thumbs": thumbs})
+    def _keep_correction(self) -> None:
+        self._commands.trigger(f"{TEACHER}/keep")
+
+    def _take_back(self) -> None:
+        self._commands.trigger(f"{TEACHER}/undo")
+
+    def _judge(self) -> None:
+        self._commands.tell(self._task, {"thumbs": THUMBS[self._thumbs.value]})
 
 
 def skills_table(skills: dict[str, list[SkillRow]]) -> str:

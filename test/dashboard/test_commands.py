@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page asks of other nodes, and what it learns of them."""
 
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
 from intent_recognition.dashboard.commands import Commands
 from intent_recognition.nodes.primitive_activation import PrimitiveActivation
 
@@ -27,6 +30,30 @@ def test_what_is_switched_already_is_not_switched_again(harness):
     commands.robot_helps(True)
     harness.spin_until(lambda: told)
     assert told == [(True, "")]
+
+
+def test_a_service_that_does_not_answer_is_called_once(harness, monkeypatch):
+    told = []
+    commands = Commands(harness.probe, lambda ok, text: told.append((ok, text)))
+    silent = Node("silent")
+    try:
+        silent.create_service(Trigger, "silent/undo", lambda _, answer: answer)
+        harness.spin_until(lambda: commands.offers("silent/undo"))
+        for _ in range(100):
+            commands.trigger("silent/undo")
+        assert told == [(False, "silent/undo has not answered the last call yet")] * 99
+        monkeypatch.setattr("intent_recognition.dashboard.commands.ANSWER_S", 0.0)
+        for _ in range(5):
+            commands.trigger("silent/undo")
+        assert told[99:] == [(False, "silent/undo did not answer")] * 5
+        assert len(commands._clients["silent/undo"]._pending_requests) == 1
+        monkeypatch.undo()
+        harness.executor.add_node(silent)
+        harness.spin_until(lambda: len(told) > 104)
+        assert told[-1][1] == "silent/undo"
+    finally:
+        harness.executor.remove_node(silent)
+        silent.destroy_node()
 
 
 def test_nobody_there_is_told_at_once(harness):
