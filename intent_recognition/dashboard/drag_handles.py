@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Handles to drag in the scene: two goals, or the wrist and the arm's hand directly."""
 
+import time
 from collections.abc import Callable
 from typing import Literal
 
@@ -8,6 +9,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from intent_recognition.dashboard import admission
 from intent_recognition.dashboard.scene import DARK, GREY
 
 SIZE_M = 0.14
@@ -31,6 +33,36 @@ ANCHORS: dict[str, Literal["top-left", "top-right"]] = {WRIST: "top-left", HAND:
 Moved = Callable[[NDArray[np.float64]], None]
 
 
+class Drag:
+    """Drags of a handle, in the order in which they were sent.
+
+    Args:
+        server: the page.
+        handle: what is dragged.
+        moved: called with the position (3,) [m], and whether the handle was left there.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        handle: viser.TransformControlsHandle,
+        moved: Callable[[NDArray[np.float64], bool], None],
+    ):
+        self._server, self._moved, self._moved_s = server, moved, -np.inf
+        handle.on_update(self._update)
+
+    @property
+    def held(self) -> bool:
+        """Whether somebody drags it, who has not left the page to others by doing nothing."""
+        return time.monotonic() - self._moved_s <= admission.IDLE_S
+
+    async def _update(self, event: viser.TransformControlsEvent) -> None:
+        left = event.phase == "end"
+        self._moved_s = -np.inf if left else time.monotonic()
+        if not left or event.client_id in self._server.get_clients():  # viser ends those of others
+            self._moved(np.array(event.target.position, dtype=float), left)
+
+
 class DragHandles:
     """Two pairs of viser transform controls, hidden until they are shown.
 
@@ -41,21 +73,13 @@ class DragHandles:
 
     def __init__(self, server: viser.ViserServer, places: dict[str, NDArray[np.float64]]):
         self._server = server
-        self._held: set[tuple[str, str]] = set()
+        self._drags: dict[tuple[str, str], Drag] = {}
         self._handles = {key: self._make(*key, places[key[1]]) for key in NAMES}
 
     def on_moved(self, kind: str, body: str, moved: Moved) -> None:
         """Call `moved` with the position (3,) [m] while a person drags this handle."""
         key = (kind, body)
-
-        def update(event: viser.TransformControlsEvent) -> None:
-            if event.phase == "end":
-                self._held.discard(key)
-            else:
-                self._held.add(key)
-            moved(np.array(event.target.position))
-
-        self._handles[key].on_update(update)
+        self._drags[key] = Drag(self._server, self._handles[key], lambda place, _: moved(place))
 
     def show(self, kind: str | None) -> bool:
         """Show one pair and hide the other, or hide both; returns whether that changed anything."""
@@ -69,7 +93,7 @@ class DragHandles:
         """Move a handle to a position (3,) [m], unless it is being dragged."""
         handle = self._handles[kind, body]
         away = np.linalg.norm(np.asarray(handle.position) - position)
-        if (kind, body) not in self._held and away > MOVED_M:
+        if not self._drags[kind, body].held and away > MOVED_M:
             handle.position = np.asarray(position, dtype=float)
 
     def _make(

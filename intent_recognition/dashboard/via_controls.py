@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from intent_recognition.composing import HAND, ViaPoint, write_via_points
 from intent_recognition.dashboard.commands import ESTIMATOR, Commands
-from intent_recognition.dashboard.drag_handles import BALL_M, MOVED_M, SIZE_M
+from intent_recognition.dashboard.drag_handles import BALL_M, MOVED_M, SIZE_M, Drag
 from intent_recognition.dashboard.scene import DARK
 from intent_recognition.dashboard.widgets import set_value, slider_value
 
@@ -35,7 +35,6 @@ class ViaPointControls:
         self._commands, self._do = commands, do
         self._points: tuple[ViaPoint, ...] = ()
         self._path: tuple[str, NDArray[np.float64]] | None = None
-        self._held = False
         with gui.add_folder("Via points"):
             self._drag = gui.add_checkbox(
                 "Drag the robot's path", False, hint="the hand's, as it was predicted last"
@@ -50,7 +49,7 @@ class ViaPointControls:
         )
         server.scene.add_label("/via/handle/name", "pass here", anchor="top-center")
         self._drawn: list[viser.SceneNodeHandle] = []
-        self._handle.on_update(self._on_moved)
+        self._dragged = Drag(server, self._handle, self._on_moved)
         self._remove.on_click(lambda _: do(self.remove))
 
     def update(
@@ -66,7 +65,7 @@ class ViaPointControls:
         visible = bool(self._drag.value) and path is not None
         if self._handle.visible != visible:
             self._handle.visible = visible
-        if path is not None and visible and not self._held:
+        if path is not None and visible and not self._dragged.held:
             place = self._place(path[1])
             if np.linalg.norm(np.asarray(self._handle.position) - place) > MOVED_M:
                 self._handle.position = place
@@ -94,10 +93,8 @@ class ViaPointControls:
     def _send(self, points: tuple[ViaPoint, ...]) -> None:
         self._commands.set_parameter(ESTIMATOR, "via_points", write_via_points(points))
 
-    def _on_moved(self, event: viser.TransformControlsEvent) -> None:
-        self._held = event.phase != "end"
-        if not self._held:
-            place = np.array(event.target.position, dtype=np.float64)
+    def _on_moved(self, place: NDArray[np.float64], left: bool) -> None:
+        if left:
             self._do(lambda: self.drop(place))
 
     def _place(self, path: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The handle on the predicted path becomes a via point, and the button takes it back."""
 
+import asyncio
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,17 +27,18 @@ class Estimator:
 
 
 @pytest.fixture
-def controls():
+def controls(monkeypatch):
     server = viser.ViserServer(host="127.0.0.1", port=free_port(), verbose=False)
     estimator = Estimator()
+    monkeypatch.setattr(server, "get_clients", lambda: {0: None})
     made = ViaPointControls(server, estimator, lambda action: action())
     yield SimpleNamespace(made=made, estimator=estimator, handle=made._handle)
     server.stop()
 
 
 def drag(controls, place, phase):
-    target = SimpleNamespace(position=place)
-    controls.made._on_moved(SimpleNamespace(phase=phase, target=target))
+    event = SimpleNamespace(phase=phase, target=SimpleNamespace(position=place), client_id=0)
+    asyncio.run(controls.made._dragged._update(event))
 
 
 def test_what_is_dropped_passes_there_until_it_is_removed(controls):
