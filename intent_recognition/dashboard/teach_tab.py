@@ -113,7 +113,8 @@ class TeachTab:
         obstacle = self._obstacle(teacher, taken)
         steps = BY_POINTER if by_hand else BY_GOALS
         set_content(self._hint, obstacle or markup.steps(steps, self._steps_done(taken)))
-        self._take.disabled = not taken and teleoperation.others_move_wrist()
+        others = not taken and teleoperation.others_move_wrist()
+        self._take.disabled = others or session.busy
         stops = by_hand and session.recording
         free = taken and teacher and not obstacle and not session.busy
         self._record.disabled = not (free or stops)
@@ -187,6 +188,8 @@ class TeachTab:
     def _take_or_release(self) -> None:
         if self._take.value:
             self._teleoperation.take_wrist(REST_M)
+        elif self._session.busy:
+            set_value(self._take, True)
         else:
             self._teleoperation.release_wrist()
 

@@ -66,6 +66,8 @@ class TeachingSession:
             length_s: usual duration of the movement.
             vary: standard deviation of the goals between demonstrations [m].
         """
+        if not self._is_free() or not self._holds_wrist():
+            return
         start = self._teleoperation.position
         demonstration, shift = sample_demonstration(self._rng, start, wrist_goal, length_s, vary)
         try:
@@ -82,6 +84,8 @@ class TeachingSession:
 
     def start_by_hand(self, task: str) -> None:
         """Begin to record what is dragged."""
+        if not self._is_free() or not self._holds_wrist():
+            return
         self._begin(task, lambda: self._notify(True, "recording: drag the wrist, then the hand"))
 
     def stop_by_hand(self) -> None:
@@ -90,6 +94,8 @@ class TeachingSession:
 
     def learn(self) -> None:
         """Learn what was recorded; the robot helps again afterwards."""
+        if not self._is_free():
+            return
         self.busy = True
         self._notify(True, "learning")
         self._commands.trigger(f"{TEACHER}/learn", self._learned)
@@ -100,10 +106,22 @@ class TeachingSession:
 
     def reach(self, goal: NDArray[np.float64], length_s: float) -> None:
         """Move the wrist alone: what will the robot do?"""
+        if not self._is_free() or not self._holds_wrist():
+            return
         start = self._teleoperation.position
         demonstration, _ = sample_demonstration(self._rng, start, goal, length_s, 0.0)
         self.busy = True
         self._teleoperation.play(demonstration, None, lambda: self._go_back(start, None))
+
+    def _is_free(self) -> bool:
+        if self.busy:
+            self._notify(False, "wait until what was begun has ended")
+        return not self.busy
+
+    def _holds_wrist(self) -> bool:
+        if not self._teleoperation.holds_wrist:
+            self._notify(False, "take the wrist first")
+        return self._teleoperation.holds_wrist
 
     def _begin(self, task: str, then: Callable[[], None]) -> None:
         """Switch the help off, name the task, start the recorder: one after the other."""

@@ -87,7 +87,9 @@ class Teleoperation:
         return publishers - (self._pose is not None) > 0
 
     def take_wrist(self, position: NDArray[np.float64]) -> None:
-        """Begin to publish the wrist, at rest at a position (3,) [m]."""
+        """Begin to publish the wrist, at rest at a position (3,) [m], unless it is held already."""
+        if self.holds_wrist:
+            return
         self._position, self._target = np.array(position, float), np.array(position, float)
         self._velocity = np.zeros(3)
         self._pose = self._node.create_publisher(
