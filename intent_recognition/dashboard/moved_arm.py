@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.demonstrations import arm_in_world
 from intent_recognition.errors import IntentError, one_line
-from intent_recognition.kinematics import JOINT_NAMES, hand_position, reach_position
+from intent_recognition.kinematics import (
+    JOINT_NAMES,
+    LWR_LIMITS,
+    JointLimits,
+    hand_position,
+    reach_position,
+)
 
 Vector = NDArray[np.float64]
 
@@ -23,14 +29,16 @@ class MovedArm(NamedTuple):
         hand: where its hand is (3,) [m], world, for joint angles (n,) [rad].
         posture_at: joint angles (n,) near others (n,) that have the hand at a position (3,); raises
             KinematicsError where there are none.
+        limits: of its joints.
     """
 
     joint_names: tuple[str, ...]
     hand: Callable[[Vector], Vector]
     posture_at: Callable[[Vector, Vector], Vector]
+    limits: JointLimits
 
 
-LWR = MovedArm(JOINT_NAMES, hand_position, reach_position)
+LWR = MovedArm(JOINT_NAMES, hand_position, reach_position, LWR_LIMITS)
 """The LWR, which needs no description."""
 
 
@@ -76,4 +84,5 @@ def describe_arm(description: str, hand_link: str = "") -> MovedArm:
         arm.joint_names,
         lambda q: arm.forward_kinematics(q)[:3, 3],
         lambda position, q: arm.inverse_kinematics(position, q, q),
+        arm.limits,
     )

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from intent_recognition.kinematics import JointLimits
 from intent_recognition.motion import Offset
 
 REST_S = 0.9
@@ -22,6 +23,8 @@ BOW_SHARE = 0.08
 """Standard deviation of the bow, as a share of the path's length. Convention."""
 ARM_STEP_S = 0.05
 """Time between two points of the arm's trajectory [s]. Convention."""
+PEAK_SPEED, PEAK_ACCELERATION = 15.0 / 8.0, 10.0 / np.sqrt(3.0)
+"""Of a minimum-jerk motion from 0 to 1 in unit time (Flash and Hogan 1985)."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,14 @@ def sample_demonstration(
     bow -= along * (bow @ along)
     duration = duration_s * float(np.clip(1.0 + 0.1 * rng.standard_normal(), 0.7, 1.3))
     return SyntheticDemonstration(start_m, goal_m + shift, bow, duration), shift
+
+
+def shortest_s(way_rad: NDArray[np.float64], limits: JointLimits) -> float:
+    """Shortest duration [s] of a motion from rest to rest by way_rad (d,) within the limits."""
+    way = np.abs(way_rad)
+    by_speed = PEAK_SPEED * way / limits.velocity
+    by_acceleration = np.sqrt(PEAK_ACCELERATION * way / limits.acceleration)
+    return float(np.maximum(by_speed, by_acceleration).max())
 
 
 def arm_motion(

@@ -15,7 +15,11 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.moved_arm import ArmFinder, MovedArm
-from intent_recognition.dashboard.synthetic_demonstration import SyntheticDemonstration, arm_motion
+from intent_recognition.dashboard.synthetic_demonstration import (
+    SyntheticDemonstration,
+    arm_motion,
+    shortest_s,
+)
 from intent_recognition.errors import KinematicsError, describe
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import build_joint_trajectory, to_pose, to_stamp
@@ -64,7 +68,7 @@ class Teleoperation:
         self._velocity = np.zeros(3)
         self._target = np.zeros(3)
         self._playing: SyntheticDemonstration | None = None
-        self._began_s = 0.0
+        self._began_s = self._length_s = 0.0
         self._arm_goal: NDArray[np.float64] | None = None
         self._done: Callable[[], None] = _nothing
         self._last_ns = 0
@@ -148,11 +152,17 @@ class Teleoperation:
         """
         return self._found().posture_at(np.asarray(position, dtype=float), self.measured())
 
-    def send_arm(self, goal: NDArray[np.float64], duration_s: float) -> None:
-        """Send the arm to a posture (n,), from rest to rest."""
-        times, positions, velocities = arm_motion(self.measured(), goal, duration_s)
-        names = self._found().joint_names
-        self._arm.publish(build_joint_trajectory(names, times, positions, velocities))
+    def send_arm(self, goal: NDArray[np.float64], duration_s: float) -> float:
+        """Send the arm to a posture (n,), from rest to rest.
+
+        Returns:
+            How long it takes [s]: longer than duration_s where its limits ask for that.
+        """
+        arm, start = self._found(), self.measured()
+        duration_s = max(duration_s, shortest_s(goal - start, arm.limits))
+        motion = arm_motion(start, goal, duration_s)
+        self._arm.publish(build_joint_trajectory(arm.joint_names, *motion))
+        return duration_s
 
     def _found(self) -> MovedArm:
         arm = self._finder.find(self._state)
@@ -169,7 +179,7 @@ class Teleoperation:
     ) -> None:
         """Show a demonstration; the arm goes along if it has a goal (n,) [rad]."""
         self._playing, self._arm_goal, self._done = demonstration, arm_goal, done
-        self._began_s = time.monotonic()
+        self._began_s, self._length_s = time.monotonic(), demonstration.length_s
 
     def step_arm(self) -> None:
         """Send the arm after the hand's target, if that has moved."""
@@ -196,9 +206,10 @@ class Teleoperation:
         elapsed_s = time.monotonic() - self._began_s
         self._position = show.wrist(elapsed_s)
         if self._arm_goal is not None and elapsed_s >= show.arm_start_s:
-            self.send_arm(self._arm_goal, show.arm_duration_s)
+            takes_s = self.send_arm(self._arm_goal, show.arm_duration_s)
+            self._length_s = max(show.length_s, elapsed_s + takes_s + show.rest_s)
             self._arm_goal = None
-        if elapsed_s >= show.length_s:
+        if elapsed_s >= self._length_s:
             self._target, self._velocity = self._position.copy(), np.zeros(3)
             self._playing = None
             self._done()

@@ -12,7 +12,11 @@ from intent_recognition.dashboard.synthetic_demonstration import (
     arm_motion,
     progress,
     sample_demonstration,
+    shortest_s,
 )
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS, RATE_TOLERANCE
+from intent_recognition.motion import Offset
+from sim_bridge.arm.trajectory_command import TrajectoryCommand
 
 POINTS = arrays(float, 3, elements=st.floats(-1.0, 1.0))
 
@@ -50,6 +54,16 @@ def test_the_arm_moves_from_rest_to_rest_within_its_time():
     assert np.allclose(qd[[0, -1]], 0.0)
     slopes = (q[2:] - q[:-2]) / (times[2:] - times[:-2])[:, None]
     assert np.max(np.abs(slopes - qd[1:-1])) < 0.02
+
+
+@given(st.integers(0, 1000))
+def test_the_shortest_motion_keeps_the_limits_and_reaches_one(seed):
+    start, goal = np.random.default_rng(seed).uniform(LWR_LIMITS.lower, LWR_LIMITS.upper, (2, 7))
+    duration = shortest_s(goal - start, LWR_LIMITS)
+    motion = Offset(start - goal, np.zeros(7), np.zeros(7), duration).largest()
+    shares = np.array(motion) / (LWR_LIMITS.velocity, LWR_LIMITS.acceleration)
+    assert 0.98 < shares.max() <= 1.0 + RATE_TOLERANCE
+    TrajectoryCommand.validated(JOINT_NAMES, *arm_motion(start, goal, duration))
 
 
 def test_the_arm_follows_the_human():
