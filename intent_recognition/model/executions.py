@@ -115,7 +115,7 @@ class Executions:
         return self.path / EXECUTIONS / task / f"{task}_{number:04d}"
 
     def add(self, bag: Path, values: Mapping[str, str], model: str = "") -> None:
-        """Note something about an execution.
+        """Note something about an execution, unless it is known.
 
         Args:
             bag: its recording in this folder.
@@ -126,6 +126,8 @@ class Executions:
         kept = dict(list(kept.items())[:MOST_VALUES])
         now = self._clock().isoformat(timespec="milliseconds")
         name = bag.relative_to(self.path).as_posix()
+        if any(one.bag == name and kept.items() <= one.values.items() for one in self.all()):
+            return
         line = Execution(now, bag.parent.name, name, model, kept)
         file = self.path / OUTCOMES
         append_line(file, ("\n" if _is_torn(file) else "") + json.dumps(asdict(line)))

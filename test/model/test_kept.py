@@ -86,7 +86,9 @@ def test_outcomes_add_up_and_a_torn_line_never_happened(tmp_path):
     file.write_bytes(file.read_bytes() + b'{"time": "2026", "task": "cu')
     second = executions.new_bag("cup")
     executions.add(second, {"corrections": "2"})
-    executions.add(first, {"thumbs": "down"})
+    for _ in range(3):
+        executions.add(first, {"thumbs": "down"})
+    assert file.read_bytes().count(b"down") == 1
     one, two = executions.all()
     assert dict(one.values) == {"outcome": "arrived", "corrections": "0", "thumbs": "down"}
     assert (one.model, one.corrected, two.corrected) == ("models/0001.npz", False, True)
