@@ -11,7 +11,7 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
@@ -30,18 +30,21 @@ TOKEN_BYTES = 24
 TOKEN_FORM = re.compile(r"[A-Za-z0-9_-]{16,128}")
 IDLE_S = 60.0
 """An operator that has done nothing for so long may be followed by another [s]. Convention."""
-WATCHES = frozenset({"ViewerCameraMessage"})
-"""What an onlooker's browser may send: where it looks from."""
-ACTS = frozenset(
-    {
-        "GuiUpdateMessage",
-        "TransformControlsUpdateMessage",
-        "TransformControlsDragStartMessage",
-        "TransformControlsDragEndMessage",
-    }
+GRAB, DRAG, LEAVE = (
+    f"TransformControls{phase}Message" for phase in ("DragStart", "Update", "DragEnd")
 )
-"""What the controls and handles of this page send. viser knows more (uploads, a public tunnel):
-nothing here asks for them."""
+UPDATE = "GuiUpdateMessage"
+CAMERA = "wxyz position fov near far image_height image_width look_at up_direction"
+WATCHES = {"ViewerCameraMessage": frozenset(CAMERA.split())}
+"""What an onlooker's browser may send, with its fields: where it looks from."""
+ACTS = {
+    UPDATE: frozenset({"uuid", "updates"}),
+    GRAB: frozenset({"name"}),
+    DRAG: frozenset({"name", "wxyz", "position"}),
+    LEAVE: frozenset({"name"}),
+}
+"""What the controls and handles of this page send, with its fields. viser knows more (uploads, a
+public tunnel): nothing here asks for them."""
 LONGEST_TEXT = 1000
 """Characters of a text that is typed into the page. Convention."""
 MOST_NUMBERS = 64
@@ -194,20 +197,33 @@ class Operator:
 def is_well_formed(message: Mapping[str, Any]) -> bool:
     """Whether a message from a browser holds only what this page's controls send."""
     kind = message.get("type")
-    if kind not in WATCHES | ACTS:
+    fields = (WATCHES | ACTS).get(kind) if isinstance(kind, str) else None
+    if fields is None or set(message) - {"type", "owner"} != fields:
         return False
-    if kind == "GuiUpdateMessage":
-        updates = message.get("updates")
+    if kind in ACTS and not isinstance(message["uuid" if kind == UPDATE else "name"], str):
+        return False
+    if kind == UPDATE:
+        updates = message["updates"]
         if not isinstance(updates, Mapping) or set(updates) != {"value"}:
             return False
-        value = updates["value"]
-        if isinstance(value, list) and not _is_vector(value, 3):
-            return False
-    if kind == "TransformControlsUpdateMessage" and not (
-        _is_vector(message.get("position"), 3) and _is_vector(message.get("wxyz"), 4)
-    ):
+    if kind == DRAG and not (_is_vector(message["position"], 3) and _is_vector(message["wxyz"], 4)):
         return False
     return _count_numbers(list(message.values()), 0) <= MOST_NUMBERS
+
+
+def can_become(value: Any, present: Any, options: Sequence[str] | None = None) -> bool:
+    """Whether a browser can give a control this value.
+
+    Args:
+        value: that was sent.
+        present: value that the control has.
+        options: that it offers; None: any of the same kind.
+    """
+    if isinstance(present, tuple):
+        return _is_vector(value, len(present))
+    if isinstance(present, (bool, str)):
+        return type(value) is type(present) and (options is None or value in options)
+    return _is_vector([value], 1)
 
 
 def new_token(environment: Mapping[str, str] = os.environ) -> str:

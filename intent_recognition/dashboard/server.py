@@ -24,8 +24,12 @@ from websockets.http11 import Request, Response
 
 from intent_recognition.dashboard.admission import (
     ACTS,
+    GRAB,
+    LEAVE,
+    UPDATE,
     Admission,
     Operator,
+    can_become,
     is_well_formed,
     response_headers,
     script_sources,
@@ -82,6 +86,7 @@ def serve_page(
             describe("viser", "a server that can be guarded", viser.__version__, cure)
         )
     server._websock_server.get_message_buffer().max_window_size = WINDOW
+    guard.page = server
     return server
 
 
@@ -108,6 +113,7 @@ class _Guard:
         self.sockets: set[ServerConnection] = set()
         self.clients: set[ServerConnection] = set()
         self.in_place = False
+        self.page: viser.ViserServer | None = None
         self._scripts = script_sources(CLIENT)
 
     @contextmanager
@@ -170,6 +176,28 @@ class _Guard:
             response.headers[name] = value
         return response
 
+    def can_be_done(self, message: dict[str, Any], held: set[str]) -> bool:
+        """Whether the page shows what a message acts on, enabled, so that a person can do it.
+
+        Args:
+            message: well formed.
+            held: handles that its sender drags.
+        """
+        if self.page is None:
+            return False
+        if message["type"] == UPDATE:
+            control = self.page.gui._gui_input_handle_from_uuid.get(message["uuid"])
+            if control is None or control.disabled or not control.visible:
+                return False
+            options = getattr(control, "options", None)
+            return can_become(message["updates"]["value"], control.value, options)
+        name = message["name"]
+        handle = self.page.scene._handle_from_transform_controls_name.get(name)
+        shown = handle is not None and handle.visible
+        if message["type"] == LEAVE:
+            return name in held
+        return shown and (message["type"] == GRAB or name in held)
+
 
 class _Connection(ServerConnection):
     """A connection that is counted, whose messages are checked and which must be read."""
@@ -178,6 +206,7 @@ class _Connection(ServerConnection):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Count it; too many are not even answered."""
+        self._held: set[str] = set()
         self._guard.sockets.add(self)
         super().connection_made(transport)
         if len(self._guard.sockets) > MOST_SOCKETS:
@@ -201,9 +230,21 @@ class _Connection(ServerConnection):
                 message = None
             if not isinstance(message, dict) or not is_well_formed(message):
                 continue
-            if message["type"] not in ACTS or guard.operator.may_act(self):
+            if message["type"] not in ACTS:
+                return data
+            if not guard.can_be_done(message, self._held):
+                continue
+            if guard.operator.may_act(self):
+                self._follow(message)
                 return data
             guard.refused(guard.operator.refusal)
+
+    def _follow(self, message: dict[str, Any]) -> None:
+        """Know which handles are dragged."""
+        if message["type"] == GRAB:
+            self._held.add(message["name"])
+        elif message["type"] == LEAVE:
+            self._held.discard(message["name"])
 
     async def send(self, message: Any, text: bool | None = None) -> None:
         """Send, or cut off a browser that does not read."""

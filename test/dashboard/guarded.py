@@ -27,14 +27,22 @@ CAMERA = {
 }
 
 
-class Guarded:
-    """A served page with one button, and what came of it."""
+def update(control, value, **changed):
+    """What a browser sends when a person changes a control."""
+    updates = {"value": value}
+    return {"type": "GuiUpdateMessage", "uuid": control._impl.uuid, "updates": updates} | changed
 
-    def __init__(self, port, server, operator):
-        self.port, self.server, self.operator = port, server, operator
-        self.pressed, self.refused = [], []
-        self.button = server.gui.add_checkbox("press", False)
-        self.button.on_update(lambda event: self.pressed.append(event.client_id))
+
+async def send(connection, *messages):
+    for message in messages:
+        await connection.send(msgspec.msgpack.encode(message))
+
+
+class Visited:
+    """A page at a port of this machine."""
+
+    def __init__(self, port):
+        self.port = port
 
     @property
     def cookie(self):
@@ -69,19 +77,22 @@ class Guarded:
             max_size=None,
         )
 
-    async def press(self, connection, value):
-        await connection.send(
-            msgspec.msgpack.encode(
-                {
-                    "type": "GuiUpdateMessage",
-                    "uuid": self.button._impl.uuid,
-                    "updates": {"value": value},
-                }
-            )
-        )
-
     async def enter(self, connection):
-        await connection.send(msgspec.msgpack.encode(CAMERA))
+        await send(connection, CAMERA)
+
+
+class Guarded(Visited):
+    """A served page with one button, and what came of it."""
+
+    def __init__(self, port, server, operator):
+        super().__init__(port)
+        self.server, self.operator = server, operator
+        self.pressed, self.refused = [], []
+        self.button = server.gui.add_checkbox("press", False)
+        self.button.on_update(lambda event: self.pressed.append(event.client_id))
+
+    async def press(self, connection, value):
+        await send(connection, update(self.button, value))
 
 
 @contextmanager

@@ -1,0 +1,424 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Browsers that mean harm, against a running node: what they may not do has no effect at all."""
+
+import asyncio
+
+import numpy as np
+import pytest
+from dashboard.browser import free_port
+from dashboard.guarded import Visited, eventually, send, update
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+from websockets.exceptions import InvalidStatus
+
+from intent_recognition.composing import ViaPoint, write_via_points
+from intent_recognition.dashboard import admission, server
+from intent_recognition.dashboard.node import Dashboard
+from intent_recognition.dashboard.teach_tab import BY_HAND
+from intent_recognition.kinematics import JOINT_NAMES, LWR_LIMITS
+from intent_recognition.nodes import qos
+from intent_recognition.nodes.conversions import trajectory_arrays
+from sim_bridge.arm.trajectory_command import TrajectoryCommand
+
+pytestmark = pytest.mark.slow
+
+TEACHER, ESTIMATOR = "task_teacher", "intent_estimator"
+SERVICES = ("start", "stop", "learn", "discard", "undo", "keep", "accept")
+TASK = "plate"
+POINT = ViaPoint("here", {"hand": (0.2, 0.1, 0.05)}, (0.01,) * 3, 0.5, None, TASK)
+PATH = (TASK, np.outer(np.linspace(0.0, 1.0, 5), [0.4, 0.2, 0.1]))
+VIA, WRIST, HAND = "/via/handle", "/direct/wrist", "/direct/hand"
+CLICKS, FEW = 3000, 5
+DEADLINE_S = 20.0
+
+
+class Graph:
+    """The page's node among nodes that note what is asked of them; nothing of it is believed."""
+
+    def __init__(self, harness, **values):
+        self.harness, self.heard = harness, []
+        self.port = free_port()
+        overrides = {"port": self.port, "rate": 60.0, "models": "/nowhere"} | values
+        self.node = harness.add(
+            Dashboard(parameter_overrides=[Parameter(n, value=v) for n, v in overrides.items()])
+        )
+        self.page, self.timers = self.node.page, len(list(self.node.timers))
+        for name, parameters in (
+            (TEACHER, {"task": "", "learn_at_stop": True}),
+            (ESTIMATOR, {"via_points": ""}),
+        ):
+            other = harness.add(Node(name))
+            for parameter, value in parameters.items():
+                other.declare_parameter(parameter, value)
+            other.add_on_set_parameters_callback(self._set)
+        for service in SERVICES:
+            name = f"{TEACHER}/{service}"
+            harness.probe.create_service(Trigger, name, lambda _, a, s=service: self._called(s, a))
+        for kind, topic, profile in (
+            (DiagnosticStatus, "intent/feedback", qos.FEEDBACK),
+            (PoseStamped, "mocap/wrist/pose", qos.SENSOR),
+            (JointTrajectory, "joint_trajectory", qos.COMMAND),
+        ):
+            note = lambda message, topic=topic: self.heard.append((topic, message))  # noqa: E731
+            harness.probe.create_subscription(kind, topic, note, profile)
+        self._latched = harness.publisher(String, "intent/active_task", qos.LATCHED)
+        self._via = harness.publisher(String, "intent/via_points", qos.LATCHED)
+        self._joints = harness.publisher(JointState, "joint_states", qos.STATE)
+        harness.connect(self._joints, self._latched, self._via)
+        self._joints.publish(JointState(name=list(JOINT_NAMES), position=[0.1] * 7))
+        page = self.page
+        harness.spin_until(lambda: page._teach._record.visible and not page._skills._undo.disabled)
+        harness.spin_until(lambda: self.node.state.joints)
+
+    def begin(self):
+        """A task is executed, a via point in force, the predicted path shown to be dragged."""
+        self._latched.publish(String(data=TASK))
+        self._via.publish(String(data=write_via_points([POINT])))
+        self.page._scene.hand_path = PATH
+        self.page._via._drag.value = True
+        skills, via = self.page._skills, self.page._via
+        self.harness.spin_until(lambda: skills._thumbs.visible and via._handle.visible)
+        self.harness.spin_until(lambda: not via._remove.disabled)
+        assert not self.heard
+
+    def controls(self):
+        """What every control of the page has, and where its handles are."""
+        page_server = self.page._server
+        values = {
+            c._impl.uuid: c.value for c in page_server.gui._gui_input_handle_from_uuid.values()
+        }
+        handles = page_server.scene._handle_from_transform_controls_name
+        return values | {name: tuple(handle.position) for name, handle in handles.items()}
+
+    def _called(self, service, answer):
+        self.heard.append((service, None))
+        answer.success = True
+        return answer
+
+    def _set(self, changes):
+        self.heard += [(change.name, change.value) for change in changes]
+        return SetParametersResult(successful=True)
+
+
+class Visit(Visited):
+    """Browsers on the page of a graph, which goes on meanwhile."""
+
+    def __init__(self, graph, monkeypatch):
+        super().__init__(graph.port)
+        self.graph, self.sent, self.judged = graph, 0, 0
+
+        def judge(message, judged=server.is_well_formed):
+            self.judged += 1
+            return judged(message)
+
+        monkeypatch.setattr(server, "is_well_formed", judge)
+
+    def run(self, story):
+        asyncio.run(story())
+
+    async def until(self, condition, what=""):
+        end = asyncio.get_running_loop().time() + DEADLINE_S
+        while not condition():
+            assert asyncio.get_running_loop().time() < end, what or self.graph.heard
+            self.graph.harness.executor.spin_once(timeout_sec=0.002)
+            await asyncio.sleep(0)
+
+    async def open(self, **changed):
+        connection = await self.connect(**changed)
+        await self.say(connection)
+        return connection
+
+    async def say(self, connection, *messages):
+        """Send, after where it looks from, and wait until all of it was judged."""
+        await self.enter(connection)
+        await send(connection, *messages)
+        self.sent += 1 + len(messages)
+        await self.until(lambda: self.judged >= self.sent, "judged")
+
+    async def like(self, connection):
+        """A good action of an operator is done, and nothing but that was."""
+        heard = self.graph.heard
+        await self.say(connection, update(self.graph.page._skills._thumbs, "Good"))
+        await self.until(lambda: "intent/feedback" in dict(heard))
+        ((_, message),) = heard
+        assert (message.name, message.values[0].value) == (TASK, "up")
+        heard.clear()
+
+
+@pytest.fixture
+def visit(harness, monkeypatch):
+    made = []
+
+    def start(**values):
+        made.append(Graph(harness, **values))
+        return Visit(made[-1], monkeypatch)
+
+    return start
+
+
+def grab(name, **changed):
+    return {"type": admission.GRAB, "name": name} | changed
+
+
+def drag(name, place=(0.3, 0.2, 0.1), **changed):
+    wxyz = [1.0, 0.0, 0.0, 0.0]
+    return {"type": admission.DRAG, "name": name, "wxyz": wxyz, "position": list(place)} | changed
+
+
+def leave(name, **changed):
+    return {"type": admission.LEAVE, "name": name} | changed
+
+
+def every_action(page):
+    """Whatever the newer controls can be asked for."""
+    skills, via, teach = page._skills, page._via, page._teach
+    presses = (skills._keep, skills._undo, via._remove)
+    presses += (teach._record, teach._learn, teach._reach, teach._undo)
+    values = (
+        (skills._thumbs, "Bad"),
+        (via._phase, 0.9),
+        (via._std, 5.0),
+        (via._chosen, "none"),
+        (teach._task, "mine"),
+        (teach._how, BY_HAND),
+        (teach._take, True),
+        (teach._wrist_goal, [0.1, 0.2, 0.3]),
+        (teach._length, 1.0),
+    )
+    yield from (update(button, True) for button in presses)
+    yield from (update(control, value) for control, value in values)
+    for name in (VIA, WRIST, HAND, "/goals/hand"):
+        yield from (grab(name), drag(name), leave(name))
+    yield update(via._drag, False)
+
+
+def test_an_onlooker_changes_nothing(visit):
+    visit = visit()
+    graph = visit.graph
+    graph.begin()
+    before = graph.controls()
+
+    async def story():
+        operator, onlooker = await visit.open(), await visit.open()
+        await visit.say(onlooker, *every_action(graph.page))
+        assert graph.controls() == before
+        await visit.like(operator)
+        for connection in (operator, onlooker):
+            await connection.close()
+
+    visit.run(story)
+
+
+def test_nobody_changes_a_page_that_is_read_only(visit):
+    visit = visit(read_only=True)
+    graph = visit.graph
+    graph.begin()
+    before = graph.controls()
+
+    async def story():
+        only = await visit.open()
+        await visit.say(only, *every_action(graph.page))
+        graph.page.show_message(True, "all was judged")
+        await visit.until(lambda: "all was judged" in graph.page._banner.content)
+        assert graph.controls() == before
+        assert not graph.heard
+        await only.close()
+
+    visit.run(story)
+
+
+def test_without_token_or_from_another_page_nobody_gets_in(visit):
+    visit = visit()
+    visit.graph.begin()
+
+    async def story():
+        for changed in ({"Cookie": None}, {"Origin": "http://evil.example"}):
+            with pytest.raises(InvalidStatus):
+                await visit.open(**changed)
+        operator = await visit.open()
+        await visit.like(operator)
+        await operator.close()
+
+    visit.run(story)
+
+
+def test_what_is_hidden_or_disabled_cannot_be_pressed_or_dragged(visit):
+    visit = visit()
+    graph = visit.graph
+    page = graph.page
+    shown = [page._skills._keep, page._skills._undo, page._teach._record, page._teach._undo]
+    assert [control.disabled for control in shown] == [False, False, True, False]
+
+    async def story():
+        operator = await visit.open()
+        hidden = (page._teach._record, page._teach._learn, page._teach._reach, page._via._remove)
+        await visit.say(operator, *(update(button, True) for button in hidden))
+        await visit.say(operator, update(page._skills._thumbs, "Good"))
+        for name in (VIA, WRIST, HAND):
+            await visit.say(operator, grab(name), drag(name), leave(name), leave(name))
+        graph.begin()
+        await visit.like(operator)
+        await operator.close()
+
+    visit.run(story)
+
+
+def malformed(page):
+    """What no control and no handle of the page sends."""
+    skills, via, teach = page._skills, page._via, page._teach
+    nan, inf = float("nan"), float("inf")
+    numbers = (nan, inf, 1e300, "nan", "inf", "1e999", "x", None, [], [0.5], {}, {"nan": 1}, True)
+    yield from (
+        update(field, v) for field in (via._phase, via._std, teach._length) for v in numbers
+    )
+    vectors = ([1.0, 2.0], [1.0] * 4, [nan] * 3, [1e300] * 3, "123", "12", {}, None, {"nan": 1}, [])
+    yield from (update(teach._wrist_goal, value) for value in vectors)
+    for text in (3, None, ["a"], {"a": 1}, True, "x" * 5000, 1.5, b"bytes"):
+        yield update(teach._task, text)
+        yield update(via._chosen, text)
+        yield update(skills._thumbs, text)
+    for text in ("", "\x1b[2J", "<script>alert(1)</script>", "Middling"):
+        yield from (update(choice, text) for choice in (skills._thumbs, via._chosen, teach._how))
+    for button in (skills._keep, skills._undo, via._remove, via._drag, teach._take):
+        yield from (update(button, value) for value in (3, "yes", None, [], {}, [1.0] * 3))
+    for prop in ("visible", "disabled", "order", "label", "options", "update_cb", "removed"):
+        yield update(skills._undo, True, updates={prop: False})
+        yield update(skills._undo, True, updates={"value": True, prop: False})
+    for uuid in (None, 3, [], {}, ["a"], "nobody", "x" * 5000):
+        yield update(skills._undo, True, uuid=uuid)
+    yield update(skills._undo, True, excluded_self_client=1)
+    yield {"type": "GuiUpdateMessage"}
+    for place in ((0.1, 0.2), (0.1,) * 4, (nan,) * 3, (inf,) * 3, (1e300,) * 3, "123", ({},) * 3):
+        yield from (grab(VIA), drag(VIA, place))
+    for wxyz in ([1.0] * 3, [nan] * 4, None, "1234"):
+        yield drag(VIA, wxyz=wxyz)
+    for name in (None, 3, [], {}, "/nowhere", "/hand_path", "/arm", "x" * 5000, "/direct/hand"):
+        yield from (grab(name), drag(name), leave(name))
+    yield from (grab(VIA, owner=owner) for owner in ([], {}, 3, "somebody"))
+    yield grab(VIA, more=1)
+    yield {"type": [], "name": VIA}
+
+
+def test_what_no_control_sends_is_dropped(visit, capfd):
+    visit = visit()
+    graph = visit.graph
+    graph.begin()
+    before = graph.controls()
+
+    async def story():
+        operator = await visit.open()
+        await visit.say(operator, *malformed(graph.page))
+        assert graph.controls() == before
+        await visit.like(operator)
+        await visit.say(operator, grab(VIA), drag(VIA), leave(VIA))
+        await visit.until(lambda: "via_points" in dict(graph.heard))
+        await operator.close()
+
+    visit.run(story)
+    error = capfd.readouterr().err
+    assert "Traceback" not in error, error
+
+
+@pytest.mark.parametrize("button", ["_keep", "_undo", "_thumbs"])
+def test_a_flood_of_clicks_is_one_action(visit, button):
+    visit = visit()
+    graph = visit.graph
+    graph.begin()
+    control = getattr(graph.page._skills, button)
+    value, clicked = "Good" if button == "_thumbs" else True, []
+    control.on_click(lambda _: clicked.append(1))
+
+    async def story():
+        operator = await visit.open()
+        await send(operator, *[update(control, value)] * CLICKS)
+        visit.sent += CLICKS
+        await eventually(lambda: len(clicked) == CLICKS)  # the graph's thread does other things
+        await visit.until(lambda: graph.heard)
+        await visit.say(operator, update(graph.page._skills._thumbs, "Bad"))
+        await visit.until(lambda: "down" in [m.values[0].value for _, m in graph.heard if m])
+        assert len(graph.heard) <= FEW
+        await operator.close()
+
+    visit.run(story)
+
+
+def test_who_was_followed_in_the_middle_of_a_drag_drops_nothing(visit, monkeypatch):
+    visit = visit()
+    graph = visit.graph
+    graph.begin()
+    via = graph.page._via
+
+    async def story():
+        first, second = await visit.open(), await visit.open()
+        await visit.say(first, grab(VIA), drag(VIA))
+        await visit.until(lambda: via._dragged.held)
+        with monkeypatch.context() as patch:
+            patch.setattr(admission, "IDLE_S", 0.0)
+            assert not via._dragged.held
+            await visit.say(second, update(via._phase, 0.25))
+        await visit.until(lambda: via._phase.value == 0.25)
+        await visit.say(first, drag(VIA, (0.9, 0.9, 0.9)), leave(VIA))
+        await first.close()
+        await visit.until(lambda: len(graph.page._server.get_clients()) == 1)
+        await visit.like(second)
+        await visit.say(second, grab(VIA), drag(VIA), leave(VIA))
+        await visit.until(lambda: "via_points" in dict(graph.heard))
+        assert "[0.3, 0.2, 0.1]" in dict(graph.heard)["via_points"]
+        await second.close()
+
+    visit.run(story)
+
+
+def test_a_wrist_that_is_taken_again_is_taken_once_and_held_while_it_is_in_use(visit):
+    visit = visit()
+    graph = visit.graph
+    teach = graph.page._teach
+
+    async def story():
+        operator = await visit.open()
+        await visit.say(operator, update(teach._take, True))
+        await visit.until(lambda: not teach._reach.disabled)
+        teach._take_or_release()  # given up and taken again between two updates
+        assert len(list(graph.node.timers)) == graph.timers + 1
+        assert graph.node.count_publishers("mocap/wrist/pose") == 1
+        await visit.say(operator, update(teach._reach, True))
+        await visit.until(lambda: teach._session.busy)
+        teach._take.value = False  # before the page has disabled it
+        teach._take_or_release()
+        assert teach._take.value and graph.node.count_publishers("mocap/wrist/pose") == 1
+        await operator.close()
+
+    visit.run(story)
+
+
+def test_the_arm_is_asked_for_nothing_that_it_cannot_do(visit):
+    visit = visit()
+    graph = visit.graph
+    teach = graph.page._teach
+    hand = teach._handles._handles["direct", "hand"]
+
+    def asked():
+        return [message for topic, message in graph.heard if topic == "joint_trajectory"]
+
+    async def story():
+        operator = await visit.open()
+        await visit.say(operator, update(teach._take, True), update(teach._how, BY_HAND))
+        await visit.until(lambda: hand.visible)
+        for place in ((1e8, 1e8, 1e8), (0.0, 0.0, -1e8), (0.5, 0.3, 0.5)):
+            await visit.say(operator, grab(HAND), drag(HAND, place), leave(HAND))
+        await visit.until(asked, "a command")
+        teach._teleoperation.send_arm(LWR_LIMITS.upper, 0.5)
+        await visit.until(lambda: asked()[-1].points[-1].positions[0] > 2.9)
+        for message in asked():
+            times, positions, rest = trajectory_arrays(message)
+            TrajectoryCommand.validated(message.joint_names, times, positions, rest["velocities"])
+        await operator.close()
+
+    visit.run(story)
