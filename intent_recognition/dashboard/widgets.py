@@ -69,13 +69,13 @@ def probability_plot(
             "x": uplot.Scale(time=False, auto=False, range=(first_s, last_s)),
             "y": uplot.Scale(auto=False, range=(-0.02, 1.06)),
         },
-        axes=(_axis("time [s]", 34), _axis(None, 46)),
+        axes=(_axis("time [s]", 34), _axis("", 46)),
         legend=uplot.Legend(show=False),
         height=HEIGHT_PIXELS,
     )
 
 
-def _axis(label: str | None, size: int) -> uplot.Axis:
+def _axis(label: str, size: int) -> uplot.Axis:
     return uplot.Axis(
         label=label,
         size=size,
