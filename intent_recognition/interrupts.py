@@ -9,7 +9,8 @@ import os
 import signal
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType
 
 NODES = (
@@ -17,7 +18,11 @@ NODES = (
     *("object_warper", "task_teacher", "warped_primitive", "dashboard"),
     *("arm_sim", "lwr_sim", "coworker_sim"),
 )
-COMMAND = "intent"
+NODE = "node"
+"""What a process is called whose command line says no more; see `nodes.processes`."""
+COMMAND, MODULE = "intent", "intent_recognition.cli.main"
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""What ends a command that has started others."""
 SAME_S = 1.0
 """Interrupts that come within this time of another are the same [s]: a terminal sends one, and so
 does what started the command. Convention."""
@@ -28,8 +33,10 @@ INTERRUPTED = 130
 def end_at_interrupt() -> None:
     """End at SIGINT, a node also at SIGTERM, if this process is an executable of the package."""
     name = sys.argv[0].rsplit(os.sep, 1)[-1] if sys.argv else ""
+    if MODULE in sys.orig_argv:  # python -m: the name is not known yet
+        name = COMMAND
     with suppress(ValueError):  # imported in another thread than the main one
-        if name in NODES:
+        if name in (NODE, *NODES):
             for number in (signal.SIGINT, signal.SIGTERM):
                 signal.signal(number, _end_node)
         elif name == COMMAND:
@@ -40,6 +47,59 @@ def raise_interrupts() -> None:
     """From here on Ctrl-C is a KeyboardInterrupt in the command, but while it imports more."""
     if signal.getsignal(signal.SIGINT) is _end_command:
         signal.signal(signal.SIGINT, _Interrupt())
+
+
+def end_like_interrupted(*numbers: int) -> None:
+    """From here on these signals do what Ctrl-C does."""
+    for number in numbers:
+        signal.signal(number, signal.getsignal(signal.SIGINT))
+
+
+@contextmanager
+def uninterrupted_children() -> Iterator[None]:
+    """What is started here hears no Ctrl-C, which is for this process: that ends the others.
+
+    A handler of their own would come too late: an interrupt may meet Python while it starts.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class Noted:
+    """Whether a signal came that nobody has taken yet."""
+
+    def __init__(self) -> None:
+        self._came = False
+
+    def take(self) -> bool:
+        """Whether one came; it is taken by that."""
+        came, self._came = self._came, False
+        return came
+
+    def note(self, *_: object) -> None:
+        """Handle a signal."""
+        self._came = True
+
+
+@contextmanager
+def noted_interrupts() -> Iterator[Noted]:
+    """Here signals interrupt nothing halfway; at the end one that nobody has taken does.
+
+    Raises:
+        KeyboardInterrupt: one came.
+    """
+    noted = Noted()
+    previous = {number: signal.signal(number, noted.note) for number in END_SIGNALS}
+    try:
+        yield noted
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    if noted.take():
+        raise KeyboardInterrupt
 
 
 class _Interrupt:

@@ -2,7 +2,6 @@
 """`intent demo`: learn from the shipped bags, then help a simulated coworker through a session."""
 
 import argparse
-import signal
 import socket
 import time
 from pathlib import Path
@@ -22,7 +21,6 @@ from intent_recognition.cli.output import (
     console_beside,
     write_json,
 )
-from intent_recognition.cli.session_watch import END_SIGNALS, interrupt
 from intent_recognition.composing import read_sequences
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.errors import (
@@ -32,6 +30,7 @@ from intent_recognition.errors import (
     ResourceBusyError,
     describe,
 )
+from intent_recognition.interrupts import END_SIGNALS, end_like_interrupted
 from intent_recognition.learning import TrainingSettings
 from intent_recognition.model import load_model, load_trained, save_model
 from intent_recognition.share import share_path
@@ -202,8 +201,7 @@ def run(args: argparse.Namespace) -> int:
         raise IntentError(
             describe("rclpy", "ROS 2 Jazzy", error, "Source it, or pip install .[ros].")
         ) from error
-    for end_signal in END_SIGNALS:
-        signal.signal(end_signal, interrupt)
+    end_like_interrupted(*END_SIGNALS)
     if args.rate is None:
         args.rate = DASHBOARD_RATE if args.dashboard else DEFAULT_RATE
     if args.scenario == "pouring":

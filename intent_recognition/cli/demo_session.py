@@ -4,7 +4,6 @@
 import argparse
 import os
 import secrets
-import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,16 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 from rich.console import Console
 
 from intent_recognition.cli.demo_scene import Scene
-from intent_recognition.cli.session_watch import (
-    COWORKER,
-    END_SIGNALS,
-    Heartbeats,
-    NodeWatch,
-    ProgressLine,
-    interrupt,
-)
+from intent_recognition.cli.session_watch import COWORKER, Heartbeats, NodeWatch, ProgressLine
 from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
 from intent_recognition.errors import IntentError, ResourceBusyError, describe
+from intent_recognition.interrupts import Noted, noted_interrupts
 from intent_recognition.nodes.graph import ARMS, GRAPHS, NodeCall, resolve
 
 if TYPE_CHECKING:
@@ -70,9 +63,10 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
     """
     from intent_recognition.experiments.toolbox.session_scoring import first_sample_ns
 
-    with ros_context(args) as processes:
+    with ros_context(args) as (processes, interrupts):
         calls = _calls(args, model, scene)
-        log = _run_graph(args, calls, len(scene.plan.interactions), processes, console)
+        watched = processes, interrupts
+        log = _run_graph(args, calls, len(scene.plan.interactions), watched, console)
     first_ns = first_sample_ns(log, scene.plan)
     if first_ns is None:
         raise IntentError(
@@ -82,8 +76,8 @@ def run_session(args: argparse.Namespace, model: Path, console: Console, scene: 
 
 
 @contextmanager
-def ros_context(args: argparse.Namespace) -> "Iterator[NodeProcesses]":
-    """A domain for this process and its nodes, which end with it; signals are as before then."""
+def ros_context(args: argparse.Namespace) -> "Iterator[tuple[NodeProcesses, Noted]]":
+    """A domain for this process and its nodes, which end with it; meanwhile signals are noted."""
     import rclpy
 
     from intent_recognition.nodes.processes import NodeProcesses, node_environment
@@ -91,21 +85,20 @@ def ros_context(args: argparse.Namespace) -> "Iterator[NodeProcesses]":
     environment = node_environment(os.environ, _domain())
     environment.setdefault(TOKEN_VARIABLE, secrets.token_urlsafe(TOKEN_BYTES))
     os.environ.update(environment)
-    rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
-    try:
-        with NodeProcesses(environment, args.output / "logs") as processes:
-            yield processes
-    finally:
-        for number in END_SIGNALS:
-            signal.signal(number, interrupt)
-        rclpy.try_shutdown()
+    with noted_interrupts() as interrupts:
+        rclpy.init(args=[], signal_handler_options=rclpy.SignalHandlerOptions.NO)
+        try:
+            with NodeProcesses(environment, args.output / "logs") as processes:
+                yield processes, interrupts
+        finally:
+            rclpy.try_shutdown()
 
 
 def _run_graph(
     args: argparse.Namespace,
     calls: dict[str, NodeCall],
     n_tasks: int,
-    processes: "NodeProcesses",
+    watched: "tuple[NodeProcesses, Noted]",
     console: Console,
 ) -> "SessionLog":
     """Run the nodes through one session; returns what was observed."""
@@ -125,7 +118,7 @@ def _run_graph(
     )
     executor = make_executor()
     executor.add_node(observer)
-    watch = NodeWatch(processes, executor, heartbeats)
+    watch = NodeWatch(watched[0], executor, heartbeats, watched[1])
     try:
         _refuse_busy_domain(observer, watch)
         _start_nodes(args, calls, observer, watch)

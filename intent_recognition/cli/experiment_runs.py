@@ -2,7 +2,7 @@
 """Run experiments in processes of their own and show how far they are."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     Future,
@@ -12,8 +12,9 @@ from concurrent.futures import (
 )
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from multiprocessing.context import SpawnContext
+from multiprocessing.process import BaseProcess
 from queue import Empty, Queue
 
 from rich.console import Console
@@ -22,6 +23,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from intent_recognition.errors import IntentError, one_line
 from intent_recognition.experiments.catalogue import Experiment
 from intent_recognition.experiments.settings import Settings
+from intent_recognition.interrupts import uninterrupted_children
 from intent_recognition.report import ExperimentResult
 
 News = Queue[tuple[str, float, str]]
@@ -48,19 +50,22 @@ def run_all(
     """Run each in a fresh process, `jobs` at a time, and show how far; results in their order."""
     context = get_context("spawn")
     show = _ProgressBars if console.is_terminal else _ProgressLines
+    with uninterrupted_children():
+        news_manager = context.Manager()
     with (
-        context.Manager() as manager,
+        news_manager as manager,
         show(console, [entry.name for entry in entries]) as shown,
         ThreadPoolExecutor(jobs) as pool,
     ):
-        news = manager.Queue()
-        futures = {
-            entry.name: pool.submit(_alone, context, entry, settings, news) for entry in entries
-        }
+        news, others = manager.Queue(), active_children()
+        futures: dict[str, Future] = {}
         try:
+            for entry in entries:
+                futures[entry.name] = pool.submit(_alone, context, entry, settings, news)
             _watch(futures, news, shown)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            _end(futures.values(), others)
             raise
         return {name: _result(future) for name, future in futures.items()}
 
@@ -128,6 +133,15 @@ class _ProgressLines:
         self._console.print(line, markup=False, highlight=False)
 
 
+def _end(futures: Collection[Future], others: Collection[BaseProcess]) -> None:
+    """End the processes of experiments, also one that is just being started."""
+    while not all(future.done() for future in futures):
+        for process in active_children():
+            if process not in others:
+                process.terminate()
+        wait(futures, LOOK_S)
+
+
 def _result(future: Future) -> ExperimentRun:
     error = future.exception()
     if error is None:
@@ -163,7 +177,9 @@ def _alone(
 ) -> ExperimentRun:
     """One experiment in a process of its own; what ends that ends no other."""
     with ProcessPoolExecutor(1, mp_context=context) as process:
-        return process.submit(_run, entry, settings, news).result()
+        with uninterrupted_children():
+            future = process.submit(_run, entry, settings, news)
+        return future.result()
 
 
 def _run(entry: Experiment, settings: Settings, news: News) -> ExperimentRun:

@@ -60,7 +60,7 @@ def observe_pour(
             "seed": args.seed,
         },
     )
-    with ros_context(args) as processes:
+    with ros_context(args) as (processes, interrupts):
         from rclpy.parameter import Parameter
 
         from intent_recognition.nodes.pouring_observer import PouringObserver
@@ -71,7 +71,7 @@ def observe_pour(
         observer = PouringObserver(heartbeats.hear, parameter_overrides=simulated_time)
         executor = make_executor()
         executor.add_node(observer)
-        watch = NodeWatch(processes, executor, heartbeats)
+        watch = NodeWatch(processes, executor, heartbeats, interrupts)
         try:
             for call in calls:
                 processes.start(call.name, call.module, call.parameters, call.remappings)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `intent demo` shows of a session and how it waits: for the nodes, and for signals."""
 
-import signal
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from intent_recognition.errors import IntentError, describe
+from intent_recognition.interrupts import Noted
 
 if TYPE_CHECKING:
     from rclpy.executors import Executor
@@ -24,7 +24,6 @@ HUNG_S = 15.0
 longest that learning keeps one busy."""
 LONGEST_STEP_S = 1.0
 """What counts at most of the time between two looks [s]: this process may have been stopped."""
-END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Heartbeats:
@@ -66,24 +65,27 @@ class Heartbeats:
 class NodeWatch:
     """Runs the callbacks of this process while the nodes run.
 
-    A callback must not be interrupted halfway: from here on a signal is noted, and ends what is
-    waited for after the callback under way.
+    A callback must not be interrupted halfway: signals are noted, and end what is waited for after
+    the callback under way.
 
     Args:
         processes: the nodes.
         executor: of this process.
         heartbeats: what the nodes say on /diagnostics.
+        interrupts: signals noted.
     """
 
     def __init__(
-        self, processes: "NodeProcesses", executor: "Executor", heartbeats: Heartbeats
+        self,
+        processes: "NodeProcesses",
+        executor: "Executor",
+        heartbeats: Heartbeats,
+        interrupts: Noted,
     ) -> None:
         self.processes = processes
         self._heartbeats = heartbeats
         self._executor = executor
-        self._interrupted = False
-        for number in END_SIGNALS:
-            signal.signal(number, self._note)
+        self._interrupts = interrupts
 
     def until(self, condition: Callable[[], bool], deadline_s: float, what: str) -> None:
         """Wait until a condition holds.
@@ -117,15 +119,11 @@ class NodeWatch:
                 self._step()
 
     def _step(self) -> None:
-        if self._interrupted:
-            self._interrupted = False
+        if self._interrupts.take():
             raise KeyboardInterrupt
         self.processes.check(may_end=(COWORKER,))
         self._heartbeats.check(filter(self.processes.running, self.processes.names))
         self._executor.spin_once(timeout_sec=SLICE_S)
-
-    def _note(self, number: int, frame: object) -> None:
-        self._interrupted = True
 
 
 class ProgressLine:
@@ -172,8 +170,3 @@ class ProgressLine:
             f"interaction {self._number}/{self.total}, {self._right} right so far;"
             f" human: {truth}, robot: {self._active or '-'}"
         )
-
-
-def interrupt(number: int, frame: object) -> None:
-    """Turn a signal into a KeyboardInterrupt."""
-    raise KeyboardInterrupt

@@ -116,7 +116,8 @@ def teacher_node(args: argparse.Namespace, task: str = "") -> Iterator[tuple["Ta
         "executions": 0,
     }
     chosen |= {k: str(v.absolute()) for k in ("model", "dofs") if (v := getattr(args, k))}
-    rclpy.init(args=[*node_arguments(args, chosen), "--log-level", "warn"])
+    words = [*node_arguments(args, chosen), "--log-level", "warn"]
+    rclpy.init(args=words, signal_handler_options=rclpy.SignalHandlerOptions.NO)
     executor = node = None
     try:
         executor = make_executor()

@@ -2,10 +2,9 @@
 """Where work is done: in this process, in others on this machine, or by a dask scheduler."""
 
 import argparse
-import signal
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import CancelledError, ProcessPoolExecutor
+from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
@@ -13,6 +12,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from intent_recognition.errors import ArgumentError, IntentError, ResourceBusyError, describe
+from intent_recognition.interrupts import uninterrupted_children
 from intent_recognition.model import Run
 
 AHEAD = 3
@@ -69,11 +69,14 @@ def workers(jobs: int = 1, scheduler: str | None = None) -> Iterator[Run]:
 @contextmanager
 def _processes(jobs: int) -> Iterator[Run]:
     # A fresh interpreter each: to fork one whose progress bar has a thread may lock up.
-    pool = ProcessPoolExecutor(
-        jobs, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)
-    )  # Ctrl-C is for this process, which then ends the others
+    pool = ProcessPoolExecutor(jobs, get_context("spawn"))
+
+    def submit(*work: Any) -> Future:
+        with uninterrupted_children():
+            return pool.submit(*work)
+
     try:
-        yield partial(_in_order, pool.submit, AHEAD * jobs)
+        yield partial(_in_order, submit, AHEAD * jobs)
     except BrokenProcessPool as error:
         raise IntentError(
             describe("--jobs", "processes that run to their end", error, "Try fewer of them.")

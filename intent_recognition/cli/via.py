@@ -98,7 +98,8 @@ def run(args: argparse.Namespace) -> int:
     from intent_recognition.nodes.runtime import make_executor
 
     console = make_console()
-    rclpy.init(args=node_arguments(args, {}))
+    quiet = rclpy.SignalHandlerOptions.NO
+    rclpy.init(args=node_arguments(args, {}), signal_handler_options=quiet)
     executor = node = None
     try:
         executor, node = make_executor(), Node("via_points")

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from intent_recognition.errors import IntentError, describe
+from intent_recognition.interrupts import NODE
 from intent_recognition.share import share_path
 
 FAST_DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
@@ -86,7 +87,8 @@ class NodeProcesses:
             remappings: pairs of topics, from and to.
             params_file: of parameters that are laid over these.
         """
-        command = [sys.executable, "-c", f"import sys, {module} as m; sys.exit(m.main())"]
+        named = f"import sys; sys.argv[0] = {NODE!r}; import {module} as m; sys.exit(m.main())"
+        command = [sys.executable, "-c", named]
         command += ["--ros-args"]
         for key, value in parameters.items():
             command += ["-p", f"{key}:={_text(value)}"]

@@ -18,7 +18,7 @@ from rich.console import Console
 from intent_recognition.cli import demo
 from intent_recognition.cli.demo_scene import make_scene
 from intent_recognition.cli.main import main
-from intent_recognition.cli.session_watch import END_SIGNALS
+from intent_recognition.interrupts import END_SIGNALS
 from intent_recognition.model import Model, load_model, save_model
 from intent_recognition.model.file import load_trained
 

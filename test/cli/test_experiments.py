@@ -4,6 +4,7 @@
 import io
 import json
 import sys
+from multiprocessing import active_children
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,8 @@ from intent_recognition.report.experiments_report import Finding
 
 GOOD = Experiment("stub", "experiment_stub", "Nobody, Fig. 0", "a stub")
 BROKEN = Experiment("broken", "experiment_stub_broken", "Nobody, Fig. 1", "a stub that breaks off")
+
+WAITING = Experiment("waiting", "experiment_stub_waiting", "Nobody, Fig. 2", "a stub without end")
 
 
 @pytest.fixture
@@ -70,6 +73,23 @@ def test_on_a_terminal_there_is_a_bar_for_each(stubs):
     run_all((GOOD, BROKEN), Settings(seed=1), 2, console)
     shown = console.file.getvalue()
     assert "done" in shown and "broke off" in shown and "50 %" not in shown
+
+
+class InterruptedWhereItWaits(io.StringIO):
+    """A terminal whose user has seen enough."""
+
+    def write(self, text):
+        if "waiting" in text:
+            raise KeyboardInterrupt
+        return super().write(text)
+
+
+@pytest.mark.slow
+def test_interrupted_it_ends_the_processes_of_its_experiments(stubs):
+    console = Console(file=InterruptedWhereItWaits())
+    with pytest.raises(KeyboardInterrupt):
+        run_all((WAITING,), Settings(seed=1), 1, console)
+    assert active_children() == []
 
 
 def test_unknown_name_is_one_line(capsys):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ctrl-C in a command: at once while it imports, once where two come within milliseconds."""
 
+import signal
 import subprocess
 import sys
 
@@ -38,3 +39,41 @@ def test_two_interrupts_within_milliseconds_are_one(monkeypatch):
     interrupt(2, None)
     with pytest.raises(KeyboardInterrupt):
         interrupt(2, None)
+
+
+@pytest.mark.parametrize("number", interrupts.END_SIGNALS)
+def test_a_signal_that_nobody_has_taken_interrupts_afterwards(number):
+    handler, steps = signal.getsignal(number), []
+    with pytest.raises(KeyboardInterrupt), interrupts.noted_interrupts():
+        signal.raise_signal(number)
+        signal.raise_signal(number)
+        steps.append("done")
+    assert steps == ["done"]
+    with interrupts.noted_interrupts() as noted:
+        signal.raise_signal(number)
+        assert [noted.take(), noted.take()] == [True, False]
+    assert signal.getsignal(number) is handler
+
+
+@pytest.mark.parametrize("of", ["terminal", "manager of processes"])
+def test_what_ends_the_demo_does_not_meet_its_imports_halfway(tmp_path, of):
+    """Libraries that load one another lazily are left without what an interrupt kept out."""
+    number = {"terminal": "SIGINT", "manager of processes": "SIGTERM"}[of]
+    (tmp_path / "swallows.py").write_text(SWALLOWS.replace("SIGINT", number))
+    code = (
+        "import sys; sys.argv[0] = 'intent'\n"
+        "from intent_recognition import interrupts as i\n"
+        "i.raise_interrupts(); i.end_like_interrupted(*i.END_SIGNALS)\n"
+        f"sys.path.append({str(tmp_path)!r})\n"
+        "import swallows; print('went on')"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (interrupts.INTERRUPTED, "", "")
+
+
+def test_processes_started_for_work_hear_no_ctrl_c():
+    code = "import signal; signal.raise_signal(signal.SIGINT); print('goes on')"
+    with interrupts.uninterrupted_children():
+        child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (child.returncode, child.stdout, child.stderr) == (0, "goes on\n", "")
+    assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == set()
