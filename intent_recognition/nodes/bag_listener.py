@@ -17,6 +17,8 @@ from rclpy.type_support import check_is_valid_msg_type
 
 WAIT_NS = 20_000_000
 """Longest time until a new or closed subscription is noticed [ns]. Convention."""
+CATCH_UP_S = 1.0
+"""Longest wait for what was received already [s]. Convention: a full queue takes some 0.1 s."""
 
 
 class BagListener:
@@ -40,6 +42,7 @@ class BagListener:
         self._lock = threading.Lock()
         self._handles: dict[Hashable, tuple[_rclpy.Subscription, type]] = {}
         self._stopping = threading.Event()
+        self._passes, self._passed = 0, threading.Condition()
         self._thread = threading.Thread(target=self._listen, name="bag_listener", daemon=True)
         self._thread.start()
 
@@ -56,6 +59,12 @@ class BagListener:
         if previous is not None:
             previous[0].destroy_when_not_in_use()
 
+    def catch_up(self) -> None:
+        """Wait until all that was received before this call is passed on."""
+        with self._passed:
+            enough = self._passes + 2  # the pass under way may have left a topic behind
+            self._passed.wait_for(lambda: self._passes >= enough or self._ended, CATCH_UP_S)
+
     def close(self) -> None:
         """End the thread and the subscriptions."""
         self._stopping.set()
@@ -64,8 +73,15 @@ class BagListener:
             handle.destroy_when_not_in_use()
         self._handles.clear()
 
+    @property
+    def _ended(self) -> bool:
+        return self._stopping.is_set() or not self._node.context.ok()
+
     def _listen(self) -> None:
-        while not self._stopping.is_set() and self._node.context.ok():
+        while not self._ended:
+            with self._passed:
+                self._passes += 1
+                self._passed.notify_all()
             with self._lock:
                 sources = list(self._handles.items())
             if not sources:

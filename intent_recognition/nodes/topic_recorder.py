@@ -154,13 +154,17 @@ class TopicRecorder(Node):
     def close_bag(self, asked_by: str = "~/stop") -> BagWriter:
         """End the recording, as a service asks for; returns its writer, which is closed.
 
+        What was received before is in it.
+
         Raises:
             BagError: nothing is being recorded, or the end did not fit on the disk.
         """
-        if self._writer is None:
-            raise BagError(describe(asked_by, "a recording", "none", "Start one first."))
+        if self._writer is not None:
+            self._listener.catch_up()
         with self._lock:
             writer, self._writer = self._writer, None
+            if writer is None:
+                raise BagError(describe(asked_by, "a recording", "none", "Start one first."))
             self.diagnostics.status(Level.OK, "idle")
             writer.close()
         self.get_logger().info(f"{writer.message_count} messages in {writer.path}")

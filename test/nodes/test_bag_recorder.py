@@ -8,6 +8,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from ros_harness import Harness, NodeProcess
 from rosbags.highlevel import AnyReader
@@ -105,6 +106,17 @@ def test_a_burst_of_a_thousand_is_written_without_loss(harness, tmp_path):
     )
     stamps = [m.stamp_ns for m in BagReader(tmp_path / "bag").messages()]
     assert stamps == [7_000_000_000 + i for i in range(1000)]
+
+
+def test_what_was_received_before_the_stop_is_in_the_bag(harness, tmp_path):
+    publisher = harness.publisher(PoseStamped, "mocap/wrist/pose", 2000)
+    node = harness.add(recorder(output=str(tmp_path / "bag"), topics=["mocap/wrist/pose"]))
+    harness.connect(publisher)
+    for index in range(1000):
+        publisher.publish(pose(index))
+    assert publisher.wait_for_all_acked(Duration(seconds=30))
+    node.stop()
+    assert BagReader(tmp_path / "bag").message_count == 1000
 
 
 def test_sender_stamps_come_before_reception(harness, tmp_path):
