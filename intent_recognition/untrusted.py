@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of strangers: regular ones of bounded size, and YAML, JSON and arrays that cannot grow.
+"""Files of strangers: regular, of bounded size; YAML, JSON, XML and arrays that cannot grow.
 
 Whatever is wrong with a file is an `UntrustedError`, whose text says what came in place of what was
 expected; the caller adds which file, and the cure.
@@ -10,6 +10,7 @@ import stat
 import zipfile
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import yaml
@@ -22,9 +23,10 @@ MOST_TEXT = 4_000_000
 MOST_LOG = 100_000_000
 """Bytes of a log of lines. Convention: three hundred thousand changes or executions."""
 DEEPEST = 32
-"""Nesting of YAML. Convention: a DOF file has 4 levels, metadata.yaml 7."""
+"""Nesting of YAML and XML. Convention: a DOF file has 4 levels, a URDF 5, metadata.yaml 7."""
 MOST_NODES = 100_000
-"""Nodes of YAML, with those that aliases repeat. Convention: a thousand topics take 60 000."""
+"""Nodes of YAML, with those that aliases repeat, and elements of XML. Convention: a thousand topics
+take 60 000, a thousand links 20 000."""
 LONGEST_NUMBER = 100
 """Characters of a number. Convention: 2^64 takes 20."""
 MOST_ARRAYS = 2**29
@@ -113,6 +115,43 @@ def load_json(text: str) -> Any:
         return json.loads(text)
     except (ValueError, RecursionError) as error:
         raise UntrustedError(str(error)) from error
+
+
+def load_xml(text: str) -> ET.Element:
+    """The root of an XML text without a document type: no entities, nothing that is elsewhere.
+
+    Raises:
+        UntrustedError: it is no XML, has a document type, is too deep or too large.
+    """
+    try:
+        return ET.fromstring(text, ET.XMLParser(target=_BoundedTree()))
+    except UntrustedError:
+        raise
+    except (ET.ParseError, ValueError, LookupError) as error:  # encodings that there are not
+        raise UntrustedError(f"broken XML: {error}") from error
+
+
+class _BoundedTree(ET.TreeBuilder):
+    """Builds a tree as long as it is small."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._depth = self._nodes = 0
+
+    def doctype(self, *_: object) -> None:
+        raise UntrustedError("XML with a document type")
+
+    def start(self, tag: Any, attrs: Any, /) -> ET.Element:
+        self._depth, self._nodes = self._depth + 1, self._nodes + 1
+        if self._depth > DEEPEST:
+            raise UntrustedError(f"XML of more than {DEEPEST} levels")
+        if self._nodes > MOST_NODES:
+            raise UntrustedError(f"XML of more than {MOST_NODES} elements")
+        return super().start(tag, attrs)
+
+    def end(self, tag: str, /) -> ET.Element:
+        self._depth -= 1
+        return super().end(tag)
 
 
 def check_archive(path: Path) -> None:

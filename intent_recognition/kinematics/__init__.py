@@ -26,8 +26,10 @@ from intent_recognition.kinematics.lwr import (
     LWR_LIMITS,
     N_JOINTS,
 )
+from intent_recognition.kinematics.meshes import check_meshes
 from intent_recognition.kinematics.refinement import reach_position
-from intent_recognition.kinematics.urdf import UrdfChain, read_chain, read_urdf
+from intent_recognition.kinematics.urdf import UrdfChain, read_chain
+from intent_recognition.kinematics.urdf_tree import parse_xml, read_urdf
 
 __all__ = [
     "DEFAULT_ACCELERATION_RAD_S2",
@@ -46,6 +48,7 @@ __all__ = [
     "FollowedPath",
     "JointLimits",
     "UrdfChain",
+    "check_meshes",
     "check_position",
     "forward_kinematics",
     "frame_poses",
@@ -54,6 +57,7 @@ __all__ = [
     "jacobian",
     "joint_poses",
     "parse_boxes",
+    "parse_xml",
     "position_violation",
     "reach_position",
     "read_chain",

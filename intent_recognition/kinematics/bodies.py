@@ -5,7 +5,6 @@ Geometry is coal's, through pinocchio; both are loaded with the first `Bodies`, 
 Meshes are replaced by their convex hulls, which hold them and are quicker to measure.
 """
 
-import os
 from bisect import bisect_right
 from collections.abc import Sequence
 from heapq import heappop, heapreplace
@@ -17,8 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe, one_line
+from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.reduced_model import ReducedModel, load_pinocchio
-from intent_recognition.kinematics.urdf import read_mimics, read_urdf
+from intent_recognition.kinematics.urdf import read_mimics
+from intent_recognition.kinematics.urdf_tree import parse_urdf, read_urdf
 
 _N_POSTURES = 100
 """Random postures from which bodies that are always near one another are told. Convention."""
@@ -62,7 +63,7 @@ def parse_boxes(texts: Sequence[str]) -> tuple[Box, ...]:
 
 
 def _parse_box(text: str) -> Box:
-    name, *words = text.split()
+    name, *words = text.split() or [""]
     try:
         numbers = [float(word) for word in words]
     except ValueError:
@@ -252,8 +253,9 @@ class Bodies:
     # Set-up
 
     def _read(self, text: str, names: tuple[str, ...]) -> None:
-        pin, places = self._pin, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-        packages = [str(Path(place) / "share") for place in places if place]
+        pin, packages = self._pin, package_shares()
+        mimics = read_mimics(text)
+        check_meshes(parse_urdf(text).iterfind("link/collision/geometry/mesh"))
         try:
             full = pin.buildModelFromXML(text)
             shapes = pin.buildGeomFromUrdfString(
@@ -268,7 +270,7 @@ class Bodies:
             known = ", ".join(list(full.names)[1:])
             cure = "Describe the arm that is commanded."
             raise ArgumentError(describe("robot", f"the joints {names}", known, cure))
-        self._model = ReducedModel.of(pin, full, names, read_mimics(text), shapes)
+        self._model = ReducedModel.of(pin, full, names, mimics, shapes)
         self._geometry = self._model.geometry
         for shape in self._geometry.geometryObjects:
             if isinstance(shape.geometry, self._coal.BVHModelBase):

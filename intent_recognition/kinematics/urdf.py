@@ -14,7 +14,7 @@ import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics.limits import JointLimits
-from intent_recognition.untrusted import MOST_TEXT, UntrustedError, read_text
+from intent_recognition.kinematics.urdf_tree import end_of, parse_urdf
 
 UNLIMITED_RAD = 1e6
 """Position limit of a continuous joint [rad], which has none. Convention."""
@@ -54,28 +54,13 @@ class UrdfChain(NamedTuple):
     mimics: tuple[Mimic, ...]
 
 
-def read_urdf(source: str | Path) -> str:
-    """The text of a URDF, which may be given itself or as a path.
-
-    Raises:
-        ArgumentError: the file cannot be read.
-    """
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        return source
-    try:
-        return read_text(Path(source), 10 * MOST_TEXT)
-    except (OSError, UntrustedError) as error:
-        cure = "Give the path of a URDF, or its text."
-        raise ArgumentError(describe("robot", "a URDF", f"{source}: {error}", cure)) from error
-
-
 def read_mimics(source: str | Path) -> tuple[Mimic, ...]:
     """The joints of a URDF that copy another.
 
     Raises:
         ArgumentError: no URDF.
     """
-    return _mimics(_parse(source).findall("joint"))
+    return _mimics(parse_urdf(source).findall("joint"))
 
 
 def read_chain(
@@ -90,9 +75,9 @@ def read_chain(
     Raises:
         ArgumentError: no URDF, no such link, no chain, or a joint without limits.
     """
-    root = _parse(source)
+    root = parse_urdf(source)
     joints = [joint for joint in root.findall("joint") if joint.get("type")]
-    above = {_link(joint, "child"): joint for joint in joints}
+    above = {end_of(joint, "child"): joint for joint in joints}
     links = [link.get("name", "") for link in root.findall("link")]
     for argument, name in (("base", base), ("tip", tip)):
         if name is not None and name not in links:
@@ -129,29 +114,6 @@ def read_chain(
     )
 
 
-def _parse(source: str | Path) -> ET.Element:
-    text = read_urdf(source)
-    try:
-        root = ET.fromstring(text)
-    except ET.ParseError as error:
-        cure = "Expand a xacro file first: xacro FILE > robot.urdf."
-        raise ArgumentError(describe("robot", "a URDF", f"XML that ends: {error}", cure)) from error
-    if root.tag != "robot" or root.find("link") is None:
-        got = f"<{root.tag}>" if root.tag != "robot" else "no link"
-        raise ArgumentError(describe("robot", "a URDF: <robot> with links", got, "Check the file."))
-    return root
-
-
-def _link(joint: ET.Element, end: str) -> str:
-    element = joint.find(end)
-    name = None if element is None else element.get("link")
-    if name is None:
-        raise ArgumentError(
-            describe(joint.get("name", "joint"), f"a {end} link", "none", "Add it.")
-        )
-    return name
-
-
 def _names(joints: list[ET.Element]) -> list[str]:
     return [joint.get("name", "") for joint in joints]
 
@@ -171,7 +133,7 @@ def _last_link(base: str, joints: list[ET.Element]) -> str:
     """The link before the tree branches, which is the hand of a plain arm."""
     link, seen = base, {base}
     while True:
-        below = [_link(joint, "child") for joint in joints if _link(joint, "parent") == link]
+        below = [end_of(joint, "child") for joint in joints if end_of(joint, "parent") == link]
         if len(below) != 1 or below[0] in seen:
             return link
         link = below[0]
@@ -186,7 +148,7 @@ def _way(base: str, tip: str, above: Mapping[str, ET.Element]) -> list[ET.Elemen
             cure = "Name a tip that hangs on the base."
             raise ArgumentError(describe("tip", f"a link below {base}", tip, cure))
         way.insert(0, above[link])
-        link = _link(above[link], "parent")
+        link = end_of(above[link], "parent")
     return way
 
 

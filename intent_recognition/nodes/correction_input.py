@@ -95,8 +95,9 @@ def load_detector(name: str) -> DeviationDetector:
         coefficients = np.array([found[key] for key in ("constant", "velocity", "acceleration")])
         explained = np.array(found["explained"], dtype=np.float64)
         numbers = [float(found[key]) for key in ("sustained", "false_alarm_rate", "least")]
-        fits = coefficients.shape == (3, explained.size)
-        if not fits or not np.all(np.isfinite([*coefficients.ravel(), *explained, *numbers])):
+        fits = explained.ndim == 1 and coefficients.shape == (3, explained.size)
+        values = [*coefficients.ravel(), *explained.ravel(), *numbers]
+        if not fits or not np.all(np.isfinite(values)) or min(numbers) < 0.0:
             raise ValueError("numbers that do not fit")
     except (OSError, KeyError, TypeError, ValueError) as error:
         expected = (

@@ -60,6 +60,10 @@ def load_object(path: str | Path) -> AnnotatedObject:
     missing = {"name", "points", "normals", "labels"} - arrays.keys()
     if missing:
         raise ModelError(describe(str(path), "all arrays", f"no {sorted(missing)}", CURE))
+    numbers = arrays.keys() & {"points", "normals", "labels", "grasp", "grasp_width_m"}
+    if others := sorted(name for name in numbers if arrays[name].dtype.kind not in "fiu"):
+        got = f"{others[0]} of {arrays[others[0]].dtype}"
+        raise ModelError(describe(str(path), "arrays of real numbers", got, CURE))
     try:
         grasp = None
         if "grasp" in arrays:

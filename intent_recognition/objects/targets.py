@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets of warping from files: any mesh that trimesh loads, or a cloud."""
+"""Targets of warping from files: meshes, or clouds."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, IntentError, describe
+from intent_recognition.untrusted import check_regular
 from intent_recognition.warping import ObjectCloud, with_estimated_normals
 
 if TYPE_CHECKING:
@@ -23,7 +24,9 @@ N_SURFACE_POINTS = 100_000
 MOSTLY_SOLID = 0.8
 """Share of its convex hull above which a mesh counts as closed on top. Convention: a container
 with walls fills less."""
-NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb) or a cloud (.ply, .xyz)"
+SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".xyz")
+"""Kinds that are read. Others of trimesh are archives and XML, which may unpack without end."""
+NEEDED = "a mesh file (.obj, .ply, .stl, .off, .glb, .gltf) or a cloud (.ply, .xyz)"
 
 
 @dataclass(frozen=True)
@@ -67,13 +70,16 @@ def load_target(
     place = str(path)
     if not Path(path).is_file():
         raise ArgumentError(describe(place, NEEDED, "no file", "Check the path."))
+    if (suffix := Path(path).suffix.lower()) not in SUFFIXES:
+        raise ArgumentError(describe(place, NEEDED, suffix or "neither", "Export it as one."))
     if Path(path).stat().st_size > MOST_BYTES:
         got = f"a file of more than {MOST_BYTES} bytes"
         raise ArgumentError(describe(place, NEEDED, got, "Export fewer triangles."))
     try:
         # Files may lack material values; trimesh computes with the gaps.
         with np.errstate(invalid="ignore"):
-            loaded = trimesh.load(place)
+            # Neither materials nor textures, which could be any file, also one without end.
+            loaded = trimesh.load(place, resolver=_buffers(place), skip_materials=True)
     except Exception as error:  # every reader of trimesh has errors of its own
         got = f"{type(error).__name__}: {error}"
         raise ArgumentError(describe(place, NEEDED, got, "Export it again.")) from error
@@ -86,6 +92,19 @@ def load_target(
     except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError) as error:
         got = f"one that cannot be used: {error}"
         raise ArgumentError(describe(place, NEEDED, got, "Export it again.")) from error
+
+
+def _buffers(place: str) -> "trimesh.resolvers.FilePathResolver":
+    """What gives a glTF its buffers: regular files beside it, of bounded size."""
+    import trimesh
+
+    class Buffers(trimesh.resolvers.FilePathResolver):
+        def get(self, name: str) -> bytes:
+            path = Path(self.parent, name)
+            check_regular(path, MOST_BYTES)
+            return path.read_bytes()
+
+    return Buffers(place)
 
 
 def mesh_target(

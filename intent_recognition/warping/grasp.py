@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 
+LARGEST_M = 1e6
+"""Largest element of a pose [m]. Convention: as of points."""
 MAX_SKEW = 1e-4
 """How far R' R of a rotation may be from the identity: files keep 32 bits."""
 
@@ -36,7 +38,7 @@ class Grasp:
         if pose.shape != (4, 4):
             raise ShapeError(describe("pose", "shape (4, 4)", pose.shape, "Give a 4x4 matrix."))
         turn = pose[:3, :3]
-        rigid = np.isfinite(pose).all() and np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0])
+        rigid = np.all(np.abs(pose) <= LARGEST_M) and np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0])
         if not rigid or np.abs(turn.T @ turn - np.eye(3)).max() > MAX_SKEW:
             cure = "Give orthonormal axes as columns, and the last row 0, 0, 0, 1."
             raise ArgumentError(describe("pose", "a rigid motion", pose.tolist(), cure))

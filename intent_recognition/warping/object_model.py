@@ -12,6 +12,8 @@ from intent_recognition.warping.parts import Part
 
 MIN_POINTS = 100
 """Fewer points describe no object."""
+LARGEST_M = 1e6
+"""Largest coordinate [m], and component of a normal. Convention: beyond any map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +39,9 @@ class ObjectCloud:
         if normals.shape != points.shape:
             cure = "Give one outward normal per point, or use `with_estimated_normals`."
             raise ShapeError(describe("normals", f"shape {points.shape}", normals.shape, cure))
-        length = np.linalg.norm(normals, axis=1)
-        bad = ~(np.isfinite(length) & (length > 1e-9))
+        fits = np.all(np.abs(normals) <= LARGEST_M, axis=1)
+        length = np.linalg.norm(np.where(fits[:, None], normals, 0.0), axis=1)
+        bad = length <= 1e-9
         if bad.any():
             cure = "Leave those points out, or use `with_estimated_normals`."
             raise ArgumentError(
@@ -99,9 +102,9 @@ def checked_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(points) < MIN_POINTS:
         cure = "Scan the object closer or from more sides."
         raise ArgumentError(describe("points", f"at least {MIN_POINTS}", len(points), cure))
-    bad = ~np.all(np.isfinite(points), axis=1)
+    bad = ~np.all(np.abs(points) <= LARGEST_M, axis=1)
     if bad.any():
         cure = "Leave pixels without depth out."
-        got = f"{np.sum(bad)} of {len(points)} with NaN or infinity"
+        got = f"{np.sum(bad)} of {len(points)} with NaN or beyond {LARGEST_M:g} m"
         raise ArgumentError(describe("points", "finite coordinates", got, cure))
     return points

@@ -24,6 +24,8 @@ from intent_recognition.warping.scan_checks import check_scan
 Mapping = Literal["label", "point"]
 N_CLASSIFIED = 600
 """Points of a target that the first guess of its parts is made from."""
+LEAST_APART_M = 1e-6
+"""Least distance of the middles of a source's wall and rim [m]. Convention: below any object."""
 MAX_ASIDE = 0.7
 """Greatest distance of the points' middle from the axis, in radii of the opening."""
 
@@ -56,7 +58,12 @@ class ObjectModel:
             got = f"no {' and no '.join(missing)}"
             raise TrainingError(describe("labels", "points of CONTAINER and RIM", got, cure))
         container, rim = (annotated.points[annotated.labels == part].mean(0) for part in parts)
-        up = (rim - container) / np.linalg.norm(rim - container)
+        apart_m = float(np.linalg.norm(rim - container))
+        if apart_m < LEAST_APART_M:
+            cure = "Annotate the rim around the opening as RIM, in metres."
+            expected = f"at least {LEAST_APART_M:g} m from the wall's middle to the rim's"
+            raise TrainingError(describe("points", expected, f"{apart_m:g} m", cure))
+        up = (rim - container) / apart_m
         classifiers = fit_part_classifiers(annotated, up)
         frame = _frame(annotated, classifiers)
         return cls(annotated, classifiers, frame)

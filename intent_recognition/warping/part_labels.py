@@ -78,4 +78,7 @@ def _seen(
         facing = source.normals @ (np.cos(elevation) * level + np.sin(elevation) * up)
         weight += np.where(facing > GRAZING, facing, 0.0)
     count = min(N_POINTS, int((weight > 0.0).sum()) * 2 // 3)
+    if not count:
+        cure = "Let normals point outward, also inside the opening."
+        raise TrainingError(describe("normals", "some that a camera above faces", "none", cure))
     return rng.choice(len(weight), count, replace=False, p=weight / weight.sum())

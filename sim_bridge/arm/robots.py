@@ -8,6 +8,7 @@ behind their gears, without which light wrists cannot be controlled at 1 kHz.
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +24,7 @@ from intent_recognition.kinematics import (
     JOINT_NAMES,
     LWR_LIMITS,
     JointLimits,
+    parse_xml,
     read_chain,
     read_urdf,
 )
@@ -210,18 +212,10 @@ def with_meshes(text: str, folder: Path) -> str:
     Raises:
         ArgumentError: it is no XML, or a mesh is nowhere.
     """
-    root = _parse(text)
+    root = parse_xml(text)
     for mesh in root.iter("mesh"):
         mesh.set("filename", str(_find_mesh(mesh.get("filename", ""), folder)))
     return ET.tostring(root, encoding="unicode")
-
-
-def _parse(text: str) -> ET.Element:
-    try:
-        return ET.fromstring(text)
-    except ET.ParseError as error:
-        cure = "Expand a xacro file first: xacro FILE > robot.urdf."
-        raise ArgumentError(describe("robot", "a URDF", f"broken XML: {error}", cure)) from error
 
 
 def _find_mesh(name: str, folder: Path) -> Path:
@@ -231,8 +225,9 @@ def _find_mesh(name: str, folder: Path) -> Path:
     shares = [Path(prefix) / "share" for prefix in prefixes if prefix]
     places = [folder, *folder.parents[:3], *(shares if scheme else ())]
     for place in places:
-        if (place / rest).is_file():
-            return (place / rest).resolve()
+        with suppress(OSError):  # such as a name that is too long
+            if (place / rest).is_file():
+                return (place / rest).resolve()
     cure = "Source the workspace that has its package, or put it beside the URDF."
     raise ArgumentError(describe("robot", f"the mesh {name}", "no such file", cure))
 
@@ -242,7 +237,7 @@ def with_rotors(text: str, joint_names: Sequence[str], torque: NDArray[np.float6
 
     As `sim_bridge.arm.urdf.link_inertia` explains: J about the joint's axis, J/2 across it.
     """
-    root = _parse(text)
+    root = parse_xml(text)
     links = {link.get("name"): link for link in root.findall("link")}
     joints = {joint.get("name"): joint for joint in root.findall("joint")}
     rotors = ROTOR_KG_M2_PER_NM * np.minimum(torque, LARGEST_TORQUE_NM)
@@ -276,8 +271,8 @@ def _add_rotor(link: ET.Element, axis: NDArray[np.float64], rotor: float) -> Non
 
 def with_world(text: str, base_position_m: tuple[float, float, float]) -> str:
     """A URDF for viewers: the root is `world`, meshes are URIs; a raised base stands on a block."""
-    root = _parse(text)
-    links, joints = root.findall("link"), root.findall("joint")
+    root = parse_xml(text)
+    links, joints = root.findall("link"), root.findall("joint[@type]")
     children = {_end(joint, "child") for joint in joints}
     base = next(name for name in (link.get("name", "") for link in links) if name not in children)
     if base != WORLD_LINK:

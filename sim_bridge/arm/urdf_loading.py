@@ -1,14 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bringing a URDF text into a PyBullet world, with its joints free for torque control."""
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+import pybullet_data
+
 from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.kinematics import check_meshes
 from sim_bridge.physics import BulletClient, pybullet
+
+LOADED_S = 15.0
+"""Longest time for a URDF to be loaded [s]. Convention: large meshes take seconds."""
+_TRY = """
+import sys, pybullet
+pybullet.connect(pybullet.DIRECT)
+pybullet.loadURDF(sys.argv[1], flags=int(sys.argv[2]))
+"""
 
 
 class Joint(NamedTuple):
@@ -80,6 +93,7 @@ def load_urdf(client: BulletClient, urdf: str, base_position_m: tuple[float, flo
     with TemporaryDirectory() as folder:
         path = Path(folder) / "arm.urdf"
         path.write_text(urdf, encoding="utf-8")
+        _try_meshes(urdf, path, flags)
         try:
             return client.loadURDF(
                 str(path),
@@ -90,6 +104,31 @@ def load_urdf(client: BulletClient, urdf: str, base_position_m: tuple[float, flo
         except pybullet.error as error:
             cure = "Check it with check_urdf, and that its meshes can be read."
             raise ArgumentError(describe("robot", "a URDF", error, cure)) from error
+
+
+def _try_meshes(urdf: str, path: Path, flags: int) -> None:
+    """Let another process load meshes that did not come with PyBullet: some broken ones end it.
+
+    Raises:
+        ArgumentError: a mesh cannot be used, or that process was ended or did not end.
+    """
+    meshes = [
+        mesh
+        for mesh in ElementTree.fromstring(urdf).iter("mesh")
+        if not mesh.get("filename", "").startswith(pybullet_data.getDataPath())
+    ]
+    if not meshes:
+        return
+    check_meshes(meshes)
+    command = [sys.executable, "-c", _TRY, str(path), str(flags)]
+    try:
+        code = subprocess.run(command, capture_output=True, timeout=LOADED_S).returncode
+        got = f"some that end it by signal {-code}" if code < 0 else ""
+    except subprocess.TimeoutExpired:
+        got = f"some that it has not read within {LOADED_S:.0f} s"
+    if got:
+        cure = "Export them again."
+        raise ArgumentError(describe("robot", "meshes that PyBullet can read", got, cure))
 
 
 def free_joints(

@@ -14,43 +14,11 @@ import pytest
 import yaml
 import zstandard
 from hostile import bags_of_strangers as bag
+from hostile.strangers import EACH, SEED, YAMLS, check, mutated, spoiled
 
 from intent_recognition.bags.definitions import definition
 
-EACH = 50
-SEED = 14
 LARGEST_INTEGER = 2**64 - 1
-
-
-class Worker:
-    """Runs commands under a limit of memory and time."""
-
-    def __init__(self):
-        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "120"}
-        self._process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name("worker.py"))],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment | {"PYTHONPATH": str(Path(__file__).parents[2])},
-            text=True,
-        )
-
-    def run(self, *words) -> dict:
-        self._process.stdin.write(json.dumps([str(word) for word in words]) + "\n")
-        self._process.stdin.flush()
-        return json.loads(self._process.stdout.readline())
-
-    def close(self):
-        self._process.stdin.close()
-        self._process.wait()
-        self._process.stdout.close()
-
-
-@pytest.fixture(scope="module")
-def worker():
-    worker = Worker()
-    yield worker
-    worker.close()
 
 
 @pytest.fixture(scope="module")
@@ -59,92 +27,6 @@ def whole(repository):
     path = next(iter(sorted((repository / "bags/toolbox/train").iterdir())))
     mcap = next(path.glob("*.mcap"))
     return mcap.name, mcap.read_bytes(), (path / "metadata.yaml").read_text()
-
-
-def check(worker, *words):
-    answer = worker.run(*words)
-    text = answer["text"]
-    assert answer["code"] in (0, 1, 2), (words, answer)
-    assert "Traceback" not in text, (words, text)
-    assert "\x1b" not in text, (words, text)
-    assert "Warning:" not in text, (words, text)
-    if answer["code"] == 1 and words[0] != "inspect":
-        assert len(text.strip().splitlines()) >= 1, (words, text)
-    return answer
-
-
-def mutated(rng, data: bytes) -> bytes:
-    """Bytes flipped, cut out, repeated or put in."""
-    found = bytearray(data)
-    for _ in range(int(rng.integers(1, 6))):
-        at = int(rng.integers(len(found) or 1))
-        kind = rng.integers(5)
-        if kind == 0 and found:
-            found[at] = int(rng.integers(256))
-        elif kind == 1:
-            del found[at : at + int(rng.integers(1, 2000))]
-        elif kind == 2:
-            found[at:at] = rng.bytes(int(rng.integers(1, 40)))
-        elif kind == 3:
-            found[at : at + 8] = bytes([255] * 8)
-        else:
-            found[at:at] = found[at : at + int(rng.integers(1, 5000))]
-    return bytes(found)
-
-
-YAMLS = [
-    lambda r: "[" * 100_000,
-    lambda r: "{a: " * 5000,
-    lambda r: "- " * 50_000,
-    lambda r: (
-        "a: &a [x, x]\n"
-        + "".join(
-            f"b{k}: &b{k} [*{'a' if not k else f'b{k - 1}'}, *{'a' if not k else f'b{k - 1}'}]\n"
-            for k in range(60)
-        )
-    ),
-    lambda r: "a: &a {b: *a}",
-    lambda r: "<<: &a {<<: *a}",
-    lambda r: "a: 2001-02-31",
-    lambda r: "a: 2001-13-01 25:61:61",
-    lambda r: "a: .inf\nb: -.inf\nc: .nan",
-    lambda r: "a: " + "9" * 100_000,
-    lambda r: "a: " + "1:" * 40_000 + "1",
-    lambda r: "? [a, b]\n: c",
-    lambda r: "? {a: b}\n: c",
-    lambda r: "!!python/object/apply:os.system [true]",
-    lambda r: "!!binary x",
-    lambda r: "!!float a",
-    lambda r: "!!timestamp a",
-    lambda r: "!!int a",
-    lambda r: "!!set [a]",
-    lambda r: "a\0b",
-    lambda r: "\x1b[2J: \x07",
-    lambda r: "a: 'x",
-    lambda r: "x" * 5_000_000,
-    lambda r: "a: [" + "b," * 200_000 + "]",
-    lambda r: "",
-    lambda r: "null",
-    lambda r: "[]",
-    lambda r: "---\na: b\n---\nc: d",
-    lambda r: "%YAML 9.9\n---\na",
-    lambda r: "\udcff\udcfe".encode("utf-8", "surrogateescape").decode("latin-1"),
-]
-VALUES = [
-    None, True, -1, 2**63, 1e400, -1e400, float("nan"), "", "x" * 10_000, [], {}, [[]], [None],
-    {"a": []}, "2001-02-31", "\x1b[31m", "../../../etc/passwd", "/dev/zero", 10**30, [{}], "{}",
-]  # fmt: skip
-
-
-def spoiled(rng, content, chance=0.15):
-    """Plain values, some of them replaced by others."""
-    if rng.random() < chance:
-        return VALUES[int(rng.integers(len(VALUES)))]
-    if isinstance(content, dict):
-        return {key: spoiled(rng, value, chance) for key, value in content.items()}
-    if isinstance(content, list):
-        return [spoiled(rng, value, chance) for value in content]
-    return content
 
 
 def write_bag(folder: Path, whole, metadata: str | bytes | None = None, content=None) -> Path:

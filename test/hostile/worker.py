@@ -11,6 +11,7 @@ import signal
 import sys
 import tempfile
 import traceback
+from pathlib import Path
 
 MEMORY = 2**30
 SECONDS = 20
@@ -35,19 +36,88 @@ def load_skill(path):
     load_pouring_skill(path)
 
 
+def find_arm(path):
+    """As `intent demo --arm FILE` does before it learns."""
+    from sim_bridge.arm import find_robot
+    from sim_bridge.scenarios.toolbox import HOME_HAND_M, ToolboxArm
+
+    _ = ToolboxArm(find_robot(path), HOME_HAND_M).home
+
+
+def keep_clear(path):
+    from intent_recognition.kinematics import Bodies, parse_boxes, read_chain
+
+    text = Path(path).read_text(encoding="utf-8", errors="replace")
+    names = read_chain(text, None, None, 1.0).names
+    Bodies(text, names, parse_boxes(["box 1 0 0 0.1 0.1 0.1"]), clearance_m=0.02)
+
+
+def simulate(path):
+    from sim_bridge.arm import SimulatedArm, find_robot
+
+    with SimulatedArm(None, robot=find_robot(path)) as arm:
+        arm.step(10)
+
+
+def read_sequences(path):
+    from intent_recognition.composing import read_sequences
+    from intent_recognition.untrusted import read_text
+
+    read_sequences(read_text(Path(path)), ("plate_handover", "hold_screwdriver"))
+
+
+def read_via_points(path, model):
+    from intent_recognition.composing import check_via_points, read_via_points
+    from intent_recognition.model import load_model
+    from intent_recognition.untrusted import read_text
+
+    check_via_points(load_model(model).library, read_via_points(read_text(Path(path))))
+
+
+def read_boxes(path):
+    from intent_recognition.kinematics import parse_boxes
+    from intent_recognition.untrusted import load_yaml, read_text
+
+    boxes = load_yaml(read_text(Path(path)))
+    if isinstance(boxes, list):  # as a parameter of texts can be
+        parse_boxes([str(box) for box in boxes])
+
+
+def read_detector(path):
+    from intent_recognition.nodes.correction_input import load_detector
+
+    load_detector(path)
+
+
+def read_scene(path):
+    from intent_recognition.dashboard.scene_file import load_scene
+
+    load_scene(path)
+
+
+def read_task_list(path):
+    from sim_bridge.coworker import parse_task_list
+
+    parse_task_list(path, 1, 3)
+
+
 CALLS = {"load_trained": load_all_of_a_model, "tasks": open_tasks, "load_pouring_skill": load_skill}
+CALLS |= {call.__name__: call for call in (find_arm, keep_clear, simulate, read_sequences)}
+CALLS |= {call.__name__: call for call in (read_via_points, read_boxes, read_detector, read_scene)}
+CALLS |= {"read_task_list": read_task_list}
 
 
 def run(words):
     """The exit code of a command, or of a function of `CALLS`."""
     from intent_recognition.cli.main import main
     from intent_recognition.errors import IntentError, one_line
+    from intent_recognition.untrusted import UntrustedError
 
     if words[0] not in CALLS:
         return main(words)
     try:
         CALLS[words[0]](*words[1:])
-    except IntentError as error:
+    except (IntentError, UntrustedError) as error:
         sys.stderr.write(f"{one_line(error)}\n")
         return 1
     return 0
@@ -74,7 +144,12 @@ def child(words, output):
 
 def main():
     from intent_recognition.cli import inspect, recover, train, warp  # noqa: F401
+    from intent_recognition.kinematics.reduced_model import load_pinocchio
     from intent_recognition.model import load_model  # noqa: F401
+    from sim_bridge.arm import find_robot  # noqa: F401
+    from sim_bridge.scenarios.toolbox import ToolboxArm  # noqa: F401
+
+    load_pinocchio()
 
     for line in sys.stdin:
         words = json.loads(line)
