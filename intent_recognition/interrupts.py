@@ -49,6 +49,12 @@ def raise_interrupts() -> None:
         signal.signal(signal.SIGINT, _Interrupt())
 
 
+def ignore_interrupts() -> None:
+    """From here on Ctrl-C does nothing: the command is over, and only Python's own end remains."""
+    if isinstance(signal.getsignal(signal.SIGINT), _Interrupt):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def end_like_interrupted(*numbers: int) -> None:
     """From here on these signals do what Ctrl-C does."""
     for number in numbers:

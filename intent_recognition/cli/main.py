@@ -13,7 +13,7 @@ from intent_recognition import __version__
 from intent_recognition.cli.completion import add_completion_option
 from intent_recognition.cli.help import COMMANDS, Formatter
 from intent_recognition.errors import IntentError, one_line
-from intent_recognition.interrupts import INTERRUPTED, raise_interrupts
+from intent_recognition.interrupts import INTERRUPTED, ignore_interrupts, raise_interrupts
 
 CURES = {
     MemoryError: "Give it fewer or smaller files, or more memory.",
@@ -63,6 +63,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(error, OSError):
             _drop_output()
         return 1
+    finally:
+        ignore_interrupts()
 
 
 def _drop_output() -> None:

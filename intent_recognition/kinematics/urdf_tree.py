@@ -136,7 +136,7 @@ def _check_tree(links: set[str], joints: list[ET.Element]) -> None:
 
 
 def _check_numbers(part: ET.Element, element: ET.Element, attribute: str, count: int) -> None:
-    text = element.get(attribute)
+    text = element.get(attribute, "0 0 0" if element.tag == "axis" else None)
     if text is None:
         return
     try:

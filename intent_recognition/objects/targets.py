@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 200_000_000
 """Size of a file of a mesh or cloud. Convention: four million triangles."""
+LARGEST_M, LEAST_M = 1e6, 1e-6
+"""Largest coordinate, and smallest extent of an object [m]. Convention: far beyond any."""
 N_POINTS = 4000
 """Points of a cloud that is warped. Convention: a few millimetres apart on a cup."""
 N_SURFACE_POINTS = 100_000
@@ -127,9 +129,7 @@ def mesh_target(
     if not len(faces):
         raise ArgumentError(describe("mesh", "triangles", "none", "Export the mesh again."))
     used = vertices[np.unique(faces)]
-    if not np.isfinite(used).all():
-        got = f"{np.count_nonzero(~np.isfinite(used).all(1))} with NaN or infinity"
-        raise ArgumentError(describe("vertices", "finite ones", got, "Repair the mesh."))
+    _check_size("vertices", used)
     solid = trimesh.Trimesh(vertices, faces, process=False)
     # Scans repeat vertices along the seams of their texture.
     with np.errstate(invalid="ignore"):
@@ -144,6 +144,18 @@ def mesh_target(
     kept = slice(None, None, max(1, N_SURFACE_POINTS // n_points))
     cloud = ObjectCloud(surface.points[kept][:n_points], surface.normals[kept][:n_points])
     return Target(cloud, surface)
+
+
+def _check_size(argument: str, points: NDArray[np.float64]) -> None:
+    """Refuse what is not finite, and what is no object by its size."""
+    bad = ~np.all(np.abs(points) <= LARGEST_M, axis=1)
+    if bad.any():
+        got = f"{np.count_nonzero(bad)} with NaN or infinity, or beyond {LARGEST_M:g} m"
+        raise ArgumentError(describe(argument, "finite ones", got, "Repair the file."))
+    extent_m = float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
+    if extent_m < LEAST_M:
+        expected = f"an object of {LEAST_M:g} m or more"
+        raise ArgumentError(describe(argument, expected, f"{extent_m:g} m", "Check the scale."))
 
 
 def _check_hollow(solid: "trimesh.Trimesh", points: NDArray[np.float64]) -> None:
@@ -181,6 +193,7 @@ def _cloud(
 ) -> ObjectCloud:
     """The cloud of a file with its normals, or with estimated ones."""
     points = np.array(loaded.vertices, dtype=float) * scale
+    _check_size("points", points)
     normals = _file_normals(loaded, len(points))
     if len(points) > n_points:
         kept = np.sort(np.random.default_rng(seed).choice(len(points), n_points, replace=False))

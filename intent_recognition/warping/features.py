@@ -39,7 +39,7 @@ def local_features(
     weights = np.maximum(agreement, 0.0) + 0.05
     weights /= weights.sum(1, keepdims=True)
     size = np.sqrt((offsets * offsets).sum((1, 2)) / count)
-    offsets /= size[:, None, None]
+    offsets /= np.maximum(size, np.finfo(float).tiny)[:, None, None]  # 0: all in one place
     mean = (weights[:, None] @ offsets)[:, 0]
     covariance = (offsets * weights[:, :, None]).transpose(0, 2, 1) @ offsets
     covariance -= mean[:, :, None] * mean[:, None]

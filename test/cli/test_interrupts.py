@@ -77,3 +77,16 @@ def test_processes_started_for_work_hear_no_ctrl_c():
         child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (child.returncode, child.stdout, child.stderr) == (0, "goes on\n", "")
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == set()
+
+
+def test_an_interrupt_that_comes_when_a_command_is_over_leaves_its_exit_code():
+    """Python gives signals back to the system while it ends, which would end it by them."""
+    code = (
+        "import atexit, os, signal, sys; sys.argv = ['intent', '--help-me']\n"
+        "atexit.register(lambda: os.kill(os.getpid(), signal.SIGINT))\n"
+        "from intent_recognition.cli.main import main\n"
+        "sys.exit(main(['inspect', '/no/such/bag']))"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert ended.returncode == 1
+    assert ended.stderr.count("\n") == 1
