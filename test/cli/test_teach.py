@@ -10,6 +10,7 @@ from model_builder import make_dofs, perform, true_library, write_recording
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 
+from intent_recognition.errors import ModelError
 from intent_recognition.model.task_folder import TaskFolder
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import to_joint_state, to_pose, to_stamp
@@ -101,9 +102,14 @@ def send(pose, joints, observation):
 @pytest.mark.slow
 def test_undo_of_an_empty_library_is_one_line(tmp_path):
     command = [sys.executable, "-m", "intent_recognition.cli.main", "undo", "--library"]
-    done = subprocess.run(
-        [*command, str(tmp_path / "tasks")], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([*command, str(tmp_path)], capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "intent undo: undo: expected a change to take back" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_undo_of_no_library_makes_none(tmp_path, run_command):
+    library = tmp_path / "misspelt"
+    with pytest.raises(ModelError, match=r"--library: expected a folder of tasks, got .*misspelt"):
+        run_command("undo", "--library", library)
+    assert not library.exists()

@@ -10,6 +10,8 @@ import yaml
 from hostile import descriptions_of_strangers as strange
 from hostile.strangers import EACH, SEED, check
 
+pytestmark = pytest.mark.slow
+
 DETECTOR = "config/deviation/lwr.yaml"
 SEQUENCES = "config/examples/toolbox_sequence.yaml"
 BOXES = ["crate 0.4 0.4 0.1 0.2 0.3 0.2", "box 0 0 1 1 1 1 0 0 0.6 0.8", "", " "]

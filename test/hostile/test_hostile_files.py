@@ -18,6 +18,8 @@ from hostile.strangers import EACH, SEED, YAMLS, check, mutated, spoiled
 
 from intent_recognition.bags.definitions import definition
 
+pytestmark = pytest.mark.slow
+
 LARGEST_INTEGER = 2**64 - 1
 
 
