@@ -95,6 +95,12 @@ class Commands:
         """Ask the activation whether it is active, whoever switched it; `helping` follows."""
         self._ask_for_state(self._on_state)
 
+    def give_up_lost(self) -> None:
+        """Await no answer of a service that is gone: who asked is told so."""
+        for service, (future, _) in list(self._calls.items()):
+            if not future.done() and not self._clients[service].service_is_ready():
+                future.cancel()
+
     def set_parameter(
         self, node: str, name: str, value: object, done: Notify | None = None
     ) -> None:

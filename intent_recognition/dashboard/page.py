@@ -86,7 +86,7 @@ class DashboardPage:
         read_only: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ):
-        self._state, self._clock = state, clock
+        self._state, self._commands, self._clock = state, commands, clock
         self._asked: dict[Callable[[], None], None] = {}
         self._asking = threading.Lock()
         self._message_until_s = -1.0
@@ -198,6 +198,7 @@ class DashboardPage:
             self._colours = task_colours(seen)
 
     def _update_slowly(self, now_s: float, problem: str) -> None:
+        self._commands.give_up_lost()
         self._watch.update_controls()
         self._skills.update(self._state)
         if self._state.teaching != self._taught:  # only then may there be new models

@@ -56,6 +56,21 @@ def test_a_service_that_does_not_answer_is_called_once(harness, monkeypatch):
         silent.destroy_node()
 
 
+def test_no_answer_is_awaited_of_a_node_that_is_gone(harness):
+    told = []
+    commands = Commands(harness.probe, lambda ok, text: told.append((ok, text)))
+    dying = Node("dying")
+    dying.create_service(Trigger, "dying/stop", lambda _, answer: answer)
+    harness.spin_until(lambda: commands.offers("dying/stop"))
+    commands.trigger("dying/stop")
+    commands.give_up_lost()
+    assert not told
+    dying.destroy_node()
+    harness.spin_until(lambda: not commands.offers("dying/stop"))
+    commands.give_up_lost()
+    assert told == [(False, "dying/stop did not answer")]
+
+
 def test_nobody_there_is_told_at_once(harness):
     told = []
     Commands(harness.probe, lambda ok, text: told.append((ok, text))).trigger("nobody/start")
