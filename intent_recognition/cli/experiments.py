@@ -20,6 +20,7 @@ from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
     check_json,
+    check_output,
     console_beside,
     write_json,
 )
@@ -83,12 +84,14 @@ def run(args: argparse.Namespace) -> int:
 
     Raises:
         ArgumentError: a name, the seed or the number of processes is not possible.
+        ResourceBusyError: the report cannot be written.
     """
     console = console_beside(args.json)
     check_json(args.json)
     if args.list:
         _print_list(console)
         return 0
+    check_output("--output", args.output / "report.html")
     if args.seed < 0 or min(args.jobs, args.seeds) < 1:
         got = (args.seed, args.seeds, args.jobs)
         expected = "seed >= 0, seeds >= 1 and jobs >= 1"

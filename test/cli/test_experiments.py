@@ -92,6 +92,13 @@ def test_interrupted_it_ends_the_processes_of_its_experiments(stubs):
     assert active_children() == []
 
 
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(experiments, "run_all", lambda *_: pytest.fail("it began"))
+    (tmp_path / "file").touch()
+    assert main(["experiments", "sparse", "--output", str(tmp_path / "file")]) == 1
+    assert "--output" in capsys.readouterr().err
+
+
 def test_unknown_name_is_one_line(capsys):
     assert main(["experiments", "juggling"]) == 1
     assert "NAME" in capsys.readouterr().err
