@@ -40,7 +40,7 @@ from intent_recognition.recognition import IntentEstimator
 from sim_bridge.arm import find_robot
 
 SIZE, PORT = (1120, 630), 8765
-FRAMES_PER_S, N_COLOURS = 10, 160
+FRAMES_PER_S, N_COLOURS = 10, 200
 FIRST_S, LAST_S, HOLD_FRAMES = -0.1, 5.0, 10
 FADED_MS = 1500
 SHOWN = "() => window.__viserMutable && window.__viserMutable.scene"
@@ -222,7 +222,7 @@ def write(frames: list[Image.Image], width: int, output: Path) -> None:
     sheet = Image.new("RGB", (width, height * len(some)))
     for k, frame in enumerate(some):
         sheet.paste(frame, (0, k * height))
-    palette = sheet.quantize(N_COLOURS)
+    palette = sheet.quantize(N_COLOURS, method=Image.Quantize.FASTOCTREE)
     indexed = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in small]
     indexed += [indexed[-1]] * HOLD_FRAMES
     indexed[0].save(

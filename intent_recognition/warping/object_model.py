@@ -13,7 +13,9 @@ from intent_recognition.warping.parts import Part
 MIN_POINTS = 100
 """Fewer points describe no object."""
 LARGEST_M = 1e6
-"""Largest coordinate [m], and component of a normal. Convention: beyond any map."""
+"""Largest coordinate [m]. Convention: beyond any map."""
+LONGEST_NORMAL = 1e150
+"""Largest component of a normal before it is brought to one: its square is still a number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +41,7 @@ class ObjectCloud:
         if normals.shape != points.shape:
             cure = "Give one outward normal per point, or use `with_estimated_normals`."
             raise ShapeError(describe("normals", f"shape {points.shape}", normals.shape, cure))
-        fits = np.all(np.abs(normals) <= LARGEST_M, axis=1)
+        fits = np.all(np.abs(normals) <= LONGEST_NORMAL, axis=1)
         length = np.linalg.norm(np.where(fits[:, None], normals, 0.0), axis=1)
         bad = length <= 1e-9
         if bad.any():

@@ -167,7 +167,7 @@ def test_practice_in_a_folder_goes_on_is_accepted_and_taken_back(library):
 
 
 def test_what_cannot_be_practised_is_refused_by_name(trained, library):
-    with pytest.raises(ArgumentError, match="Teach it first"):
+    with pytest.raises(ArgumentError, match="teach it first"):
         TaskPractice(trained, DOFS, "juggle")
     other = replace(trained.library, controlled_names=("a", "b"))
     with pytest.raises(ArgumentError, match="--robot"):
