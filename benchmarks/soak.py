@@ -73,15 +73,16 @@ class Soak:
     simulated_s: float = 0.0
     died: list[str] = field(default_factory=list)
 
-    def growth(self, of: int) -> float:
-        """Largest growth of a process after warming up: medians of its first and last minute."""
-        found = [0.0]
-        for samples in self.usage.values():
+    def growth(self, of: int) -> tuple[float, str]:
+        """Largest growth of a warm process, its first to its last minute, by medians; and whose."""
+        found = [(0.0, "")]
+        for (name, start), samples in self.usage.items():
             warm = [s for s in samples if s.at_s - samples[0].at_s >= WARM_S]
             if warm and warm[-1].at_s - warm[0].at_s >= WARM_S:
                 first = [s[of] for s in warm if s.at_s < warm[0].at_s + WARM_S]
                 last = [s[of] for s in warm if s.at_s > warm[-1].at_s - WARM_S]
-                found.append(median(last) - median(first))
+                whose = f"{name}, start {start}, over {warm[-1].at_s - warm[0].at_s:.0f} s"
+                found.append((median(last) - median(first), whose))
         return max(found)
 
 
@@ -105,9 +106,13 @@ def results(found: Soak, minutes: float) -> Iterator[Result]:
     remark = f"{len(found.recoveries_s)} nodes killed, each active again by itself"
     slowest_s = max(found.recoveries_s, default=0.0)
     yield Result("soak: from a kill to a ready graph", slowest_s, 30.0, "at most", "s", remark)
-    yield Result("soak: memory of a process grew by", found.growth(1), 5.0, "at most", "MB")
-    yield Result("soak: file descriptors grew by", found.growth(2), 0.0, "at most", "")
-    yield Result("soak: threads grew by", found.growth(3), 0.0, "at most", "")
+    for of, what, most, unit in (
+        (1, "memory of a process", 5.0, "MB"),
+        (2, "file descriptors", 0.0, ""),
+        (3, "threads", 0.0, ""),
+    ):
+        grown, whose = found.growth(of)
+        yield Result(f"soak: {what} grew by", grown, most, "at most", unit, whose)
     remark = ", ".join(found.died)
     yield Result("soak: nodes that died by themselves", len(found.died), 0.0, "at most", "", remark)
 

@@ -54,8 +54,9 @@ def test_a_process_of_a_soak_grows_from_its_first_warm_minute_to_its_last():
     minutes = np.arange(0.0, 6.0, 1 / 6)
     rising = [Usage(60.0 * m, 100.0 + 3.0 * max(m - 1.0, 0.0), 20, 30 + (m > 4.5)) for m in minutes]
     soak = Soak(usage={("estimator", 0): rising, ("estimator", 1): rising[:12]})
-    assert soak.growth(1) == pytest.approx(3.0 * 4.0, abs=0.5)
-    assert soak.growth(2) == 0 and soak.growth(3) == 1
+    grown, whose = soak.growth(1)
+    assert grown == pytest.approx(3.0 * 4.0, abs=0.5) and whose.startswith("estimator, start 0,")
+    assert soak.growth(2)[0] == 0 and soak.growth(3)[0] == 1
     soak.recognised, soak.disturbed = [True, True, False], 2
     verdicts = {result.name: result.verdict for result in results(soak, 6.0)}
     assert verdicts["soak: undisturbed interactions recognised"] == "falls short"
