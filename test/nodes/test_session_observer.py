@@ -26,8 +26,8 @@ def test_a_task_taught_meanwhile_is_left_out(harness):
 
 
 def test_closed_it_hears_no_more(harness):
-    observer = harness.add(SessionObserver(print, print, print))
-    publisher = harness.publisher(JointState, "intent/tasks", qos.STATE)
+    observer = harness.add(SessionObserver(print, print, print, namespace="closing"))
+    publisher = harness.publisher(JointState, "closing/intent/tasks", qos.STATE)
     harness.connect(publisher)
     observer.close()
     harness.spin_until(lambda: publisher.get_subscription_count() == 0)
