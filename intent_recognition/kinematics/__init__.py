@@ -26,7 +26,7 @@ from intent_recognition.kinematics.lwr import (
     LWR_LIMITS,
     N_JOINTS,
 )
-from intent_recognition.kinematics.meshes import check_meshes
+from intent_recognition.kinematics.meshes import check_meshes, package_shares
 from intent_recognition.kinematics.refinement import reach_position
 from intent_recognition.kinematics.urdf import UrdfChain, read_chain
 from intent_recognition.kinematics.urdf_tree import parse_xml, read_urdf
@@ -56,6 +56,7 @@ __all__ = [
     "inverse_kinematics",
     "jacobian",
     "joint_poses",
+    "package_shares",
     "parse_boxes",
     "parse_xml",
     "position_violation",

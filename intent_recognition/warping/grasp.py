@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from intent_recognition.errors import ArgumentError, ShapeError, describe
 
 LARGEST_M = 1e6
-"""Largest element of a pose [m]. Convention: as of points."""
+"""Largest coordinate of a point or a pose [m]. Convention: beyond any map."""
 MAX_SKEW = 1e-4
 """How far R' R of a rotation may be from the identity: files keep 32 bits."""
 

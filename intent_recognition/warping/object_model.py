@@ -7,13 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, ShapeError, describe
-from intent_recognition.warping.grasp import Grasp
+from intent_recognition.warping.grasp import LARGEST_M, Grasp
 from intent_recognition.warping.parts import Part
 
 MIN_POINTS = 100
 """Fewer points describe no object."""
-LARGEST_M = 1e6
-"""Largest coordinate [m]. Convention: beyond any map."""
 LONGEST_NORMAL = 1e150
 """Largest component of a normal before it is brought to one: its square is still a number."""
 

@@ -6,7 +6,6 @@ proportions of the LWR's values: stiffness, friction while guided, and the inert
 behind their gears, without which light wrists cannot be controlled at 1 kHz.
 """
 
-import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from intent_recognition.kinematics import (
     JOINT_NAMES,
     LWR_LIMITS,
     JointLimits,
+    package_shares,
     parse_xml,
     read_chain,
     read_urdf,
@@ -221,9 +221,8 @@ def with_meshes(text: str, folder: Path) -> str:
 def _find_mesh(name: str, folder: Path) -> Path:
     """A mesh beside the URDF, in a folder above it, or in an installed ROS package."""
     _, scheme, rest = name.rpartition("://")
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    shares = [Path(prefix) / "share" for prefix in prefixes if prefix]
-    places = [folder, *folder.parents[:3], *(shares if scheme else ())]
+    shares = map(Path, package_shares()) if scheme else ()
+    places = [folder, *folder.parents[:3], *shares]
     for place in places:
         with suppress(OSError):  # such as a name that is too long
             if (place / rest).is_file():
