@@ -29,6 +29,8 @@ MOST_NODES = 100_000
 take 60 000, a thousand links 20 000."""
 LONGEST_NUMBER = 100
 """Characters of a number. Convention: 2^64 takes 20."""
+MOST_MESH = 200_000_000
+"""Bytes of a mesh or cloud. Convention: four million triangles."""
 MOST_ARRAYS = 2**29
 """Bytes of all arrays in an `.npz`, unpacked. Convention: a model of ten tasks takes 0.02 GB."""
 LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -11,10 +11,7 @@ import numpy as np
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics.urdf_tree import LARGEST
-from intent_recognition.untrusted import UntrustedError, check_regular
-
-MOST_BYTES = 200_000_000
-"""Size of a mesh file. Convention: four million triangles."""
+from intent_recognition.untrusted import MOST_MESH, UntrustedError, check_regular
 
 
 def package_shares() -> list[str]:
@@ -40,9 +37,9 @@ def check_meshes(meshes: Iterable[ET.Element]) -> None:
         name, wrong = mesh.get("filename", ""), ""
         try:
             if (path := _find(name)) is not None:
-                check_regular(path, MOST_BYTES)
+                check_regular(path, MOST_MESH)
                 for other in _materials(path):
-                    check_regular(other, MOST_BYTES)
+                    check_regular(other, MOST_MESH)
                 wrong = "" if _is_finite(path) else f"vertices beyond {LARGEST:g} m"
         except UntrustedError as error:
             wrong = str(error)

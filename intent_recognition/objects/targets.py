@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, IntentError, describe
-from intent_recognition.untrusted import check_regular
+from intent_recognition.untrusted import MOST_MESH, check_regular
 from intent_recognition.warping import ObjectCloud, with_estimated_normals
 
 if TYPE_CHECKING:
     import trimesh
 
-MOST_BYTES = 200_000_000
-"""Size of a file of a mesh or cloud. Convention: four million triangles."""
 LARGEST_M, LEAST_M = 1e6, 1e-6
 """Largest coordinate, and smallest extent of an object [m]. Convention: far beyond any."""
 N_POINTS = 4000
@@ -74,8 +72,8 @@ def load_target(
         raise ArgumentError(describe(place, NEEDED, "no file", "Check the path."))
     if (suffix := Path(path).suffix.lower()) not in SUFFIXES:
         raise ArgumentError(describe(place, NEEDED, suffix or "neither", "Export it as one."))
-    if Path(path).stat().st_size > MOST_BYTES:
-        got = f"a file of more than {MOST_BYTES} bytes"
+    if Path(path).stat().st_size > MOST_MESH:
+        got = f"a file of more than {MOST_MESH} bytes"
         raise ArgumentError(describe(place, NEEDED, got, "Export fewer triangles."))
     try:
         # Files may lack material values; trimesh computes with the gaps.
@@ -103,7 +101,7 @@ def _buffers(place: str) -> "trimesh.resolvers.FilePathResolver":
     class Buffers(trimesh.resolvers.FilePathResolver):
         def get(self, name: str) -> bytes:
             path = Path(self.parent, name)
-            check_regular(path, MOST_BYTES)
+            check_regular(path, MOST_MESH)
             return path.read_bytes()
 
     return Buffers(place)
