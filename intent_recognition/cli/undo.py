@@ -33,7 +33,7 @@ def change_library(args: argparse.Namespace) -> int:
     """Change the library as the command says, and give the model to a running estimator.
 
     Raises:
-        BagError: no execution was corrected and has not been kept before.
+        BagError: no execution was corrected, or the last one was kept before.
         ModelError: there is no library, or nothing to take back.
         TrainingError: the correction cannot be learned from.
     """

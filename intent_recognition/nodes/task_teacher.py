@@ -213,18 +213,20 @@ class TaskTeacher(TopicRecorder):
         """Learn from the last execution that a person corrected; returns what changed.
 
         Raises:
-            BagError: no execution was corrected and has not been kept before.
+            BagError: no execution was corrected, or the last one was kept before.
             TrainingError: it cannot be learned from; it is kept in the folder's `undone`.
         """
         self.executions.close()
-        for execution in reversed(self.executions.executions.all()):
-            bag = self.folder.path / execution.bag
-            if execution.corrected and bag.exists() and not self.folder.was_kept(bag):
-                change = self.folder.learn(self.folder.correct(bag))
-                return self._changed(change, f"kept the correction of {bag.name}")
-        cure = "Lead the arm by hand while it executes, then keep that."
-        wanted = "an execution that was corrected and not kept before"
-        raise BagError(describe("~/keep", wanted, "none", cure))
+        executions = self.executions.executions.all()
+        bags = [self.folder.path / found.bag for found in executions if found.corrected]
+        last = next((bag for bag in reversed(bags) if bag.exists()), None)
+        if last is None or self.folder.was_kept(last):
+            wanted = "an execution that was corrected and not kept before"
+            came = "none" if last is None else f"{last.name}, the last one, which was"
+            cure = "Lead the arm by hand while it executes, then keep that."
+            raise BagError(describe("~/keep", wanted, came, cure))
+        change = self.folder.learn(self.folder.correct(last))
+        return self._changed(change, f"kept the correction of {last.name}")
 
     def change(self, action: Callable[[], Change], what: str) -> str:
         """Change the folder, and let the estimator use it; returns what changed."""

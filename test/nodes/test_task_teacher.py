@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from corrected_execution import execute
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from model_builder import make_dofs, perform, true_library, write_recording
@@ -220,6 +221,7 @@ def test_with_another_arm_its_description_and_the_name_of_its_hand_are_recorded(
 def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
     cell = Cell(harness, tmp_path / "mine", model)
     teacher, label, log = cell.teacher, OLD[0], cell.teacher.executions.executions
+    execute(teacher.folder, perform(TRUTH, 0, 40))  # nobody wanted to keep this one
     active = harness.publisher(String, "intent/active_task", qos.LATCHED)
     correction = harness.publisher(JointTrajectory, "intent/correction", qos.COMMAND)
     feedback = harness.publisher(DiagnosticStatus, "intent/feedback", qos.FEEDBACK)
@@ -250,10 +252,10 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
     tell(outcome="arrived", corrections="1")
     harness.spin_until(lambda: "corrections" in teacher.executions._values)
     active.publish(String(data=""))
-    harness.spin_until(lambda: log.all())
+    harness.spin_until(lambda: len(log.all()) == 2)
     tell(thumbs="up")
-    harness.spin_until(lambda: "thumbs" in log.all()[0].values)
-    assert dict(log.all()[0].values) == {"outcome": "arrived", "corrections": "1", "thumbs": "up"}
+    harness.spin_until(lambda: "thumbs" in log.all()[-1].values)
+    assert dict(log.all()[-1].values) == {"outcome": "arrived", "corrections": "1", "thumbs": "up"}
     before = cell.estimator._model.library
     answer = cell.call("keep")
     assert answer.success, answer.message
@@ -263,10 +265,11 @@ def test_an_execution_is_recorded_judged_and_kept(harness, tmp_path, model):
     k, other = (before.labels.index(one) for one in OLD)
     assert not np.allclose(after.weight_mean[k], before.weight_mean[k], atol=1e-3)
     assert np.array_equal(after.weight_mean[other], before.weight_mean[other])
-    assert not cell.call("keep").success
+    again = cell.call("keep")
+    assert not again.success and "0001, the last one" in again.message
     assert cell.call("undo").success
     told = [(row.name, row.message) for row in skills[-1].status if row.name == label]
-    assert [text for _, text in told][1:] == ["kept 0000", "took 0000_kept back"]
+    assert [text for _, text in told][-2:] == ["kept 0001", "took 0001_kept back"]
 
 
 def test_a_corrected_execution_stays_one_when_its_task_begins_again_at_once(tmp_path):
