@@ -188,10 +188,11 @@ class Operator:
 
     @property
     def refusal(self) -> str:
-        """Why an onlooker's action was not done."""
+        """Why an onlooker's action was not done; all browsers show it, the operator's too."""
         if self._read_only:
             return "This page is read only."
-        return f"Another browser operates the page: it must close it, or rest for {IDLE_S:.0f} s."
+        free = f"until it closes the page, or rests for {IDLE_S:.0f} s"
+        return f"An onlooker's action was not done: one browser operates the page, {free}."
 
 
 def is_well_formed(message: Mapping[str, Any]) -> bool:

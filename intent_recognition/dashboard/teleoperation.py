@@ -70,6 +70,7 @@ class Teleoperation:
         self._playing: SyntheticDemonstration | None = None
         self._began_s = self._length_s = 0.0
         self._arm_goal: NDArray[np.float64] | None = None
+        self._shown_arm: MovedArm | None = None
         self._done: Callable[[], None] = _nothing
         self._last_ns = 0
         self._arm_sent_s = -np.inf
@@ -177,7 +178,8 @@ class Teleoperation:
         arm_goal: NDArray[np.float64] | None,
         done: Callable[[], None],
     ) -> None:
-        """Show a demonstration; the arm goes along if it has a goal (n,) [rad]."""
+        """Show a demonstration; the arm of now goes along if it has a goal (n,) [rad]."""
+        self._shown_arm = self._finder.find(self._state)
         self._playing, self._arm_goal, self._done = demonstration, arm_goal, done
         self._began_s, self._length_s = time.monotonic(), demonstration.length_s
 
@@ -206,9 +208,11 @@ class Teleoperation:
         elapsed_s = time.monotonic() - self._began_s
         self._position = show.wrist(elapsed_s)
         if self._arm_goal is not None and elapsed_s >= show.arm_start_s:
-            takes_s = self.send_arm(self._arm_goal, show.arm_duration_s)
-            self._length_s = max(show.length_s, elapsed_s + takes_s + show.rest_s)
-            self._arm_goal = None
+            goal, self._arm_goal = self._arm_goal, None
+            arm = self._finder.find(self._state)
+            if arm is not None and arm is self._shown_arm and len(goal) == len(arm.joint_names):
+                takes_s = self.send_arm(goal, show.arm_duration_s)
+                self._length_s = max(show.length_s, elapsed_s + takes_s + show.rest_s)
         if elapsed_s >= self._length_s:
             self._target, self._velocity = self._position.copy(), np.zeros(3)
             self._playing = None
