@@ -49,13 +49,16 @@ def test_peers_of_the_filter_bank_compute_what_it_does(name):
     np.testing.assert_allclose(covariance, ours.covariance[0], atol=1e-8)
 
 
-def test_a_process_of_a_soak_grows_from_its_first_warm_minute_to_its_last():
-    """Samples every ten seconds: 100 MB in the first minute, then 3 MB more each minute."""
-    minutes = np.arange(0.0, 6.0, 1 / 6)
-    rising = [Usage(60.0 * m, 100.0 + 3.0 * max(m - 1.0, 0.0), 20, 30 + (m > 4.5)) for m in minutes]
+def test_a_process_of_a_soak_grows_from_the_middle_of_its_life_to_its_end():
+    """Samples every ten seconds: 40 MB in the first two minutes, then 3 MB more each minute."""
+    minutes = np.arange(0.0, 8.0, 1 / 6)
+    memory = 60.0 + 20.0 * np.minimum(minutes, 2.0) + 3.0 * minutes
+    rising = [
+        Usage(60.0 * m, mb, 20, 30 + (m > 7.0)) for m, mb in zip(minutes, memory, strict=True)
+    ]
     soak = Soak(usage={("estimator", 0): rising, ("estimator", 1): rising[:12]})
     grown, whose = soak.growth(1)
-    assert grown == pytest.approx(3.0 * 4.0, abs=0.5) and whose.startswith("estimator, start 0,")
+    assert grown == pytest.approx(3.0 * 3.0, abs=0.5) and whose.startswith("estimator, start 0,")
     assert soak.growth(2)[0] == 0 and soak.growth(3)[0] == 1
     soak.recognised, soak.disturbed = [True, True, False], 2
     verdicts = {result.name: result.verdict for result in results(soak, 6.0)}
