@@ -18,18 +18,6 @@ except BaseException:
 """
 
 
-def test_a_library_that_swallows_an_interrupt_while_it_loads_does_not_keep_the_command(tmp_path):
-    (tmp_path / "swallows.py").write_text(SWALLOWS)
-    code = (
-        "import sys; sys.argv[0] = 'intent'\n"
-        "from intent_recognition.interrupts import raise_interrupts\n"
-        f"raise_interrupts(); sys.path.append({str(tmp_path)!r})\n"
-        "import swallows; print('went on')"
-    )
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert (ended.returncode, ended.stdout, ended.stderr) == (interrupts.INTERRUPTED, "", "")
-
-
 def test_two_interrupts_within_milliseconds_are_one(monkeypatch):
     now_s = iter([5.0, 5.003, 7.0])
     monkeypatch.setattr(interrupts.time, "monotonic", lambda: next(now_s))
@@ -55,15 +43,21 @@ def test_a_signal_that_nobody_has_taken_interrupts_afterwards(number):
     assert signal.getsignal(number) is handler
 
 
-@pytest.mark.parametrize("of", ["terminal", "manager of processes"])
-def test_what_ends_the_demo_does_not_meet_its_imports_halfway(tmp_path, of):
-    """Libraries that load one another lazily are left without what an interrupt kept out."""
-    number = {"terminal": "SIGINT", "manager of processes": "SIGTERM"}[of]
+IN_COMMANDS = "i.raise_interrupts()"
+IN_THE_DEMO = "i.raise_interrupts(); i.end_like_interrupted(*i.END_SIGNALS)"
+
+
+@pytest.mark.parametrize(
+    ("number", "prepared"),
+    [("SIGINT", IN_COMMANDS), ("SIGINT", IN_THE_DEMO), ("SIGTERM", IN_THE_DEMO)],
+)
+def test_a_library_that_swallows_a_signal_while_it_loads_does_not_keep_the_command(
+    tmp_path, number, prepared
+):
     (tmp_path / "swallows.py").write_text(SWALLOWS.replace("SIGINT", number))
     code = (
         "import sys; sys.argv[0] = 'intent'\n"
-        "from intent_recognition import interrupts as i\n"
-        "i.raise_interrupts(); i.end_like_interrupted(*i.END_SIGNALS)\n"
+        f"from intent_recognition import interrupts as i; {prepared}\n"
         f"sys.path.append({str(tmp_path)!r})\n"
         "import swallows; print('went on')"
     )
