@@ -15,8 +15,8 @@ from simulated_handover import TASKS, simulate
 import intent_recognition as ir
 
 # %%
-# `learn` fits one primitive per label, with timing and noise, and chooses its regularisation by
-# leaving demonstrations out.
+# `learn` fits one primitive per label, with timing and noise. How large the noise is, it
+# chooses by leaving demonstrations out.
 
 rng = np.random.default_rng(1)
 demonstrations = [
