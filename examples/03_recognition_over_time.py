@@ -54,8 +54,8 @@ figure.legend(*bottom.get_legend_handles_labels(), loc="outside upper center", n
 plt.show()
 
 # %%
-# A known duration settles the phase, and with it much of the uncertainty. It is rarely known online, but
-# in a recording it is.
+# A known duration settles the phase, and with it much of the uncertainty. It is rarely known
+# online, but in a recording it is.
 
 half = len(times_s) // 4
 for name, duration_s in (("unknown", None), ("known", float(times_s[-1]))):
