@@ -15,8 +15,8 @@ from simulated_handover import TASKS, simulate
 import intent_recognition as ir
 
 # %%
-# `learn` fits one primitive per label, with timing and noise, and chooses its regularisation by
-# leaving demonstrations out.
+# `learn` fits one primitive per label, with timing and noise. How large the noise is, it
+# chooses by leaving demonstrations out.
 
 rng = np.random.default_rng(1)
 demonstrations = [
@@ -54,8 +54,8 @@ figure.legend(*bottom.get_legend_handles_labels(), loc="outside upper center", n
 plt.show()
 
 # %%
-# A known duration settles the phase, and with it much of the doubt. It is rarely known online, but
-# in a recording it is.
+# A known duration settles the phase, and with it much of the uncertainty. It is rarely known
+# online, but in a recording it is.
 
 half = len(times_s) // 4
 for name, duration_s in (("unknown", None), ("known", float(times_s[-1]))):

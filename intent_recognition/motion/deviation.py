@@ -3,7 +3,8 @@
 
 The error e of an undisturbed joint follows from what is asked of it, e = b0 + b1 v + b2 a + r with
 the velocity v and the acceleration a of its reference: what sags, lags behind and is hard to
-accelerate. A person pushes where |r| of a joint stays beyond its bound for `sustained_s` on end.
+accelerate. A person pushes where |r| of a joint stays beyond its bound for `sustained_s` without
+a break.
 
 The bound is chosen on undisturbed executions. The level of an execution is the largest number of
 standard deviations of r that some joint kept up for so long. Undisturbed executions are
@@ -141,7 +142,7 @@ def _level(
     std: NDArray[np.float64],
     sustained_s: float,
 ) -> float:
-    """Largest number of standard deviations beyond which some joint is for so long on end."""
+    """Largest number of standard deviations beyond which some joint stays for so long."""
     explained = np.stack(
         [_explaining(motion, j) @ coefficients[:, j] for j in range(std.size)], axis=1
     )
