@@ -53,6 +53,7 @@ class Correcting:
         """Look at the newest joint state."""
         compared, correction = self._arm.compared(), self.settings.correction
         if compared is None or correction is None:
+            self._forget()
             return
         measured, reference = compared
         position, time_ns, detector = measured.position, measured.time_ns, correction.detector
@@ -73,9 +74,9 @@ class Correcting:
         return self._pushed_since_ns is not None
 
     def pushed(self, now_ns: int) -> bool:
-        """Whether somebody has pushed the arm for long enough."""
+        """Whether somebody has pushed the arm for long enough; not where nothing is asked of it."""
         correction = self.settings.correction
-        if correction is None or not self._arm.fresh(now_ns):
+        if correction is None or self._arm.current is None or not self._arm.fresh(now_ns):
             return False
         return self._off or _lasts(self._pushed_since_ns, now_ns, correction.detector.sustained_s)
 

@@ -240,20 +240,29 @@ class Motions:
         return self._send_unless_outside(now_ns, start_ns, self._stop_plan(start_ns, executed))
 
     def go_home(
-        self, now_ns: int, target: NDArray[np.float64], executed: PredictedInteraction | None
+        self,
+        now_ns: int,
+        target: NDArray[np.float64],
+        executed: PredictedInteraction | None,
+        start: JointReference | None = None,
     ) -> Command | None:
         """Go to a posture, braking first where no plan starts from this motion.
+
+        It begins at `start`; None: at the running reference.
 
         Where the way there is not clear, the arm goes back along its path first. None where the
         command under way goes home already, braking would leave the limits, or that way is not
         clear either.
         """
-        current = self._arm.in_force()
-        if current.plan.kind in _GOING_BACK and self._arm.under_way(now_ns):
+        current = self._arm.current
+        under_way = current is not None and self._arm.under_way(now_ns)
+        if under_way and self._arm.in_force().plan.kind in _GOING_BACK:
             return None
         start_ns = self._arm.switch_ns(now_ns)
-        start = current.at(start_ns)
+        start = self._arm.in_force().at(start_ns) if start is None else start
         way = self._way_to(start_ns, start, target)
+        if way is None and current is None:
+            return None
         if way is None:
             brake = self._stop_plan(start_ns, executed)
             return self._send_unless_outside(now_ns, start_ns, brake)
@@ -327,10 +336,14 @@ class Motions:
             return None
         return self._send_way(now_ns, start_ns, newer)
 
-    def _retreat(self, current: Command, start_ns: int, start: JointReference) -> "_Way | None":
+    def _retreat(
+        self, current: Command | None, start_ns: int, start: JointReference
+    ) -> "_Way | None":
         """Back to where the path that was followed begins; None if that is not clear either."""
         followed, settings = self._followed, self.settings
-        if followed is None or settings.clearance is None or current.plan.kind in _GOING_BACK:
+        if followed is None or settings.clearance is None:
+            return None
+        if current is None or current.plan.kind in _GOING_BACK:
             return None
         found = settings.clearance.clear(followed.path, followed.label, 0.0, settings.limits)
         if isinstance(found, Obstruction):

@@ -215,10 +215,11 @@ class Activation:
         self.pretrigger.forget()
         state = self.state
         if isinstance(state, Pretriggered):
-            return self._enter(self._waiting.withdraw(now_ns))
+            return self._enter(self._waiting.withdraw(now_ns) or Transition(Homing(None)))
         if isinstance(state, UNDER_WAY):
             self._inbox.mark_served(state.interaction)
-            return self._enter(self._waiting.go_home(now_ns, state.interaction))
+            home = self._waiting.go_home(now_ns, state.interaction)
+            return self._enter(home or Transition(Homing(state.interaction)))
         return None
 
     def halt(self, now_ns: int) -> Command | None:
@@ -297,7 +298,8 @@ class Activation:
             return following
         held = now_ns - state.since_ns >= self._settings.hold_s * 1e9
         if held and not self._correcting.deviates:
-            return self._waiting.go_ahead(now_ns) or self._waiting.go_home(now_ns, interaction)
+            away = self._waiting.go_ahead(now_ns) or self._waiting.go_home(now_ns, interaction)
+            return away or Transition(state)
         return self._follow(state, now_ns)
 
     def _from_stopped(self, state: Stopped, now_ns: int) -> Transition:
@@ -316,10 +318,11 @@ class Activation:
         if not at_rest and now_ns - state.rest_ns < self._settings.hold_s * 1e9:
             return Transition(state)
         if interaction is None:
-            return self._waiting.withdraw(now_ns)
-        if state.reason != "withdrawn" and not over:
+            return self._waiting.withdraw(now_ns) or Transition(state)
+        home = self._waiting.go_home(now_ns, interaction)
+        if home is not None and state.reason != "withdrawn" and not over:
             self._inbox.mark_served(interaction)
-        return self._waiting.go_home(now_ns, interaction)
+        return home or Transition(state)
 
     def _from_homing(self, state: Homing, now_ns: int) -> Transition:
         other = self._activate(now_ns) or self._waiting.go_ahead(now_ns)

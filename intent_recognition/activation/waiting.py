@@ -10,7 +10,7 @@ from intent_recognition.activation.arm_tracking import ArmTracking
 from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.motions import Motions
 from intent_recognition.activation.pretrigger import Pretrigger
-from intent_recognition.activation.settings import ActivationSettings
+from intent_recognition.activation.settings import ActivationSettings, Command
 from intent_recognition.activation.states import (
     ActiveInteraction,
     Homing,
@@ -53,6 +53,7 @@ class Waiting:
         self._arm, self._motions, self._inbox = arm, motions, inbox
         self._pretrigger, self._counts = pretrigger, counts
         self.home: NDArray[np.float64] | None = None
+        self._brake: Command | None = None
         self.change(settings)
 
     def change(self, settings: ActivationSettings) -> None:
@@ -61,10 +62,14 @@ class Waiting:
         if settings.home is not None:
             self.home = np.array(settings.home, dtype=np.float64)
 
-    def go_home(self, now_ns: int, interaction: ActiveInteraction | None) -> Transition:
-        """Return home, braking first where no plan home starts from this motion."""
+    def go_home(self, now_ns: int, interaction: ActiveInteraction | None) -> Transition | None:
+        """Return home, braking first where no plan home starts from this motion.
+
+        Where it is not to return, it stays, or stops. None while it is not known where the arm is.
+        """
         if not self.settings.return_home or self.home is None or self._arm.current is None:
-            return Transition(Idle())
+            under_way, executed = self._arm.under_way(now_ns), prediction_of(interaction)
+            return Transition(Idle(), self._motions.stop(now_ns, executed) if under_way else None)
         return self._go_to(now_ns, self.home, interaction)
 
     def go_ahead(self, now_ns: int) -> Transition | None:
@@ -93,14 +98,28 @@ class Waiting:
         return Transition(Pretriggered(), command)
 
     def step_homing(self, now_ns: int, state: Homing) -> Transition:
-        """Go on home, also after a brake on the way; idle once it is there."""
+        """Go on home, also after a brake on the way; idle once it is there.
+
+        An arm that is not where it was told to be, or is not seen, is stopped. It goes on after a
+        while, once it is known where it is.
+        """
+        current = self._arm.current
         if self._arm.under_way(now_ns):
-            return Transition(state, self._motions.keep_pace(now_ns))
-        if self._arm.current is None or self._arm.current.plan.kind == "home":
+            reason = self._arm.off_command(now_ns)
+            if not reason:
+                return Transition(state, self._motions.keep_pace(now_ns))
+            brake = self._motions.stop(now_ns, prediction_of(state.interaction))
+            if brake is not None:
+                self._counts[f"stopped: {reason}"] += 1
+                self._brake = brake
+            return Transition(state, brake)
+        if current is None or current.plan.kind == "home":
             return Transition(Idle())
+        if current is self._brake and now_ns - current.end_ns < self.settings.hold_s * 1e9:
+            return Transition(state)
         if state.interaction is None:
-            return self.withdraw(now_ns)
-        return self.go_home(now_ns, state.interaction)
+            return self.withdraw(now_ns) or Transition(state)
+        return self.go_home(now_ns, state.interaction) or Transition(state)
 
     def step_ahead(self, now_ns: int, state: Pretriggered) -> Transition:
         """Stay ahead, or withdraw where the movement under way is another one, or none comes."""
@@ -108,10 +127,13 @@ class Waiting:
         if not reason:
             return Transition(state, self._motions.keep_pace(now_ns))
         self._counts[f"pretrigger withdrawn: {reason}"] += 1
-        return self.withdraw(now_ns)
+        return self.withdraw(now_ns) or Transition(Homing(None))
 
-    def withdraw(self, now_ns: int) -> Transition:
-        """Go home from where the arm had gone ahead to, unless it is there or on its way."""
+    def withdraw(self, now_ns: int) -> Transition | None:
+        """Go home from where the arm had gone ahead to, unless it is there or on its way.
+
+        None while it is not known where the arm is.
+        """
         self._pretrigger.end()
         current = self._arm.current
         if self.home is None or current is None:
@@ -122,8 +144,16 @@ class Waiting:
 
     def _go_to(
         self, now_ns: int, target: NDArray[np.float64], interaction: ActiveInteraction | None
-    ) -> Transition:
-        """On the way to a posture; at rest where it is if that way is not clear."""
-        command = self._motions.go_home(now_ns, target, prediction_of(interaction))
+    ) -> Transition | None:
+        """On the way to a posture; at rest where it is if that way is not clear.
+
+        From the running reference, or from where an arm at rest is; None while that is not known.
+        """
+        start_ns, start = self._arm.switch_ns(now_ns), None
+        if not self._arm.under_way(now_ns):
+            start = self._arm.start_reference(now_ns, start_ns)
+            if start is None:
+                return None
+        command = self._motions.go_home(now_ns, target, prediction_of(interaction), start)
         under_way = command is not None or self._arm.under_way(now_ns)
         return Transition(Homing(interaction) if under_way else Idle(), command)

@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -91,7 +91,7 @@ FIXED = {
 """Parameters by name that are read once, at the start."""
 
 ARM_LIMITS = ("lower", "upper", "velocity")
-"""Parameters that together replace the LWR's limits."""
+"""Parameters that each replace a limit of the arm; for unknown joints all of them are needed."""
 
 AT_REST = {
     "home": ParameterSpec(DOUBLES, "Posture to return to [rad]; empty: the first seen."),
@@ -221,12 +221,11 @@ class ActivationParameters:
         """
         shown = [f"{name} {self._values[name]} ({sources.get(name, DEFAULT)})" for name in GUARDS]
         limits = self._limits_of(names)
-        own = all(self._values[name] for name in ARM_LIMITS)
         for name in ARM_LIMITS:
             array = getattr(limits, name).round(4).tolist()
             unit = "rad/s, scaled" if name == "velocity" else "rad"
             known = "the LWR's" if self.described is None else "of robot_description"
-            source = sources.get(name, DEFAULT) if own else known
+            source = sources.get(name, DEFAULT) if self._values[name] else known
             shown.append(f"{name} {array} {unit} ({source})")
         return "; ".join(shown)
 
@@ -298,27 +297,30 @@ class ActivationParameters:
             raise ArgumentError(describe("pretrigger_threshold", "0 without a model", "more", cure))
 
     def _limits_of(self, names: tuple[str, ...]) -> JointLimits:
-        """Limits from the parameters, else the LWR's by joint name.
+        """Limits from the parameters; those not given are the arm's, else the LWR's by joint name.
 
         Raises:
             RejectionError: a joint is none of the LWR's and no limits are given.
             ArgumentError: limits of another size.
         """
-        given = [self._values[name] for name in ARM_LIMITS]
+        given = {
+            name: np.array(self._values[name], dtype=np.float64)
+            for name in ARM_LIMITS
+            if self._values[name]
+        }
         acceleration = np.full(len(names), self._values["acceleration_limit"])
-        if all(given):
-            lower, upper, velocity = (np.array(values) for values in given)
+        if len(given) == len(ARM_LIMITS):
             no_limit = np.full(len(names), 1e9)  # plans know nothing of torques
-            limits = JointLimits(lower, upper, velocity, acceleration, no_limit)
+            limits = JointLimits(**given, acceleration=acceleration, torque=no_limit)
         elif self.described is not None and names == self.described.joint_names:
-            arm = self.described.limits
-            limits = JointLimits(arm.lower, arm.upper, arm.velocity, acceleration, arm.torque)
+            limits = replace(self.described.limits, **given, acceleration=acceleration)
         elif set(names) <= set(JOINT_NAMES) and len(set(names)) == len(names) > 0:
             at = [JOINT_NAMES.index(name) for name in names]
             lwr = LWR_LIMITS
-            limits = JointLimits(
+            known = JointLimits(
                 lwr.lower[at], lwr.upper[at], lwr.velocity[at], acceleration, lwr.torque[at]
             )
+            limits = replace(known, **given)
         else:
             text = f"{', '.join(names)}: set lower, upper and velocity for joints not of the LWR"
             raise RejectionError("wrong_joint_names", text)

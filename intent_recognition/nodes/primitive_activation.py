@@ -103,7 +103,9 @@ class PrimitiveActivation(ManagedNode):
         names, self._taught_starts = self._settings.joints()
         self._sequences.configure(self._settings.library)
         self._hand.taught = self._settings.taught_link
-        self._starts = self._taught_starts
+        # Those of a hand become joints when the arm is met, also one that was met before.
+        self._starts = {} if self._settings.of_hand else self._taught_starts
+        self._starts_near = np.empty(0)
         if names:
             self._set_joints(names)
         for task, std in self._settings.never_certain().items():

@@ -185,6 +185,93 @@ def test_without_return_home_it_stays_and_is_idle():
     assert np.abs(world.arm() - HOME).max() > 0.2
 
 
+def test_without_return_home_a_reset_stops_the_arm():
+    world = World(return_home=False)
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.3)
+    world.commands.append(world.activation.reset(world.now_ns))
+    assert world.commands[-1].plan.kind == "stop" and world.activation.mode is Mode.IDLE
+    world.check_continuous()
+
+
+def on_the_way_home(**settings):
+    world = World(**settings)
+    world.begin("plate")
+    world.run_until(Mode.HOMING)
+    world.task = "idle"
+    world.run(0.2)
+    assert np.abs(world.reference().velocity).max() > 0.01
+    return world
+
+
+def step_holding(world, position):
+    """A step in which somebody holds the arm."""
+    world.push = position - world.reference(world.now_ns + STEP_NS).position
+    world.step()
+    world.push = np.zeros(7)
+
+
+def test_on_the_way_home_an_arm_that_is_held_back_is_stopped_and_goes_on_from_where_it_is_left():
+    world = on_the_way_home(max_tracking_error_rad=0.2)
+    n, held = len(world.commands), world.arm()
+    for _ in range(300):
+        step_holding(world, held)
+    brake, again = world.commands[n : n + 2]
+    assert (brake.plan.kind, again.plan.kind) == ("stop", "home")
+    assert "arm_off_reference" in world.rejected
+    assert again.start_ns - brake.end_ns >= 1_000_000_000
+    np.testing.assert_allclose(again.plan.positions[0], held, atol=1e-9)
+    world.run_until(Mode.IDLE)
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+
+
+def test_on_the_way_home_an_arm_that_is_not_seen_is_stopped_until_it_is():
+    world = on_the_way_home()
+    world.measures = False
+    world.run(5.0)
+    assert world.activation.mode is Mode.HOMING
+    assert [c.plan.kind for c in world.commands[-2:]] == ["home", "stop"]
+    assert np.abs(world.arm() - HOME).max() > 1e-3
+    world.measures = True
+    world.run_until(Mode.IDLE)
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    world.check_continuous()
+
+
+def test_a_stopped_arm_that_is_not_seen_stays_where_it_is():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.5)
+    world.measures = False
+    world.run_until(Mode.STOPPED)
+    n = len(world.commands)
+    world.task = "idle"
+    world.run(5.0)
+    assert world.activation.mode is Mode.STOPPED and len(world.commands) == n
+    world.measures = True
+    world.run_until(Mode.IDLE)
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+    world.check_continuous()
+
+
+def test_a_stopped_arm_that_was_moved_goes_home_from_where_it_rests():
+    world = World()
+    world.begin("plate", already_s=0.2)
+    world.run_until(Mode.EXECUTING)
+    world.run(0.5)
+    world.push = np.full(7, 0.6)
+    world.run_until(Mode.STOPPED)
+    world.task = "idle"
+    moved = world.reference(world.commands[-1].end_ns).position + world.push
+    world.run_until(Mode.HOMING)
+    np.testing.assert_allclose(world.commands[-1].plan.positions[0], moved, atol=1e-9)
+    world.push = np.zeros(7)
+    world.run_until(Mode.IDLE)
+    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
+
+
 def test_a_clock_that_goes_back_starts_over():
     world = World()
     world.begin("plate", already_s=0.2)

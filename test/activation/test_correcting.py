@@ -120,6 +120,21 @@ def test_the_arm_does_not_go_home_while_somebody_holds_it_and_can_be_called_back
     assert held.activation.mode is Mode.HOMING
 
 
+def test_an_arm_that_was_moved_and_has_no_other_task_to_begin_is_not_pushed_any_more():
+    """Of where it was moved to nothing was asked."""
+    held = world()
+    held.run(4.0)
+    held.task = "idle"
+    held.run(1.0)
+    held.activation._motions.interact = lambda *_: None  # no plan keeps the limits
+    held.begin("screw", already_s=0.2)
+    held.held = held.arm() + 2.0 * AWAY
+    held.run(1.0)
+    assert held.activation.mode is Mode.EXECUTING
+    held.task = "idle"
+    held.run_until(Mode.IDLE)
+
+
 def test_an_ordered_task_goes_on_by_what_is_recognised_alone():
     """Somebody bumps into it while a movement of the same task is predicted, but not active."""
     held = world()

@@ -138,9 +138,9 @@ def test_the_whole_pose_of_the_hand_is_reached_as_predicted(harness, panda):
     assert graph.node.activation.decision.active == "plate"
 
 
-@pytest.mark.parametrize("home_is", ["given", "the first seen"])
-def test_it_goes_ahead_to_home_where_a_task_begins_there(harness, panda, tmp_path, home_is):
-    """Of the postures with the hand in that place it is the one that paths are drawn to."""
+@pytest.fixture
+def model(tmp_path):
+    """Of a task of the hand that begins at home."""
     dofs = load_dofs(share_path("config/dofs_hand.yaml"))
     library = true_library(dofs, n_tasks=1)
     means = library.weight_mean.copy()
@@ -148,13 +148,32 @@ def test_it_goes_ahead_to_home_where_a_task_begins_there(harness, panda, tmp_pat
     means[0, library.n_observed_weights :] += np.repeat(shift, library.basis.n_basis)
     library = replace(library, labels=("plate",), weight_mean=means)
     save_model(tmp_path / "model.npz", Model(library, dofs))
+    return str(tmp_path / "model.npz")
+
+
+@pytest.mark.parametrize("home_is", ["given", "the first seen"])
+def test_it_goes_ahead_to_home_where_a_task_begins_there(harness, panda, model, home_is):
+    """Of the postures with the hand in that place it is the one that paths are drawn to."""
     home = panda.home.tolist() if home_is == "given" else None
-    graph = HandGraph(harness, panda, home=home, model=str(tmp_path / "model.npz"))
+    graph = HandGraph(harness, panda, home=home, model=model)
     for _ in range(6):
         graph.step(GOAL_M)
     graph.harness.spin_until(lambda: graph.commands)
     ahead = graph.node.activation.pretrigger
     assert ahead.is_near(panda.home, "plate")
+
+
+def test_configured_again_where_tasks_begin_is_still_in_joints(harness, panda, model):
+    """And not where the hand is then, taken for joints."""
+    graph = HandGraph(harness, panda, model=model)
+    graph.step(GOAL_M)
+    transitions = ("deactivate", "cleanup", "configure", "activate")
+    for transition in transitions:
+        getattr(graph.node, f"trigger_{transition}")()
+    for _ in range(6):
+        graph.step(GOAL_M)
+    graph.harness.spin_until(lambda: graph.commands)
+    assert graph.node.activation.pretrigger.is_near(panda.home, "plate")
 
 
 def test_what_the_arm_cannot_reach_is_refused_and_counted(harness, panda):

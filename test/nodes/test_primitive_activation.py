@@ -442,9 +442,21 @@ def test_joints_of_another_arm_need_limits(harness):
     assert graph.rejected("wrong_joint_names") == 1 and graph.node.activation is None
 
 
+@pytest.mark.parametrize("name", ["lower", "upper", "velocity"])
+def test_a_limit_that_is_given_alone_counts_beside_those_of_the_arm(harness, name):
+    own = 0.25 * getattr(LWR_LIMITS, name)
+    overrides = {"joint_names": list(JOINT_NAMES), "velocity_scale": 1.0, name: own.tolist()}
+    parameters = [Parameter(key, value=value) for key, value in overrides.items()]
+    node = harness.add(PrimitiveActivation(parameter_overrides=parameters))
+    for limit in ("lower", "upper", "velocity"):
+        expected = own if limit == name else getattr(LWR_LIMITS, limit)
+        np.testing.assert_array_equal(getattr(node._limits, limit), expected)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
+        {"velocity": [0.5] * 6, "joint_names": list(JOINT_NAMES)},
         {"threshold": 0.2},
         {"timeout": -1.0},
         {"home": [0.0] * 6, "joint_names": list(JOINT_NAMES)},
