@@ -230,9 +230,13 @@ class BagPlayer(Node):
         data = message.data
         if self._restamp and message.topic in self._stamped:
             rate = self._rate or 1.0
-            data = shift_stamp(
-                data, lambda ns: anchor.stamp_ns + round((ns - anchor.log_ns) / rate)
-            )
+            try:
+                data = shift_stamp(
+                    data, lambda ns: anchor.stamp_ns + round((ns - anchor.log_ns) / rate)
+                )
+            except BagError as error:
+                self._diagnostics.reject("malformed", f"{message.topic}: {error}")
+                return
         if self._rate <= 0.0:
             self._publish_clock(message.log_time_ns)
         self._outputs[message.topic].publish(data)
@@ -310,11 +314,19 @@ class BagPlayer(Node):
 
 
 def shift_stamp(data: bytes, shift: Callable[[int], int]) -> bytes:
-    """CDR bytes whose first field is a Header, with the stamp replaced by `shift(stamp_ns)`."""
-    layout = struct.Struct("<iI" if data[1] & 1 else ">iI")
-    seconds, nanoseconds = layout.unpack_from(data, 4)
-    stamp_ns = shift(seconds * 1_000_000_000 + nanoseconds)
-    return data[:4] + layout.pack(*divmod(stamp_ns, 1_000_000_000)) + data[12:]
+    """CDR bytes whose first field is a Header, with the stamp replaced by `shift(stamp_ns)`.
+
+    Raises:
+        BagError: they hold no stamp, or one that cannot be moved there.
+    """
+    try:
+        layout = struct.Struct("<iI" if data[1] & 1 else ">iI")
+        seconds, nanoseconds = layout.unpack_from(data, 4)
+        stamp_ns = shift(seconds * 1_000_000_000 + nanoseconds)
+        return data[:4] + layout.pack(*divmod(stamp_ns, 1_000_000_000)) + data[12:]
+    except (struct.error, IndexError) as error:
+        cure = "Play it without restamp."
+        raise BagError(describe("header.stamp", "one that can be moved", error, cure)) from error
 
 
 def _open(bag: str) -> BagReader:

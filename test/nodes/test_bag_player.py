@@ -36,14 +36,18 @@ def pose_fields(index: int) -> dict:
     }
 
 
-def write(path, *profiles):
-    """A description and thirty poses, recorded from publishers that offered `profiles`."""
+def write(path, *profiles, damaged=None):
+    """A description and thirty poses, recorded from publishers that offered `profiles`.
+
+    Those at the indices of `damaged` are other bytes.
+    """
     with BagWriter(path, {"task": "t"}) as writer:
         writer.write_message("robot_description", "std_msgs/msg/String", {"data": "r"}, START_NS)
         writer.add_topic("mocap/wrist/pose", POSE, [rosbag2_profile(*p) for p in profiles])
         for i in range(30):
             at_ns = START_NS + i * STEP_NS
-            writer.write_message("mocap/wrist/pose", POSE, pose_fields(i), at_ns)
+            data = (damaged or {}).get(i, serialize(POSE, pose_fields(i)))
+            writer.write("mocap/wrist/pose", POSE, data, at_ns, at_ns)
     return path
 
 
@@ -207,6 +211,18 @@ def test_qos_comes_from_the_bag_else_from_the_topic():
     assert recorded_profile(TopicInfo("/mocap/a/pose", POSE)).reliability == best_effort.reliability
     by_name = recorded_profile(TopicInfo("/robot_description", POSE))
     assert by_name.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
+
+
+@pytest.mark.parametrize("damaged", [b"", b"\0\1\0\0\5", b"\0\1\0\0\xff\xff\xff\x7f\0\0\0\0\0"])
+def test_what_has_no_stamp_that_can_be_moved_is_counted_and_the_rest_is_played(
+    harness, tmp_path, damaged
+):
+    bag = write(tmp_path / "bag", ("reliable", "volatile", 10), damaged={3: damaged})
+    seen = harness.collect(PoseStamped, "mocap/wrist/pose", EVERY)
+    node = harness.add(player(bag, restamp=True, rate=0.0))
+    harness.spin_until(lambda: node.done and len(seen) == 29)
+    assert node._diagnostics.rejected("malformed") == 1
+    assert node.exit_code == 0
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
