@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     """Train, write the model, print what was learned and what was left out."""
     console = console_beside(args.json)
     check_output("--output", args.output)
-    check_json(args.json)
+    check_json(args.json, {"--output": args.output})
     settings = training_settings(args)
     wanted = n_components(args)
     if args.unlabelled:

@@ -117,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
         ModelError: the source cannot be used.
         ArgumentError: the target cannot be used; says why.
     """
-    check_json(args.json)
+    check_json(args.json, {"--report": args.report})
     if not (np.isfinite(args.scale) and args.scale > 0.0):
         cure = "Use 0.001 for millimetres."
         raise ArgumentError(describe("--scale", "a factor above 0", args.scale, cure))
