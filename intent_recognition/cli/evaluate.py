@@ -97,7 +97,7 @@ def add_parser(subparsers: Subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print tables, write what was asked for."""
     console = console_beside(args.json)
-    check_json(args.json)
+    check_json(args.json, {"--report": args.report})
     check_output("--report", args.report)
     wanted = n_components(args)
     dofs = settle_orientations(load_dofs(args.dofs), args.bags)

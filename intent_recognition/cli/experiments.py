@@ -15,7 +15,7 @@ from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, escape
 from intent_recognition.cli.experiment_runs import ExperimentRun, run_all
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.options import Subparsers, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -59,10 +59,12 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar="DIR",
         help="folder of report.html, numbers.json and figures/ (default: %(default)s)",
     )
-    parser.add_argument("--seed", type=int, default=1, help="of all variation (default: 1)")
+    parser.add_argument(
+        "--seed", type=number(int, 0), default=1, help="of all variation (default: 1)"
+    )
     parser.add_argument(
         "--seeds",
-        type=int,
+        type=number(int, 1),
         default=N_SEEDS,
         metavar="N",
         help="draws of the recordings of pointing, pole and toolbox, to show their spread: the"
@@ -73,7 +75,9 @@ def add_parser(subparsers: Subparsers) -> None:
     parser.add_argument(
         "--bags", type=Path, metavar="DIR", help="folder of recordings (default: the shipped ones)"
     )
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default: %(default)s)")
+    parser.add_argument(
+        "--jobs", type=number(int, 1), default=2, help="processes (default: %(default)s)"
+    )
     parser.add_argument("--list", action="store_true", help="show the names and stop")
     add_json_option(parser, "the numbers")
     parser.set_defaults(run=run)
@@ -83,21 +87,20 @@ def run(args: argparse.Namespace) -> int:
     """Run them; 1 if one broke off.
 
     Raises:
-        ArgumentError: a name, the seed or the number of processes is not possible.
+        ArgumentError: a name is unknown, or the recordings are no folder.
         ResourceBusyError: the report cannot be written.
     """
     console = console_beside(args.json)
     check_json(args.json)
     if args.list:
-        _print_list(console)
+        if args.json != PRINTED:
+            _print_list(console)
+        write_json(args.json, _list_json())
         return 0
     check_output("--output", args.output / "report.html")
-    if args.seed < 0 or min(args.jobs, args.seeds) < 1:
-        got = (args.seed, args.seeds, args.jobs)
-        expected = "seed >= 0, seeds >= 1 and jobs >= 1"
-        raise ArgumentError(
-            describe("--seed, --seeds, --jobs", expected, got, "Give such numbers.")
-        )
+    if args.bags is not None and not args.bags.is_dir():
+        cure = "Check the path, or leave it out for the shipped ones."
+        raise ArgumentError(describe("--bags", "a folder of recordings", args.bags, cure))
     entries = chosen(args.names)
     started = time.monotonic()
     settings = Settings(args.seed, args.seeds, args.quick, args.bags)
@@ -167,6 +170,11 @@ def _print_list(console: Console) -> None:
     for entry in EXPERIMENTS:
         table.add_row(entry.name, entry.source, entry.summary)
     console.print(table)
+
+
+def _list_json() -> list[dict[str, str]]:
+    """Names, sources and summaries, ready for JSON."""
+    return [{"name": e.name, "source": e.source, "summary": e.summary} for e in EXPERIMENTS]
 
 
 def _print_outcome(console: Console, name: str, outcome: ExperimentResult, seconds: float) -> None:

@@ -4,6 +4,7 @@
 import argparse
 import contextlib
 import importlib
+import io
 import keyword
 import os
 import sys
@@ -44,6 +45,7 @@ def make_parser(commands: Sequence[str] = COMMANDS) -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; an error of this package is one line on stderr and exit code 1."""
+    _print_whatever_comes()
     words = list(sys.argv[1:] if argv is None else argv)
     known = words[0] in COMMANDS if words else False
     args = make_parser(words[:1] if known else COMMANDS).parse_args(words)
@@ -65,6 +67,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 1
     finally:
         ignore_interrupts()
+
+
+def _print_whatever_comes() -> None:
+    """What the encoding of standard output lacks is printed as an escape, as on stderr."""
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _drop_output() -> None:

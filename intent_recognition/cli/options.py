@@ -4,11 +4,16 @@
 import argparse
 import json
 import math
+import re
 from collections.abc import Callable, Mapping
 from typing import TypeAlias, TypeVar
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 Number = TypeVar("Number", int, float)
+
+PART = r"[A-Za-z_{][\w{}]*"
+NAME = rf"(?:~/|/)?{PART}(?:/{PART})*"
+"""A name of ROS 2: relative, absolute or private; parts of it may be substitutions in braces."""
 
 
 def number(
@@ -27,12 +32,40 @@ def number(
     return read
 
 
+def topic_name(text: str) -> str:
+    """The `type` of an option that takes the name of a topic."""
+    if not re.fullmatch(NAME, text, re.ASCII):
+        raise argparse.ArgumentTypeError(
+            f"expected a topic such as /joint_states, of letters, digits, _ and /, got {text!r}"
+        )
+    return text
+
+
+def _namespace(text: str) -> str:
+    if not re.fullmatch(rf"/*(?:{PART}(?:/{PART})*)?/*", text, re.ASCII):
+        raise argparse.ArgumentTypeError(
+            f"expected a namespace such as /cell_1, of letters, digits, _ and /, got {text!r}"
+        )
+    return text
+
+
+def _remapping(text: str) -> str:
+    if not re.fullmatch(rf"(?:(?!:=)\S)+:={NAME}", text, re.ASCII):
+        raise argparse.ArgumentTypeError(
+            f"expected FROM:=TO, such as /mocap/wrist/pose:=/vrpn/wrist/pose, got {text!r}"
+        )
+    return text
+
+
 def add_node_options(parser: argparse.ArgumentParser) -> None:
     """Options of every command that runs a node: namespace and remapping."""
     group = parser.add_argument_group("topics")
-    group.add_argument("--namespace", default="", metavar="NS", help="namespace of the topics")
+    group.add_argument(
+        "--namespace", type=_namespace, default="", metavar="NS", help="namespace of the topics"
+    )
     group.add_argument(
         "--remap",
+        type=_remapping,
         action="append",
         default=[],
         metavar="FROM:=TO",

@@ -5,12 +5,13 @@ import argparse
 import json
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from rich.console import Console
 
 from intent_recognition.cli.console import make_console
-from intent_recognition.errors import ResourceBusyError, describe
+from intent_recognition.errors import ArgumentError, ResourceBusyError, describe
 
 PRINTED = Path("-")
 """The value of `--json` without OUT: standard output."""
@@ -34,15 +35,25 @@ def console_beside(json_path: Path | None) -> Console:
     return Console(stderr=True) if json_path == PRINTED else make_console()
 
 
-def check_json(path: Path | None) -> None:
+def check_json(path: Path | None, others: Mapping[str, Path | None] | None = None) -> None:
     """`check_output` for `--json`, which may have taken the next argument for its OUT.
 
+    Args:
+        path: the value of `--json`.
+        others: files that the command writes beside it, by their options.
+
     Raises:
+        ArgumentError: it is also the file of another option.
         ResourceBusyError: it cannot be written, or it is a file of another kind.
     """
     if path is None or path == PRINTED:
         return
     check_output("--json", path)
+    for option, other in (others or {}).items():
+        if other is not None and other.resolve() == path.resolve():
+            raise ArgumentError(
+                describe(f"--json {path}", f"another file than {option}", "the same", "Rename one.")
+            )
     if path.is_file() and path.suffix != ".json":
         cure = "Write `--json` last, or choose another OUT."
         expected = "a new file, or one that ends in .json"

@@ -5,7 +5,7 @@ import argparse
 from pathlib import Path
 
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments
+from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments, topic_name
 from intent_recognition.errors import ResourceBusyError, describe
 
 
@@ -25,7 +25,11 @@ def add_parser(subparsers: Subparsers) -> None:
         ),
     )
     parser.add_argument(
-        "topics", nargs="*", metavar="TOPIC", help="topics to record (default: all there are)"
+        "topics",
+        type=topic_name,
+        nargs="*",
+        metavar="TOPIC",
+        help="topics to record (default: all there are)",
     )
     parser.add_argument(
         "--output", type=Path, required=True, metavar="BAG", help="directory of the new bag"

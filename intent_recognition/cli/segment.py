@@ -17,6 +17,7 @@ from intent_recognition.cli.output import (
     write_json,
 )
 from intent_recognition.demonstrations import load_dofs, settle_orientations
+from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.evaluation import (
     Segment,
     propose_segments,
@@ -70,11 +71,15 @@ def run(args: argparse.Namespace) -> int:
     """Segment, write the bags, print what was found.
 
     Raises:
+        ArgumentError: a DOF file beside a model, which has its own.
         BagError: the session cannot be read.
         ResourceBusyError: a bag of that name exists already.
     """
     console = console_beside(args.json)
     check_json(args.json)
+    if args.model and args.dofs:
+        cure = "Leave one of them out: a model has its own DOFs."
+        raise ArgumentError(describe("--dofs", "no --model beside it", args.model, cure))
     with busy(console, "segmenting"):
         if args.model:
             model = load_model(args.model)

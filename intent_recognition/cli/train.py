@@ -26,7 +26,7 @@ from intent_recognition.cli.recordings import (
     training_settings,
 )
 from intent_recognition.cli.rejections import all_left_out, print_found
-from intent_recognition.cli.train_add import add_adding_options, add_to_model
+from intent_recognition.cli.train_add import add_adding_options, add_to_model, check_adding
 from intent_recognition.cli.train_sessions import add_sessions_option, with_sessions
 from intent_recognition.cli.train_workers import add_worker_options, workers
 from intent_recognition.cli.unlabelled import (
@@ -84,9 +84,10 @@ def run(args: argparse.Namespace) -> int:
     """Train, write the model, print what was learned and what was left out."""
     console = console_beside(args.json)
     check_output("--output", args.output)
-    check_json(args.json)
+    check_json(args.json, {"--output": args.output})
     settings = training_settings(args)
     wanted = n_components(args)
+    check_adding(args)
     if args.unlabelled:
         check_alone(args)
         model, report = train_unlabelled(args.bags, args.dofs, settings, wanted, console)

@@ -39,6 +39,17 @@ def add_adding_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def check_adding(args: argparse.Namespace) -> None:
+    """Refuse what has no meaning without a model to add to.
+
+    Raises:
+        ArgumentError: `--choose-again` without `--add`.
+    """
+    if args.choose_again and args.add is None:
+        cure = "Leave it out: training anew always chooses."
+        raise ArgumentError(describe("--choose-again", "--add beside it", "no model", cure))
+
+
 def add_to_model(
     args: argparse.Namespace, settings: TrainingSettings, console: Console, run: Run
 ) -> tuple[Model, TrainingReport]:

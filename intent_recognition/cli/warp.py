@@ -13,8 +13,14 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers
-from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
+from intent_recognition.cli.options import Subparsers, number
+from intent_recognition.cli.output import (
+    PRINTED,
+    add_json_option,
+    check_json,
+    check_output,
+    write_json,
+)
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.objects import N_POINTS, find_object, load_object, load_target
 from intent_recognition.warping import (
@@ -77,14 +83,14 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     parser.add_argument(
         "--neighbours",
-        type=int,
+        type=number(int, 1),
         default=1,
         metavar="K",
         help="nearest points that vote on a label (default: 1)",
     )
     parser.add_argument(
         "--points",
-        type=int,
+        type=number(int, 1),
         default=N_POINTS,
         help="points taken of the target (default: %(default)s)",
     )
@@ -101,7 +107,9 @@ def add_parser(subparsers: Subparsers) -> None:
         metavar=("X", "Y", "Z"),
         help="where the camera was [m], for clouds without normals",
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the points sampled on a mesh")
+    parser.add_argument(
+        "--seed", type=number(int, 0), default=0, help="seed of the points sampled on a mesh"
+    )
     parser.add_argument(
         "--grasp",
         action="store_true",
@@ -117,7 +125,8 @@ def run(args: argparse.Namespace) -> int:
         ModelError: the source cannot be used.
         ArgumentError: the target cannot be used; says why.
     """
-    check_json(args.json)
+    check_json(args.json, {"--report": args.report})
+    check_output("--report", args.report)
     if not (np.isfinite(args.scale) and args.scale > 0.0):
         cure = "Use 0.001 for millimetres."
         raise ArgumentError(describe("--scale", "a factor above 0", args.scale, cure))

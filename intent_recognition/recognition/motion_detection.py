@@ -17,7 +17,10 @@ from intent_recognition.signals import (
 )
 
 HISTORY_S = 2.0
-"""Length of the past in which the onset is looked for [s]. Convention."""
+"""Length of the past in which the onset is looked for [s]. Convention.
+
+More is kept where the window of a signal's speed is longer than the usual one: `past_s`.
+"""
 FINISHED_PHASE = 0.99
 """Expected phase of the most probable task from which a movement at rest is over. Convention."""
 PAUSE_S = 1.5
@@ -29,6 +32,15 @@ OVERTIME_S = 0.5
 
 Convention.
 """
+
+
+def past_s(settings: OnsetSettings) -> float:
+    """How much of a signal's past tells whether it moves or rests [s].
+
+    A speed is known from half its window on, or of sparse samples from almost a whole one: what
+    a longer window takes is added.
+    """
+    return HISTORY_S + 1.2 * max(settings.window_s - OnsetSettings.window_s, 0.0)
 
 
 class MotionDetector:
@@ -46,7 +58,9 @@ class MotionDetector:
 
     def __init__(self, groups: Sequence[int], settings: Sequence[OnsetSettings]):
         self.settings = settings
-        self.pasts = [SignalPast(size, HISTORY_S) for size in groups]
+        self.pasts = [
+            SignalPast(size, past_s(own)) for size, own in zip(groups, settings, strict=True)
+        ]
         self._stops = [Stops(own) for own in settings]
         self.waits_for_rest = False
 
@@ -61,6 +75,8 @@ class MotionDetector:
         """Go on with the settings of another library."""
         self.settings = settings
         self._stops = [Stops(own) for own in settings]
+        for past, own in zip(self.pasts, settings, strict=True):
+            past.keep(past_s(own))
 
     def forget_stops(self) -> None:
         """Forget when the signals moved: a movement begins."""

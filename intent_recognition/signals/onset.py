@@ -12,6 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from intent_recognition.errors import ArgumentError, describe
+from intent_recognition.signals.demonstration import MIN_SAMPLES
+
+MEDIAN_OF_SQUARE = 0.4549
+"""Median of the square of a standard normal variable: of chi-square with one degree of freedom."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +90,31 @@ def peak_speed(
         return 0.0
     speed = np.linalg.norm(windowed_velocity(times_s, values, window_s), axis=1)
     return float(np.nanmax(speed)) if np.any(np.isfinite(speed)) else 0.0
+
+
+def speed_noise(
+    times_s: NDArray[np.float64], values: NDArray[np.float64], window_s: float = 0.15
+) -> float:
+    """Root mean square of the windowed velocity that white measurement noise alone would give.
+
+    The noise is what a sample differs from the line between its two neighbours by: its median,
+    since a movement is no line where it turns or starts. 0 for a signal too short to tell.
+
+    Args:
+        times_s: (T,), increasing.
+        values: (T, d).
+        window_s: length of the window.
+    """
+    if len(times_s) < MIN_SAMPLES:
+        return 0.0
+    steps = np.diff(times_s)
+    share = (steps[:-1] / (steps[:-1] + steps[1:]))[:, None]
+    bend = values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]
+    bend /= np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
+    variance = float(np.sum(np.median(bend**2, axis=0))) / MEDIAN_OF_SQUARE
+    # A line through n + 1 samples in equal steps over the window: the sum of their squared times.
+    n = max(window_s / float(np.median(steps)), 1.0)
+    return float(np.sqrt(variance * 12.0 * n / ((n + 1.0) * (n + 2.0)))) / window_s
 
 
 def detect_onset(

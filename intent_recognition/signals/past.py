@@ -112,9 +112,14 @@ class SignalPast:
     """
 
     def __init__(self, n_dofs: int, length_s: float):
-        self.n_dofs, self._length_ns = n_dofs, length_s * 1e9
+        self.n_dofs = n_dofs
+        self.keep(length_s)
         self._last_valid = b""
         self.clear()
+
+    def keep(self, length_s: float) -> None:
+        """Keep so much of the past from now on [s]."""
+        self._length_ns = length_s * 1e9
 
     def clear(self) -> None:
         """Forget everything."""

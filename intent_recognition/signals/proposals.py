@@ -22,7 +22,7 @@ from intent_recognition.signals.onset import (
     peak_speed,
     windowed_velocity,
 )
-from intent_recognition.signals.segmentation import onset_settings
+from intent_recognition.signals.segmentation import least_reference, onset_settings
 from intent_recognition.signals.signal import Signal
 
 STEP_S = 0.01
@@ -134,9 +134,14 @@ def _typical(
     found = []
     for signal, one in zip(signals, settings, strict=True):
         own = [signal.between(span.start_ns, span.end_ns) for span in spans]
-        peaks = np.array([peak_speed(p.seconds(spans[0].start_ns), p.values) for p in own])
+        peaks = np.array(
+            [peak_speed(p.seconds(spans[0].start_ns), p.values, one.window_s) for p in own]
+        )
         moved = peaks[peaks > one.start_share * one.reference_speed]  # the others are the partner's
-        found.append(replace(one, reference_speed=float(np.median(moved))) if moved.size else one)
+        if moved.size:
+            least = least_reference([signal], one.window_s)
+            one = replace(one, reference_speed=max(float(np.median(moved)), least))
+        found.append(one)
     return tuple(found)
 
 

@@ -5,7 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from intent_recognition.signals.onset import OnsetSettings, first_onset, last_motion, peak_speed
+from intent_recognition.signals.onset import (
+    OnsetSettings,
+    first_onset,
+    last_motion,
+    peak_speed,
+    speed_noise,
+)
 from intent_recognition.signals.signal import Signal
 
 END_MARGIN_S = 0.3
@@ -13,23 +19,69 @@ END_MARGIN_S = 0.3
 
 Convention: a primitive ends at rest.
 """
+SAMPLES_IN_WINDOW = 4
+"""Fewest samples of a signal in the window of its speed. Convention: as many as an onset needs."""
+LONGEST_WINDOW_S = 1.2
+"""Longest window of the speed [s]. Convention: an onset is found about half a window late."""
+ABOVE_NOISE = 3.0
+"""Speed that counts as moving, at least, in parts of what noise alone gives (root mean square).
+
+Convention: three standard deviations.
+"""
 
 
 def onset_settings(recordings: Sequence[Sequence[Signal]]) -> tuple[OnsetSettings, ...]:
     """Thresholds for each signal from the median of its peak speeds over the recordings.
 
+    The window in which the speed is measured is as long as the signal needs it to be: for
+    `SAMPLES_IN_WINDOW`, and for a movement so slow that its noise would count as moving. Where
+    no window is long enough, what counts as moving is `ABOVE_NOISE`, in the window that shows the
+    movement best; of a signal that is noise throughout, that is a short one.
+
     Args:
         recordings: the signals of each demonstration, the same ones in the same order.
     """
-    references = []
-    for index in range(len(recordings[0])):
-        peaks = [
-            peak_speed(signal.seconds(int(signal.stamps_ns[0])), signal.values)
-            for signal in (signals[index] for signals in recordings)
-            if signal.stamps_ns.size
-        ]
-        references.append(max(float(np.median(peaks)), 1e-6) if peaks else 1e-6)
-    return tuple(OnsetSettings(reference_speed=reference) for reference in references)
+    n_signals = len(recordings[0])
+    return tuple(_settings_of([signals[k] for signals in recordings]) for k in range(n_signals))
+
+
+def least_reference(signals: Sequence[Signal], window_s: float) -> float:
+    """Reference speed at which the noise of a signal does not count as moving, per second.
+
+    Args:
+        signals: the signal in each of some recordings, none of them empty.
+        window_s: length of the line fitted for the speed.
+    """
+    noise = [speed_noise(s.seconds(int(s.stamps_ns[0])), s.values, window_s) for s in signals]
+    return ABOVE_NOISE * float(np.median(noise)) / OnsetSettings.start_share
+
+
+def _settings_of(signals: Sequence[Signal]) -> OnsetSettings:
+    """Thresholds for one signal from all of its recordings."""
+    signals = [signal for signal in signals if signal.stamps_ns.size]
+    periods = [np.median(np.diff(s.stamps_ns)) * 1e-9 for s in signals if s.stamps_ns.size > 1]
+    period_s = float(np.median(periods)) if periods else 0.0
+    shortest_s = max(OnsetSettings.window_s, (SAMPLES_IN_WINDOW - 1) * period_s)
+    shortest_s = window_s = min(shortest_s, LONGEST_WINDOW_S)
+    best = 0.0, 1e-6, shortest_s
+    while window_s <= LONGEST_WINDOW_S and signals:
+        peak = _typical_peak(signals, window_s)
+        least = least_reference(signals, window_s)
+        if peak >= least:
+            best = 1.0, max(peak, 1e-6), window_s
+            break
+        best = max(best, (peak / least, least, window_s))
+        window_s *= 2.0
+    _, reference, window_s = best
+    # Longer than a window is only partly filled: its slope is noisier until then.
+    persistence_s = OnsetSettings.persistence_s * (window_s / OnsetSettings.window_s)
+    return OnsetSettings(reference, window_s=window_s, persistence_s=persistence_s)
+
+
+def _typical_peak(signals: Sequence[Signal], window_s: float) -> float:
+    """Median of the peak speeds of a signal over its recordings, none of them empty."""
+    peaks = [peak_speed(s.seconds(int(s.stamps_ns[0])), s.values, window_s) for s in signals]
+    return float(np.median(peaks))
 
 
 def movement_span(

@@ -104,6 +104,29 @@ def test_unknown_name_is_one_line(capsys):
     assert "NAME" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("option", "least"), [("--seed", "0"), ("--seeds", "1"), ("--jobs", "1")])
+def test_a_number_that_is_too_small_is_named(parse, capsys, option, least):
+    with pytest.raises(SystemExit) as ended:
+        parse("experiments", option, int(least) - 1)
+    assert ended.value.code == 2
+    assert f"argument {option}: expected {least} or more" in capsys.readouterr().err
+
+
+def test_the_list_may_be_json(capsys, tmp_path):
+    assert main(["experiments", "--list", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert [entry["name"] for entry in printed] == [entry.name for entry in EXPERIMENTS]
+    assert main(["experiments", "--list", "--json", str(tmp_path / "list.json")]) == 0
+    assert json.loads((tmp_path / "list.json").read_text("utf-8")) == printed
+
+
+def test_recordings_that_are_not_there_are_said_before_any_work(capsys, tmp_path):
+    missing = tmp_path / "nowhere"
+    assert main(["experiments", "--bags", str(missing), "--output", str(tmp_path / "new")]) == 1
+    assert f"--bags: expected a folder of recordings, got {missing}" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
 def test_chosen_keeps_the_papers_order_and_takes_each_once():
     names = [entry.name for entry in EXPERIMENTS]
     assert [e.name for e in chosen([names[2], names[0], names[2]])] == [names[0], names[2]]

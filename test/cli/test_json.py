@@ -126,6 +126,23 @@ def test_a_recording_that_it_took_for_its_file_is_kept(folder, capsys, monkeypat
     assert recording.read_bytes() == before
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("train", "bags", "--dofs", "dofs.yaml", "--output", "deep/both"),
+        ("evaluate", "bags", "--dofs", "dofs.yaml", "--report", "deep/both"),
+        ("warp", "mug", "bowl.stl", "--report", "deep/both"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_it_does_not_write_over_the_other_file_of_its_command(words, folder, capsys, monkeypatch):
+    monkeypatch.chdir(folder)
+    assert cli.main([*words, "--json", "deep/../deep/both"]) == 1
+    message = f"--json deep/../deep/both: expected another file than {words[-2]}, got the same"
+    assert message in capsys.readouterr().err
+    assert not (folder / "deep").exists()
+
+
 def test_what_is_not_plain_is_an_error_not_a_text(tmp_path):
     with pytest.raises(TypeError, match="int64"):
         write_json(tmp_path / "n.json", {"n": np.int64(3)})

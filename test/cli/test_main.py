@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`intent`: one parser, help for every command, one line for every error."""
 
+import io
 import os
 import signal
 import subprocess
@@ -8,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from bag_builder import write_bag
 from cli.recorded import write_all
 
 from intent_recognition import __version__
@@ -44,6 +46,14 @@ def test_the_parser_lists_every_command(capsys):
     with pytest.raises(SystemExit):
         cli.main(["--version"])
     assert capsys.readouterr().out.split() == ["intent", __version__]
+
+
+def test_what_the_terminal_has_no_letter_for_is_an_escape(monkeypatch, tmp_path):
+    bag = write_bag(tmp_path / "ä_0")
+    ascii_output = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", ascii_output)
+    assert cli.main(["inspect", str(bag)]) == 0
+    assert b"\\xe4_0" in ascii_output.buffer.getvalue()
 
 
 @pytest.mark.parametrize("argv", [[], ["dance"], ["train"], ["train", "bag"], ["replay", "bag"]])

@@ -53,6 +53,34 @@ def test_an_impossible_rate_is_refused(parse, capsys, rate):
     assert "rate" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("",), "argument TOPIC: expected a topic such as /joint_states"),
+        (("/joint states",), "argument TOPIC: expected a topic"),
+        (("/a", "--namespace", "cell 1"), "argument --namespace: expected a namespace"),
+        (("/a", "--namespace", "1"), "argument --namespace: expected a namespace"),
+        (("/a", "--remap", "/a"), "argument --remap: expected FROM:=TO"),
+        (("/a", "--remap", "/a:="), "argument --remap: expected FROM:=TO"),
+        (("/a", "--remap", "/a:=/b c"), "argument --remap: expected FROM:=TO"),
+        (("/a", "--remap", "a:=b:=c"), "argument --remap: expected FROM:=TO"),
+    ],
+)
+def test_a_name_that_ros_cannot_have_is_refused(parse, capsys, words, message):
+    with pytest.raises(SystemExit) as ended:
+        parse("record", "--output", "new", *words)
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("rule", ["a:=b", "/**:=/{node}/x", "recorder:~/in:=~/out", "__node:=r"])
+def test_every_kind_of_rule_and_name_passes(parse, rule):
+    args = parse("record", "--output", "new", "~/a", "{ns}/b", "/c/_d9", "--remap", rule)
+    assert args.remap == [rule]
+    for namespace in ("", "/", "cell/", "/a/b_1"):
+        assert parse("play", "/b", "--namespace", namespace).namespace == namespace
+
+
 def test_namespace_and_remapping(parse):
     args = parse("play", "/b", "--namespace", "cell/", "--remap", "x:=y")
     command = node_arguments(args, {"loop": False})

@@ -97,6 +97,12 @@ def test_options_that_contradict_the_model_are_refused(train, first, recorded, t
         train("more.npz", (5,), "--add", first, "--dofs", tmp_path / "glove.yaml")
 
 
+@pytest.mark.parametrize("beside", [(), ("--unlabelled",)])
+def test_choosing_again_without_a_model_to_add_to_is_refused(run_command, tmp_path, beside):
+    with pytest.raises(ArgumentError, match="--choose-again: expected --add beside it"):
+        run_command("train", tmp_path, "--output", tmp_path / "m.npz", "--choose-again", *beside)
+
+
 def test_a_model_of_an_older_version_says_what_it_lacks(train, first, tmp_path):
     save_model(tmp_path / "old.npz", load_model(first))
     with pytest.raises(ModelError, match=r"old\.npz: expected statistics to add to"):

@@ -52,6 +52,19 @@ def test_a_table_and_a_report(bowl, tmp_path, capsys):
     assert "http://" not in page.replace("http://www.w3.org", "")
 
 
+@pytest.mark.parametrize("option", ["--points=0", "--points=-5", "--neighbours=0", "--seed=-1"])
+def test_a_number_that_cannot_be_is_refused_and_no_fault_of_the_mesh(option, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["warp", "mug", "bowl.stl", option])
+    assert ended.value.code == 2
+    assert f"argument {option.partition('=')[0]}: expected" in capsys.readouterr().err
+
+
+def test_a_page_that_cannot_be_written_is_said_before_the_work(tmp_path, capsys):
+    assert main(["warp", "mug", "nosuch.stl", "--report", str(tmp_path)]) == 1
+    assert f"--report {tmp_path}: expected a file that can be written" in capsys.readouterr().err
+
+
 def test_failures_are_one_line(bowl, tmp_path, capsys):
     """Source, target, scale and a closed top."""
     closed = tmp_path / "closed.ply"

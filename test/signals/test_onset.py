@@ -15,6 +15,7 @@ from intent_recognition.signals.onset import (
     first_onset,
     last_motion,
     peak_speed,
+    speed_noise,
     windowed_velocity,
 )
 
@@ -206,3 +207,19 @@ def test_last_motion_of_the_last_of_several_movements_and_of_none(rng):
 def test_settings_that_cannot_be_are_refused(name, value):
     with pytest.raises(ArgumentError, match=f"{name}: expected a positive number.*OnsetSettings"):
         OnsetSettings(**{"reference_speed": 1.0, name: value})
+
+
+@pytest.mark.parametrize(("rate", "window_s"), [(100.0, 0.15), (30.0, 0.2), (5.0, 0.6)])
+def test_speed_noise_is_what_white_noise_gives(rate, window_s, rng):
+    times = np.arange(0.0, 20_000 / rate, 1.0 / rate)
+    noise = rng.normal(size=(len(times), 3)) * [1.0, 2.0, 0.5]
+    velocity = windowed_velocity(times, noise, window_s)
+    measured = np.sqrt(np.nanmean(np.sum(velocity**2, axis=1)))
+    assert speed_noise(times, noise, window_s) == pytest.approx(measured, rel=0.05)
+
+
+def test_a_straight_line_has_no_speed_noise_whenever_it_is_sampled(rng):
+    times = np.cumsum(rng.uniform(0.005, 0.02, 500))
+    line = 1e5 + 0.3 * times[:, None]
+    assert speed_noise(times, line) == pytest.approx(0.0, abs=1e-8)
+    assert speed_noise(times[:3], line[:3]) == 0.0
