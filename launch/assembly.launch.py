@@ -16,5 +16,4 @@ def generate_launch_description() -> LaunchDescription:
         "assembly",
         robot_description=describe_robot,
         of_arm=in_assistants_place,
-        fast_discovery=True,
     )

@@ -11,4 +11,4 @@ from sim_bridge.arm import describe_robot
 
 
 def generate_launch_description() -> LaunchDescription:
-    return describe_graph("demo", robot_description=describe_robot, fast_discovery=True)
+    return describe_graph("demo", robot_description=describe_robot)

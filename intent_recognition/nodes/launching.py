@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Launch descriptions of the graphs in `graph.py`. Needs ROS 2 launch."""
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -15,7 +16,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.nodes.graph import GRAPHS, NodeCall, arguments_of, resolve
-from intent_recognition.nodes.processes import FAST_DISCOVERY
+from intent_recognition.nodes.processes import transport
 from intent_recognition.share import share_path
 from intent_recognition.untrusted import load_yaml, read_text
 
@@ -29,7 +30,6 @@ def describe_graph(
     *,
     robot_description: Callable[[str], str] = lambda _: "",
     of_arm: Callable[[str], Overrides] = lambda _: {},
-    fast_discovery: bool = False,
 ) -> LaunchDescription:
     """The arguments of a graph, and its nodes.
 
@@ -38,7 +38,6 @@ def describe_graph(
         robot_description: from the argument `arm`, which may be empty, to the URDF for
             robot_state_publisher, where the graph has one.
         of_arm: likewise, to parameters that depend on the arm, by node.
-        fast_discovery: use config/fastdds.xml, for nodes that find one another quickly.
     """
     spec = GRAPHS[graph]
     entities: list = []
@@ -48,9 +47,7 @@ def describe_graph(
         entities.append(
             DeclareLaunchArgument(argument.name, description=argument.description, **given)
         )
-    if fast_discovery:
-        profiles = str(share_path("config/fastdds.xml"))
-        entities += [SetEnvironmentVariable(name, profiles) for name in FAST_DISCOVERY]
+    entities += [SetEnvironmentVariable(*added) for added in transport(os.environ).items()]
     start = OpaqueFunction(function=_start, args=[graph, robot_description, of_arm])
     return LaunchDescription([*entities, start])
 

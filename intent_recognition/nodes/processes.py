@@ -14,8 +14,10 @@ from intent_recognition.errors import IntentError, describe
 from intent_recognition.interrupts import NODE
 from intent_recognition.share import share_path
 
-FAST_DISCOVERY = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """Names of the variable with the profiles of Fast DDS: Jazzy's, and later ones'."""
+RANGE, LOCALHOST = "ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"
+"""Variable with how far nodes look for others, and its value for this machine alone."""
 STOP_S = 5.0
 """Time for a node to end after each signal, before the next one [s]. Convention."""
 PR_SET_PDEATHSIG = 1
@@ -24,27 +26,38 @@ LOG_LINES = 5
 """Last lines of a dead node's log in the error message. Convention."""
 
 
-def node_environment(
-    base: Mapping[str, str], domain_id: int | None = None, *, localhost: bool = True
-) -> dict[str, str]:
-    """Environment in which node processes find one another quickly.
+def node_environment(base: Mapping[str, str], domain_id: int | None = None) -> dict[str, str]:
+    """Environment in which node processes of this machine find one another quickly.
 
     Variables that are set in `base` keep their values, but the domain if one is given.
 
     Args:
         base: environment to start from, such as `os.environ`.
         domain_id: ROS_DOMAIN_ID, or None to keep that of `base`.
-        localhost: True if the nodes must not discover other machines.
     """
-    environment = dict(base)
-    environment.setdefault("AMENT_PREFIX_PATH", sys.prefix)
-    for name in FAST_DISCOVERY:
-        environment.setdefault(name, str(share_path("config/fastdds.xml")))
-    if localhost:
-        environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    environment = {"AMENT_PREFIX_PATH": sys.prefix, RANGE: LOCALHOST, **base}
+    environment |= transport(environment)
     if domain_id is not None:
         environment["ROS_DOMAIN_ID"] = str(domain_id)
     return environment
+
+
+def transport(base: Mapping[str, str]) -> dict[str, str]:
+    """What to add to an environment so that nodes find one another quickly, killed ones too.
+
+    Nothing where `base` names profiles of Fast DDS. Shared memory is left out
+    (docs/decisions/transport.md); rmw_fastrtps always adds it to the range LOCALHOST, so profiles
+    take the place of that range.
+
+    Args:
+        base: environment to add to.
+    """
+    if any(base.get(name) for name in PROFILES):
+        return {}
+    if base.get(RANGE) != LOCALHOST:
+        return dict.fromkeys(PROFILES, str(share_path("config/fastdds.xml")))
+    within = dict.fromkeys(PROFILES, str(share_path("config/fastdds_localhost.xml")))
+    return {**within, RANGE: "SYSTEM_DEFAULT"}
 
 
 class NodeProcesses:

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shipped files are found, and nodes get the environment they need."""
 
+import os
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 
 import pytest
+from std_msgs.msg import String
 
 from intent_recognition.errors import IntentError
-from intent_recognition.nodes.processes import FAST_DISCOVERY, node_environment
+from intent_recognition.nodes.processes import LOCALHOST, PROFILES, RANGE, node_environment
 from intent_recognition.share import share_path
 
 
@@ -20,16 +23,46 @@ def test_missing_file_is_named():
         share_path("config/none.yaml")
 
 
-def test_profile_is_xml():
-    root = ElementTree.parse(share_path("config/fastdds.xml")).getroot()
-    assert root.tag.endswith("dds")
+@pytest.mark.parametrize("name", ["fastdds.xml", "fastdds_localhost.xml"])
+def test_profiles_are_xml_and_alike(name):
+    discovery = ".//{*}discovery_config"
+    roots = [ElementTree.parse(share_path(f"config/{n}")).getroot() for n in (name, "fastdds.xml")]
+    assert all(root.tag.endswith("dds") for root in roots)
+    one, other = (ElementTree.tostring(root.find(discovery), method="text") for root in roots)
+    assert one.split() == other.split()
 
 
 def test_environment_keeps_what_the_user_set():
-    environment = node_environment({FAST_DISCOVERY[0]: "mine", "ROS_DOMAIN_ID": "3"})
-    assert environment[FAST_DISCOVERY[0]] == "mine"
+    environment = node_environment({PROFILES[0]: "mine", "ROS_DOMAIN_ID": "3"})
+    assert environment[PROFILES[0]] == "mine" and PROFILES[1] not in environment
     assert environment["ROS_DOMAIN_ID"] == "3"
-    assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert environment[RANGE] == LOCALHOST
     assert environment["AMENT_PREFIX_PATH"] == sys.prefix
     assert node_environment({"ROS_DOMAIN_ID": "3"}, 7)["ROS_DOMAIN_ID"] == "7"
-    assert "ROS_AUTOMATIC_DISCOVERY_RANGE" not in node_environment({}, localhost=False)
+    assert node_environment({RANGE: "SUBNET"})[RANGE] == "SUBNET"
+    assert node_environment({RANGE: "SUBNET"})[PROFILES[0]].endswith("fastdds.xml")
+
+
+HEARS = """
+import rclpy
+from std_msgs.msg import String
+rclpy.init(args=[])
+node, heard = rclpy.create_node("hears"), []
+node.create_subscription(String, "said", heard.append, 10)
+while not heard:
+    rclpy.spin_once(node, timeout_sec=0.1)
+print("fastrtps_port" in open("/proc/self/maps").read())
+"""
+
+
+@pytest.mark.parametrize("within", ["SUBNET", LOCALHOST])
+def test_nodes_hear_others_without_shared_memory(harness, within):
+    """A segment of shared memory that outlives a killed node would cut the next one off."""
+    base = {name: value for name, value in os.environ.items() if name not in PROFILES}
+    environment = node_environment({**base, RANGE: within})
+    said = harness.publisher(String, "said")
+    harness.probe.create_timer(0.05, lambda: said.publish(String()))
+    command = [sys.executable, "-c", HEARS]
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+    harness.spin_until(lambda: process.poll() is not None)
+    assert process.communicate()[0].split() == ["False"]
