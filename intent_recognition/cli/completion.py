@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from intent_recognition.cli.options import a_path
 from intent_recognition.errors import ArgumentError, describe
 
 SHELLS = ("bash", "zsh", "fish")
@@ -74,7 +75,7 @@ def _prepare(parser: argparse.ArgumentParser, files: dict, folders: dict) -> Non
                 _prepare(command, files, folders)
             continue
         offered = getattr(action, "offered", action.type)
-        if offered is Path:
+        if offered in (Path, a_path):
             vars(action)["complete"] = folders if action.metavar == "DIR" else files
         elif isinstance(offered, tuple):
             action.choices = offered

@@ -13,7 +13,7 @@ from intent_recognition.cli.console import busy
 from intent_recognition.cli.demo_scene import LIVE, Scene, make_scene
 from intent_recognition.cli.demo_session import run_session
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, number
+from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -142,13 +142,13 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     session.add_argument(
         "--sequences",
-        type=Path,
+        type=a_path,
         metavar="F",
         help="YAML of tasks one after the other, some of which begin by themselves",
     )
     session.add_argument(
         "--params",
-        type=Path,
+        type=a_path,
         metavar="F",
         help="parameters of nodes, a YAML file as ROS 2 takes it, laid over the demo's own",
     )
@@ -177,17 +177,20 @@ def add_parser(subparsers: Subparsers) -> None:
         f"{DEFAULT_RATE}, with --dashboard {DASHBOARD_RATE})",
     )
     session.add_argument(
-        "--model", type=Path, metavar="M.npz", help="use this model (pouring: skill), do not train"
+        "--model",
+        type=a_path,
+        metavar="M.npz",
+        help="use this model (pouring: skill); no training",
     )
     written.add_argument(
         "--output",
-        type=Path,
+        type=a_path,
         default=Path("out/demo"),
         metavar="DIR",
         help="folder of model, report and logs (default: %(default)s)",
     )
     add_json_option(written, "all numbers")
-    written.add_argument("--record", type=Path, metavar="BAG", help="record the session to a bag")
+    written.add_argument("--record", type=a_path, metavar="BAG", help="record the session to a bag")
     parser.set_defaults(run=run)
 
 

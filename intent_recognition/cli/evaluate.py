@@ -9,7 +9,7 @@ from rich.table import Table
 
 from intent_recognition.cli.console import busy, progress_bar
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -69,7 +69,7 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     scored.add_argument(
         "--test",
-        type=Path,
+        type=a_path,
         metavar="FOLDER",
         help="train on BAG and test on this folder, as --protocol holdout:FOLDER does",
     )
@@ -90,7 +90,7 @@ def add_parser(subparsers: Subparsers) -> None:
     add_unlabelled_options(parser)
     written = parser.add_argument_group("what is written")
     add_json_option(written, "the numbers")
-    written.add_argument("--report", type=Path, metavar="OUT.html", help="write an HTML report")
+    written.add_argument("--report", type=a_path, metavar="OUT.html", help="write an HTML report")
     parser.set_defaults(run=run)
 
 

@@ -15,7 +15,7 @@ from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, escape
 from intent_recognition.cli.experiment_runs import ExperimentRun, run_all
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, number
+from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -54,7 +54,7 @@ def add_parser(subparsers: Subparsers) -> None:
     offer(names, tuple(entry.name for entry in EXPERIMENTS))
     parser.add_argument(
         "--output",
-        type=Path,
+        type=a_path,
         default=Path("out/experiments"),
         metavar="DIR",
         help="folder of report.html, numbers.json and figures/ (default: %(default)s)",
@@ -73,7 +73,10 @@ def add_parser(subparsers: Subparsers) -> None:
     )
     parser.add_argument("--quick", action="store_true", help="a fast subset of each, for a look")
     parser.add_argument(
-        "--bags", type=Path, metavar="DIR", help="folder of recordings (default: the shipped ones)"
+        "--bags",
+        type=a_path,
+        metavar="DIR",
+        help="folder of recordings (default: the shipped)",
     )
     parser.add_argument(
         "--jobs", type=number(int, 1), default=2, help="processes (default: %(default)s)"

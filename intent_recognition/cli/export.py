@@ -2,13 +2,12 @@
 """`intent export`: demonstrations as one table, CSV or Parquet."""
 
 import argparse
-from pathlib import Path
 
 import yaml
 
 from intent_recognition.cli.console import make_console
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import check_output
 from intent_recognition.cli.recordings import read_all
 from intent_recognition.cli.rejections import print_dropped, print_left_out
@@ -33,13 +32,13 @@ def add_parser(subparsers: Subparsers) -> None:
         ),
     )
     parser.add_argument(
-        "bags", nargs="+", type=Path, metavar="BAG", help="a bag, a folder of bags, or a session"
+        "bags", nargs="+", type=a_path, metavar="BAG", help="a bag, a folder of bags, or a session"
     )
     parser.add_argument(
-        "--dofs", type=Path, metavar="F", help="DOF file (default: the shipped config/dofs.yaml)"
+        "--dofs", type=a_path, metavar="F", help="DOF file (default: the shipped config/dofs.yaml)"
     )
     parser.add_argument(
-        "--output", type=Path, required=True, metavar="FILE", help="a .csv or .parquet file"
+        "--output", type=a_path, required=True, metavar="FILE", help="a .csv or .parquet file"
     )
     parser.set_defaults(run=run)
 

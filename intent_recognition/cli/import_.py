@@ -10,7 +10,7 @@ from rich.table import Table
 
 from intent_recognition.cli.console import busy, escape, make_console, plain_table
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import DofSpec
 from intent_recognition.errors import BagError, ResourceBusyError, describe
@@ -46,11 +46,11 @@ def add_parser(subparsers: Subparsers) -> None:
         ),
     )
     parser.add_argument(
-        "source", type=Path, metavar="SOURCE", help="a file, a folder of files, or a data set"
+        "source", type=a_path, metavar="SOURCE", help="a file, a folder of files, or a data set"
     )
-    parser.add_argument("--map", type=Path, required=True, metavar="MAP.yaml", help="the map")
+    parser.add_argument("--map", type=a_path, required=True, metavar="MAP.yaml", help="the map")
     parser.add_argument(
-        "--output", type=Path, required=True, metavar="BAGS", help="folder of the new bags"
+        "--output", type=a_path, required=True, metavar="BAGS", help="folder of the new bags"
     )
     parser.set_defaults(run=run)
 

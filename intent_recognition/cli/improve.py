@@ -4,7 +4,6 @@
 import argparse
 import sys
 from os.path import relpath
-from pathlib import Path
 
 from rich.console import Console
 
@@ -19,7 +18,7 @@ from intent_recognition.cli.improve_subjects import (
     subject_of,
     undo,
 )
-from intent_recognition.cli.options import Subparsers, number
+from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -107,7 +106,7 @@ def _add_task_options(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--robot",
-        type=Path,
+        type=a_path,
         metavar="URDF",
         help="the arm whose joints were taught, where that is not the LWR",
     )
@@ -125,7 +124,7 @@ def _add_pouring_options(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--start",
-        type=Path,
+        type=a_path,
         metavar="BAGS|FILE",
         help="demonstrations, or an accepted skill, to begin with (default: the shipped ones)",
     )
@@ -139,7 +138,7 @@ def _add_pouring_options(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--output",
-        type=Path,
+        type=a_path,
         metavar="DIR",
         help=f"folder of rollouts and results (default: {PRACTICE_FOLDER})",
     )

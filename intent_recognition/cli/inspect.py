@@ -15,7 +15,7 @@ from intent_recognition.cli.inspect_bag import bag_json, print_bag, print_folder
 from intent_recognition.cli.inspect_model import model_json, print_model
 from intent_recognition.cli.inspect_streams import print_faults, stream_faults
 from intent_recognition.cli.inspect_tasks import print_tasks, skills_of, tasks_json
-from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
 from intent_recognition.demonstrations import (
     BagSummary,
@@ -50,11 +50,15 @@ def add_parser(subparsers: Subparsers) -> None:
         ),
     )
     parser.add_argument(
-        "paths", type=Path, nargs="+", metavar="BAG|MODEL|TASKS", help="bags, folders, model files"
+        "paths",
+        type=a_path,
+        nargs="+",
+        metavar="BAG|MODEL|TASKS",
+        help="bags, folders, models",
     )
     parser.add_argument(
         "--dofs",
-        type=Path,
+        type=a_path,
         metavar="F",
         help="DOF file: check the streams it names (default: all tracked bodies and joint_states)",
     )

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TypeAlias, TypeVar
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -30,6 +31,13 @@ def number(
 
     read.__name__ = kind.__name__  # argparse names it where `text` is no number
     return read
+
+
+def a_path(text: str) -> Path:
+    """The `type` of an option that takes a path: the empty one is no name of the present folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("expected a path, got nothing; the present folder is .")
+    return Path(text)
 
 
 def topic_name(text: str) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import make_console
+from intent_recognition.cli.options import a_path
 from intent_recognition.errors import ArgumentError, ResourceBusyError, describe
 
 PRINTED = Path("-")
@@ -21,7 +22,7 @@ def add_json_option(group: argparse._ActionsContainer, what: str) -> None:
     """Add `--json [OUT]`, which means the same in every command."""
     group.add_argument(
         "--json",
-        type=Path,
+        type=a_path,
         nargs="?",
         const=PRINTED,
         metavar="OUT",

@@ -2,14 +2,19 @@
 """`intent play`: the player node from the terminal."""
 
 import argparse
-from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments, number
+from intent_recognition.cli.options import (
+    Subparsers,
+    a_path,
+    add_node_options,
+    node_arguments,
+    number,
+)
 
 PARAMETERS = ("rate", "loop", "start_paused", "wait_for_subscribers", "clock", "restamp")
 """Options that are parameters of the node `bag_player` under these names."""
@@ -34,7 +39,7 @@ def add_parser(subparsers: Subparsers) -> None:
             ("slowly, again and again", "intent play demos/give_bracket_00 --rate 0.5 --loop"),
         ),
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="bag directory or .mcap file")
+    parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")
     parser.add_argument(
         "--rate",
         type=number(float, 0),

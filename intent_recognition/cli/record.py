@@ -2,10 +2,15 @@
 """`intent record`: the recorder node from the terminal."""
 
 import argparse
-from pathlib import Path
 
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments, topic_name
+from intent_recognition.cli.options import (
+    Subparsers,
+    a_path,
+    add_node_options,
+    node_arguments,
+    topic_name,
+)
 from intent_recognition.errors import ResourceBusyError, describe
 
 
@@ -32,7 +37,7 @@ def add_parser(subparsers: Subparsers) -> None:
         help="topics to record (default: all there are)",
     )
     parser.add_argument(
-        "--output", type=Path, required=True, metavar="BAG", help="directory of the new bag"
+        "--output", type=a_path, required=True, metavar="BAG", help="directory of the new bag"
     )
     parser.add_argument("--task", default="", help="label of the demonstration")
     add_node_options(parser)

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from intent_recognition import __version__
 from intent_recognition.cli.console import progress_bar
+from intent_recognition.cli.options import a_path
 from intent_recognition.demonstrations import DofSpec, find_bags, iter_demonstrations
 from intent_recognition.errors import BagError, describe
 from intent_recognition.learning import SEGMENTATIONS, Preprocessing, TrainingSettings
@@ -27,12 +28,12 @@ def add_recording_options(parser: argparse.ArgumentParser, segmentation: str) ->
         "bags",
         nargs="+",
         metavar="BAG",
-        type=Path,
+        type=a_path,
         help="a bag, a folder of bags, or a session bag; any number",
     )
     group = parser.add_argument_group("how to learn")
     group.add_argument(
-        "--dofs", type=Path, metavar="F", help="DOF file (default: the shipped config/dofs.yaml)"
+        "--dofs", type=a_path, metavar="F", help="DOF file (default: the shipped config/dofs.yaml)"
     )
     group.add_argument(
         "--basis",

@@ -4,7 +4,6 @@
 import argparse
 import sys
 from dataclasses import asdict, replace
-from pathlib import Path
 
 from rich.console import Console
 
@@ -12,7 +11,7 @@ from intent_recognition.bags import RecoveryReport, recover
 from intent_recognition.cli.console import busy
 from intent_recognition.cli.help import examples
 from intent_recognition.cli.inspect_bag import damage_line
-from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import PRINTED, add_json_option, check_json, write_json
 
 
@@ -30,9 +29,9 @@ def add_parser(subparsers: Subparsers) -> None:
             ),
         ),
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="bag directory or .mcap file")
+    parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")
     parser.add_argument(
-        "--output", type=Path, required=True, metavar="B", help="directory of the new bag"
+        "--output", type=a_path, required=True, metavar="B", help="directory of the new bag"
     )
     add_json_option(parser, "what was saved and lost")
     parser.set_defaults(run=run)

@@ -3,7 +3,6 @@
 
 import argparse
 from collections import Counter
-from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
@@ -11,7 +10,7 @@ from rich.table import Table
 from intent_recognition.bags import BagReader
 from intent_recognition.cli.console import escape, progress_bar
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -44,9 +43,9 @@ def add_parser(subparsers: Subparsers) -> None:
             ),
         ),
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="bag directory or .mcap file")
+    parser.add_argument("bag", type=a_path, metavar="BAG", help="bag directory or .mcap file")
     parser.add_argument(
-        "--model", type=Path, required=True, metavar="M.npz", help="written by `intent train`"
+        "--model", type=a_path, required=True, metavar="M.npz", help="written by `intent train`"
     )
     add_json_option(parser, "every observation")
     parser.set_defaults(run=run)

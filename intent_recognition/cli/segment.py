@@ -8,7 +8,7 @@ from rich.console import Console
 
 from intent_recognition.cli.console import busy, escape, plain_table
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -47,18 +47,21 @@ def add_parser(subparsers: Subparsers) -> None:
             ),
         ),
     )
-    parser.add_argument("session", type=Path, metavar="SESSION", help="bag directory or .mcap file")
+    parser.add_argument("session", type=a_path, metavar="SESSION", help="bag folder or .mcap file")
     how = parser.add_mutually_exclusive_group()
-    how.add_argument("--model", type=Path, metavar="M.npz", help="label by this model")
+    how.add_argument("--model", type=a_path, metavar="M.npz", help="label by this model")
     how.add_argument(
         "--unlabelled", action="store_true", help="propose from motion alone (without --model)"
     )
     parser.add_argument(
-        "--dofs", type=Path, metavar="F", help="DOF file without a model (default: the shipped one)"
+        "--dofs",
+        type=a_path,
+        metavar="F",
+        help="DOF file without a model (default: shipped one)",
     )
     parser.add_argument(
         "--output",
-        type=Path,
+        type=a_path,
         default=Path("out/segments"),
         metavar="BAGS",
         help="folder of the new bags (default: %(default)s)",

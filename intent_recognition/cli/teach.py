@@ -15,7 +15,12 @@ from rich.console import Console
 
 from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, add_node_options, node_arguments
+from intent_recognition.cli.options import (
+    Subparsers,
+    a_path,
+    add_node_options,
+    node_arguments,
+)
 from intent_recognition.errors import BagError, IntentError, describe
 
 if TYPE_CHECKING:
@@ -70,16 +75,16 @@ def add_library_options(
     """Options of the commands that work on a library of tasks."""
     parser.add_argument(
         "--library",
-        type=Path,
+        type=a_path,
         default=default,
         metavar="DIR",
         help=f"folder of recordings, model and history (default: {DEFAULT_LIBRARY})",
     )
     parser.add_argument(
-        "--model", type=Path, metavar="M.npz", help="model that a new library begins with"
+        "--model", type=a_path, metavar="M.npz", help="model that a new library begins with"
     )
     parser.add_argument(
-        "--dofs", type=Path, metavar="F", help="DOF file of a new library without a model"
+        "--dofs", type=a_path, metavar="F", help="DOF file of a new library without a model"
     )
     add_node_options(parser)
 

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from intent_recognition.cli.console import busy, escape
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers
+from intent_recognition.cli.options import Subparsers, a_path
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -70,7 +70,7 @@ def add_parser(subparsers: Subparsers) -> None:
     add_recording_options(parser, "movement")
     written = parser.add_argument_group("what is written")
     written.add_argument(
-        "--output", type=Path, required=True, metavar="M.npz", help="model file to write"
+        "--output", type=a_path, required=True, metavar="M.npz", help="model file to write"
     )
     add_unlabelled_options(parser)
     add_sessions_option(parser)

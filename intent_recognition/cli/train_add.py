@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from intent_recognition.cli.console import busy
+from intent_recognition.cli.options import a_path
 from intent_recognition.cli.recordings import DEFAULTS, accumulate_all
 from intent_recognition.cli.rejections import all_left_out, print_found
 from intent_recognition.demonstrations import load_dofs
@@ -27,7 +28,7 @@ def add_adding_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("more demonstrations for a model that is there")
     group.add_argument(
         "--add",
-        type=Path,
+        type=a_path,
         metavar="M.npz",
         help="add the bags to this model, which keeps its DOFs, basis, onset thresholds and"
         " regularisation; equals training anew with those",

@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from intent_recognition.cli.options import a_path
 from intent_recognition.cli.rejections import print_left_out
 from intent_recognition.demonstrations import read_task_sequences
 from intent_recognition.errors import BagError, describe
@@ -24,7 +25,7 @@ def add_sessions_option(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--sessions",
         nargs="+",
-        type=Path,
+        type=a_path,
         default=[],
         metavar="DIR",
         help="session bags, or folders of them, from which to learn which task follows which"

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from intent_recognition.cli.completion import offer
 from intent_recognition.cli.console import busy, make_console
 from intent_recognition.cli.help import examples
-from intent_recognition.cli.options import Subparsers, number
+from intent_recognition.cli.options import Subparsers, a_path, number
 from intent_recognition.cli.output import (
     PRINTED,
     add_json_option,
@@ -65,12 +65,12 @@ def add_parser(subparsers: Subparsers) -> None:
         "source", metavar="SOURCE", help="annotated object: a file, or `mug`"
     )
     offer(source, Path)
-    parser.add_argument("target", type=Path, metavar="TARGET", help="mesh or cloud")
+    parser.add_argument("target", type=a_path, metavar="TARGET", help="mesh or cloud")
     add_json_option(parser, "the parameters")
     parser.add_argument(
         "--report",
         nargs="?",
-        type=Path,
+        type=a_path,
         const=Path("warp.html"),
         metavar="OUT.html",
         help="write a page with figures (default: %(const)s)",

@@ -56,6 +56,16 @@ def test_what_the_terminal_has_no_letter_for_is_an_escape(monkeypatch, tmp_path)
     assert b"\\xe4_0" in ascii_output.buffer.getvalue()
 
 
+def test_no_path_is_empty(capsys):
+    """An unset variable of a shell is not the present folder."""
+    (commands,) = (a for a in cli.make_parser()._actions if a.choices and not a.option_strings)
+    for parser in commands.choices.values():
+        assert all(action.type is not Path for action in parser._actions)
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["train", "", "--output", "m.npz"])
+    assert ended.value.code == 2 and "got nothing" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("argv", [[], ["dance"], ["train"], ["train", "bag"], ["replay", "bag"]])
 def test_wrong_use_is_exit_code_two(argv, capsys):
     with pytest.raises(SystemExit) as ended:
