@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from intent_recognition.errors import ArgumentError
+from intent_recognition.nodes.processes import PROFILES, RANGE
 from intent_recognition.promp import USUAL_END_STD
 
 RECOGNITION = {"mocap_ingest", "intent_estimator", "primitive_activation"}
@@ -243,10 +244,15 @@ def test_another_arm_takes_the_place_of_the_lwr(describe, name):
     assert "panda_joint1" in values(nodes["robot_state_publisher"])["robot_description"]
 
 
-def test_quick_discovery_is_the_demos(describe):
-    names = {e.args[0] for e in describe("demo") if e.kind == "SetEnvironmentVariable"}
-    assert names == {"FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"}
-    assert not [e for e in describe("real") if e.kind == "SetEnvironmentVariable"]
+@pytest.mark.parametrize("name", ["demo", "real"])
+def test_nodes_use_our_profiles_of_fast_dds_unless_the_user_has_some(describe, monkeypatch, name):
+    for variable in PROFILES:
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv(RANGE, "SUBNET")
+    added = [e.args for e in describe(name) if e.kind == "SetEnvironmentVariable"]
+    assert {variable for variable, _ in added} == set(PROFILES)
+    monkeypatch.setenv(PROFILES[0], "mine.xml")
+    assert not [e for e in describe(name) if e.kind == "SetEnvironmentVariable"]
 
 
 @pytest.mark.parametrize("given", [{"rate": "fast"}, {"headless": "perhaps"}, {"seed": "1.5"}])
