@@ -21,7 +21,7 @@ export MPLBACKEND ?= Agg
 help:
 	@echo "make demo   watch the simulated coworker and the arm (DEMO_ARGS='--headless --seed 1')"
 	@echo "make test   run all tests in JOBS=2 processes (TEST_ARGS='-k ingest')"
-	@echo "make quick  run the tests that take less than a second each"
+	@echo "make quick  run the tests that take less than a third of a second each"
 	@echo "make coverage  run the tests and show which branches never ran"
 	@echo "make lint   check style, formatting, types and spelling"
 	@echo "make bench  measure against the required figures"

@@ -130,6 +130,7 @@ def test_no_import_points_upward():
     assert told(upward) == []
 
 
+@pytest.mark.slow
 def test_rooms_have_no_cycle():
     graph: dict[str, set[str]] = {}
     for found in ours():

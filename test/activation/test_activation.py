@@ -41,6 +41,7 @@ def test_starts_within_a_tenth_of_a_second_and_catches_up():
     assert world.commands[-1].phase_at(world.now_ns)[0] > 0.98
 
 
+@pytest.mark.slow
 def test_the_movement_just_served_does_not_start_again_but_the_next_does():
     world = World()
     world.begin("plate")
@@ -68,6 +69,7 @@ def test_a_new_onset_is_a_new_interaction_even_if_idle_was_not_seen():
     world.check_continuous()
 
 
+@pytest.mark.slow
 def test_the_same_task_again_at_once_is_an_interaction_of_its_own():
     world = World(hold_s=2.0)
     world.begin("plate", already_s=0.3)
@@ -84,6 +86,7 @@ def test_the_same_task_again_at_once_is_an_interaction_of_its_own():
     world.check_continuous()
 
 
+@pytest.mark.slow
 def test_a_new_interaction_on_the_way_home_starts_from_the_moving_arm():
     world = World()
     world.begin("plate")

@@ -28,6 +28,7 @@ def interact(world):
     world.run(6.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth_m", [0.01, 0.03])
 def test_an_interaction_goes_around_a_box(depth_m):
     box = box_beside(depth_m)
@@ -64,6 +65,7 @@ def change(world, **changes):
     world.activation.change(replace(world.activation._settings, **changes))
 
 
+@pytest.mark.slow
 def test_where_the_straight_way_home_is_blocked_it_goes_back_along_its_path():
     """And stays where that began, for from there the way is blocked too."""
     world = arrived()
@@ -93,6 +95,7 @@ def test_where_no_way_home_is_clear_the_arm_stays_and_asks_once():
     assert world.activation.counts["refused"] == 2  # straight, and back
 
 
+@pytest.mark.slow
 def test_without_things_neither_pinocchio_nor_coal_is_loaded():
     code = (
         "import sys; sys.path.insert(0, 'test')\n"

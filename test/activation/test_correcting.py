@@ -41,6 +41,7 @@ def hold(held, offset, seconds):
     held.held = None
 
 
+@pytest.mark.slow
 def test_where_the_arm_is_left_becomes_the_end_and_nothing_jumps():
     held = world()
     held.run(DURATION_S + 0.5)
@@ -61,6 +62,7 @@ def test_where_the_arm_is_left_becomes_the_end_and_nothing_jumps():
     np.testing.assert_allclose(held.arm(), HOME + GOALS["plate"], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_an_arm_left_on_its_way_goes_on_from_there():
     held = world()
     held.run(0.3)

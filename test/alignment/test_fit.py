@@ -53,6 +53,7 @@ def test_curves_are_exact_on_parabolas_and_held_outside():
     assert np.all(slope == 0.0)
 
 
+@pytest.mark.slow
 @given(seeds)
 def test_gradient_equals_finite_differences(seed):
     rng = np.random.default_rng(seed)
@@ -87,6 +88,7 @@ def test_a_demonstration_moved_aside_costs_the_same(seed):
     )
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(1, 8))
 def test_a_descent_never_climbs_and_reports_its_cost(seed, n_iterations):
     rng = np.random.default_rng(seed)

@@ -33,6 +33,7 @@ def test_known_timing_is_recovered(seed):
     assert np.quantile(found, 0.95) < 0.05
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=15)
 def test_a_different_place_is_not_a_different_time(seed):
@@ -76,6 +77,7 @@ def test_units_and_dofs_that_never_move_do_not_matter(rng):
         np.testing.assert_allclose(a.recorded, b.recorded, atol=3e-3)
 
 
+@pytest.mark.slow
 @example(5e-324 * np.arange(8.0).reshape(1, 4, 2), "mean")  # a scale that would vanish
 @given(
     arrays(

@@ -148,6 +148,7 @@ def test_joint_states_are_those_of_rosbags(messages):
                 assert same_bits(getattr(part, name)[k], getattr(message, name))
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     messages=recordings(JOINTS),
@@ -311,6 +312,7 @@ def test_damage_is_an_error_and_nothing_is_given_out(chunks):
     assert len(tolerant.damage) == 1
 
 
+@pytest.mark.slow
 def test_flipped_bits_and_cuts_are_never_read_silently(tmp_path):
     path = write_bag(tmp_path / "bag", 120, clock=SteppingClock(0.02))
     file = path / "bag_0.mcap"
@@ -342,6 +344,7 @@ def test_small_chunks_are_read_together(chunks, monkeypatch):
     assert columns(chunks, POSE).stamps_ns.size == 400
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.binary(max_size=40), min_size=1, max_size=30), st.integers(1, 80))
 @example([b"\x05" * 40, b"\x05" + struct.pack("<Q", 22) + bytes(31)] * 3, 1)

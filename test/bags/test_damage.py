@@ -57,6 +57,7 @@ def recovered(path, tmp_path) -> list:
     return raw(tmp_path / "saved", BagReader)
 
 
+@pytest.mark.slow
 def test_truncation_anywhere_is_an_error_and_the_whole_chunks_are_saved(whole, damaged, tmp_path):
     data, messages = content(whole), whole[1]
     scan = scan_file(whole[0] / "bag_0.mcap")

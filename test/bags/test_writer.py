@@ -43,6 +43,7 @@ MESSAGES = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(messages=MESSAGES)
 def test_any_bytes_and_stamps_come_back_in_order_of_log_time(messages):
@@ -60,6 +61,7 @@ def test_any_bytes_and_stamps_come_back_in_order_of_log_time(messages):
             assert sorted(found) == sorted((m[0], m[2], m[4]) for m in expected)
 
 
+@pytest.mark.slow
 def test_every_jazzy_type_is_defined_serialized_and_decoded(tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for stamp_ns, kind in enumerate(TYPES):
@@ -298,6 +300,7 @@ def test_a_real_disk_running_full(tmp_path):
         subprocess.run(["umount", disk], check=True)
 
 
+@pytest.mark.slow
 def test_killed_writer_leaves_everything_it_flushed(tmp_path):
     program = (
         "import itertools, sys\n"

@@ -32,6 +32,7 @@ def run(monkeypatch, tmp_path):
     return start
 
 
+@pytest.mark.slow
 def test_each_arm_has_its_session_and_all_have_one_report(run, tmp_path, capsys):
     code, asked = run("--arm", "lwr,iiwa,xarm", "--json", str(tmp_path / "all.json"))
     assert code == 1  # one of three interactions was missed

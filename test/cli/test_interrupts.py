@@ -73,6 +73,7 @@ def test_processes_started_for_work_hear_no_ctrl_c():
     assert signal.pthread_sigmask(signal.SIG_BLOCK, []) == set()
 
 
+@pytest.mark.slow
 def test_an_interrupt_that_comes_when_a_command_is_over_leaves_its_exit_code():
     """Python gives signals back to the system while it ends, which would end it by them."""
     code = (

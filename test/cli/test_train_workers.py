@@ -105,6 +105,7 @@ def test_without_dask_the_cure_is_named(train, monkeypatch):
         train("--scheduler", "tcp://127.0.0.1:1")
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_not_there_is_one_line(train, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("intent_recognition.cli.train_workers.CONNECT_S", 0.3)

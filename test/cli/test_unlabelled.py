@@ -54,6 +54,7 @@ def test_purity_is_told_where_there_are_labels(run):
     assert "purity 1.000" in text
 
 
+@pytest.mark.slow
 def test_the_number_of_components_may_be_given(run):
     text, output = run("train", "bags", "--unlabelled", "--components", 1)
     assert load_model(output).library.labels == ("component_1",)

@@ -21,6 +21,7 @@ def bowl(tmp_path):
     return container, path
 
 
+@pytest.mark.slow
 def test_json_is_near_the_truth(bowl, capsys):
     """Metres, cubic metres and radians; both mappings."""
     container, path = bowl
@@ -39,6 +40,7 @@ def test_json_is_near_the_truth(bowl, capsys):
         assert distance == pytest.approx(container.opening_radius_m, rel=0.06)
 
 
+@pytest.mark.slow
 def test_a_table_and_a_report(bowl, tmp_path, capsys):
     """The page holds both figures and needs no network."""
     report = tmp_path / "page.html"
@@ -65,6 +67,7 @@ def test_a_page_that_cannot_be_written_is_said_before_the_work(tmp_path, capsys)
     assert f"--report {tmp_path}: expected a file that can be written" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_failures_are_one_line(bowl, tmp_path, capsys):
     """Source, target, scale and a closed top."""
     closed = tmp_path / "closed.ply"

@@ -212,6 +212,7 @@ def test_one_primitive_goes_over_into_the_next_smoothly_without_being_recognised
     world.check_continuous()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moving", ["", "none"])
 def test_what_began_by_itself_goes_on_until_another_task_is_recognised(moving):
     world = at_the_plate()
@@ -227,6 +228,7 @@ def test_what_began_by_itself_goes_on_until_another_task_is_recognised(moving):
     world.check_continuous()
 
 
+@pytest.mark.slow
 def test_an_ordered_task_that_is_recognised_is_the_persons_from_then_on():
     """It is not begun a second time in the same movement."""
     world = at_the_plate()

@@ -114,6 +114,7 @@ def test_online_the_path_passes_whenever_the_point_came_and_recognition_stays():
     assert missed[1] < 0.2 * missed[0], "of a phase that is not known to the hundredth"
 
 
+@pytest.mark.slow
 def test_taken_back_nothing_is_left_of_it():
     library = reaches()
     estimator, plain = IntentEstimator(library), IntentEstimator(library)

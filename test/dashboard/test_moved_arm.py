@@ -15,6 +15,7 @@ from sim_bridge.arm import NAMES, find_robot
 GOALS_M = np.array([0.6, 0.2, 0.42]) + 0.05 * np.random.default_rng(2).normal(size=(5, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_hand_comes_where_it_is_dragged_and_is_drawn_there(name):
     robot = find_robot(name)
@@ -32,6 +33,7 @@ def test_the_hand_comes_where_it_is_dragged_and_is_drawn_there(name):
         arm.posture_at(np.array([9.0, 0.0, 0.0]), q)
 
 
+@pytest.mark.slow
 def test_every_arm_is_drawn_with_its_meshes():
     for name in NAMES:
         drawn = load_urdf(find_robot(name).description).scene.geometry

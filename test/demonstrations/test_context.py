@@ -92,6 +92,7 @@ def test_a_bag_holds_it_once_and_a_model_file_keeps_what_was_learned(tmp_path):
         np.testing.assert_allclose(found, estimate.probabilities, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_model_file_whose_context_is_missing_or_none_is_refused(tmp_path):
     path = tmp_path / "model.npz"
     save_model(path, Model(learned().library, DOFS))

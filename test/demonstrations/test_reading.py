@@ -168,6 +168,7 @@ def test_killed_recording_is_left_out_with_the_cure(tmp_path):
     writer.close()
 
 
+@pytest.mark.slow
 def test_session_is_split_at_its_markers(tmp_path):
     bag = write_session(tmp_path / "session", ["plate", "screw", "plate"])
     demonstrations, rejections = read(bag, DOFS)

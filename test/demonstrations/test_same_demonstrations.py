@@ -72,6 +72,7 @@ def test_columns_are_what_training_reads(tmp_path, monkeypatch):
     assert len(found) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("real", ["nuisi", "hri_yumi", "baton"])
 def test_real_recordings(shared_data, monkeypatch, real):
     dofs = load_dofs(shared_data / real / "dofs.yaml")

@@ -5,6 +5,7 @@ import importlib.util
 import re
 from itertools import pairwise
 
+import pytest
 from docs.shown import ROOT, commands, inline_commands, nodes
 
 from intent_recognition.cli import main as cli
@@ -50,6 +51,7 @@ def check_command(shown):
     check_paths(words)
 
 
+@pytest.mark.slow
 def test_what_stands_in_the_text_exists():
     for shown in sorted(set(inline_commands()), key=str):
         check_options(shown)

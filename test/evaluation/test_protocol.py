@@ -217,6 +217,7 @@ def test_baselines_of_a_shifted_demonstration():
     assert row["rmse_nearest_neighbour"] == pytest.approx(0.4 / 4, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_percentages_observed_are_of_time_not_of_samples():
     """Nearly all samples lie in the first tenth; half of the time must still reach the middle."""
     truth = [exact(f"{t}{i}", t, g) for i in range(3) for t, g in (("a", 0.3), ("b", -0.3))]
@@ -293,6 +294,7 @@ def steady_library(recordings: Sequence[Demonstration], settings: TrainingSettin
     return replace(library, phase_deviation=STEADY, observed_weight_covariance=None)
 
 
+@pytest.mark.slow
 def test_scores_against_a_loop_written_out(rng, monkeypatch):
     """RMSE, coverage and likelihood at full observation, known phase, one joint Gaussian each."""
     monkeypatch.setattr("intent_recognition.evaluation.protocol.learn", steady_library)
@@ -348,6 +350,7 @@ def test_nothing_left_that_can_be_scored_is_still_json():
     json.dumps(result, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_a_movement_unlike_any_task_is_scored_without_none():
     """None outweighs every task by more than a float can hold; the rest still sums to one."""
     recordings = [*IDENTICAL, exact("far", "a", 0.3, shift=40.0)]
@@ -366,6 +369,7 @@ def test_a_recording_without_duration_is_named(rng):
         score_demonstration(collect(), library, IDENTICAL, still, False)
 
 
+@pytest.mark.slow
 def test_progress_counts_every_demonstration():
     seen = []
     evaluate(IDENTICAL, make_folds(some(6), "kfold:2"), SETTINGS, progress=seen.append)
@@ -403,6 +407,7 @@ def test_what_cannot_be_scored_is_left_out_and_named(identical):
         evaluate([short, short], [([0], [1])], SETTINGS)
 
 
+@pytest.mark.slow
 def test_no_truth_is_extrapolated():
     """The robot's last moments were not recorded: nothing is scored there."""
     last_ns = IDENTICAL[0].end_ns - 100_000_000

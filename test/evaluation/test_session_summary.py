@@ -72,6 +72,7 @@ def any_records(draw):
     return records
 
 
+@pytest.mark.slow
 @RELAXED
 @given(any_records())
 def test_counts_add_up(records):
@@ -87,6 +88,7 @@ def test_counts_add_up(records):
     assert summary.too_many_missed == (40 * summary.missed > summary.n)
 
 
+@pytest.mark.slow
 @RELAXED
 @given(any_records(), st.randoms())
 def test_order_does_not_matter(records, random):
@@ -211,6 +213,7 @@ def test_impossible_records_are_refused(changes):
         record(7, **changes)
 
 
+@pytest.mark.slow
 @RELAXED
 @given(any_records())
 def test_json_can_be_written_and_holds_every_record(records):

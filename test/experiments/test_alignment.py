@@ -107,6 +107,7 @@ def test_local_optimisation_neither_stands_nor_jumps(outcome):
     assert all(finding.holds is not False for finding in outcome.findings)
 
 
+@pytest.mark.slow
 def test_without_the_library_dtw_is_left_out(monkeypatch):
     monkeypatch.setattr(alignment, "dtw_available", lambda: False)
     found = alignment.run(Settings(quick=True))

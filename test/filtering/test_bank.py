@@ -167,6 +167,7 @@ def test_observed_block_and_regression_equal_a_full_state_kalman_filter(rng):
         np.testing.assert_allclose(spread, covariance[task, split:, split:], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_thousands_of_nearly_noiseless_updates_stay_symmetric_and_positive_definite(rng):
     bank = random_bank(rng, 2)
     noise = 1e-8 * np.eye(N_DOFS)

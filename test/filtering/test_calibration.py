@@ -89,6 +89,7 @@ def test_a_library_learned_from_many_covers_held_out_demonstrations(learned_from
     assert np.mean(squared) == pytest.approx(1.0, abs=0.25)
 
 
+@pytest.mark.slow
 def test_noise_denser_than_the_correlation_time_widens_rather_than_narrows():
     """Ten times the samples of independent noise: the model counts them as one piece of evidence
     per correlation time, so it is cautious and never overconfident."""

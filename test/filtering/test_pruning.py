@@ -112,6 +112,7 @@ def assert_same_deviations(one: MovementFilter, other: MovementFilter) -> None:
         )
 
 
+@pytest.mark.slow
 @FILTERS
 def test_when_the_movement_turns_to_a_pruned_task_it_is_restored(filtered):
     """The first half of one task, then another's positions: the evidence turns over."""
@@ -202,6 +203,7 @@ def test_few_hypotheses_are_all_filtered(rng):
     assert not len(run.pruned_tasks)
 
 
+@pytest.mark.slow
 @FILTERS
 def test_blocks_make_no_difference(monkeypatch, filtered):
     """Tasks are cut in two where blocks end, restored ones too."""

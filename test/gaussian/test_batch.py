@@ -89,6 +89,7 @@ def test_a_refused_observation_leaves_everything_as_it_was(rng):
         np.testing.assert_allclose(density, spared.condition(*step), rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("resting", [False, True])
 def test_ten_thousand_nearly_noiseless_updates_keep_a_covariance(resting):
     """The million is a benchmark."""

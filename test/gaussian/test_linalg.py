@@ -90,6 +90,7 @@ def test_log_normalizer_is_minus_the_log_density_at_the_mean(seed, d):
     np.testing.assert_allclose(log_normalizer(np.linalg.cholesky(covariance)), expected, rtol=1e-10)
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(1, 6), st.one_of(st.floats(0.5, 200.0), st.just(np.inf)))
 def test_student_density_is_scipy_s_and_the_normal_one_for_infinite_freedom(seed, d, freedom):
     rng = np.random.default_rng(seed)

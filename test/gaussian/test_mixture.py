@@ -42,6 +42,7 @@ def textbook(points, share, floor, n_iterations):
     return share, total.mean()
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1000), floor=st.sampled_from([1e-4, 1e-2, 1.0]))
 def test_the_span_gives_the_same_fit_as_the_full_space(seed, floor):
     rng = np.random.default_rng(seed)

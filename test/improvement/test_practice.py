@@ -50,6 +50,7 @@ def session(folder, cost=None, **about):
     return PracticeSession(folder, Reach(), CovarianceSearch(3, 3), cost, {**ABOUT, **about})
 
 
+@pytest.mark.slow
 def test_a_practice_that_was_killed_goes_on_to_the_same_result(tmp_path, monkeypatch):
     whole = session(tmp_path / "whole")
     for _ in range(16):

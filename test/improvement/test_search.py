@@ -81,6 +81,7 @@ def test_all_axes_together_are_the_primitives_covariance():
     assert away @ np.linalg.pinv(spread @ spread.T) @ away == pytest.approx(point @ point)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(
     st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=25),
@@ -106,6 +107,7 @@ def test_whatever_the_costs_no_dof_leaves_its_tube(costs, seed, bound):
         assert highest(space.weights(point))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("away", [0.8, 3.0])
 def test_the_optimum_of_a_quadratic_cost_is_found_inside_the_bound(away):
     """The optimum itself where it is inside, else the nearest point of the bound."""

@@ -123,6 +123,7 @@ def test_what_is_accepted_is_what_was_executed(trained):
     assert np.array_equal(same.weight_mean[1], trained.library.weight_mean[1])
 
 
+@pytest.mark.slow
 def test_a_place_that_is_off_is_found(trained):
     practice = TaskPractice(trained, DOFS, TASK, moved_m=(0.0, 0.04, 0.0))
     space, cost = practice.space, load_cost("distance", practice.costs)
@@ -135,6 +136,7 @@ def test_a_place_that_is_off_is_found(trained):
     assert costs[-8:].mean() < 0.9 * costs[0]
 
 
+@pytest.mark.slow
 def test_practice_in_a_folder_goes_on_is_accepted_and_taken_back(library):
     def opened(seed=1):
         practised = PractisedTask(library, TASK)

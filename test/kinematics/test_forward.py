@@ -100,6 +100,7 @@ def test_wrong_shape(bad):
         forward_kinematics(bad)
 
 
+@pytest.mark.slow
 def test_matches_pybullet():
     """Link states of the generated URDF agree to PyBullet's single-precision storage."""
     from sim_bridge.arm.arm import SimulatedArm

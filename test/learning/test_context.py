@@ -50,6 +50,7 @@ def test_a_new_place_is_predicted_before_the_movement():
     assert np.mean(known) < 0.2 * np.mean(unknown)
 
 
+@pytest.mark.slow
 def test_without_a_context_nothing_changes():
     plain = learn([replace(one, context=()) for one in demonstrations()], SETTINGS)
     library = learned().library
@@ -59,6 +60,7 @@ def test_without_a_context_nothing_changes():
         np.testing.assert_array_equal(getattr(library, name), getattr(plain, name), name)
 
 
+@pytest.mark.slow
 def test_one_more_demonstration_equals_learning_all():
     recorded = demonstrations()
     trained = learn_with_report(recorded[:-1], SETTINGS).trained
@@ -74,6 +76,7 @@ def test_one_more_demonstration_equals_learning_all():
     np.testing.assert_allclose(statistics.context_cross, cross, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_context_that_never_varied_says_nothing():
     recorded = [hand_over("give", seed, box=(0.2, 0.1)) for seed in range(4)]
     library = learn(recorded, SETTINGS)
@@ -83,6 +86,7 @@ def test_a_context_that_never_varied_says_nothing():
     np.testing.assert_allclose(given.weight_covariance, library.weight_covariance, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("per_task", [1, 2])
 def test_few_demonstrations_give_valid_covariances(per_task):
     recorded = [*demonstrations(per_task), hand_over("give", 50)]
@@ -102,6 +106,7 @@ def test_the_context_is_that_in_which_the_movement_began():
     np.testing.assert_array_equal(replace(one, context=(late,)).context_values, [7.0, 8.0])
 
 
+@pytest.mark.slow
 def test_contexts_that_cannot_be_learned_from_together_are_named():
     recorded = demonstrations(2)
     report = learn_with_report([*recorded, replace(recorded[0], context=())], SETTINGS)

@@ -32,6 +32,7 @@ def demonstrations() -> list[Demonstration]:
     ]
 
 
+@pytest.mark.slow
 def test_learn_gives_the_library_of_the_report(demonstrations):
     library = learn(demonstrations, SETTINGS)
     report = learn_with_report(demonstrations, SETTINGS)
@@ -41,6 +42,7 @@ def test_learn_gives_the_library_of_the_report(demonstrations):
     assert report.library is report.trained.library
 
 
+@pytest.mark.slow
 def test_learn_mixture_ignores_labels(demonstrations):
     unlabelled = [replace(one, task=None) for one in demonstrations]
     library = learn_mixture(unlabelled, 2, SETTINGS)

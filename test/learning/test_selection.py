@@ -185,6 +185,7 @@ def by_hand(library, data: Accumulated) -> tuple[float, float]:
     return float(np.mean(losses)), float(np.mean(errors))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_scale", [1.0, 16.0])
 def test_at_steady_progress_it_equals_a_loop_of_joint_conditioning(noise_scale):
     data = accumulated(1, counts=(3, 2, 1), space=0.3)
@@ -266,12 +267,14 @@ def test_identical_demonstrations_still_get_a_finite_choice(n):
     assert np.isfinite(chosen.score)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_people_of_varying_timing_are_predicted_from_aligned_primitives(seed):
     data = accumulated(seed, (8, 8), timing=0.5, options=LEARNING)
     assert choose_hyperparameters(data.tasks, data.preprocessing)[0].aligned
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_people_who_keep_the_pace_are_predicted_from_steady_primitives(seed):
     data = accumulated(seed, (8, 8), timing=0.0, options=LEARNING)

@@ -81,6 +81,7 @@ def test_merged_parts_are_the_whole(seed, sizes):
     assert_same(reduce(merge_statistics, map(summarize, groups)), whole)
 
 
+@pytest.mark.slow
 @given(seeds, st.tuples(*[st.integers(1, 4)] * 3))
 def test_merging_is_associative_and_commutative(seed, sizes):
     rng = np.random.default_rng(seed)

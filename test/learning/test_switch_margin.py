@@ -40,6 +40,7 @@ def test_without_a_demonstration_it_observes_as_if_it_had_been_learned_so(traine
     assert not np.allclose(found.observed_mean[1], trained.library.observed_mean[1], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_movement_that_becomes_another_task_has_higher_odds_than_any_that_does_not(
     trained, tasks
 ):
@@ -51,6 +52,7 @@ def test_a_movement_that_becomes_another_task_has_higher_odds_than_any_that_does
     assert largest_odds(library, 0, changed) > max(0.0, *unchanged)
 
 
+@pytest.mark.slow
 def test_the_margin_is_what_left_out_movements_of_the_tasks_stay_below(trained, tasks):
     leaving_out = LeavingOut(trained.library, tasks)
     odds = [

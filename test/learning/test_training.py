@@ -74,6 +74,7 @@ def test_what_was_simulated_is_learned_back(truth, rng):
     assert library.provenance["settings"]["n_basis"] == 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_each", [1, 2, 3])
 def test_few_demonstrations_train_with_positive_definite_covariances(truth, rng, n_each):
     examples = recordings(truth, rng, n_each)
@@ -90,6 +91,7 @@ def test_few_demonstrations_train_with_positive_definite_covariances(truth, rng,
     assert library.primitive(0).weights.covariance.shape == (size, size)
 
 
+@pytest.mark.slow
 def test_identical_demonstrations_train(truth, rng):
     one = simulate(truth, 0, rng)
     library = learn([one, replace(one, name="again"), replace(one, name="third")], WHOLE)
@@ -97,6 +99,7 @@ def test_identical_demonstrations_train(truth, rng):
     assert np.all(np.isfinite(library.regressions[0].matrix))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [0.0, 0.2, -3.0])
 def test_a_signal_that_never_moves_is_learned_from(level):
     """However far from zero: regression leaves rounding about it, which is no variance."""
@@ -115,6 +118,7 @@ def test_a_signal_that_never_moves_is_learned_from(level):
     assert np.isfinite(library.provenance["chosen"]["score"])
 
 
+@pytest.mark.slow
 def test_order_and_length_and_rate_of_the_recordings_do_not_matter(truth, rng):
     examples = [
         simulate(truth, i % 2, rng, name=f"d{i}", rate_hz=rate, duration_s=duration)
@@ -137,6 +141,7 @@ def test_segmentation_takes_the_rest_away(rng):
     np.testing.assert_allclose(cut.durations_s, 2.0 + END_MARGIN_S, rtol=0.15)
 
 
+@pytest.mark.slow
 def test_unusable_recordings_are_left_out_by_name_and_reason(truth, rng):
     good = recordings(truth, rng, 3)
     short = simulate(truth, 0, rng, name="short", duration_s=0.1)
@@ -165,6 +170,7 @@ def test_nothing_to_learn_from_is_an_error_that_says_why(truth, rng):
         learn(recordings(truth, rng, 1), WHOLE)
 
 
+@pytest.mark.slow
 def test_recordings_of_other_dofs_are_left_out(truth, rng):
     other = simulate(truth, 0, rng, name="other")
     stranger = Signal(("foot", "knee"), other.observed[0].stamps_ns, other.observed[0].values, "m")
@@ -198,6 +204,7 @@ def test_settings_out_of_range_are_named(options, words):
         TrainingSettings(**options)
 
 
+@pytest.mark.slow
 def test_the_basis_of_the_settings_is_used(truth, rng):
     options = replace(WHOLE, n_basis=13, n_aligned_basis=17, width=1.4)
     report = learn_with_report(recordings(truth, rng, 2), options)

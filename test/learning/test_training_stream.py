@@ -83,6 +83,7 @@ def test_adding_in_any_order_equals_training_anew(seed, random, n_added):
     assert_equal(again.library, expected_again.library, 1e-6)
 
 
+@pytest.mark.slow
 def test_training_all_at_once_is_training_anew_at_its_own_reference():
     report = learn_with_report(recordings(1, 12), CUT)
     library = report.library
@@ -90,6 +91,7 @@ def test_training_all_at_once_is_training_anew_at_its_own_reference():
     assert_equal(report.trained.library, library, 0.0)
 
 
+@pytest.mark.slow
 def test_adding_leaves_what_it_adds_to_unchanged():
     *start, last = recordings(2, 7)
     before = learn_with_report(start, CUT, {"bags": ["a"]}).trained
@@ -103,6 +105,7 @@ def test_adding_leaves_what_it_adds_to_unchanged():
     assert after.chosen == before.chosen and after.preprocessing == before.preprocessing
 
 
+@pytest.mark.slow
 def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
     trained = learn_with_report(recordings(3, 6, n_tasks=2), CUT).trained
     transition = np.array([[0.1, 0.9], [0.7, 0.3], [0.6, 0.4]])
@@ -118,6 +121,7 @@ def test_priors_over_tasks_survive_and_a_new_task_takes_its_share():
     np.testing.assert_allclose(more.transition_prior[1:, 1:], transition * 2 / 3)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_added_is_refused_by_name_and_reason():
     trained = learn_with_report(recordings(5, 6), CUT).trained
     one = replace(recordings(6, 1)[0], name="odd")
@@ -156,6 +160,7 @@ def test_parts_gathered_apart_are_the_whole():
     assert merged.used == whole.used and merged.n_used == 25
 
 
+@pytest.mark.slow
 def test_many_may_be_added_at_once():
     demonstrations = recordings(9, 15)
     trained = learn_with_report(demonstrations[:9], CUT).trained
@@ -183,6 +188,7 @@ def test_a_long_stream_settles_its_preprocessing_by_its_first_recordings(monkeyp
     assert [name for name, _ in found.rejected] == ["unlabelled"]
 
 
+@pytest.mark.slow
 def test_names_in_a_report_are_bounded_and_numbers_are_not(monkeypatch):
     monkeypatch.setattr(accumulation, "NAMES_KEPT", 4)
     bad = [replace(r, task=None) for r in recordings(12, 7)]

@@ -117,6 +117,7 @@ def test_unknown_movements_stay_below_their_conformal_quantile():
     assert margin_between(np.array([5.0]), NOTHING) == margin_between(NOTHING, NOTHING) == 0.0
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(1.0, 1e6), min_size=20, max_size=70, unique=True))
 def test_one_more_movement_exceeds_the_margin_in_one_of_twenty(highest):
     """Whichever of them is the one more: that is what makes it conformal."""
@@ -261,6 +262,7 @@ def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
     assert np.mean(np.array(known)[:, None] > np.array(unknown)) >= 0.97
 
 
+@pytest.mark.slow
 def test_one_task_alone_has_a_none_too(recordings):
     only = [r for r in recordings if r.task == "task_0"]
     library = learn(only, WHOLE)

@@ -75,6 +75,7 @@ def test_adding_equals_learning_at_the_same_reference(started):
         )
 
 
+@pytest.mark.slow
 def test_evidence_against_none_is_read_as_by_training_anew(started):
     """A first model of two recordings knows nothing of unknown movements; the next ones tell."""
     _, trained = load_trained(started[0].model_path)
@@ -84,6 +85,7 @@ def test_evidence_against_none_is_read_as_by_training_anew(started):
     assert first.none_margin != pytest.approx(anew, rel=0.01)
 
 
+@pytest.mark.slow
 def test_undo_brings_the_model_before_back_and_keeps_the_recording(started, tmp_path):
     folder = copy_of(started[0], tmp_path / "copy")
     before = folder.model_path.read_bytes()
@@ -107,6 +109,7 @@ def test_undo_goes_back_as_far_as_there_are_recordings(started, tmp_path):
     assert len(list((folder.path / "undone").glob("*/*"))) == 6
 
 
+@pytest.mark.slow
 def test_starts_from_a_model_trained_elsewhere_and_never_forgets_it(started, tmp_path):
     folder = folder_of(tmp_path / "new")
     folder.start_from(started[0].model_path)

@@ -171,6 +171,7 @@ def test_damage_within_the_history_is_set_aside(started, tmp_path):
     assert len((path / task_folder.DAMAGED).read_text().splitlines()) == 4
 
 
+@pytest.mark.slow
 def test_a_history_that_is_gone_begins_anew_with_the_model(started, tmp_path):
     path = shutil.copytree(started, tmp_path / "copy")
     (path / HISTORY).unlink()

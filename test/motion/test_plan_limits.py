@@ -44,6 +44,7 @@ def accept(plan, position=None):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [0.0, 0.5])
 def test_long_plans_stay_inside_between_their_samples(late):
     """Someone rests for minutes and reaches within a second, up to the limit of a joint."""

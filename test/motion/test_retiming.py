@@ -89,6 +89,7 @@ def test_a_late_start_from_rest_keeps_the_limits_and_ends_at_the_end(
     check_by_differences(plan)
 
 
+@pytest.mark.slow
 @few
 @given(seeds, durations, phases, st.lists(st.integers(1, 12), min_size=1, max_size=12))
 def test_updates_of_path_and_timing_never_jump(seed, duration_s, late, gaps):
@@ -214,6 +215,7 @@ def test_a_prediction_outside_the_position_limits_is_clamped_and_said_to_be():
     np.testing.assert_allclose(plan.end[others], q[-1, others], atol=1e-9)
 
 
+@pytest.mark.slow
 @few
 @given(seeds, durations, phases, st.floats(0.0, 1.0))
 def test_a_stop_stays_on_the_path_within_the_limits(seed, duration_s, late, share):
@@ -320,6 +322,7 @@ def test_an_offset_decays_within_its_bounds(seed, size, speed):
     assert np.all(np.abs(v) <= np.maximum(bound_v, np.abs(velocity)) * 1.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slowest", [1, 10, 40])
 def test_cubics_of_excess_agree_with_dense_sampling(slowest):
     rng = np.random.default_rng(slowest)

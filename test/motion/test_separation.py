@@ -121,6 +121,7 @@ def test_an_interaction_slows_near_the_person_smoothly_and_arrives():
     assert np.median(excess) < 1.1 < 0.5 * max(unslowed)
 
 
+@pytest.mark.slow
 def test_far_from_the_person_commands_are_those_without():
     free, far = interact(None), interact(FAR, separation=Separation(ARM, SETTINGS))
     assert len(free.commands) == len(far.commands)
@@ -149,6 +150,7 @@ def ways(world, kind):
     return [command for command in world.commands if command.plan.kind == kind]
 
 
+@pytest.mark.slow
 def test_the_way_home_slows_near_the_person_and_arrives():
     separation, who = Separation(ARM, SETTINGS), person(HALFWAY)
     free, slowed = go_home(None), go_home(HALFWAY, separation=separation)

@@ -128,6 +128,7 @@ def test_the_start_posture_is_used_and_equals_the_library_s(harness, model, path
         np.testing.assert_allclose(message.position, expected, rtol=0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("on", [True, False])
 def test_a_posture_outside_is_skipped_counted_and_reported(harness, model, path, truth, on):
     graph = Graph(harness, path, start_posture=on)
@@ -162,6 +163,7 @@ def test_bad_joint_states_are_counted_and_harm_nothing(harness, model, path, tru
     assert graph.node._diagnostics.report().level == b"\x00"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", [True, False])
 def test_a_posture_from_the_future_does_not_shut_out_the_others(harness, model, path, truth, first):
     graph = Graph(harness, path)
@@ -178,6 +180,7 @@ def test_a_posture_from_the_future_does_not_shut_out_the_others(harness, model, 
     assert values["start posture"] == POSTURE_USED
 
 
+@pytest.mark.slow
 def test_the_next_task_is_published_when_a_movement_ends(harness, model, path, truth):
     graph = Graph(harness, path)
     harness.spin_until(lambda: graph.next, what="the first expectation")
@@ -227,6 +230,7 @@ def test_the_last_task_is_forgotten_after_a_while(harness, path, truth):
     assert graph.next[2].header.frame_id == ""
 
 
+@pytest.mark.slow
 def test_when_the_clock_goes_back_the_estimator_starts_anew_at_once(harness, model, path, truth):
     graph = Graph(harness, path, use_sim_time=True)
     clock = harness.publisher(Clock, "/clock", 10)

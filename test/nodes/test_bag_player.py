@@ -236,6 +236,7 @@ def test_shifting_a_stamp_changes_nothing_else(order):
     assert moved[12:] == data[12:] and moved[:8] == data[:8]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bag", ["", "/nowhere"])
 def test_missing_bag_is_one_line_and_exit_code_one(bag):
     arguments = ["--ros-args", "-p", f"bag:='{bag}'"]

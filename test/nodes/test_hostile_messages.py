@@ -221,6 +221,7 @@ def test_messages_of_strangers_leave_it_running(harness, tmp_path, toolbox_model
     harness.spin_until(answer, what=f"{answered} after {asked}")
 
 
+@pytest.mark.slow
 def test_a_session_is_told_in_spite_of_messages_of_strangers(harness, tmp_path, toolbox_model):
     node = session(harness, tmp_path, toolbox_model)
     hear_good(node)

@@ -173,6 +173,7 @@ def check_tasks(messages, estimates, labels):
         np.testing.assert_allclose(message.effort, estimate.log_evidence, rtol=1e-12, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", [0, 1, 2])
 def test_tasks_are_the_library_s_and_the_right_one_wins(harness, wrist, task):
     graph = Graph(harness, wrist)
@@ -234,6 +235,7 @@ def test_nothing_is_predicted_for_a_movement_that_is_none_of_the_tasks(harness, 
     assert len(graph.robot) == sum(led)
 
 
+@pytest.mark.slow
 def test_trajectories_come_at_the_rate_asked_for(harness, wrist):
     graph = Graph(harness, wrist, publish_rate=10.0)
     observations = wrist.observations(2)
@@ -243,6 +245,7 @@ def test_trajectories_come_at_the_rate_asked_for(harness, wrist):
     assert 10.0 * span_s - 2 <= len(graph.robot) <= 10.0 * span_s + 2
 
 
+@pytest.mark.slow
 def test_the_predicted_path_of_the_human(harness, wrist):
     graph = Graph(harness, wrist)
     observations = wrist.observations(0)
@@ -274,6 +277,7 @@ def test_the_human_s_tube_is_told_to_who_listens(harness, wrist):
     np.testing.assert_allclose(positions[-1], last, atol=4.0 * rest["effort"][-1].max())
 
 
+@pytest.mark.slow
 def test_markers_show_observed_and_predicted_path_tube_and_label(harness, wrist):
     graph = Graph(harness, wrist)
     observations = wrist.observations(0)
@@ -450,6 +454,7 @@ def test_reload_in_mid_movement_loses_no_observation(harness, wrist, tmp_path):
     check_tasks(graph.tasks[80:], always[80:], other.labels)
 
 
+@pytest.mark.slow
 def test_nothing_is_lost_while_a_model_is_swapped(harness, wrist):
     """What arrives meanwhile waits, even hundreds of samples."""
     graph = Graph(harness, wrist)
@@ -496,6 +501,7 @@ def test_a_model_of_other_dofs_is_refused_and_the_old_one_kept(harness, wrist, m
     check_tasks(graph.tasks, expected(wrist.model, observations), wrist.model.labels)
 
 
+@pytest.mark.slow
 def test_a_stream_that_stops_in_a_movement_is_said_and_taken_back(harness, wrist):
     graph = Graph(harness, wrist)
     assert graph.status().message == "waiting for a movement"
@@ -596,6 +602,7 @@ def test_changed_labels_reach_the_topic(harness, wrist, tmp_path):
     assert list(graph.tasks[-1].name) == ["plate", "screw", "tool", NONE]
 
 
+@pytest.mark.slow
 def test_trajectories_are_published_without_listeners_to_path_and_markers(harness, wrist):
     graph = Graph(harness, wrist, listen=False)
     graph.feed(wrist.observations(0))

@@ -88,6 +88,7 @@ def test_it_waits_at_the_start_of_the_expected_task(harness, path):
     check_commands(graph.commands)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cause", ["none", "timeout", "reset"])
 def test_it_withdraws(harness, path, cause):
     graph = AheadGraph(harness, path, pretrigger_timeout=1.0 if cause == "timeout" else 30.0)

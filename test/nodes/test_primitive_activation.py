@@ -469,6 +469,7 @@ def test_wrong_parameters_are_errors_at_start(harness, wrong):
         PrimitiveActivation(parameter_overrides=overrides)
 
 
+@pytest.mark.slow
 def test_activated_again_it_goes_on_from_the_braking_arm(graph):
     graph.begin(already_s=0.1)
     graph.until(lambda: graph.mode == "executing")

@@ -356,6 +356,7 @@ def test_managed_node_survives_a_failing_transition(harness, error):
     assert node.active
 
 
+@pytest.mark.slow
 def test_what_stays_is_passed_over_by_the_collector():
     gc.unfreeze()  # what a test before has left
     before = gc.get_freeze_count()

@@ -332,6 +332,7 @@ def test_practice_begins_ends_goes_on_and_is_accepted_by_services(harness, tmp_p
     assert "three numbers" in call("practise", SetBool, data=True).message
 
 
+@pytest.mark.slow
 def test_thumbs_of_the_page_judge_the_points_that_the_estimator_tries(harness, tmp_path, model):
     teacher, call = practising(harness, tmp_path / "mine", model)
     teacher.set_parameters([Parameter("practice_cost", value="thumbs")])

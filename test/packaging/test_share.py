@@ -55,6 +55,7 @@ print("fastrtps_port" in open("/proc/self/maps").read())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("within", ["SUBNET", LOCALHOST])
 def test_nodes_hear_others_without_shared_memory(harness, within):
     """A segment of shared memory that outlives a killed node would cut the next one off."""

@@ -119,6 +119,7 @@ def test_it_stays_known_from_one_movement_to_the_next_and_after_a_reset(library,
     assert_same(feed(estimator, recorded), first)
 
 
+@pytest.mark.slow
 def test_noise_of_a_context_is_not_filtered_anew_and_a_carried_thing_seldom(library, recorded):
     estimator = IntentEstimator(library)
     used, still = [], library.context.tolerance * 0.4

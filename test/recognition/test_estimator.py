@@ -217,6 +217,7 @@ def test_occlusion_widens_the_prediction_and_harms_nothing(library, truth, rng):
     assert widths[1] > widths[0]
 
 
+@pytest.mark.slow
 def test_a_library_swapped_in_mid_movement_has_seen_everything(library, truth, rng):
     other = replace(library, weight_mean=library.weight_mean[::-1].copy())
     observations = list(merge(movement(truth, 0, rng).observed))
@@ -235,6 +236,7 @@ def test_a_library_swapped_in_mid_movement_has_seen_everything(library, truth, r
         same(after[i - half], fresh[i])
 
 
+@pytest.mark.slow
 def test_a_swap_between_movements_and_a_task_prior(library, truth, rng):
     estimator = IntentEstimator(library)
     first = list(merge(movement(truth, 0, rng).observed))
@@ -261,6 +263,7 @@ def test_a_library_of_other_dofs_is_refused_and_nothing_changes(library, truth, 
     same(estimator.update(observations[80]), undisturbed.update(observations[80]))
 
 
+@pytest.mark.slow
 def test_reset_forgets_everything(library, truth, rng):
     observations = list(merge(movement(truth, 1, rng).observed))
     fresh = feed(IntentEstimator(library), observations)
@@ -297,6 +300,7 @@ def hesitating(library: TaskLibrary, task: int, pause_s: float, rng) -> list[Obs
     return [Observation(int(s), 0, v) for s, v in zip(stamps, values, strict=True)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pause_s", [0.1, 0.2, 0.35])
 def test_a_hesitation_does_not_end_the_movement(library, truth, rng, pause_s):
     for task in range(3):

@@ -11,6 +11,7 @@ from intent_recognition.recognition.estimator import CLOCK_RESET_AFTER, IntentEs
 from intent_recognition.signals.observation import merge
 
 
+@pytest.mark.slow
 def test_seconds_and_arrays_give_what_observations_give(library, truth, rng):
     """On a clock that begins before zero, too."""
     observations = list(merge(movement(truth, 0, rng).observed))
@@ -35,6 +36,7 @@ def test_some_dofs_and_a_covariance(library):
         estimator.observe(0.0, [0.1], dofs=[0])
 
 
+@pytest.mark.slow
 def test_what_is_nan_was_not_measured(library, truth, rng):
     """As in `recognize_task`: to the last bit as if it had not been passed."""
     (signal,) = movement(truth, 0, rng).observed

@@ -119,6 +119,7 @@ def test_a_common_factor_of_all_evidences_changes_nothing(shift):
     np.testing.assert_allclose(moved.probabilities, base.probabilities, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_recognition_is_calibrated_in_simulation(rng):
     """Over many drawn movements the mean probability of an answer is how often it is right."""
     library = make_library(

@@ -113,6 +113,7 @@ def recording(library, rng):
     return simulate(library, 1, rng, rest_before_s=0.8, rest_after_s=0.2, duration_s=2.0)
 
 
+@pytest.mark.slow
 def test_it_conditions_the_trajectory_and_never_the_evidence(library, recording):
     start = start_mean(library, 1) + np.array([0.004, -0.003])
     plain, without = run(library, recording)
@@ -159,6 +160,7 @@ def test_it_equals_conditioning_by_hand(library, recording):
     np.testing.assert_allclose(prediction.trajectory.positions, expected.positions, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_posture_outside_the_trained_starts_is_skipped_and_said(library, recording):
     _, without = run(library, recording)
     far = steady(library, recording, start_mean(library, 1) + 0.5)
@@ -170,6 +172,7 @@ def test_a_posture_outside_the_trained_starts_is_skipped_and_said(library, recor
             assert q.start == POSTURE_OUTSIDE
 
 
+@pytest.mark.slow
 def test_it_can_be_switched_off(library, recording):
     arm = steady(library, recording, start_mean(library, 1) + 0.01)
     _, off = run(library, recording, controlled=arm, start_posture=False)
@@ -180,6 +183,7 @@ def test_it_can_be_switched_off(library, recording):
             assert q.start == POSTURE_UNKNOWN
 
 
+@pytest.mark.slow
 def test_the_order_of_arrival_does_not_matter(library, recording):
     """The arm moves after onset; its samples come before, between or late."""
     start = start_mean(library, 1)

@@ -172,6 +172,7 @@ def perform(estimator, library, task, rng, after_ns):
     return [e for e in estimates if e.moving], observations[-1].stamp_ns
 
 
+@pytest.mark.slow
 def test_the_task_before_picks_the_row(library, rng):
     on, off = IntentEstimator(library), IntentEstimator(library, transitions=False)
     np.testing.assert_allclose(on.expectation.prior, expected([0.9, 0.05, 0.05]))
@@ -192,6 +193,7 @@ def test_the_task_before_picks_the_row(library, rng):
     np.testing.assert_allclose(off.expectation.prior, 1 / 3)
 
 
+@pytest.mark.slow
 def test_without_learned_sessions_nothing_changes_by_one_bit(library, rng):
     plain = replace(library, transition_prior=np.full((4, 3), 1 / 3))
     on, off = IntentEstimator(plain), IntentEstimator(plain, transitions=False)
@@ -206,6 +208,7 @@ def test_without_learned_sessions_nothing_changes_by_one_bit(library, rng):
     assert on.expectation.last_task == "task_1"
 
 
+@pytest.mark.slow
 def test_reset_silence_and_a_fixed_prior(library, rng):
     estimator = IntentEstimator(library, forget_after_s=10.0)
     _, stamp = perform(estimator, library, 1, rng, START_NS)

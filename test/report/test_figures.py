@@ -210,12 +210,14 @@ def test_thinning_keeps_both_ends():
     assert len(thin(values[:7], 100)) == 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", ["predicted_std_rad", "predicted_rad", "joint_rad", "end_s"])
 def test_a_joint_figure_does_without_what_is_missing(trace, missing):
     del trace[missing]
     assert to_svg(joint_figure(trace))
 
 
+@pytest.mark.slow
 def test_any_number_of_joints(trace):
     for count in (1, 3, 4, 8):
         trace["joint_rad"] = np.zeros((900, count))

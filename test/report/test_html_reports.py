@@ -192,6 +192,7 @@ def result(rng, unit="rad"):
     }
 
 
+@pytest.mark.slow
 def test_evaluation_tables_equal_the_json(rng):
     content = result(rng)
     tables = blocks_of(evaluation_page(content, "t"), Table)

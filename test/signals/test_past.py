@@ -109,6 +109,7 @@ def test_a_dof_missing_from_the_start_is_not_needed_to_see_a_movement():
     assert not estimate.moving  # and its end
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("off", "period"), [(1, 2), (2, 5), (10, 15)])
 def test_a_dof_that_flickers_hides_neither_onset_nor_end_of_the_movement(off, period):
     library, observations = recorded()

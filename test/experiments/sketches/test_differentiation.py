@@ -59,6 +59,7 @@ def test_filters_do_not_lag(smoother):
     assert np.argmax(position) == 40
 
 
+@pytest.mark.slow
 def test_butterworth_halves_the_amplitude_at_its_cutoff():
     phase = np.linspace(0.0, 8.0, 1601)
     wave = np.sin(2.0 * np.pi * 5.0 * phase)

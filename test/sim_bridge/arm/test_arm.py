@@ -106,6 +106,7 @@ def test_joint_limits_hold_under_a_push(arm, sign, guided):
     assert np.max(np.abs(arm.state().q[0])) > abs(q[0]) + 0.05
 
 
+@pytest.mark.slow
 def test_payload_is_carried(arm):
     """Half a kilogram at the hand, as a force: sags without compensation, not with it."""
     weight = np.array([0.0, 0.0, -0.5 * 9.81])

@@ -58,6 +58,7 @@ def newton_euler(q, qd, qdd):
     return torque
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(joints, joints, joints)
 def test_inverse_dynamics_matches_newton_euler(arm, q, qd, qdd):

@@ -183,6 +183,7 @@ def test_replacement_is_continuous_and_its_acceleration_bounded(script):
     assert np.allclose(follower.sample(50.0).qd, 0.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(lists(floats(-1.5, 1.5), min_size=7, max_size=7))
 def test_blend_alone_keeps_its_share_of_the_acceleration(goal):

@@ -4,6 +4,8 @@
 import subprocess
 import sys
 
+import pytest
+
 WORLDS = """
 from sim_bridge.arm import SimulatedArm, find_robot
 from sim_bridge.physics import end_world, start_world
@@ -15,6 +17,7 @@ print("ours")
 """
 
 
+@pytest.mark.slow
 def test_a_process_with_physics_writes_only_what_it_has_to_say(repository):
     command = [sys.executable, "-c", WORLDS]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=repository)

@@ -43,6 +43,7 @@ def taken(std, length_s=20.0):
     return control
 
 
+@pytest.mark.slow
 def test_a_sure_prediction_is_held_firmly_and_an_unsure_one_softly():
     firm, soft = deflection(taken(SURE)), deflection(taken(UNSURE))
     assert firm[0] < 0.5 * soft[0]
@@ -50,6 +51,7 @@ def test_a_sure_prediction_is_held_firmly_and_an_unsure_one_softly():
     assert soft[1] < 0.01
 
 
+@pytest.mark.slow
 def test_without_a_prediction_the_arm_has_low_gains():
     assert deflection(SpreadControl()) == deflection(None)
     assert not SpreadControl().in_force(0.0)
@@ -95,6 +97,7 @@ def prediction(std):
     return message
 
 
+@pytest.mark.slow
 def test_the_node_takes_the_spread_of_predictions(harness):
     heard = harness.collect(DiagnosticArray, "/diagnostics", 10)
     sender = harness.publisher(JointTrajectory, "intent/robot_trajectory", COMMAND)

@@ -5,6 +5,7 @@ import hashlib
 from collections import Counter
 
 import numpy as np
+import pytest
 from mcap.reader import make_reader
 
 from intent_recognition.bags.reader import BagReader
@@ -47,6 +48,7 @@ def messages_in(bag):
         ]
 
 
+@pytest.mark.slow
 def test_shipped_sessions_can_be_made_again(repository, tmp_path):
     shipped = repository / "bags" / "sessions"
     made = record_session(tmp_path, FIRST_SEED + 1, 1, INTERACTIONS)

@@ -19,6 +19,7 @@ def hardness(seed):
     return measure_hardness(draw_set(seed, TRAINING_COUNTS, 0), draw_set(seed, TEST_COUNTS, 1))
 
 
+@pytest.mark.slow
 def test_shipped_demonstrations_are_hard_for_the_shortcut_and_easy_for_the_history():
     measured = hardness(1)
     assert measured.position_leave_one_out <= 0.85
@@ -38,6 +39,7 @@ def test_fresh_seeds_are_as_hard():
     assert np.mean([m.history_test for m in measured]) >= 0.97
 
 
+@pytest.mark.slow
 def test_training_and_test_sets_share_no_movement():
     train, test = draw_set(1, TRAINING_COUNTS, 0), draw_set(1, TEST_COUNTS, 1)
     assert (len(train), len(test)) == (48, 12)
@@ -64,5 +66,6 @@ def test_classifiers_on_plain_cases():
     )
 
 
+@pytest.mark.slow
 def test_table_in_the_readme_is_what_is_measured(repository):
     assert hardness_table(1) in (repository / "bags" / "README.md").read_text()

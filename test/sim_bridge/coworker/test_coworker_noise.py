@@ -45,6 +45,7 @@ def test_smooth_noise_has_unit_variance_and_no_power_above_its_band():
     assert np.all(power[frequency > 15.0].max(axis=0) < 1e-3 * power.max(axis=0))
 
 
+@pytest.mark.slow
 def test_signal_dependent_noise_grows_with_speed_and_keeps_the_ends():
     tau = np.linspace(0.0, 1.0, 301)
     path = np.outer(minimum_jerk(tau), [0.4, 0.0, 0.0])

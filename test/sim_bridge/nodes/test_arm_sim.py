@@ -57,6 +57,7 @@ def test_a_trajectory_of_another_arm_is_refused(harness):
     assert np.abs(np.array(states[-1].position) - find_robot("xarm").ready).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_box_in_the_way_stops_it_and_is_in_the_diagnostics(harness):
     robot = find_robot("lwr")
     goal = robot.ready + [0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]

@@ -64,6 +64,7 @@ def diagnostics_value(messages, key):
     return values.get(key)
 
 
+@pytest.mark.slow
 def test_joint_states_are_200_hz_of_simulated_time_by_their_stamps(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     clocks = harness.collect(Clock, "/clock", STATE)
@@ -80,6 +81,7 @@ def test_joint_states_are_200_hz_of_simulated_time_by_their_stamps(harness):
     assert node.arm.time_s >= 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_without_clock_stamps_are_ros_time(harness, factor):
     states = harness.collect(JointState, "joint_states", STATE)
@@ -111,6 +113,7 @@ def test_description_reaches_late_subscribers(harness):
     assert joints == list(JOINT_NAMES)
 
 
+@pytest.mark.slow
 def test_trajectory_moves_the_arm_to_its_target(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     sender = harness.publisher(JointTrajectory, "joint_trajectory", COMMAND)
@@ -176,6 +179,7 @@ def bad_messages(now_ns):
     }
 
 
+@pytest.mark.slow
 def test_bad_trajectories_are_counted_and_the_arm_keeps_moving(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     reports = harness.collect(DiagnosticArray, "/diagnostics")
@@ -216,6 +220,7 @@ def push(force, frame="world"):
     return message
 
 
+@pytest.mark.slow
 def test_a_push_moves_the_arm_and_it_comes_back(harness):
     states = harness.collect(JointState, "joint_states", STATE)
     pusher = harness.publisher(WrenchStamped, "lwr_sim/push", SENSOR)

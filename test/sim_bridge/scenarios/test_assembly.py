@@ -109,6 +109,7 @@ def test_an_interaction_takes_longer_than_its_grasps():
         assert GRASP_S[0] - 1e-9 <= pause <= GRASP_S[1] + 1e-9
 
 
+@pytest.mark.slow
 def test_arm_reaches_wherever_an_assistant_goes():
     for task in TASKS:
         for shown in draws(task, 40):

@@ -83,6 +83,7 @@ def test_the_arm_is_led_to_the_spot_without_touching_the_table():
     assert np.all(np.abs(arm.velocities_rad_s) < LWR_LIMITS.velocity)
 
 
+@pytest.mark.slow
 def test_the_marker_is_put_on_once_per_set_and_the_arm_stands_in_a_test():
     tests = [record_once(PointingOrder(1, "test", k)) for k in (0, 1)]
     np.testing.assert_array_equal(tests[0].placement_m, tests[1].placement_m)

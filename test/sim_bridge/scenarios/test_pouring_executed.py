@@ -56,6 +56,7 @@ def test_no_two_orders_share_folder_or_stamp():
     assert {o.pair for o in levels if o.pour == EMPTY} == set(range(len(PAIRS)))
 
 
+@pytest.mark.slow
 def test_the_demonstrated_pair_is_poured_with_as_without_warping(skill):
     path = plan(skill.primitive, skill.cup.references, skill.second.references)
     unwarped = planned(PourOrder(SEED, 1, UNWARPED), skill).path
@@ -71,6 +72,7 @@ def test_the_demonstrated_pair_is_emptied_as_it_was_demonstrated(skill):
     np.testing.assert_allclose(to_level.tilt_rad, np.maximum(path.tilt_rad, 0.0), atol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("pair", "pour"), [(6, "50"), (8, "70")])
 def test_what_was_asked_for_was_left(skill, pair, pour):
     """Within a tenth of the cup's volume, and along the path that is planned now."""
@@ -94,6 +96,7 @@ def test_a_plan_scales_with_what_was_scanned(skill):
     np.testing.assert_allclose(path.tilt_rad, steep * demonstrated.tilt_rad)
 
 
+@pytest.mark.slow
 def test_scans_tell_reference_values():
     for name in {name for pair in PAIRS for name in pair}:
         true, seen = container_named(name), seen_as(name, SEED).references
@@ -101,6 +104,7 @@ def test_scans_tell_reference_values():
         assert abs(seen.tilt_rad - true.tilt_reference_rad) < np.deg2rad(2.0)
 
 
+@pytest.mark.slow
 def test_drawn_paths_differ_from_order_to_order_but_not_from_time_to_time(skill):
     first, again = (planned(PourOrder(SEED, 1, SAMPLE), skill) for _ in range(2))
     np.testing.assert_array_equal(first.path.offset_m, again.path.offset_m)

@@ -43,6 +43,7 @@ def test_quick_pours_end_as_those_that_the_arm_made(name, spilled, kept):
     assert kept[0] <= count.kept <= kept[1]
 
 
+@pytest.mark.slow
 def test_a_rollout_is_logged_as_the_pour_it_was(skill, tmp_path):
     with PouringPractice(skill, "mug", "tumbler", wanted=30) as practice:
         space = practice.space
@@ -76,6 +77,7 @@ def test_practice_pours_to_the_level_that_is_asked_for(skill):
         assert further == pytest.approx(1.02 * largest, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_small_container_overflows():
     """As in the arm's physics, where 21 of 40 balls stay in the espresso cup."""
     path, _ = read_pour(share_path("bags/pouring/executed/mug_tumbler_mean"))

@@ -39,6 +39,7 @@ def test_the_shell_is_hollow_and_a_wall_thick(name):
         assert ConvexHull(piece).volume > 0.0
 
 
+@pytest.mark.slow
 def test_a_cup_pushed_against_the_other_stops_where_they_meet():
     cup, second = make_container("espresso_cup", 1), make_container("tumbler", 1)
     grasp, below = Grasp(cup.lip_point, cup.height_m), 0.02

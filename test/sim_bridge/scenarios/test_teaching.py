@@ -88,6 +88,7 @@ def test_taught_arm_stays_within_limits_and_starts_at_home(task, k):
     assert np.linalg.norm(arm.hand_m[-1] - arm.hand_m[-11]) < 0.1 * 0.02
 
 
+@pytest.mark.slow
 def test_arm_ends_where_the_rule_says_within_two_centimetres():
     errors = [shown(task, k).teaching_error_m for task, k in SHOWN]
     assert 0.001 < np.mean(errors) < 0.02
@@ -120,6 +121,7 @@ def test_object_goes_from_its_stand_or_the_worker_through_the_hand(task):
     assert np.ptp(distance) < 0.01
 
 
+@pytest.mark.slow
 def test_gripper_takes_on_passing_slowly_and_releases_at_rest():
     q_home, q_stand = HOME, arm_posture(stand_pose(PLATE))
     away = arm_posture(pose(handover_point(PLATE, STYLES[PLATE].goal_centre_m),
