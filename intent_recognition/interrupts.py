@@ -56,9 +56,15 @@ def ignore_interrupts() -> None:
 
 
 def end_like_interrupted(*numbers: int) -> None:
-    """From here on these signals do what Ctrl-C does."""
+    """From here on these signals do what Ctrl-C does, or would do where it is ignored.
+
+    A shell starts what is to run in the background with SIGINT ignored.
+    """
+    present = signal.getsignal(signal.SIGINT)
+    handler = present if callable(present) else _Interrupt()
     for number in numbers:
-        signal.signal(number, signal.getsignal(signal.SIGINT))
+        if number != signal.SIGINT:
+            signal.signal(number, handler)
 
 
 @contextmanager

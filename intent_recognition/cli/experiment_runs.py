@@ -31,6 +31,8 @@ News = Queue[tuple[str, float, str]]
 
 LOOK_S = 0.2
 """Time between two looks at the news [s]. Convention."""
+STOP_S = 5.0
+"""Time for an experiment to end after SIGTERM [s]. Convention."""
 LEAST_STEP = 0.05
 """Share of an experiment between two lines where no terminal is."""
 
@@ -135,10 +137,11 @@ class _ProgressLines:
 
 def _end(futures: Collection[Future], others: Collection[BaseProcess]) -> None:
     """End the processes of experiments, also one that is just being started."""
+    patience_s = time.monotonic() + STOP_S
     while not all(future.done() for future in futures):
         for process in active_children():
-            if process not in others:
-                process.terminate()
+            if process not in others:  # some inherit that SIGTERM is ignored
+                process.terminate() if time.monotonic() < patience_s else process.kill()
         wait(futures, LOOK_S)
 
 

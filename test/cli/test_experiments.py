@@ -3,6 +3,7 @@
 
 import io
 import json
+import signal
 import sys
 from multiprocessing import active_children
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from intent_recognition.cli import experiments
+from intent_recognition.cli import experiment_runs, experiments
 from intent_recognition.cli.experiment_runs import run_all
 from intent_recognition.cli.main import main
 from intent_recognition.errors import ArgumentError
@@ -85,10 +86,17 @@ class InterruptedWhereItWaits(io.StringIO):
 
 
 @pytest.mark.slow
-def test_interrupted_it_ends_the_processes_of_its_experiments(stubs):
+@pytest.mark.parametrize("present", [signal.SIG_DFL, signal.SIG_IGN])
+def test_interrupted_it_ends_the_processes_of_its_experiments(stubs, monkeypatch, present):
+    """They inherit whether SIGTERM is ignored."""
+    monkeypatch.setattr(experiment_runs, "STOP_S", 0.5)
     console = Console(file=InterruptedWhereItWaits())
-    with pytest.raises(KeyboardInterrupt):
-        run_all((WAITING,), Settings(seed=1), 1, console)
+    before = signal.signal(signal.SIGTERM, present)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            run_all((WAITING,), Settings(seed=1), 1, console)
+    finally:
+        signal.signal(signal.SIGTERM, before)
     assert active_children() == []
 
 

@@ -65,6 +65,21 @@ def test_a_library_that_swallows_a_signal_while_it_loads_does_not_keep_the_comma
     assert (ended.returncode, ended.stdout, ended.stderr) == (interrupts.INTERRUPTED, "", "")
 
 
+@pytest.mark.parametrize("present", [signal.SIG_IGN, signal.default_int_handler])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_what_runs_in_the_background_can_be_ended(present, number):
+    before = {each: signal.getsignal(each) for each in interrupts.END_SIGNALS}
+    try:
+        signal.signal(signal.SIGINT, present)
+        interrupts.end_like_interrupted(*interrupts.END_SIGNALS)
+        assert signal.getsignal(signal.SIGINT) is present
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(number)
+    finally:
+        for changed, handler in before.items():
+            signal.signal(changed, handler)
+
+
 def test_processes_started_for_work_hear_no_ctrl_c():
     code = "import signal; signal.raise_signal(signal.SIGINT); print('goes on')"
     with interrupts.uninterrupted_children():
