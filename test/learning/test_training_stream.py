@@ -268,5 +268,5 @@ def test_memory_does_not_grow_with_the_number_of_demonstrations(monkeypatch):
     monkeypatch.setattr(statistics, "MAX_EXAMPLES", 30)
     monkeypatch.setattr(selection, "MAX_VALIDATED", 6)  # they are bounded anyway
     monkeypatch.setattr(unknown_task, "MAX_CALIBRATED", 6)
-    few, many = peak_memory(60), peak_memory(400)
+    few, many = peak_memory(60), peak_memory(200)
     assert many < 1.1 * few

@@ -248,7 +248,7 @@ def test_movements_of_a_task_left_out_reach_less_than_known_ones(recordings):
     for left_out in {r.task for r in recordings}:
         library = learn([r for r in recordings if r.task != left_out], WHOLE)
         hypotheses = make_hypotheses(library)
-        for recorded in recordings:
+        for recorded in recordings[::2]:
             run = MovementFilter(library, hypotheses, recorded.start_ns)
             highest = 0.0
             for observation in merge(recorded.observed):
