@@ -37,7 +37,7 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
         "--scheduler",
         metavar="ADDRESS",
         help="dask scheduler whose workers read the bags, as tcp://127.0.0.1:8786; they need the"
-        " same paths and this package (`pip install intent_recognition[dask]`)",
+        " same paths and this package with dask (`pip install .[dask]`)",
     )
 
 
@@ -96,7 +96,7 @@ def _dask(scheduler: str) -> Iterator[Run]:
                 "--scheduler",
                 "the package `distributed`",
                 "no such package",
-                "Install it with `pip install intent_recognition[dask]`, or use --jobs.",
+                "Install it with `pip install distributed`, or use --jobs.",
             )
         ) from error
     try:
