@@ -17,7 +17,13 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.demonstrations import HAND_LINK, DofSpec, load_dofs, topics_of
-from intent_recognition.errors import ArgumentError, BagError, IntentError, describe
+from intent_recognition.errors import (
+    ArgumentError,
+    BagError,
+    IntentError,
+    ResourceBusyError,
+    describe,
+)
 from intent_recognition.model import (
     PRACTICE,
     SKILL_COLUMNS,
@@ -171,22 +177,32 @@ class TaskTeacher(TopicRecorder):
     def learn(self) -> str:
         """Learn what waits and let the estimator use it; returns what changed.
 
+        What was learned before one failed is used.
+
         Raises:
             BagError: nothing waits, or a recording cannot be read.
+            ResourceBusyError: another process changes the folder; what is left waits on.
             TrainingError: one cannot be learned from; it is kept in the folder's `undone`.
         """
         if not self.waiting:
             raise BagError(describe("~/learn", "recordings", "none", "Record one first."))
-        learned = []
-        while self.waiting:
-            bag = self.waiting.pop(0)
+        learned: list[str] = []
+        change: Change | None = None
+        failure: IntentError | None = None
+        while self.waiting and failure is None:
             try:
-                change = self.folder.learn(bag)
+                change = self.folder.learn(self.waiting[0])
+                learned.append(self.waiting.pop(0).name)
+            except ResourceBusyError as error:
+                failure = error
             except IntentError as error:
-                self.report(Level.WARN, f"not learned: {error}")
-                raise
-            learned.append(bag.name)
-        return self._changed(change, f"learned {', '.join(learned)}")
+                failure = error
+                self.waiting.pop(0)
+        text = "" if change is None else self._changed(change, f"learned {', '.join(learned)}")
+        if failure is not None:
+            self.report(Level.WARN, f"not learned: {failure}")
+            raise failure
+        return text
 
     def discard(self) -> str:
         """End the recording without learning it; it is kept in the folder's `undone`.

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Teaching while the graph runs: recorded, learned, in use, and taken back, with no restart."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from corrected_execution import execute
@@ -15,10 +17,11 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.bags.reader import BagReader
-from intent_recognition.errors import ArgumentError
+from intent_recognition.errors import ArgumentError, ModelError, ResourceBusyError, TrainingError
 from intent_recognition.learning import learn_with_report
 from intent_recognition.model import Executions, now
-from intent_recognition.model.file import Model, save_model
+from intent_recognition.model.file import Model, load_model, save_model
+from intent_recognition.model.task_folder import Change
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
     TrajectoryBuilder,
@@ -186,9 +189,6 @@ def test_without_an_estimator_it_learns_all_the_same(harness, tmp_path, model):
 
 
 def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
-    from intent_recognition.errors import ModelError
-    from intent_recognition.model.file import load_model
-
     bare = load_model(model)
     save_model(tmp_path / "bare.npz", Model(bare.library, bare.dofs))
     overrides = [
@@ -197,6 +197,26 @@ def test_a_model_without_statistics_is_refused(harness, tmp_path, model):
     ]
     with pytest.raises(ModelError, match="statistics"):
         TaskTeacher(parameter_overrides=overrides)
+
+
+@pytest.mark.parametrize(("error", "left"), [(TrainingError, 1), (ResourceBusyError, 2)])
+def test_what_was_learned_before_one_fails_is_used(harness, tmp_path, model, error, left):
+    values = {"library": str(tmp_path / "mine"), "model": str(model)}
+    overrides = [Parameter(name, value=value) for name, value in values.items()]
+    teacher = harness.add(TaskTeacher(parameter_overrides=overrides))
+
+    def learn(bag):
+        if bag.name == "b":
+            raise error("b is none")
+        return Change("", "learn", OLD[0], bag.name, "model.npz", {OLD[0]: 5})
+
+    teacher.folder.learn, sent = learn, []
+    teacher.send_model = sent.append
+    teacher.waiting += [Path(name) for name in "abc"]
+    with pytest.raises(error):
+        teacher.learn()
+    assert sent == [f"learned a; demonstrations: {OLD[0]} 5"]
+    assert len(teacher.waiting) == left
 
 
 def test_with_another_arm_its_description_and_the_name_of_its_hand_are_recorded(harness, tmp_path):
