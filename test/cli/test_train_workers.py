@@ -101,7 +101,7 @@ def test_a_dask_scheduler_learns_the_same_model(train, small_parts, cluster):
 
 def test_without_dask_the_cure_is_named(train, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ArgumentError, match=r"--scheduler: .*pip install intent_recognition\[dask"):
+    with pytest.raises(ArgumentError, match=r"--scheduler: .*pip install distributed"):
         train("--scheduler", "tcp://127.0.0.1:1")
 
 
