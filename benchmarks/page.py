@@ -34,7 +34,7 @@ from intent_recognition.dashboard.admission import TOKEN_BYTES, TOKEN_VARIABLE
 from intent_recognition.demonstrations import load_dofs
 from intent_recognition.model import Model, save_model
 from intent_recognition.nodes.graph import resolve
-from intent_recognition.nodes.processes import NodeProcesses, node_environment
+from intent_recognition.nodes.processes import LOCALHOST, RANGE, NodeProcesses, node_environment
 from intent_recognition.nodes.runtime import make_executor
 from intent_recognition.promp import TaskLibrary
 from intent_recognition.share import share_path
@@ -182,9 +182,9 @@ def _after_warming(samples: Sequence[Sample]) -> Sequence[Sample]:
 def _graph(model: Path, seconds: float) -> Iterator[tuple]:
     """The demo's nodes as processes: them, the page's port, and the rate it reports."""
     domain = int(os.environ.get("ROS_DOMAIN_ID", DOMAIN))
-    environment = node_environment(os.environ, domain)
+    within = {**os.environ, RANGE: LOCALHOST}  # other benchmarks want no network
+    environment = node_environment(within, domain)
     environment.setdefault(TOKEN_VARIABLE, secrets.token_urlsafe(TOKEN_BYTES))
-    environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # other benchmarks want no network
     os.environ.update(environment)
     port = _free_port()
     enough = math.ceil((seconds + START_S) / INTERACTION_S)

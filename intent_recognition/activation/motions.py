@@ -255,8 +255,7 @@ class Motions:
         clear either.
         """
         current = self._arm.current
-        under_way = current is not None and self._arm.under_way(now_ns)
-        if under_way and self._arm.in_force().plan.kind in _GOING_BACK:
+        if current is not None and self._arm.under_way(now_ns) and current.plan.kind in _GOING_BACK:
             return None
         start_ns = self._arm.switch_ns(now_ns)
         start = self._arm.in_force().at(start_ns) if start is None else start

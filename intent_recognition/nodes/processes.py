@@ -18,6 +18,9 @@ PROFILES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 """Names of the variable with the profiles of Fast DDS: Jazzy's, and later ones'."""
 RANGE, LOCALHOST = "ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"
 """Variable with how far nodes look for others, and its value for this machine alone."""
+MIDDLEWARE, FAST_DDS, PEERS = "RMW_IMPLEMENTATION", "rmw_fastrtps", "ROS_STATIC_PEERS"
+"""Variable with the middleware, how its names begin that read profiles of Fast DDS, and variable
+with machines beyond this one that nodes look at, too."""
 STOP_S = 5.0
 """Time for a node to end after each signal, before the next one [s]. Convention."""
 PR_SET_PDEATHSIG = 1
@@ -29,7 +32,8 @@ LOG_LINES = 5
 def node_environment(base: Mapping[str, str], domain_id: int | None = None) -> dict[str, str]:
     """Environment in which node processes of this machine find one another quickly.
 
-    Variables that are set in `base` keep their values, but the domain if one is given.
+    Variables that are set in `base` keep their values, but the domain if one is given, and what
+    `transport` says.
 
     Args:
         base: environment to start from, such as `os.environ`.
@@ -47,14 +51,16 @@ def transport(base: Mapping[str, str]) -> dict[str, str]:
 
     Nothing where `base` names profiles of Fast DDS. Shared memory is left out
     (docs/decisions/transport.md); rmw_fastrtps always adds it to the range LOCALHOST, so profiles
-    take the place of that range.
+    take the place of that range, but for another middleware, which would not read them and look for
+    nodes on the network, and where other machines are named.
 
     Args:
         base: environment to add to.
     """
     if any(base.get(name) for name in PROFILES):
         return {}
-    if base.get(RANGE) != LOCALHOST:
+    reads_profiles = (base.get(MIDDLEWARE) or FAST_DDS).startswith(FAST_DDS)
+    if base.get(RANGE) != LOCALHOST or base.get(PEERS) or not reads_profiles:
         return dict.fromkeys(PROFILES, str(share_path("config/fastdds.xml")))
     within = dict.fromkeys(PROFILES, str(share_path("config/fastdds_localhost.xml")))
     return {**within, RANGE: "SYSTEM_DEFAULT"}

@@ -192,11 +192,10 @@ class TaskTeacher(TopicRecorder):
         while self.waiting and failure is None:
             try:
                 change = self.folder.learn(self.waiting[0])
-                learned.append(self.waiting.pop(0).name)
-            except ResourceBusyError as error:
-                failure = error
+                learned.append(self.waiting[0].name)
             except IntentError as error:
                 failure = error
+            if not isinstance(failure, ResourceBusyError):
                 self.waiting.pop(0)
         text = "" if change is None else self._changed(change, f"learned {', '.join(learned)}")
         if failure is not None:

@@ -10,7 +10,14 @@ import pytest
 from std_msgs.msg import String
 
 from intent_recognition.errors import IntentError
-from intent_recognition.nodes.processes import LOCALHOST, PROFILES, RANGE, node_environment
+from intent_recognition.nodes.processes import (
+    LOCALHOST,
+    MIDDLEWARE,
+    PEERS,
+    PROFILES,
+    RANGE,
+    node_environment,
+)
 from intent_recognition.share import share_path
 
 
@@ -23,10 +30,9 @@ def test_missing_file_is_named():
         share_path("config/none.yaml")
 
 
-@pytest.mark.parametrize("name", ["fastdds.xml", "fastdds_localhost.xml"])
-def test_profiles_are_xml_and_alike(name):
-    discovery = ".//{*}discovery_config"
-    roots = [ElementTree.parse(share_path(f"config/{n}")).getroot() for n in (name, "fastdds.xml")]
+def test_profiles_are_xml_and_alike():
+    discovery, names = ".//{*}discovery_config", ("fastdds.xml", "fastdds_localhost.xml")
+    roots = [ElementTree.parse(share_path(f"config/{name}")).getroot() for name in names]
     assert all(root.tag.endswith("dds") for root in roots)
     one, other = (ElementTree.tostring(root.find(discovery), method="text") for root in roots)
     assert one.split() == other.split()
@@ -41,6 +47,22 @@ def test_environment_keeps_what_the_user_set():
     assert node_environment({"ROS_DOMAIN_ID": "3"}, 7)["ROS_DOMAIN_ID"] == "7"
     assert node_environment({RANGE: "SUBNET"})[RANGE] == "SUBNET"
     assert node_environment({RANGE: "SUBNET"})[PROFILES[0]].endswith("fastdds.xml")
+
+
+@pytest.mark.parametrize(
+    ("own", "within"),
+    [
+        ({}, True),
+        ({MIDDLEWARE: "rmw_fastrtps_dynamic_cpp"}, True),
+        ({MIDDLEWARE: "rmw_cyclonedds_cpp"}, False),
+        ({PEERS: "192.0.2.7"}, False),
+    ],
+)
+def test_no_node_looks_beyond_this_machine_unless_it_is_told_to(own, within):
+    """Our profiles stand for the range LOCALHOST only where the middleware reads them."""
+    environment = node_environment({RANGE: LOCALHOST, **own})
+    assert environment[PROFILES[0]].endswith("fastdds_localhost.xml") is within
+    assert environment[RANGE] == ("SYSTEM_DEFAULT" if within else LOCALHOST)
 
 
 HEARS = """
