@@ -130,17 +130,14 @@ class Waiting:
         return self.withdraw(now_ns) or Transition(Homing(None))
 
     def withdraw(self, now_ns: int) -> Transition | None:
-        """Go home from where the arm had gone ahead to, unless it is there or on its way.
-
-        None while it is not known where the arm is.
-        """
+        """Leave where the arm had gone ahead to, as `go_home` does, unless home is there."""
         self._pretrigger.end()
-        current = self._arm.current
-        if self.home is None or current is None:
-            return Transition(Idle())
-        if np.abs(current.plan.end - self.home).max() <= _SAME_POSTURE_RAD:
+        home, current = self.home, self._arm.current
+        if not self.settings.return_home or home is None or current is None:
+            return self.go_home(now_ns, None)
+        if np.abs(current.plan.end - home).max() <= _SAME_POSTURE_RAD:
             return Transition(Homing(None) if self._arm.under_way(now_ns) else Idle())
-        return self._go_to(now_ns, self.home, None)
+        return self._go_to(now_ns, home, None)
 
     def _go_to(
         self, now_ns: int, target: NDArray[np.float64], interaction: ActiveInteraction | None

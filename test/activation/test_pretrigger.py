@@ -187,14 +187,29 @@ def test_an_arm_at_home_already_is_sent_nothing():
     assert world.activation.counts["pretrigger withdrawn: timeout"] == 1
 
 
-def test_without_a_home_it_returns_to_where_it_came_from():
-    world = after_a_plate(make_world(return_home=False))
+@pytest.mark.parametrize("start", [AHEAD, HOME], ids=["elsewhere", "at home"])
+@pytest.mark.parametrize("cause", ["timeout", "none", "reset"])
+def test_without_return_home_a_withdrawn_arm_stays_or_ends_its_brake_at_rest(cause, start):
+    starts = {"plate": HOME, "screw": start}
+    world = after_a_plate(make_world(starts=starts, return_home=False))
     world.run_until(Mode.PRETRIGGERED)
-    end = next(c for c in reversed(world.commands) if c.plan.kind == "interaction").plan.end
+    ahead = world.commands[-1]
+    if cause != "timeout":
+        world.run(0.5 * ahead.plan.duration_s)  # on the way
+    if cause == "none":
+        world.task = "none"
+    if cause == "reset":
+        world.commands.append(world.activation.reset(world.now_ns))
     world.run_until(Mode.IDLE)
-    # the first posture seen is home; from there the arm is not asked to return, but withdrawn
-    np.testing.assert_allclose(world.arm(), HOME, atol=1e-9)
-    assert np.abs(end - HOME).max() > 0.3
+    if cause == "timeout":
+        assert world.commands[-1] is ahead
+        np.testing.assert_allclose(world.arm(), start, atol=1e-9)
+    else:
+        assert world.commands[-1].plan.kind == "stop"
+    world.run(3.0)
+    assert Mode.HOMING not in world.modes[world.modes.index(Mode.PRETRIGGERED) :]
+    np.testing.assert_allclose(world.arm(), world.commands[-1].plan.end, atol=1e-9)
+    world.check_continuous()
 
 
 @pytest.mark.parametrize(
