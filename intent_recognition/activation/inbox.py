@@ -75,6 +75,13 @@ class EstimatorInbox:
         """Whether no observation has come for too long."""
         return now_ns - self._received_ns > self.settings.timeout_s * 1e9
 
+    def is_ahead(self, now_ns: int, stamp_ns: int, topic: str) -> bool:
+        """Whether a message is from the future; such a one is rejected."""
+        ahead_ns = stamp_ns - now_ns
+        if ahead_ns > _LARGEST_AHEAD_NS:
+            self._reject("stamp_in_future", f"{topic} {ahead_ns * 1e-9:.1f} s ahead")
+        return ahead_ns > _LARGEST_AHEAD_NS
+
     def mark_served(self, interaction: ActiveInteraction | None) -> None:
         """Start nothing that began before this interaction's end, until the human has rested.
 
@@ -118,9 +125,8 @@ class EstimatorInbox:
         estimate = _Estimate(labels, probabilities, log_evidence)
         if stamp_ns <= 0:
             self._reject("zero_stamp", "intent/tasks without a stamp")
-        elif stamp_ns > now_ns + _LARGEST_AHEAD_NS:
-            ahead_s = (stamp_ns - now_ns) * 1e-9
-            self._reject("stamp_in_future", f"intent/tasks {ahead_s:.1f} s ahead")
+        elif self.is_ahead(now_ns, stamp_ns, "intent/tasks"):
+            pass
         elif self._stamp_ns is not None and stamp_ns < self._stamp_ns:
             self._reject("stamp_not_increasing", f"intent/tasks at {stamp_ns} ns came late")
         elif stamp_ns == self._stamp_ns and estimate.repeats(self._estimate):
@@ -172,9 +178,8 @@ class EstimatorInbox:
         """Take the newest prediction, unless its stamp rules it out."""
         if prediction.onset_ns <= 0:
             self._reject("zero_stamp", "intent/robot_trajectory without a stamp")
-        elif prediction.onset_ns > now_ns + _LARGEST_AHEAD_NS:
-            ahead_s = (prediction.onset_ns - now_ns) * 1e-9
-            self._reject("stamp_in_future", f"intent/robot_trajectory {ahead_s:.1f} s ahead")
+        elif self.is_ahead(now_ns, prediction.onset_ns, "intent/robot_trajectory"):
+            pass
         elif now_ns - prediction.end_ns > self.settings.max_lateness_s * 1e9:
             late_s = (now_ns - prediction.end_ns) * 1e-9
             self._reject("outdated", f"intent/robot_trajectory was over {late_s:.1f} s ago")

@@ -171,6 +171,17 @@ class Activation:
         """Take the newest prediction; it is used if its task is the active one."""
         self._inbox.take_prediction(now_ns, prediction)
 
+    def take_next_task(
+        self,
+        now_ns: int,
+        stamp_ns: int,
+        labels: Sequence[str],
+        probabilities: NDArray[np.float64],
+    ) -> None:
+        """Take what the next task will be; raises what `Pretrigger.take_expectation` raises."""
+        if not self._inbox.is_ahead(now_ns, stamp_ns, "intent/next_task"):
+            self.pretrigger.take_expectation(stamp_ns, labels, probabilities)
+
     @property
     def ordered(self) -> bool:
         """Whether a task waits that was ordered."""

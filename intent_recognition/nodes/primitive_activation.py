@@ -289,8 +289,8 @@ class PrimitiveActivation(ManagedNode):
         if not self.active or self.activation is None:
             return
         try:
-            self.activation.pretrigger.take_expectation(
-                stamp_ns(message), list(message.name), np.array(message.position)
+            self.activation.take_next_task(
+                self._now_ns(), stamp_ns(message), list(message.name), np.array(message.position)
             )
         except IntentError as error:
             self.diagnostics.reject("bad_next_task", str(error))

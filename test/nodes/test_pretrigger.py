@@ -48,8 +48,8 @@ class AheadGraph(Graph):
         self.next_task = harness.publisher(JointState, "intent/next_task", qos.LATCHED)
         harness.connect(self.next_task)
 
-    def expect(self, p=(0.1, 0.9), names=TASKS):
-        message = to_joint_state(names, p, time_ns=self.now_ns)
+    def expect(self, p=(0.1, 0.9), names=TASKS, ahead_s=0.0):
+        message = to_joint_state(names, p, time_ns=self.now_ns + round(ahead_s * 1e9))
         self.send(self.next_task, message, "intent/next_task")
 
     def activated(self, now):
@@ -120,6 +120,20 @@ def test_it_is_off_by_default_and_bad_expectations_are_counted(harness, path):
     graph.until(lambda: graph.mode == "homing")
     graph.until(lambda: graph.mode == "idle")
     assert "count pretriggered" not in graph.report()[1]
+
+
+def test_an_expectation_from_the_future_is_counted_and_not_used(harness, path):
+    graph = AheadGraph(harness, path)
+    graph.expect(ahead_s=0.9)  # as clocks of a graph may differ
+    graph.step()
+    assert graph.report()[1]["expected task"] == "screw (0.90)"
+    graph.expect((0.8, 0.2), ahead_s=1.1)
+    graph.step()
+    assert graph.rejected("stamp_in_future") == 1
+    assert graph.report()[1]["expected task"] == "screw (0.90)"
+    graph.expect((0.7, 0.3))
+    graph.step()
+    assert graph.report()[1]["expected task"] == "plate (0.70)"
 
 
 def test_it_needs_a_model(harness):
