@@ -43,7 +43,10 @@ class ManagedNode(LifecycleNode):
         """Begin to act; called on the way from inactive to active."""
 
     def deactivate(self) -> None:
-        """Stop acting, safely; called on the way from active to inactive or finalized."""
+        """Stop acting, safely; called on the way from active to inactive or finalized.
+
+        Also after `activate` failed, however far that came.
+        """
 
     def cleanup(self) -> None:
         """Free what `configure` loaded."""
@@ -72,8 +75,16 @@ class ManagedNode(LifecycleNode):
         return self._guard(self.configure, super().on_configure, state, "inactive")
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Handle the transition to active."""
-        return self._guard(self.activate, super().on_activate, state, "active")
+        """Handle the transition to active; where it fails, what it had begun is ended."""
+
+        def activate() -> None:
+            try:
+                self.activate()
+            except Exception:
+                self.deactivate()
+                raise
+
+        return self._guard(activate, super().on_activate, state, "active")
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Handle the transition back to inactive."""

@@ -11,8 +11,18 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from model_builder import GLOVE, TOOL, WRIST, learned_model, make_dofs, perform, true_library
+from model_builder import (
+    GLOVE,
+    ROBOT,
+    TOOL,
+    WRIST,
+    learned_model,
+    make_dofs,
+    perform,
+    true_library,
+)
 from nav_msgs.msg import Odometry, Path
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -21,6 +31,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
+from intent_recognition.demonstrations.dofs import DofEntry, DofSpec
 from intent_recognition.model.file import Model, save_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import (
@@ -570,6 +581,23 @@ def test_it_obeys_the_services_of_a_lifecycle_node(harness, wrist):
     del graph.tasks[:]
     graph.feed(observations)
     check_tasks(graph.tasks, expected(wrist.model, observations), wrist.model.labels)
+
+
+def test_an_activation_that_fails_half_way_leaves_nothing_subscribed(harness, tmp_path):
+    gripper = DofEntry("gripper/width", "nowhere_msgs/msg/Width", fields=("width",), unit="m")
+    dofs = DofSpec((WRIST,), (ROBOT, gripper))
+    path = tmp_path / "m.npz"
+    save_model(path, Model(true_library(dofs), dofs))
+    given = {"model": str(path), "autostart": False}
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    node = harness.add(IntentEstimatorNode(parameter_overrides=overrides))
+    before = sorted(subscription.topic_name for subscription in node.subscriptions)
+    node.trigger_configure()
+    for _ in range(2):
+        assert node.trigger_activate() is TransitionCallbackReturn.FAILURE
+        assert not node.active
+        topics = sorted(subscription.topic_name for subscription in node.subscriptions)
+        assert topics == before
 
 
 def test_it_waits_when_told_to(harness, wrist):

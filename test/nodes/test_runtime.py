@@ -305,6 +305,8 @@ class Managed(ManagedNode):
 
     def activate(self):
         self.seen.append("activate")
+        if self.fail:
+            raise self.fail
 
     def deactivate(self):
         self.seen.append("deactivate")
@@ -353,6 +355,27 @@ def test_managed_node_survives_a_failing_transition(harness, error):
     node.fail = None
     assert change(harness, Transition.TRANSITION_CONFIGURE)
     assert change(harness, Transition.TRANSITION_ACTIVATE)
+    assert node.active
+
+
+@pytest.mark.parametrize(
+    ("error", "again"),
+    [
+        (ModelError("no model"), (Transition.TRANSITION_ACTIVATE,)),
+        (
+            ZeroDivisionError(),
+            (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE),
+        ),
+    ],
+)
+def test_an_activation_that_fails_is_undone(harness, error, again):
+    node = harness.add(Managed())
+    assert change(harness, Transition.TRANSITION_DEACTIVATE)
+    node.fail = error
+    assert not change(harness, Transition.TRANSITION_ACTIVATE)
+    assert not node.active and node.seen[-2:] == ["activate", "deactivate"]
+    node.fail = None
+    assert all(change(harness, transition) for transition in again)
     assert node.active
 
 
