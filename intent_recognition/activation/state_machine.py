@@ -111,6 +111,10 @@ class Activation:
         """The state's name."""
         return self.state.mode
 
+    def moves(self, now_ns: int) -> bool:
+        """Whether the arm does anything, or a command such as a brake has not come to rest."""
+        return self.mode is not Mode.IDLE or self._arm.under_way(now_ns)
+
     @property
     def home(self) -> NDArray[np.float64] | None:
         """Posture it returns to (n,) [rad]; None before the arm was seen."""

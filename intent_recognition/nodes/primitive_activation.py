@@ -345,10 +345,11 @@ class PrimitiveActivation(ManagedNode):
         """
         settings = self._settings.changed(changes)
         of_motion = sorted(set(changes) & set(AT_REST))
-        mode = self.activation.mode if self.active and self.activation else Mode.IDLE
-        if of_motion and mode is not Mode.IDLE:
+        activation = self.activation
+        if of_motion and activation is not None and activation.moves(self._now_ns()):
+            mode = "braking" if activation.mode is Mode.IDLE else activation.mode.value
             cure = "Wait until it is home, or call ~/reset."
-            raise ArgumentError(describe(of_motion[0], "an arm at rest", mode.value, cure))
+            raise ArgumentError(describe(of_motion[0], "an arm at rest", mode, cure))
         if self.joint_names:
             settings.settings(self.joint_names, self._starts)
         return settings

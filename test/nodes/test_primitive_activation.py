@@ -423,6 +423,25 @@ def test_deactivating_brakes_and_activating_starts_clean(graph):
     assert graph.mode == "idle"
 
 
+def test_limits_do_not_change_while_the_brake_of_a_deactivation_runs(graph):
+    graph.begin(already_s=0.2)
+    graph.until(lambda: graph.mode == "executing")
+    graph.until(lambda: np.abs(graph.arm() - HOME).max() > 0.02)
+    n = len(graph.commands)
+    graph.node.trigger_deactivate()
+    graph.harness.spin_until(lambda: len(graph.commands) > n, what="the brake")
+    brake = graph.commands[-1]
+    end_ns = stamp_ns(brake) + round(trajectory_arrays(brake)[0][-1] * 1e9)
+    slower = [Parameter("velocity_scale", value=0.3)]
+    assert graph.now_ns < end_ns
+    (refused,) = graph.node.set_parameters(slower)
+    assert not refused.successful and "an arm at rest, got braking" in refused.reason
+    while graph.now_ns <= end_ns:
+        graph.tick()
+    (taken,) = graph.node.set_parameters(slower)
+    assert taken.successful, taken.reason
+
+
 def test_waits_for_activation_when_told_to(harness):
     graph = Graph(harness, autostart=False)
     graph.begin()
