@@ -119,6 +119,7 @@ class CellState:
     skills: dict[str, list[SkillRow]] = field(default_factory=dict)
     via_points: tuple[ViaPoint, ...] = ()
     nodes: dict[str, NodeHealth] = field(default_factory=dict)
+    _joints_at_s: dict[str, float] = field(default_factory=dict)
     _wrist_past: deque = field(default_factory=lambda: deque(maxlen=int(WRIST_S * 100)))
     _past: deque = field(default_factory=lambda: deque(maxlen=int(PLOTTED_S / PLOTTED_STEP_S)))
 
@@ -127,11 +128,19 @@ class CellState:
         """The task that the person does: the truth where it is published, else what is active."""
         return self.active if self.truth is None else self.truth
 
-    def take_joints(self, names: Sequence[str], positions: Sequence[float]) -> None:
+    def take_joints(
+        self, names: Sequence[str], positions: Sequence[float], now_s: float
+    ) -> None:
         """A joint state, of all joints or some; names that keep changing are forgotten."""
         self.joints.update(zip(names, positions, strict=False))
+        self._joints_at_s |= dict.fromkeys(names, now_s)
         while len(self.joints) > MOST_JOINTS:
-            del self.joints[next(iter(self.joints))]
+            oldest = next(iter(self.joints))
+            del self.joints[oldest], self._joints_at_s[oldest]
+
+    def joints_at_s(self, names: Sequence[str]) -> float:
+        """When all of these joints, which are known, were there last."""
+        return min(self._joints_at_s[name] for name in names)
 
     def take_wrist(self, position: NDArray[np.float64], now_s: float) -> None:
         """A position of the wrist (3,) [m]."""

@@ -100,7 +100,7 @@ class CellSubscriptions:
     def _on_joints(self, message: JointState) -> None:
         names = checked_names("name", message.name, MOST_JOINTS)
         positions = checked_numbers("position", message.position, (len(names),))
-        self._state.take_joints(names, positions.tolist())
+        self._state.take_joints(names, positions.tolist(), self._clock())
 
     def _on_wrist(self, message: PoseStamped) -> None:
         position = checked_numbers("position", position_array(message.pose), (3,))

@@ -36,6 +36,7 @@ SHORTEST_ARM_S = 0.4
 """Shortest motion of the arm [s]. Convention."""
 RETURN_S = 1.5
 """Duration of the way back after a demonstration [s]. Convention."""
+SILENT_ARM = "The arm's joint states have stopped."
 UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -115,16 +116,21 @@ class Teleoperation:
 
     def can_move_arm(self) -> bool:
         """Whether there is an arm whose inverse kinematics are known, and listens."""
-        found = self._finder.find(self._state) is not None
-        return found and self._arm.get_subscription_count() > 0
+        return self._find() is not None and self._arm.get_subscription_count() > 0
 
     @property
     def arm_problem(self) -> str:
-        """Why the arm that is described cannot be moved; empty if nothing is wrong with it."""
-        return self._finder.problem
+        """Why the arm that is there cannot be moved; empty if nothing is wrong with it."""
+        arm = self._finder.find(self._state)
+        return self._finder.problem or ("" if arm is None or self._speaks(arm) else SILENT_ARM)
 
     def drag_hand(self, position: NDArray[np.float64]) -> None:
-        """Let the arm bring its hand to a position (3,) [m], soon."""
+        """Let the arm bring its hand to a position (3,) [m], soon.
+
+        Raises:
+            KinematicsError: there is no arm, or its joint states have stopped.
+        """
+        self._found()
         self._hand = np.array(position, dtype=float)
         if self._timer is None:
             self.step_arm()
@@ -133,7 +139,7 @@ class Teleoperation:
         """The arm's joint angles (n,) [rad].
 
         Raises:
-            KinematicsError: there is no arm.
+            KinematicsError: there is no arm, or its joint states have stopped.
         """
         return np.array([self._state.joints[name] for name in self._found().joint_names])
 
@@ -141,7 +147,7 @@ class Teleoperation:
         """Where the arm's hand is (3,) [m].
 
         Raises:
-            KinematicsError: there is no arm.
+            KinematicsError: there is no arm, or its joint states have stopped.
         """
         return self._found().hand(self.measured())
 
@@ -149,7 +155,7 @@ class Teleoperation:
         """Joint angles (n,) [rad] near the present ones that have the hand there.
 
         Raises:
-            KinematicsError: out of reach, or there is no arm.
+            KinematicsError: out of reach, or there is no arm that speaks.
         """
         return self._found().posture_at(np.asarray(position, dtype=float), self.measured())
 
@@ -165,11 +171,20 @@ class Teleoperation:
         self._arm.publish(build_joint_trajectory(arm.joint_names, *motion))
         return duration_s
 
-    def _found(self) -> MovedArm:
+    def _speaks(self, arm: MovedArm) -> bool:
+        """Whether its joint states are recent: where it is planned from must be where it is."""
+        return self._state.fresh(self._state.joints_at_s(arm.joint_names), time.monotonic())
+
+    def _find(self) -> MovedArm | None:
+        """The arm that can be moved, if there is one."""
         arm = self._finder.find(self._state)
+        return arm if arm is not None and self._speaks(arm) else None
+
+    def _found(self) -> MovedArm:
+        arm = self._find()
         if arm is None:
-            cure = "See the tab Teach."
-            raise KinematicsError(describe("joint_states", "those of an arm", "none", cure))
+            got, cure = self.arm_problem or "none", "See the tab Teach."
+            raise KinematicsError(describe("joint_states", "those of an arm", got, cure))
         return arm
 
     def play(
@@ -179,7 +194,7 @@ class Teleoperation:
         done: Callable[[], None],
     ) -> None:
         """Show a demonstration; the arm of now goes along if it has a goal (n,) [rad]."""
-        self._shown_arm = self._finder.find(self._state)
+        self._shown_arm = self._find()
         self._playing, self._arm_goal, self._done = demonstration, arm_goal, done
         self._began_s, self._length_s = time.monotonic(), demonstration.length_s
 
@@ -209,7 +224,7 @@ class Teleoperation:
         self._position = show.wrist(elapsed_s)
         if self._arm_goal is not None and elapsed_s >= show.arm_start_s:
             goal, self._arm_goal = self._arm_goal, None
-            arm = self._finder.find(self._state)
+            arm = self._find()
             if arm is not None and arm is self._shown_arm and len(goal) == len(arm.joint_names):
                 takes_s = self.send_arm(goal, show.arm_duration_s)
                 self._length_s = max(show.length_s, elapsed_s + takes_s + show.rest_s)

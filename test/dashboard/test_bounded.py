@@ -60,7 +60,7 @@ class Watched:
             self.now_s += STEP_S
             labels = LABELS[k // 40 % len(LABELS)]
             chances = rng.dirichlet(np.ones(len(labels)))
-            state.take_joints(JOINT_NAMES, rng.normal(size=7))
+            state.take_joints(JOINT_NAMES, rng.normal(size=7), self.now_s)
             state.take_wrist(rng.normal(size=3), self.now_s)
             state.take_posterior(Posterior(labels, chances, chances), self.now_s)
             path = rng.normal(size=(2 + k % 30, 3))

@@ -57,9 +57,10 @@ def test_a_task_that_was_learned_later_has_no_past():
 
 def test_joint_states_may_come_in_parts():
     state = CellState()
-    state.take_joints(["a", "b"], [1.0, 2.0])
-    state.take_joints(["b"], [3.0])
+    state.take_joints(["a", "b"], [1.0, 2.0], 5.0)
+    state.take_joints(["b"], [3.0], 6.0)
     assert state.joints == {"a": 1.0, "b": 3.0}
+    assert (state.joints_at_s(["a", "b"]), state.joints_at_s(["b"])) == (5.0, 6.0)
 
 
 def test_silence_is_told_after_three_seconds():

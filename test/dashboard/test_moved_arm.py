@@ -44,11 +44,11 @@ def test_an_arm_is_found_by_its_description_once_its_joints_are_there():
     robot = find_robot("panda")
     finder, state = ArmFinder(robot.tip), CellState(description=robot.description)
     assert finder.find(state) is None
-    state.take_joints(robot.joint_names, robot.ready)
+    state.take_joints(robot.joint_names, robot.ready, 0.0)
     found = finder.find(state)
     assert found is not None and found.joint_names == robot.joint_names
     assert finder.find(state) is found
-    state.take_joints(JOINT_NAMES, [0.0] * 7)
+    state.take_joints(JOINT_NAMES, [0.0] * 7, 0.0)
     assert finder.find(state) is LWR
 
 

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is shown from the page: the arm goes along as long as it is the arm that was asked."""
 
+import time
+
 import numpy as np
 import pytest
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.dashboard.cell import CellState
 from intent_recognition.dashboard.synthetic_demonstration import SyntheticDemonstration
-from intent_recognition.dashboard.teleoperation import Teleoperation
+from intent_recognition.dashboard.teleoperation import SILENT_ARM, Teleoperation
+from intent_recognition.errors import KinematicsError
 from intent_recognition.kinematics import JOINT_NAMES
 from intent_recognition.nodes import qos
 from sim_bridge.arm import find_robot
@@ -22,7 +25,7 @@ def stays(state):
 
 def another_comes(state):
     """Another arm with as many joints is there."""
-    state.take_joints(JOINT_NAMES, np.zeros(7))
+    state.take_joints(JOINT_NAMES, np.zeros(7), np.inf)
 
 
 def goes(state):
@@ -31,10 +34,18 @@ def goes(state):
     state.description = ""
 
 
-@pytest.mark.parametrize(("happens", "commands"), [(stays, 1), (another_comes, 0), (goes, 0)])
+def dies(state):
+    """Its last joint states were long ago."""
+    state.take_joints(PANDA.joint_names, PANDA.ready, time.monotonic() - 1.1)
+
+
+CASES = [(stays, 1), (another_comes, 0), (goes, 0), (dies, 0)]
+
+
+@pytest.mark.parametrize(("happens", "commands"), CASES)
 def test_a_demonstration_ends_whatever_becomes_of_the_arm(harness, happens, commands):
     state = CellState(description=PANDA.description)
-    state.take_joints(PANDA.joint_names, PANDA.ready)
+    state.take_joints(PANDA.joint_names, PANDA.ready, np.inf)
     teleoperation = Teleoperation(harness.probe, state, hand_link=PANDA.tip)
     sent = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
     harness.spin_until(teleoperation.can_move_arm)
@@ -46,3 +57,21 @@ def test_a_demonstration_ends_whatever_becomes_of_the_arm(harness, happens, comm
     assert np.allclose(teleoperation.position, SHOWN.goal_m)
     assert len(sent) == commands
     teleoperation.release_wrist()
+
+
+def test_an_arm_whose_driver_died_is_not_moved_and_the_reason_is_told(harness):
+    state = CellState(description=PANDA.description)
+    teleoperation = Teleoperation(harness.probe, state, hand_link=PANDA.tip)
+    sent = harness.collect(JointTrajectory, "joint_trajectory", qos.COMMAND)
+    dies(state)
+    harness.spin_until(lambda: harness.probe.count_subscribers("joint_trajectory") == 1)
+    assert not teleoperation.can_move_arm()
+    assert teleoperation.arm_problem == SILENT_ARM
+    for ask in (teleoperation.drag_hand, teleoperation.posture_at):
+        with pytest.raises(KinematicsError, match="joint states have stopped"):
+            ask(np.array([0.4, 0.1, 0.4]))
+    state.take_joints(PANDA.joint_names, PANDA.ready, time.monotonic())
+    assert teleoperation.can_move_arm() and teleoperation.arm_problem == ""
+    teleoperation.drag_hand(teleoperation.hand() + 0.01)
+    harness.spin_until(lambda: sent, what="a command")
+    assert len(sent) == 1
