@@ -128,9 +128,7 @@ class CellState:
         """The task that the person does: the truth where it is published, else what is active."""
         return self.active if self.truth is None else self.truth
 
-    def take_joints(
-        self, names: Sequence[str], positions: Sequence[float], now_s: float
-    ) -> None:
+    def take_joints(self, names: Sequence[str], positions: Sequence[float], now_s: float) -> None:
         """A joint state, of all joints or some; names that keep changing are forgotten."""
         self.joints.update(zip(names, positions, strict=False))
         self._joints_at_s |= dict.fromkeys(names, now_s)
