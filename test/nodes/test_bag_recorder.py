@@ -240,6 +240,7 @@ def start_process(harness: Harness, path: Path) -> tuple[NodeProcess, object]:
     publisher = harness.publisher(PoseStamped, "p", STATE)
     process = NodeProcess(MODULE, *arguments)
     harness.connect(publisher)
+    harness.spin_until(lambda: list(path.glob("*.mcap")), what="the bag")  # it listens before
     return process, publisher
 
 
