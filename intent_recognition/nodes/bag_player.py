@@ -13,7 +13,6 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
-from std_srvs.srv import Trigger
 
 from intent_recognition.bags import BagReader, RawMessage, TopicInfo
 from intent_recognition.errors import BagError, describe
@@ -23,6 +22,7 @@ from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_l
 from intent_recognition.nodes.qos import recorded_profile
 from intent_recognition.nodes.readiness import WAIT_FOR_NODES, Readiness
 from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.services import serve
 
 IN_MEMORY_BYTES = 2**26
 """Larger bags are read while they are played [bytes]. Convention."""
@@ -123,8 +123,8 @@ class BagPlayer(Node):
         self._clock_publisher = (
             self.create_publisher(Clock, "/clock", 1) if self._use_clock else None
         )
-        self.create_service(Trigger, "~/pause", self._on_pause)
-        self.create_service(Trigger, "~/resume", self._on_resume)
+        serve(self, "pause", self._pause)
+        serve(self, "resume", self._resume)
         self._messages = self._load()
         self._thread = threading.Thread(target=self._play, name="bag_player", daemon=True)
         self._thread.start()
@@ -302,15 +302,13 @@ class BagPlayer(Node):
             if not self._stopping.is_set():
                 publisher.wait_for_all_acked(Duration(seconds=1.0))
 
-    def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _pause(self) -> str:
         self._running.clear()
-        response.success, response.message = True, f"paused after {self.published} messages"
-        return response
+        return f"paused after {self.published} messages"
 
-    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _resume(self) -> str:
         self._running.set()
-        response.success, response.message = True, "playing"
-        return response
+        return "playing"
 
 
 def shift_stamp(data: bytes, shift: Callable[[int], int]) -> bytes:

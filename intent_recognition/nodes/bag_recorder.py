@@ -4,13 +4,12 @@
 from collections.abc import Sequence
 from typing import Any
 
-from std_srvs.srv import Trigger
-
 from intent_recognition.demonstrations import check_label
 from intent_recognition.errors import BagError, describe
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
-from intent_recognition.nodes.topic_recorder import TopicRecorder, answer, refuse_label
+from intent_recognition.nodes.services import serve
+from intent_recognition.nodes.topic_recorder import TopicRecorder, refuse_label
 
 
 class BagRecorder(TopicRecorder):
@@ -28,8 +27,8 @@ class BagRecorder(TopicRecorder):
         self.add_on_set_parameters_callback(refuse_label)
         self.done = False
         self.exit_code = 0
-        self.create_service(Trigger, "~/start", self._on_start)
-        self.create_service(Trigger, "~/stop", self._on_stop)
+        serve(self, "start", self.start)
+        serve(self, "stop", self.stop)
         self.listen(topics)
         self._autostarted = bool(self.get_parameter("output").value)
         if self._autostarted:
@@ -64,12 +63,6 @@ class BagRecorder(TopicRecorder):
         if self._autostarted:
             self.exit_code = 1
             self.done = True
-
-    def _on_start(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return answer(response, self.start)
-
-    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return answer(response, self.stop)
 
 
 def main(args: Sequence[str] | None = None) -> int:

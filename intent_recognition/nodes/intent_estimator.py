@@ -11,7 +11,6 @@ from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
@@ -34,6 +33,7 @@ from intent_recognition.nodes.observation_input import ObservationInput
 from intent_recognition.nodes.parameters import Changes, fixed_parameter, keep_live, parameter
 from intent_recognition.nodes.runtime import LeftOvers, elapsed_s, run, when_clock_goes_back
 from intent_recognition.nodes.serialized import SerializedNamedVector, SerializedTrajectory
+from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.via_points import VIA_POINTS, ViaPointInput
 from intent_recognition.promp import NONE
 from intent_recognition.recognition import FORGET_AFTER_S, Estimate, IntentEstimator, Prediction
@@ -114,8 +114,8 @@ class IntentEstimatorNode(ManagedNode):
             JointTrajectory, "intent/human_trajectory", qos.COMMAND
         )
         self._markers = self.create_publisher(MarkerArray, "intent/markers", qos.COMMAND)
-        self.create_service(Trigger, "~/reset", self._on_reset)
-        self.create_service(Trigger, "~/reload_model", self._on_reload)
+        serve(self, "reset", self._reset)
+        serve(self, "reload_model", self._reload)
         self.create_subscription(
             DiagnosticStatus, "intent/sequence", self._take_sequence, qos.LATCHED
         )
@@ -358,34 +358,28 @@ class IntentEstimatorNode(ManagedNode):
             self._silent = True
             self._diagnostics.status(Level.WARN, f"human stream stopped {silent_s:.1f} s ago")
 
-    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self.active
-        response.message = "reset" if self.active else "the node is not active"
-        if self.active:
-            self._forget()
-            self._diagnostics.status(Level.OK, "waiting for a movement")
-        return response
+    def _reset(self) -> str:
+        self.check_active()
+        self._forget()
+        self._diagnostics.status(Level.OK, "waiting for a movement")
+        return "reset"
 
-    def _on_reload(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _reload(self) -> str:
         try:
-            if not self.active:
-                raise ArgumentError("the node is not active")
+            self.check_active()
             model = self._load()
             check_dofs(self._model, model.dofs, str(self.get_parameter("model").value))
             self._estimator.swap(model.library)
-            self._model = model
-            self._tasks_template = SerializedNamedVector((*model.labels, NONE))
-            self._marker_builder.set_labels(model.labels)
-            self._next_task.update(self._estimator)
-            self._diagnostics.value(MODEL, self.get_parameter("model").value)
         except IntentError as error:
-            response.success, response.message = False, str(error)
             self.get_logger().error(f"reload_model: {error}")
-            return response
-        response.success = True
-        response.message = self._told_tasks()
-        self.get_logger().info(f"model changed; {response.message}")
-        return response
+            raise
+        self._model = model
+        self._tasks_template = SerializedNamedVector((*model.labels, NONE))
+        self._marker_builder.set_labels(model.labels)
+        self._next_task.update(self._estimator)
+        self._diagnostics.value(MODEL, self.get_parameter("model").value)
+        self.get_logger().info(f"model changed; {self._told_tasks()}")
+        return self._told_tasks()
 
     def _told_tasks(self) -> str:
         path = pathlib.Path(str(self.get_parameter("model").value)).absolute()

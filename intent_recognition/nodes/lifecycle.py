@@ -9,7 +9,7 @@ from typing import Any
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from intent_recognition.errors import IntentError
+from intent_recognition.errors import ArgumentError, IntentError
 from intent_recognition.nodes.parameters import fixed_parameter
 
 
@@ -55,6 +55,15 @@ class ManagedNode(LifecycleNode):
     def active(self) -> bool:
         """Whether the node is in the state `active`."""
         return self._state_machine.current_state[1] == "active"
+
+    def check_active(self) -> None:
+        """Refuse what only an active node does.
+
+        Raises:
+            ArgumentError: it is not active.
+        """
+        if not self.active:
+            raise ArgumentError("the node is not active")
 
     def start(self) -> None:
         """Configure and activate if `autostart` is set.

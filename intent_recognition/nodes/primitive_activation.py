@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.activation import Activation, Mode, PredictedInteraction
@@ -47,6 +46,7 @@ from intent_recognition.nodes.parameters import Changes, keep_live
 from intent_recognition.nodes.person_input import PersonInput
 from intent_recognition.nodes.runtime import run
 from intent_recognition.nodes.sequence_runner import SequenceRunner
+from intent_recognition.nodes.services import serve
 from intent_recognition.nodes.silence import SilenceWatch
 from intent_recognition.promp import Trajectory
 
@@ -83,7 +83,7 @@ class PrimitiveActivation(ManagedNode):
         ):
             subscription = self.create_subscription(kind, topic, handle, profile)
             self.diagnostics.watch(subscription, topic)
-        self.create_service(Trigger, "~/reset", self._on_reset)
+        serve(self, "reset", self._reset)
         self._starts: dict[str, NDArray[np.float64]] = {}
         self._taught_starts = self._starts
         self._starts_near = np.empty(0)
@@ -295,15 +295,14 @@ class PrimitiveActivation(ManagedNode):
         except IntentError as error:
             self.diagnostics.reject("bad_next_task", str(error))
 
-    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self.activation is not None and self.active:
+    def _reset(self) -> str:
+        self.check_active()
+        if self.activation is not None:
             self._output.command(self.activation.reset(self._now_ns()))
             self._sequences.forget()
             self._output.outcomes(self.activation)
             self._output.task(self.activation)
-        response.success = self.active
-        response.message = "interaction forgotten" if self.active else "the node is not active"
-        return response
+        return "interaction forgotten"
 
     def _on_timer(self) -> None:
         if self.active and self.activation is not None:

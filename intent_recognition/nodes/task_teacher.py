@@ -3,7 +3,6 @@
 
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +40,13 @@ from intent_recognition.nodes.diagnostics import MODEL, Level
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
+from intent_recognition.nodes.services import answer, serve
 from intent_recognition.nodes.task_practice import (
     PERIOD_S,
     TaskPracticeService,
     declare_practice,
 )
-from intent_recognition.nodes.topic_recorder import TopicRecorder, answer, refuse_label
+from intent_recognition.nodes.topic_recorder import TopicRecorder, refuse_label
 
 ESTIMATOR = "intent_estimator"
 ANSWER_S = 5.0
@@ -120,7 +120,7 @@ class TaskTeacher(TopicRecorder):
             ("keep", self.keep),
             ("accept", self.practice.accept),
         ):
-            self.create_service(Trigger, f"~/{name}", partial(_serve, action))
+            serve(self, name, action)
         self.create_service(SetBool, "~/practise", self._practise)
         self._set_model = self.create_client(SetParameters, f"{ESTIMATOR}/set_parameters")
         self._reload = self.create_client(Trigger, f"{ESTIMATOR}/reload_model")
@@ -380,12 +380,6 @@ class TaskTeacher(TopicRecorder):
 def _is_trial(model: str, folder: TaskFolder) -> bool:
     """Whether a model is one that a teacher that has ended let the estimator try."""
     return Path(model).is_relative_to(folder.path / PRACTICE)
-
-
-def _serve(
-    action: Callable[[], str], _: Trigger.Request, response: Trigger.Response
-) -> Trigger.Response:
-    return answer(response, action)
 
 
 def _dofs(dofs: str, model: str, library: str) -> DofSpec:

@@ -4,10 +4,10 @@
 import operator
 import threading
 import time
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -19,7 +19,6 @@ from rclpy.qos import (
     QoSProfile,
     QoSReliabilityPolicy,
 )
-from std_srvs.srv import SetBool, Trigger
 
 from intent_recognition.bags import FLUSH_PERIOD_S, BagWriter, DiskFullError, rosbag2_profile
 from intent_recognition.demonstrations import check_label
@@ -324,17 +323,3 @@ def refuse_label(changes: Sequence[Parameter]) -> SetParametersResult:
     except BagError as error:
         return SetParametersResult(successful=False, reason=one_line(error))
     return SetParametersResult(successful=True)
-
-
-Response = TypeVar("Response", Trigger.Response, SetBool.Response)
-
-
-def answer(response: Response, action: Callable[[], str]) -> Response:
-    """Fill a service's response with what `action` returns, or with why it failed."""
-    try:
-        response.message = action()
-        response.success = True
-    except IntentError as error:
-        response.success = False
-        response.message = str(error)
-    return response
