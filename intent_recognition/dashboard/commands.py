@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
@@ -16,6 +16,7 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from intent_recognition.nodes import qos
+from intent_recognition.nodes.diagnostics import key_values
 from intent_recognition.nodes.graph import ARMS
 
 Notify = Callable[[bool, str], None]
@@ -65,8 +66,7 @@ class Commands:
 
     def tell(self, task: str, values: Mapping[str, str]) -> None:
         """Say something about the execution of a task, now or last."""
-        rows = [KeyValue(key=key, value=value) for key, value in values.items()]
-        self._feedback.publish(DiagnosticStatus(name=task, values=rows))
+        self._feedback.publish(DiagnosticStatus(name=task, values=key_values(values)))
 
     def gravity_compensation(self, enabled: bool) -> None:
         """Let the arm be guided, or hold it."""

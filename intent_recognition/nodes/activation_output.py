@@ -2,7 +2,7 @@
 """What `primitive_activation` sends: commands, the task, corrections, outcomes, and its status."""
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectory
@@ -10,9 +10,8 @@ from trajectory_msgs.msg import JointTrajectory
 from intent_recognition.activation import Activation, Command, Mode, PredictedInteraction
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import TrajectoryBuilder
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, Level, key_values
 
-_OK, _WARN = 0, 1
 _N_CORRECTED = 61
 """Points of a corrected path. Convention."""
 
@@ -67,8 +66,7 @@ class ActivationOutput:
         while activation.outcomes:
             outcome = activation.outcomes.popleft()
             values = {"outcome": outcome.what, "corrections": str(outcome.n_corrections)}
-            rows = [KeyValue(key=key, value=value) for key, value in values.items()]
-            self._feedback.publish(DiagnosticStatus(name=outcome.label, values=rows))
+            self._feedback.publish(DiagnosticStatus(name=outcome.label, values=key_values(values)))
 
     def task(self, activation: Activation | None) -> None:
         """Tell which task is active, and for which one the arm has gone ahead."""
@@ -98,16 +96,16 @@ class ActivationOutput:
         """Level and message: what the arm does, and who is silent."""
         level, text = _status(activation)
         parts = [part for part in (text, silent) if part]
-        self._diagnostics.status(_WARN if silent else level, "; ".join(parts))
+        self._diagnostics.status(Level.WARN if silent else level, "; ".join(parts))
 
 
 def _status(activation: Activation | None) -> tuple[int, str]:
     if activation is None:
-        return _OK, "running"
+        return Level.OK, "running"
     if activation.mode is Mode.STOPPED:
-        return _WARN, f"stopped: {activation.stop_reason}"
+        return Level.WARN, f"stopped: {activation.stop_reason}"
     if activation.held_back:
-        return _WARN, activation.held_back
+        return Level.WARN, activation.held_back
     if activation.mode is Mode.PRETRIGGERED:
-        return _OK, f"pretriggered: {activation.pretrigger.label}"
-    return _OK, activation.mode.value
+        return Level.OK, f"pretriggered: {activation.pretrigger.label}"
+    return Level.OK, activation.mode.value

@@ -9,7 +9,6 @@ import numpy as np
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from intent_recognition.demonstrations import (
@@ -44,11 +43,7 @@ from intent_recognition.recognition import (
 )
 from intent_recognition.signals import Observation
 
-POSTURES = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST,
-    depth=100,
-    reliability=QoSReliabilityPolicy.BEST_EFFORT,
-)
+POSTURES = qos.keep_last(100, reliable=False)
 """As sensor data; deep enough for the moment of onset, when a movement is filtered anew."""
 LARGEST_AHEAD_NS = 1_000_000_000
 """A posture stamped farther than this ahead of both the clock and the posture before [ns] is

@@ -3,7 +3,7 @@
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from enum import IntEnum
 from typing import Any
 
@@ -32,6 +32,16 @@ class Level(IntEnum):
     WARN = 1
     ERROR = 2
     STALE = 3
+
+
+def key_values(values: Mapping[str, str]) -> list[KeyValue]:
+    """Rows of a DiagnosticStatus."""
+    return [KeyValue(key=key, value=value) for key, value in values.items()]
+
+
+def values_of(status: DiagnosticStatus) -> dict[str, str]:
+    """The rows of a DiagnosticStatus by key."""
+    return {row.key: row.value for row in status.values}
 
 
 class Diagnostics:
@@ -148,7 +158,7 @@ class Diagnostics:
             level=self._level,
             name=self._name,
             message=self._message,
-            values=[KeyValue(key=key, value=value) for key, value in rows.items()],
+            values=key_values(rows),
         )
 
     def publish(self) -> None:

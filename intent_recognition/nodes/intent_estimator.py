@@ -26,7 +26,7 @@ from intent_recognition.errors import ArgumentError, IntentError, describe
 from intent_recognition.model import Model, check_dofs, load_model
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.anticipation import NextTaskOutput, PostureInput
-from intent_recognition.nodes.diagnostics import MODEL, Diagnostics, Level
+from intent_recognition.nodes.diagnostics import MODEL, Diagnostics, Level, values_of
 from intent_recognition.nodes.lifecycle import ManagedNode
 from intent_recognition.nodes.markers import MarkerBuilder, to_path
 from intent_recognition.nodes.observation_input import ObservationInput
@@ -223,7 +223,7 @@ class IntentEstimatorNode(ManagedNode):
 
     def _take_sequence(self, message: DiagnosticStatus) -> None:
         """Expect the step that a sequence is at."""
-        self._step = next((row.value for row in message.values if row.key == "task"), "")
+        self._step = values_of(message).get("task", "")
         if self._configured:
             self._estimator.expect(self._step)
 

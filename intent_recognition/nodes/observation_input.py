@@ -7,7 +7,6 @@ from functools import partial
 
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from intent_recognition.demonstrations import (
@@ -27,11 +26,7 @@ from intent_recognition.nodes.diagnostics import Diagnostics
 from intent_recognition.nodes.serialized import read_odometry
 from intent_recognition.signals import Observation
 
-INPUT = QoSProfile(
-    history=QoSHistoryPolicy.KEEP_LAST,
-    depth=1000,
-    reliability=QoSReliabilityPolicy.BEST_EFFORT,
-)
+INPUT = qos.keep_last(1000, reliable=False)
 """As sensor data. Convention: the queue holds 10 s at 100 Hz, so that nothing is lost while a
 movement is filtered again (onset, new model)."""
 

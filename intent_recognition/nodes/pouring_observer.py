@@ -12,6 +12,7 @@ from std_msgs.msg import String
 
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.diagnostics import values_of
 from intent_recognition.nodes.warped_primitive import OBJECTS, REFUSED, REQUEST
 
 BALLS = "balls"
@@ -93,5 +94,4 @@ class PouringObserver(Node):
         for status in message.status:
             self._on_report(status.name)
             if status.name == "warped_primitive":
-                said = {row.key: row.value for row in status.values}
-                self.refused = said.get(REFUSED, "") if self._asked else ""
+                self.refused = values_of(status).get(REFUSED, "") if self._asked else ""

@@ -16,31 +16,31 @@ LATCHED_TOPICS = ("robot_description", "intent/active_task")
 SENSOR_TOPICS = ("mocap/", "human/")
 
 
-def _profile(
-    reliability: QoSReliabilityPolicy, durability: QoSDurabilityPolicy, depth: int
-) -> QoSProfile:
+def keep_last(depth: int, *, reliable: bool = True, latched: bool = False) -> QoSProfile:
+    """Keep last `depth`; best effort unless reliable, transient local where latched."""
+    reliability, durability = QoSReliabilityPolicy, QoSDurabilityPolicy
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=depth,
-        reliability=reliability,
-        durability=durability,
+        reliability=reliability.RELIABLE if reliable else reliability.BEST_EFFORT,
+        durability=durability.TRANSIENT_LOCAL if latched else durability.VOLATILE,
     )
 
 
-SENSOR = _profile(QoSReliabilityPolicy.BEST_EFFORT, QoSDurabilityPolicy.VOLATILE, 10)
+SENSOR = keep_last(10, reliable=False)
 """Best effort, keep last 10: measured streams (`mocap/*`, `human/*`), newest matters most."""
 
-STATE = _profile(QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.VOLATILE, 10)
+STATE = keep_last(10)
 """Reliable, keep last 10: `joint_states`, `intent/tasks`; best-effort subscribers match too."""
 
-COMMAND = _profile(QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.VOLATILE, 1)
+COMMAND = keep_last(1)
 """Reliable, keep last 1: trajectories and predictions, where only the newest counts."""
 
-LATCHED = _profile(QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.TRANSIENT_LOCAL, 1)
+LATCHED = keep_last(1, latched=True)
 """Reliable, transient local: the last value reaches late subscribers (`robot_description`)."""
 
 
-FEEDBACK = _profile(QoSReliabilityPolicy.RELIABLE, QoSDurabilityPolicy.VOLATILE, 100)
+FEEDBACK = keep_last(100)
 """Reliable, keep last 100: what is told of an execution, every line of it (`intent/feedback`)."""
 
 
@@ -57,11 +57,4 @@ def recorded_profile(info: TopicInfo) -> QoSProfile:
         depth = max(1, *(int(p.get("depth") or 0) for p in offered)) if latched else PLAYBACK_DEPTH
     elif latched:
         depth = 1
-    return QoSProfile(
-        history=QoSHistoryPolicy.KEEP_LAST,
-        depth=depth,
-        reliability=(QoSReliabilityPolicy.BEST_EFFORT if sensor else QoSReliabilityPolicy.RELIABLE),
-        durability=(
-            QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE
-        ),
-    )
+    return keep_last(depth, reliable=not sensor, latched=latched)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from intent_recognition.nodes.diagnostics import INACTIVE, LIFECYCLE, PUBLISHERS
+from intent_recognition.nodes.diagnostics import INACTIVE, LIFECYCLE, PUBLISHERS, values_of
 
 WAIT_FOR_NODES = (
     "Begin when these nodes of the namespace are active and have found the publishers they listen"
@@ -54,4 +54,4 @@ class Readiness:
 
     def _take(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self._reports[status.name] = {row.key: row.value for row in status.values}
+            self._reports[status.name] = values_of(status)

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from rclpy.node import Node
@@ -32,7 +32,7 @@ from intent_recognition.kinematics import Arm
 from intent_recognition.motion import JointPath
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import position_array
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, key_values
 from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.runtime import when_clock_goes_back
 from intent_recognition.promp import TaskLibrary, Trajectory, largest_by_unit
@@ -181,7 +181,7 @@ class SequenceRunner:
             what = "runs" if progress.running else f"waits: {step.when}"
             message.message = f"{step.task} ({count}) {what}"
             rows = {"task": step.task, "step": count, "when": str(step.when)}
-            message.values = [KeyValue(key=key, value=value) for key, value in rows.items()]
+            message.values = key_values(rows)
         self._publisher.publish(message)
         self._diagnostics.value("sequence", f"{progress.name} {message.message}".strip())
         self._node.get_logger().info(f"sequence: {progress.name} {message.message}")

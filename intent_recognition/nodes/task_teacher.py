@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter
@@ -36,7 +36,7 @@ from intent_recognition.model import (
     skill_history,
 )
 from intent_recognition.nodes import qos
-from intent_recognition.nodes.diagnostics import MODEL, Level
+from intent_recognition.nodes.diagnostics import MODEL, Level, key_values, values_of
 from intent_recognition.nodes.execution_recorder import ExecutionRecorder
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.runtime import run
@@ -274,7 +274,7 @@ class TaskTeacher(TopicRecorder):
             self.executions.correct(data, self.get_clock().now().nanoseconds)
 
     def _on_feedback(self, message: DiagnosticStatus) -> None:
-        values = {row.key: row.value for row in message.values}
+        values = values_of(message)
         with self._lock:
             execution = self.executions.add(message.name, values)
         if THUMBS in values:
@@ -337,7 +337,7 @@ class TaskTeacher(TopicRecorder):
         for status in message.status:
             if status.name != self._estimator_name:
                 continue
-            loaded = {row.key: row.value for row in status.values}.get(MODEL)
+            loaded = values_of(status).get(MODEL)
             if loaded is None or loaded == self._model_in_force:
                 self._in_use = self._in_use or loaded is not None
             elif (self._in_use or _is_trial(loaded, self.folder)) and not self._is_asking():
@@ -365,7 +365,7 @@ class TaskTeacher(TopicRecorder):
             for one in periods[-MOST_PERIODS:]:
                 numbers = zip(SKILL_COLUMNS, one.texts(), strict=True)
                 values = {"since": one.since, "demonstrations": str(one.n_demonstrations)}
-                rows = [KeyValue(key=k, value=v) for k, v in (values | dict(numbers)).items()]
+                rows = key_values(values | dict(numbers))
                 message.status.append(DiagnosticStatus(name=label, message=one.what, values=rows))
         self._skills.publish(message)
 

@@ -13,12 +13,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import (
-    QoSDurabilityPolicy,
-    QoSHistoryPolicy,
-    QoSProfile,
-    QoSReliabilityPolicy,
-)
+from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
 from intent_recognition.bags import FLUSH_PERIOD_S, BagWriter, DiskFullError, rosbag2_profile
 from intent_recognition.demonstrations import check_label
@@ -26,6 +21,7 @@ from intent_recognition.errors import BagError, IntentError, ResourceBusyError, 
 from intent_recognition.nodes.bag_listener import BagListener
 from intent_recognition.nodes.conversions import message_class
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
+from intent_recognition.nodes.qos import keep_last
 from intent_recognition.nodes.runtime import simulated_ns
 
 DISCOVERY_PERIOD_S = 0.1
@@ -47,15 +43,6 @@ class _Guarantees(NamedTuple):
         return cls(
             all(o.reliability == QoSReliabilityPolicy.RELIABLE for o in offers),
             all(o.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for o in offers),
-        )
-
-    def profile(self) -> QoSProfile:
-        reliability, durability = QoSReliabilityPolicy, QoSDurabilityPolicy
-        return QoSProfile(
-            history=QoSHistoryPolicy.KEEP_LAST,
-            depth=QUEUE_DEPTH,
-            reliability=reliability.RELIABLE if self.reliable else reliability.BEST_EFFORT,
-            durability=durability.TRANSIENT_LOCAL if self.latched else durability.VOLATILE,
         )
 
 
@@ -253,7 +240,8 @@ class TopicRecorder(Node):
             )
             if self._writer is not None:
                 self._declare(self._writer, source)
-        self._listener.subscribe(resolved, kind, resolved, guarantees.profile())
+        profile = keep_last(QUEUE_DEPTH, **guarantees._asdict())
+        self._listener.subscribe(resolved, kind, resolved, profile)
 
     def _on_message(self, topic: Hashable, data: bytes, received_ns: int, sent_ns: int) -> None:
         now_ns = simulated_ns(self)

@@ -30,7 +30,7 @@ from intent_recognition.kinematics import (
 from intent_recognition.model import ARRIVED, load_pouring_skill
 from intent_recognition.nodes import qos
 from intent_recognition.nodes.conversions import TrajectoryBuilder, joint_values, to_joint_state
-from intent_recognition.nodes.diagnostics import Diagnostics
+from intent_recognition.nodes.diagnostics import Diagnostics, values_of
 from intent_recognition.nodes.parameters import fixed_parameter
 from intent_recognition.nodes.runtime import run, when_clock_goes_back
 from intent_recognition.nodes.seen_container import seen_container
@@ -109,7 +109,7 @@ class WarpedPrimitiveNode(Node):
 
     def _on_feedback(self, message: DiagnosticStatus) -> None:
         """What became of an execution; others than this node's task are none of its business."""
-        said = {row.key: row.value for row in message.values}
+        said = values_of(message)
         if message.name == self._task and "outcome" in said:
             self._arrived = said["outcome"] == ARRIVED
 
