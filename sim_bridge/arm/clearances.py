@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from intent_recognition.kinematics import Box
 from sim_bridge.arm.robots import Robot
+from sim_bridge.arm.surroundings import add_box
 from sim_bridge.arm.urdf_loading import load_urdf
-from sim_bridge.physics import end_world, pybullet, start_world
+from sim_bridge.physics import end_world, start_world
 
 _FAR_M = 10.0
 """Nothing in a cell is farther than this [m]."""
@@ -30,12 +31,7 @@ class BulletCell:
         numbers = {info[1].decode(): info[0] for info in infos}
         self._joints = [numbers[name] for name in robot.joint_names]
         self._links = {info[12].decode(): info[0] for info in infos}
-        self._boxes = [self._add(box) for box in boxes]
-
-    def _add(self, box: Box) -> int:
-        half = [edge / 2.0 for edge in box.size]
-        shape = self._client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
-        return int(self._client.createMultiBody(0.0, shape, -1, box.center, box.quaternion))
+        self._boxes = [add_box(client, box) for box in boxes]
 
     def close(self) -> None:
         """End the world."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint torque laws of the arm, as pure functions on arrays of shape (n,)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,14 +55,10 @@ class ControllerGains:
             raise ArgumentError(
                 describe("stiffness_scale", "a positive number", stiffness_scale, "1 is normal.")
             )
-        return ControllerGains(
+        return replace(
+            self,
             stiffness=self.stiffness * stiffness_scale,
             damping=self.damping * np.sqrt(stiffness_scale),
-            guide_damping=self.guide_damping,
-            guide_friction=self.guide_friction,
-            limit_margin_rad=self.limit_margin_rad,
-            limit_stiffness=self.limit_stiffness,
-            limit_damping=self.limit_damping,
         )
 
 

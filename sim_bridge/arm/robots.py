@@ -29,7 +29,7 @@ from intent_recognition.kinematics import (
     read_urdf,
 )
 from sim_bridge.arm.controllers import ControllerGains
-from sim_bridge.arm.urdf import HAND_LINK, WORLD_LINK, lwr_urdf
+from sim_bridge.arm.urdf import HAND_LINK, WORLD_LINK, end_of, lwr_urdf
 
 LARGEST_TORQUE_NM = 100.0
 """Torque limit from which on stiffness and rotors do not grow [Nm]: URDFs often exaggerate it.
@@ -244,7 +244,7 @@ def with_rotors(text: str, joint_names: Sequence[str], torque: NDArray[np.float6
         joint = joints[name]
         if joint.get("type") == "prismatic":
             continue
-        axis, link = joint.find("axis"), links[_end(joint, "child")]
+        axis, link = joint.find("axis"), links[end_of(joint, "child")]
         direction = _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
         _add_rotor(link, direction / np.linalg.norm(direction), float(rotor))
     return ET.tostring(root, encoding="unicode")
@@ -272,7 +272,7 @@ def with_world(text: str, base_position_m: tuple[float, float, float]) -> str:
     """A URDF for viewers: the root is `world`, meshes are URIs; a raised base stands on a block."""
     root = parse_xml(text)
     links, joints = root.findall("link"), root.findall("joint[@type]")
-    children = {_end(joint, "child") for joint in joints}
+    children = {end_of(joint, "child") for joint in joints}
     base = next(name for name in (link.get("name", "") for link in links) if name not in children)
     if base != WORLD_LINK:
         root.insert(0, ET.Element("link", name=WORLD_LINK))
@@ -281,7 +281,7 @@ def with_world(text: str, base_position_m: tuple[float, float, float]) -> str:
         ET.SubElement(joint, "child", link=base)
         joints.append(joint)
     for joint in joints:
-        if _end(joint, "parent") == WORLD_LINK:
+        if end_of(joint, "parent") == WORLD_LINK:
             origin = joint.find("origin")
             origin = ET.SubElement(joint, "origin") if origin is None else origin
             moved = _numbers(origin.get("xyz", "0 0 0")) + base_position_m
@@ -302,12 +302,6 @@ def _block(x: float, y: float, height: float) -> ET.Element:
     ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=size)
     ET.SubElement(ET.SubElement(visual, "material", name="block"), "color", rgba="0.4 0.44 0.48 1")
     return visual
-
-
-def _end(joint: ET.Element, end: str) -> str:
-    """Parent or child link of a joint; empty where none is named."""
-    element = joint.find(end)
-    return "" if element is None else element.get("link", "")
 
 
 def _numbers(text: str) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from intent_recognition.kinematics import Box
 from sim_bridge.arm.arm import SimulatedArm
 from sim_bridge.arm.urdf_loading import link_name
-from sim_bridge.physics import pybullet
+from sim_bridge.physics import BulletClient, pybullet
 
 APART_STEPS = 100
 """Two bodies that part for less than this do not touch anew [ms]. Convention: they bounce."""
@@ -33,7 +33,7 @@ class Surroundings:
     def __init__(self, arm: SimulatedArm, boxes: Sequence[Box]) -> None:
         self._arm, self.touches, self.last = arm, 0, ("", "")
         self._since: dict[tuple[int, int, int], int] = {}
-        self._boxes = {self._body(box): box.name for box in boxes}
+        self._boxes = {add_box(arm.client, box): box.name for box in boxes}
         if self._boxes or arm.fixtures:
             arm.before_step.append(self._look)
 
@@ -41,12 +41,6 @@ class Surroundings:
         """The two bodies that touch one another now; None for none."""
         now = self._arm.n_steps
         return self.last if any(now - at <= APART_STEPS for at in self._since.values()) else None
-
-    def _body(self, box: Box) -> int:
-        client, half = self._arm.client, [0.5 * edge for edge in box.size]
-        shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
-        looks = client.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=_COLOUR)
-        return client.createMultiBody(0.0, shape, looks, box.center, box.quaternion)
 
     def _look(self, arm: SimulatedArm) -> None:
         """Count the touches that the last step began."""
@@ -71,3 +65,11 @@ class Surroundings:
                 yield link, thing, other
             elif thing == arm.body:
                 yield (link, thing, other) if other in arm.fixtures else (other, thing, link)
+
+
+def add_box(client: BulletClient, box: Box) -> int:
+    """Put a box into a world, where it stays; returns its body."""
+    half = [0.5 * edge for edge in box.size]
+    shape = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
+    looks = client.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=_COLOUR)
+    return int(client.createMultiBody(0.0, shape, looks, box.center, box.quaternion))

@@ -55,7 +55,7 @@ class _Curve:
         self._knots = times.tolist()
         self._origins = [times[0], *times.tolist()]
         self._pieces = pieces
-        self.first_s, self.end_s = float(times[0]), float(times[-1])
+        self.first_s = float(times[0])
 
     def sample(self, time_s: float) -> ArmReference:
         piece = bisect_right(self._knots, time_s)
@@ -126,7 +126,8 @@ class TrajectoryFollower:
         new = curve.sample(switch_s)
         offset, velocity = old.q - new.q, old.qd - new.qd
         fade_s = max(self._fade_time(offset, velocity), curve.first_s - switch_s)
-        fading = _hermite(offset, velocity, fade_s)
+        rest = np.zeros_like(offset)
+        fading = _quintic(offset, velocity, rest, rest, rest, rest, fade_s)
         self._entries.append(_Entry(switch_s, curve, fading, fade_s))
 
     def sample(self, time_s: float) -> ArmReference:
@@ -135,13 +136,6 @@ class TrajectoryFollower:
             if entry.start_s <= time_s:
                 return entry.sample(time_s)
         return self._entries[0].sample(time_s)
-
-    def moving_until_s(self) -> float:
-        """Return when the last accepted command ends; minus infinity when only holding."""
-        entry = self._entries[-1]
-        if isinstance(entry.curve, ArmReference):
-            return -np.inf
-        return max(entry.curve.end_s, entry.start_s + entry.fade_s)
 
     def _drop_before(self, now_s: float) -> None:
         while len(self._entries) > 1 and self._entries[1].start_s <= now_s:
@@ -178,8 +172,21 @@ def _segment(command: TrajectoryCommand, k: int, duration_s: float) -> NDArray[n
         slope = (q1 - q0) / duration_s
         square = (3.0 * slope - 2.0 * v0 - v1) / duration_s
         return _polynomial(q0, v0, square, (v0 + v1 - 2.0 * slope) / duration_s**2)
-    a0, a1 = command.accelerations[k], command.accelerations[k + 1]
-    T = duration_s
+    return _quintic(
+        q0, v0, command.accelerations[k], q1, v1, command.accelerations[k + 1], duration_s
+    )
+
+
+def _quintic(
+    q0: NDArray[np.float64],
+    v0: NDArray[np.float64],
+    a0: NDArray[np.float64],
+    q1: NDArray[np.float64],
+    v1: NDArray[np.float64],
+    a1: NDArray[np.float64],
+    T: float,
+) -> NDArray[np.float64]:
+    """Return the quintic (6, n) from a position, velocity and acceleration to others after T."""
     rest = q1 - q0 - v0 * T - 0.5 * a0 * T**2  # what is left for powers 3 to 5
     speed = (v1 - v0 - a0 * T) * T
     bend = (a1 - a0) * T**2
@@ -190,22 +197,6 @@ def _segment(command: TrajectoryCommand, k: int, duration_s: float) -> NDArray[n
         (10.0 * rest - 4.0 * speed + 0.5 * bend) / T**3,
         (-15.0 * rest + 7.0 * speed - bend) / T**4,
         (6.0 * rest - 3.0 * speed + 0.5 * bend) / T**5,
-    )
-
-
-def _hermite(
-    offset: NDArray[np.float64], velocity: NDArray[np.float64], duration_s: float
-) -> NDArray[np.float64]:
-    """Return the quintic (6, n) from (offset, velocity, 0) to rest at zero in duration_s."""
-    T = duration_s
-    speed = velocity * T
-    return _polynomial(
-        offset,
-        velocity,
-        np.zeros_like(offset),
-        (-10.0 * offset - 6.0 * speed) / T**3,
-        (15.0 * offset + 8.0 * speed) / T**4,
-        (-6.0 * offset - 3.0 * speed) / T**5,
     )
 
 

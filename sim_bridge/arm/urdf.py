@@ -70,6 +70,12 @@ def link_inertia(index: int, rotor_inertia: float) -> NDArray[np.float64]:
     return LINK_BODIES[index].inertia() + rotor_inertia * np.array([0.5, 0.5, 1.0])
 
 
+def end_of(joint: ET.Element, end: str) -> str:
+    """Parent or child link of a joint; empty where none is named."""
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
 def lwr_urdf(*, world: bool = False) -> str:
     """Return the arm's URDF as text.
 

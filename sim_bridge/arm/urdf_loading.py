@@ -13,6 +13,7 @@ import pybullet_data
 
 from intent_recognition.errors import ArgumentError, describe
 from intent_recognition.kinematics import check_meshes
+from sim_bridge.arm.urdf import end_of
 from sim_bridge.physics import BulletClient, pybullet
 
 LOADED_S = 15.0
@@ -45,18 +46,13 @@ def fixtures_of(urdf: str) -> frozenset[str]:
     except ElementTree.ParseError as error:
         cure = "Check it with check_urdf."
         raise ArgumentError(describe("robot", "a URDF", error, cure)) from error
-    ends = [(j.get("type"), _end(j, "parent"), _end(j, "child")) for j in root.findall("joint")]
+    ends = [(j.get("type"), end_of(j, "parent"), end_of(j, "child")) for j in root.findall("joint")]
     moved = {child for kind, _, child in ends if kind != "fixed"}
     for _ in ends:
         moved |= {child for _, parent, child in ends if parent in moved}
     carriers = {parent for kind, parent, _ in ends if kind != "fixed"}
     shaped = (link.get("name", "") for link in root.findall("link") if link.find("collision"))
     return frozenset(shaped) - moved - carriers
-
-
-def _end(joint: ElementTree.Element, end: str) -> str:
-    element = joint.find(end)
-    return "" if element is None else element.get("link", "")
 
 
 def link_name(client: BulletClient, body: int, link: int) -> str:

@@ -22,7 +22,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from intent_recognition.errors import ArgumentError, ResourceBusyError, TrajectoryError, describe
 from intent_recognition.kinematics import JOINT_NAMES, parse_boxes
-from intent_recognition.nodes.conversions import stamp_ns
+from intent_recognition.nodes.conversions import duration_s, stamp_ns
 from intent_recognition.nodes.diagnostics import Diagnostics, Level
 from intent_recognition.nodes.parameters import fixed_parameter, parameter
 from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
@@ -205,11 +205,8 @@ class ArmSim(Node):
         if self.gripper is not None:
             self.create_subscription(String, "intent/active_task", self._on_task, LATCHED)
         if self.spread is not None:
-            topic, on_prediction = (
-                "intent/robot_trajectory",
-                partial(self._on_prediction, self.spread),
-            )
-            self.create_subscription(JointTrajectory, topic, on_prediction, COMMAND)
+            take = partial(self._on_prediction, self.spread)
+            self.create_subscription(JointTrajectory, "intent/robot_trajectory", take, COMMAND)
         self.create_subscription(WrenchStamped, "~/push", self._on_push, SENSOR)
         self.create_service(SetBool, "~/gravity_compensation", self._on_gravity_compensation)
 
@@ -305,7 +302,7 @@ class ArmSim(Node):
     def _on_prediction(self, spread: SpreadControl, message: JointTrajectory) -> None:
         start_s = self._start_s(stamp_ns(message))
         points = message.points
-        times = [p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in points]
+        times = [duration_s(p.time_from_start) for p in points]
         std = [p.effort for p in points]
         start_s = self.arm.time_s if start_s is None else start_s
         try:
@@ -317,7 +314,7 @@ class ArmSim(Node):
         points = message.points
         return TrajectoryCommand.validated(
             message.joint_names,
-            [p.time_from_start.sec + p.time_from_start.nanosec * 1e-9 for p in points],
+            [duration_s(p.time_from_start) for p in points],
             [p.positions for p in points],
             [p.velocities for p in points],
             [p.accelerations for p in points],

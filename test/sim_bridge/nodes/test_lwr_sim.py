@@ -24,6 +24,7 @@ from intent_recognition.nodes.qos import COMMAND, LATCHED, SENSOR, STATE
 from sim_bridge.nodes.lwr_sim import LwrSim
 from sim_bridge.scenarios.toolbox.scene import HOME
 
+LATER_S = 1e6
 SHIFT = np.array([0.3, 0.1, -0.2, 0.15, 0.2, -0.1, 0.3])
 
 
@@ -188,12 +189,12 @@ def test_bad_trajectories_are_counted_and_the_arm_keeps_moving(harness):
     harness.connect(sender)
     harness.spin_until(lambda: len(states) > 10)
     sender.publish(trajectory(HOME + SHIFT, 2.0))
-    harness.spin_until(lambda: node.follower.moving_until_s() > 0.0)
-    until = node.follower.moving_until_s()
+    harness.spin_until(lambda: node.diagnostics._totals["joint_trajectory"] == 1)
+    asked = node.follower.sample(LATER_S)
     for reason, message in bad_messages(node.get_clock().now().nanoseconds).items():
         sender.publish(message)
         harness.spin_until(lambda reason=reason: node.diagnostics.rejected(reason), what=reason)
-        assert node.follower.moving_until_s() == until
+        np.testing.assert_array_equal(node.follower.sample(LATER_S), asked)
     harness.spin_until(lambda: near(states, HOME + SHIFT))
     for reason in bad_messages(1):
         harness.spin_until(
