@@ -25,11 +25,10 @@ LIVE = {
     "max_speed": "max_speed_m_s",
     "max_gap": "max_gap_s",
     "position_std": "position_std_m",
+    "orientation_std_rad": "orientation_std_rad",
     "reanchor_after": "reanchor_after",
 }
 """Parameters that may change while the node runs, and the settings they set."""
-
-ORIENTATION_STD = "orientation_std_rad"
 
 
 class MocapIngest(Node):
@@ -41,7 +40,7 @@ class MocapIngest(Node):
             fixed_parameter(self, "bodies", ["wrist"], "Tracked bodies, one topic pair each.")
         )
         self._settings = self._read_settings()
-        variance = self._orientation_variance()
+        variance = self._settings.orientation_std_rad**2
         self._diagnostics = Diagnostics(self)
         self._states = dict.fromkeys(bodies, IngestState.initial())
         self._outputs = {
@@ -62,7 +61,7 @@ class MocapIngest(Node):
         ]
         for body, subscription in zip(bodies, self._inputs, strict=True):
             self._diagnostics.watch(subscription, f"mocap/{body}/pose")
-        keep_live(self, (*LIVE, ORIENTATION_STD), self._changed, self._change)
+        keep_live(self, LIVE, self._changed, self._change)
         self._left_overs = LeftOvers({})
         when_clock_goes_back(self, self._start_over)
 
@@ -72,12 +71,6 @@ class MocapIngest(Node):
             {body: s.recent[-1][0] for body, s in self._states.items() if s.recent}
         )
         self._states = dict.fromkeys(self._states, IngestState.initial())
-
-    def _orientation_variance(self) -> float:
-        """Variance of a measured orientation [rad^2]."""
-        description = "Standard deviation of a measured orientation [rad]."
-        default = IngestSettings.orientation_std_rad
-        return parameter(self, ORIENTATION_STD, default, description, 1e-6, 3.2) ** 2
 
     def _read_settings(self) -> IngestSettings:
         no_extrinsics: list[str] = []
@@ -108,6 +101,14 @@ class MocapIngest(Node):
             position_std_m=parameter(
                 self, "position_std", 0.002, "Standard deviation of a position [m].", 1e-6, 1.0
             ),
+            orientation_std_rad=parameter(
+                self,
+                "orientation_std_rad",
+                IngestSettings.orientation_std_rad,
+                "Standard deviation of a measured orientation [rad].",
+                1e-6,
+                3.2,
+            ),
             reanchor_after=parameter(
                 self,
                 "reanchor_after",
@@ -120,17 +121,14 @@ class MocapIngest(Node):
 
     def _changed(self, changes: Changes) -> IngestSettings:
         """The settings with new values."""
-        fields: dict[str, Any] = {
-            LIVE[name]: value for name, value in changes.items() if name in LIVE
-        }
+        fields: dict[str, Any] = {LIVE[name]: value for name, value in changes.items()}
         return replace(self._settings, **fields)
 
     def _change(self, changes: Changes) -> None:
         """Apply new values; the tracks stay."""
         self._settings = self._changed(changes)
-        if ORIENTATION_STD in changes:
-            for template in self._templates.values():
-                template.orientation_variance = changes[ORIENTATION_STD] ** 2
+        for template in self._templates.values():
+            template.orientation_variance = self._settings.orientation_std_rad**2
 
     def _on_pose(self, body: str, data: bytes) -> None:
         """Take the bytes of a PoseStamped."""

@@ -25,7 +25,7 @@ from sim_bridge.nodes.lwr_sim import LwrSim
 
 PRACTICE = ("cost", "rollouts", "beside", "seed")
 LIVE = {
-    MocapIngest: {*INGEST_LIVE, "orientation_std_rad"},
+    MocapIngest: {*INGEST_LIVE},
     IntentEstimatorNode: {*ESTIMATOR_LIVE, "model"},
     PrimitiveActivation: {*ANY_TIME, *AT_REST},
     BagRecorder: {"output", "task"},
