@@ -17,6 +17,9 @@ a graph differ by less."""
 HELD_WITHIN_RAD = 0.05
 """An arm at rest farther from its reference than this in a joint [rad] was moved by others.
 Convention: 3 degrees, more than an arm sags."""
+SAME_POSTURE_RAD = 1e-3
+"""Postures nearer than this in every joint [rad] are the same. Convention: about 1 mm at the
+hand."""
 _SETTLING_NS = 500_000_000
 """Time an arm needs to settle after the end of a command [ns]. Convention."""
 _REST_WINDOW_NS = 100_000_000
@@ -223,3 +226,8 @@ class ArmTracking:
         if self._reported != (reason, key):
             self._reported = (reason, key)
             self._reject(reason, text)
+
+
+def same_posture(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
+    """Whether two postures (n,) [rad] are as good as the same."""
+    return bool(np.abs(a - b).max() <= SAME_POSTURE_RAD)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.activation.arm_tracking import ArmTracking
+from intent_recognition.activation.arm_tracking import ArmTracking, same_posture
 from intent_recognition.activation.motions import Motions
 from intent_recognition.activation.settings import ActivationSettings
 from intent_recognition.activation.states import (
@@ -17,11 +17,14 @@ from intent_recognition.activation.states import (
     Transition,
     Yielding,
 )
-from intent_recognition.motion import JointReference, Via, phase_of, with_via
-
-_SAME_POSTURE_RAD = 1e-3
-"""The reference follows an arm that was led farther than this in a joint [rad]. Convention: about
-1 mm at the hand."""
+from intent_recognition.motion import (
+    Correction,
+    DeviationDetector,
+    JointReference,
+    Via,
+    phase_of,
+    with_via,
+)
 
 
 class Correcting:
@@ -32,9 +35,6 @@ class Correcting:
         arm: the commands sent, and the joints measured.
         motions: plans.
         counts: gets how often the arm yielded, and was corrected.
-
-    Attributes:
-        settings: of the activation.
     """
 
     def __init__(
@@ -101,27 +101,13 @@ class Correcting:
             return "stale_joint_states"
         measured, reference = compared
         if _lasts(self._rests_since_ns, now_ns, correction.release_s):
-            return self._go_on(now_ns, state, measured.position, newest)
-        target = self._yields_to(measured.position, reference)
+            return self._go_on(now_ns, state, measured.position, newest, correction)
+        target = _yields_to(measured.position, reference, correction.detector)
         plan = self._arm.in_force().plan
-        led = plan.kind != "yield" or np.abs(target - plan.end).max() > _SAME_POSTURE_RAD
+        led = plan.kind != "yield" or not same_posture(target, plan.end)
         if not (led and self._arm.is_update_due(now_ns)):
             return Transition(state)
         return Transition(state, self._motions.yield_to(now_ns, target, state.phase))
-
-    def _yields_to(
-        self, position: NDArray[np.float64], reference: JointReference
-    ) -> NDArray[np.float64]:
-        """Where the reference must be for the arm to be free, (n,) [rad].
-
-        It follows the arm but for what the controller explains, so that the arm does not sink.
-        """
-        if self.settings.correction is None:
-            return position
-        detector = self.settings.correction.detector
-        residual = detector.residual(position, reference)
-        explained = np.clip(residual, -detector.explained, detector.explained)
-        return reference.position + residual - explained
 
     def _go_on(
         self,
@@ -129,15 +115,16 @@ class Correcting:
         state: Yielding,
         position: NDArray[np.float64],
         newest: PredictedInteraction | None,
+        correction: Correction,
     ) -> Transition | str:
         """Condition the primitive on where the arm was left, unless it was only bumped into."""
-        interaction, correction, phase = state.interaction, self.settings.correction, state.phase
+        interaction, phase = state.interaction, state.phase
         label = interaction.prediction.label
         if newest is not None and newest.label == label:
             interaction = interaction.recognised(newest)
         led_ns = (self._rests_since_ns or now_ns) - state.since_ns
-        known = correction is not None and label in correction.spreads
-        if correction is not None and known and led_ns >= correction.detector.sustained_s * 1e9:
+        sustained_ns = correction.detector.sustained_s * 1e9
+        if label in correction.spreads and led_ns >= sustained_ns:
             phase = phase_of(interaction.prediction.path, position, phase)
             vias = with_via(interaction.vias, Via(phase, position))
             interaction = replace(interaction, vias=vias)
@@ -155,6 +142,18 @@ class Correcting:
         if command is None:
             return "correction_infeasible"
         return Transition(Executing(interaction), command)
+
+
+def _yields_to(
+    position: NDArray[np.float64], reference: JointReference, detector: DeviationDetector
+) -> NDArray[np.float64]:
+    """Where the reference must be for the arm to be free, (n,) [rad].
+
+    It follows the arm but for what the controller explains, so that the arm does not sink.
+    """
+    residual = detector.residual(position, reference)
+    explained = np.clip(residual, -detector.explained, detector.explained)
+    return reference.position + residual - explained
 
 
 def _lasts(since_ns: int | None, now_ns: int, duration_s: float) -> bool:

@@ -122,7 +122,8 @@ class Motions:
         followed = self._clear_of_things(prediction, progress[0])
         if followed is None:
             return None
-        plan = self._interaction(prediction, followed.path, start_ns, start, progress)
+        onset_s = (prediction.onset_ns - start_ns) * 1e-9
+        plan, _ = self._along(followed.path, onset_s, start_ns, start, progress)
         if plan is None:
             self._reject("infeasible", f"no plan for {prediction.label} keeps the limits")
             return None
@@ -136,18 +137,19 @@ class Motions:
         self._counts["bent"] += followed.weights is not None
         return self._arm.send(now_ns, Command(start_ns, plan))
 
-    def _interaction(
+    def _along(
         self,
-        prediction: PredictedInteraction,
         path: JointPath,
+        onset_s: float,
         start_ns: int,
         start: JointReference,
         progress: tuple[float, float, float],
-    ) -> JointPlan | None:
-        """A plan along the predicted path, in time with the human and slowed near the person."""
-        onset_s = (prediction.onset_ns - start_ns) * 1e-9
+    ) -> tuple[JointPlan | None, bool]:
+        """A plan along a path that is to begin at a time, and whether the person slows it."""
         again = self._planner(path, NominalTiming(onset_s, path.duration_s), start, progress)
-        return self._slowed(again(None), path, start_ns, again)
+        free = again(None)
+        plan = self._slowed(free, path, start_ns, again)
+        return plan, plan is not free
 
     def _planner(
         self,
@@ -155,7 +157,7 @@ class Motions:
         timing: NominalTiming,
         start: JointReference,
         progress: tuple[float, float, float],
-    ) -> "_Planner":
+    ) -> _Planner:
         """Plans along a path from a reference on, under ceilings of the phase rate.
 
         Where the arm is faster than that already, it brakes along the path.
@@ -182,7 +184,7 @@ class Motions:
         return plan
 
     def _slowed(
-        self, plan: JointPlan | None, path: JointPath, start_ns: int, again: "_Planner"
+        self, plan: JointPlan | None, path: JointPath, start_ns: int, again: _Planner
     ) -> JointPlan | None:
         """A plan along a path, planned again until it keeps the speeds permitted near the person.
 
@@ -201,9 +203,7 @@ class Motions:
         self._counts["slowed by person"] += ceiling is not None
         return plan
 
-    def _clear_of_things(
-        self, prediction: PredictedInteraction, phase: float
-    ) -> "_Followed | None":
+    def _clear_of_things(self, prediction: PredictedInteraction, phase: float) -> _Followed | None:
         """The predicted path, bent where it must be; None where nothing makes it clear."""
         label, path, last = prediction.label, prediction.path, self._followed
         clearance = self.settings.clearance
@@ -271,7 +271,7 @@ class Motions:
 
     def _way_to(
         self, start_ns: int, start: JointReference, target: NDArray[np.float64], kind: str = "home"
-    ) -> "_Way | None":
+    ) -> _Way | None:
         """To a posture, slowed near the person; None where no plan keeps the limits."""
         settings = self.settings
         plan = home_plan(start, target, settings.limits)
@@ -294,15 +294,13 @@ class Motions:
         start_ns: int,
         start: JointReference,
         progress: tuple[float, float, float],
-    ) -> "_Way | None":
+    ) -> _Way | None:
         """Along a path from a phase on; None where no plan keeps the limits."""
-        timing = NominalTiming(-progress[0] * path.duration_s, path.duration_s)
-        again = self._planner(path, timing, start, progress)
-        free = again(None)
-        plan = self._slowed(free, path, start_ns, again)
-        return None if plan is None else _Way(kind, plan, path, plan is not free)
+        onset_s = -progress[0] * path.duration_s
+        plan, slowed = self._along(path, onset_s, start_ns, start, progress)
+        return None if plan is None else _Way(kind, plan, path, slowed)
 
-    def _send_way(self, now_ns: int, start_ns: int, way: "_Way") -> Command:
+    def _send_way(self, now_ns: int, start_ns: int, way: _Way) -> Command:
         standing = np.zeros_like(way.plan.phase)
         plan = replace(way.plan, kind=way.kind, phase=standing, phase_rate=standing)
         command = self._arm.send(now_ns, Command(start_ns, plan))
@@ -337,7 +335,7 @@ class Motions:
 
     def _retreat(
         self, current: Command | None, start_ns: int, start: JointReference
-    ) -> "_Way | None":
+    ) -> _Way | None:
         """Back to where the path that was followed begins; None if that is not clear either."""
         followed, settings = self._followed, self.settings
         if followed is None or settings.clearance is None:

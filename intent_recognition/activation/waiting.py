@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from intent_recognition.activation.arm_tracking import ArmTracking
+from intent_recognition.activation.arm_tracking import ArmTracking, same_posture
 from intent_recognition.activation.inbox import EstimatorInbox
 from intent_recognition.activation.motions import Motions
 from intent_recognition.activation.pretrigger import Pretrigger
@@ -19,10 +19,6 @@ from intent_recognition.activation.states import (
     Transition,
     prediction_of,
 )
-
-_SAME_POSTURE_RAD = 1e-3
-"""Postures nearer than this in every joint [rad] are the same. Convention: about 1 mm at the
-hand."""
 
 
 class Waiting:
@@ -65,12 +61,21 @@ class Waiting:
     def go_home(self, now_ns: int, interaction: ActiveInteraction | None) -> Transition | None:
         """Return home, braking first where no plan home starts from this motion.
 
-        Where it is not to return, it stays, or stops. None while it is not known where the arm is.
+        From the running reference, or from where an arm at rest is; at rest where it is if the way
+        is not clear. Where it is not to return, it stays, or stops. None while it is not known
+        where the arm is.
         """
+        under_way, executed = self._arm.under_way(now_ns), prediction_of(interaction)
         if not self.settings.return_home or self.home is None or self._arm.current is None:
-            under_way, executed = self._arm.under_way(now_ns), prediction_of(interaction)
             return Transition(Idle(), self._motions.stop(now_ns, executed) if under_way else None)
-        return self._go_to(now_ns, self.home, interaction)
+        start_ns, start = self._arm.switch_ns(now_ns), None
+        if not under_way:
+            start = self._arm.start_reference(now_ns, start_ns)
+            if start is None:
+                return None
+        command = self._motions.go_home(now_ns, self.home, executed, start)
+        goes = command is not None or self._arm.under_way(now_ns)
+        return Transition(Homing(interaction) if goes else Idle(), command)
 
     def go_ahead(self, now_ns: int) -> Transition | None:
         """Go to where the expected next task begins, if it is time for that."""
@@ -133,24 +138,7 @@ class Waiting:
         """Leave where the arm had gone ahead to, as `go_home` does, unless home is there."""
         self._pretrigger.end()
         home, current = self.home, self._arm.current
-        if not self.settings.return_home or home is None or current is None:
-            return self.go_home(now_ns, None)
-        if np.abs(current.plan.end - home).max() <= _SAME_POSTURE_RAD:
+        there = home is not None and current is not None and same_posture(current.plan.end, home)
+        if there and self.settings.return_home:
             return Transition(Homing(None) if self._arm.under_way(now_ns) else Idle())
-        return self._go_to(now_ns, home, None)
-
-    def _go_to(
-        self, now_ns: int, target: NDArray[np.float64], interaction: ActiveInteraction | None
-    ) -> Transition | None:
-        """On the way to a posture; at rest where it is if that way is not clear.
-
-        From the running reference, or from where an arm at rest is; None while that is not known.
-        """
-        start_ns, start = self._arm.switch_ns(now_ns), None
-        if not self._arm.under_way(now_ns):
-            start = self._arm.start_reference(now_ns, start_ns)
-            if start is None:
-                return None
-        command = self._motions.go_home(now_ns, target, prediction_of(interaction), start)
-        under_way = command is not None or self._arm.under_way(now_ns)
-        return Transition(Homing(interaction) if under_way else Idle(), command)
+        return self.go_home(now_ns, None)
